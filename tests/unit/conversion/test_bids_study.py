@@ -23,20 +23,14 @@ joint = "knee"
 kind = "walking"
 positive = "flexion"
 torque_acts_on = "device"
-[channels.time]
-column = "t"
-[channels.angle]
-column = "knee_deg"
-unit = "deg"
-positive = "extension"
-[channels.torque]
-column = "tq"
-unit = "mNm"
-[channels.command]
-column = "cmd"
-[channels.contact]
-column = "foot"
+[channels]
+time.column = "t"
+angle = { column = "knee_deg", unit = "deg", positive = "extension" }
+torque = { column = "tq", unit = "mNm" }
+command.column = "cmd"
+contact.column = "foot"
 """
+COMMAND = 'command.column = "cmd"\n'
 
 
 def table(seed: int, *, n: int = 900, step_s: float = 0.005, start_s: float = 2.5) -> pd.DataFrame:
@@ -63,11 +57,20 @@ def entry(**keys: str) -> str:
     return "[[recordings]]\n" + "".join(f'{k} = "{v}"\n' for k, v in keys.items())
 
 
-@pytest.fixture
-def study(tmp_path: Path) -> Path:
-    root = tmp_path / "study"
-    root.mkdir()
-    toml = HEAD + person("S_01", mass_kg=70.5) + person("S-02", height_m=1.8)
+def write_study(root: Path, recordings: str, head: str = HEAD) -> Path:
+    """Write a study of one participant."""
+    (root / "study.toml").write_text(head + person("S01") + recordings)
+    return root
+
+
+def content_of(folder: Path):
+    """The one recording of a BIDS folder."""
+    (content,) = read_bids(folder).values()
+    return content
+
+
+def make_study(root: Path) -> Path:
+    toml = HEAD + person("S_01", mass_kg=70.5) + person("S-02", height_m=1.8) + person("S_03")
     for k, (name, condition) in enumerate(
         [("S_01", "unperturbed"), ("S_01", "perturbed"), ("S-02", "perturbed")]
     ):
@@ -78,13 +81,25 @@ def study(tmp_path: Path) -> Path:
     return root
 
 
-def test_a_study_comes_back_bit_for_bit_in_si_and_its_direction(study, tmp_path):
-    written = write_bids(study, tmp_path / "bids")
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    (tmp_path / "study").mkdir()
+    return make_study(tmp_path / "study")
 
-    found = read_bids(tmp_path / "bids")
-    opened = open_study(study)
-    assert set(found) == set(written.recordings)
-    for spec, name in zip(opened.spec.recordings, written.recordings, strict=True):
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory):
+    """The study, its BIDS folder, and what its writer returned."""
+    root, out = make_study(tmp_path_factory.mktemp("study")), tmp_path_factory.mktemp("out") / "b"
+    return root, out, write_bids(root, out)
+
+
+def test_a_study_comes_back_bit_for_bit_in_si_and_its_direction(written):
+    root, out, made = written
+    found = read_bids(out)
+    opened = open_study(root)
+    assert set(found) == set(made.recordings)
+    for spec, name in zip(opened.spec.recordings, made.recordings, strict=True):
         (recording,) = read_recording(opened, spec)
         (group,) = found[name].groups
         np.testing.assert_array_equal(group.times_s(), recording["time"].to_numpy())
@@ -92,91 +107,47 @@ def test_a_study_comes_back_bit_for_bit_in_si_and_its_direction(study, tmp_path)
         for signal in group.signals:
             np.testing.assert_array_equal(signal.values, recording[signal.name].to_numpy())
             assert signal.unit == recording[signal.name].attrs["units"]
-        told = found[name].metadata
-        assert (told["positive"], told["torque_acts_on"]) == ("flexion", "joint")
-        assert (told["condition"], told["side"]) == (spec.condition, spec.side)
+        metadata = found[name].metadata
+        assert (metadata["positive"], metadata["torque_acts_on"]) == ("flexion", "joint")
+        assert (metadata["condition"], metadata["side"]) == (spec.condition, spec.side)
 
 
-def test_types_units_and_directions_stand_beside_the_samples(study, tmp_path):
-    write_bids(study, tmp_path / "bids")
-
+def test_types_units_and_directions_stand_beside_the_samples(written):
     stem = "sub-S01_task-walking_tracksys-kneeLeft_acq-perturbed"
-    folder = tmp_path / "bids" / "sub-S01" / "motion"
-    channels = pd.read_csv(
-        folder / f"{stem}_channels.tsv", sep="\t", index_col="name", keep_default_na=False
-    )
-    assert channels["type"].to_dict()["angle"] == "JNTANG"
-    assert channels["type"].to_dict()["torque"] == "MISC"
-    assert channels["units"].to_dict()["torque"] == "N.m"
-    assert channels["positive_direction"].to_dict()["angle"] == "flexion"
+    folder = written[1] / "sub-S01" / "motion"
+    file = folder / f"{stem}_channels.tsv"
+    channels = pd.read_csv(file, sep="\t", index_col="name", keep_default_na=False)
+    assert channels["type"]["angle"] == "JNTANG"
+    assert channels["type"]["torque"] == "MISC"
+    assert channels["units"]["torque"] == "N.m"
+    assert channels["positive_direction"]["angle"] == "flexion"
     sidecar = json.loads((folder / f"{stem}_motion.json").read_text())
     assert "no channel type for torques" in sidecar["TaskDescription"]
     assert sidecar["JNTANGChannelCount"] == 1
     assert sidecar["MotionChannelCount"] == len(channels)
 
 
-def test_pulses_are_events_on_the_clock_of_the_file(study, tmp_path):
-    written = write_bids(study, tmp_path / "bids")
-
-    content = read_bids(tmp_path / "bids")[written.recordings[1]]
+def test_pulses_are_events_on_the_clock_of_the_file(written):
+    _, out, made = written
+    content = read_bids(out)[made.recordings[1]]
 
     assert [e.time_s for e in content.events] == pytest.approx([4.005, 6.005], abs=0.006)
     assert {e.label for e in content.events} == {"pulse amplitude=-17.0"}
-    assert written.n_events == 6
-    assert "3 recording(s) of 2 participant(s), 6 pulse(s)" in written.summary()
-    assert json.loads(json.dumps(written.to_dict()))["n_events"] == 6
+    assert "3 recording(s) of 2 participant(s), 6 pulse(s)" in made.summary()
+    assert json.loads(json.dumps(made.to_dict()))["n_events"] == 6
 
 
-def test_participants_keep_what_is_known_of_them(study, tmp_path):
-    write_bids(study, tmp_path / "bids")
-
-    people = (tmp_path / "bids" / "participants.tsv").read_text().splitlines()
-    about = json.loads((tmp_path / "bids" / "participants.json").read_text())
-
-    assert people == [
+def test_participants_keep_what_is_known_of_them_if_they_have_a_recording(written):
+    _, out, made = written
+    assert made.participants == ("sub-S01", "sub-S02")
+    assert made.notes == ("without a recording, and so not in participants.tsv: S_03.",)
+    assert (out / "participants.tsv").read_text().splitlines() == [
         "participant_id\tstudy_id\tmass_kg\theight_m",
         "sub-S01\tS_01\t70.5\tn/a",
         "sub-S02\tS-02\tn/a\t1.8",
     ]
+    about = json.loads((out / "participants.json").read_text())
     assert about["mass_kg"]["Units"] == "kg"
-
-
-def test_parts_of_a_file_become_runs(study, tmp_path):
-    parts = [table(k).assign(trial=k, phase="ENP" if k < 2 else "EWP") for k in range(3)]
-    pd.concat(parts).to_csv(study / "all.csv", index=False)
-    toml = HEAD + '[channels.trial]\ncolumn = "trial"\n[channels.condition]\ncolumn = "phase"\n'
-    toml += person("S01") + entry(participant="S01", file="all.csv", session="day 1")
-    (study / "study.toml").write_text(toml)
-
-    written = write_bids(study, tmp_path / "bids")
-
-    stem = "sub-S01_ses-day1_task-walking_tracksys-knee_acq-"
-    assert [name.removeprefix(stem) for name in written.recordings] == [
-        "unperturbed_run-1",
-        "unperturbed_run-2",
-        "perturbed_run-1",
-    ]
-    found = read_bids(tmp_path / "bids")
-    assert [found[name].metadata["trial"] for name in written.recordings] == ["0", "1", "2"]
-
-
-def test_a_table_of_pulses_gives_events_with_their_timing_points(study, tmp_path):
-    pulses = "onset_s,duration_s,amplitude_nm,timing_point\n3.0,0.2,7,LRE\n4.0,0.2,-7,MST\n"
-    (study / "pulses.csv").write_text(pulses)
-    toml = HEAD + person("S01")
-    toml += entry(
-        participant="S01", file="0.csv", condition="perturbed", perturbations="pulses.csv"
-    )
-    (study / "study.toml").write_text(toml)
-
-    written = write_bids(study, tmp_path / "bids")
-
-    (content,) = read_bids(tmp_path / "bids").values()
-    assert written.n_events == 2
-    assert [e.label for e in content.events] == [
-        "pulse amplitude=7.0 timing_point=LRE",
-        "pulse amplitude=-7.0 timing_point=MST",
-    ]
 
 
 @pytest.mark.parametrize("other", ["S01", "s_01"])
@@ -190,19 +161,22 @@ def test_ids_that_lose_their_difference_are_refused(other, study, tmp_path):
     assert not (tmp_path / "bids").exists()
 
 
-def test_somebody_without_a_recording_is_not_among_the_participants(study, tmp_path):
-    (study / "study.toml").write_text((study / "study.toml").read_text() + person("S_03"))
+def test_a_table_of_pulses_gives_events_with_their_timing_points(study, tmp_path):
+    pulses = "onset_s,duration_s,amplitude_nm,timing_point\n3.0,0.2,7,LRE\n4.0,0.2,-7,\n5,,,\n"
+    (study / "pulses.csv").write_text(pulses)
+    own = entry(participant="S01", file="0.csv", condition="perturbed", perturbations="pulses.csv")
+    current = 'current.column = "cmd"\n[torque_model]\ngear_ratio = 9.0\ntorque_constant = 0.1\n'
+    head = HEAD.replace('torque = { column = "tq", unit = "mNm" }\n', "")
+    write_study(study, own, head.replace(COMMAND, "") + current)
 
     written = write_bids(study, tmp_path / "bids")
 
-    assert written.participants == ("sub-S01", "sub-S02")
-    assert "S03" not in (tmp_path / "bids" / "participants.tsv").read_text()
-    assert written.notes == ("without a recording, and so not in participants.tsv: S_03.",)
+    labels = [e.label for e in content_of(tmp_path / "bids").events]
+    assert written.n_events == 3
+    assert labels == ["pulse amplitude=7.0 timing_point=LRE", "pulse amplitude=-7.0", "pulse"]
 
 
-TRIALS = '[channels.trial]\ncolumn = "trial"\n[channels.condition]\ncolumn = "phase"\n' + person(
-    "S01"
-)
+TRIALS = 'trial.column = "trial"\ncondition.column = "phase"\n'
 
 
 def in_trials(study: Path, *, restarts: bool, onsets: list[float]) -> Path:
@@ -213,20 +187,21 @@ def in_trials(study: Path, *, restarts: bool, onsets: list[float]) -> Path:
     ]
     pd.concat(parts).drop(columns="cmd").to_csv(study / "all.csv", index=False)
     pd.DataFrame({"onset_s": onsets}).to_csv(study / "pulses.csv", index=False)
-    head = HEAD.replace('[channels.command]\ncolumn = "cmd"\n', "")
-    toml = head + TRIALS + entry(participant="S01", file="all.csv", perturbations="pulses.csv")
-    (study / "study.toml").write_text(toml)
-    return study
+    own = entry(participant="S01", file="all.csv", session="day 1", perturbations="pulses.csv")
+    return write_study(study, own, HEAD.replace(COMMAND, "") + TRIALS)
 
 
-def test_every_part_of_a_file_has_its_own_pulses_of_the_table(study, tmp_path):
+def test_every_part_of_a_file_is_a_run_with_its_own_pulses_of_the_table(study, tmp_path):
     in_trials(study, restarts=False, onsets=[1.0, 5.0, 6.0, 10.0])
 
     written = write_bids(study, tmp_path / "bids")
 
+    stem = "sub-S01_ses-day1_task-walking_tracksys-knee_acq-"
+    runs = ["unperturbed_run-1", "perturbed_run-1", "perturbed_run-2"]
+    assert [name.removeprefix(stem) for name in written.recordings] == runs
     found = read_bids(tmp_path / "bids")
     events = [[e.time_s for e in found[name].events] for name in written.recordings]
-    assert [len(found[name].groups) for name in written.recordings] == [1, 1, 1]
+    assert [found[name].metadata["trial"] for name in written.recordings] == ["0", "1", "2"]
     np.testing.assert_allclose(events[1], [5.0, 6.0])
     np.testing.assert_allclose(events[2], [10.0])
     assert events[0] == []
@@ -237,18 +212,18 @@ def test_every_part_of_a_file_has_its_own_pulses_of_the_table(study, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("restarts", "onsets", "said"),
+    ("restarts", "onsets", "problem"),
     [
         (True, [1.0, 2.0], "time starts again in its perturbed trials"),
         (False, [50.0, 60.0], "all 2 onsets of its pulse table lie outside"),
     ],
 )
 def test_a_table_that_could_mean_any_part_or_none_is_refused(
-    restarts, onsets, said, study, tmp_path
+    restarts, onsets, problem, study, tmp_path
 ):
     in_trials(study, restarts=restarts, onsets=onsets)
 
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=problem):
         write_bids(study, tmp_path / "bids")
 
     assert not (tmp_path / "bids").exists()
@@ -259,68 +234,34 @@ def test_steps_of_the_angle_have_their_amplitude_in_rad(study, tmp_path):
     steps = sum(0.1 * (s >= at) for at in (1.0, 2.0, 3.0, 4.0))
     frame = pd.DataFrame({"t": s, "knee_deg": np.rad2deg(steps), "tq": 0 * s, "foot": 0})
     frame.to_csv(study / "a.csv", index=False)
-    head = HEAD.replace('[channels.command]\ncolumn = "cmd"\n', "").replace("walking", "bench")
-    toml = head + person("S01") + entry(participant="S01", file="a.csv", condition="perturbed")
-    toml += '[perturbations]\nsource = "angle"\n'
-    (study / "study.toml").write_text(toml)
+    own = entry(participant="S01", file="a.csv", condition="perturbed")
+    own += '[perturbations]\nsource = "angle"\n'
+    write_study(study, own, HEAD.replace(COMMAND, "").replace("walking", "bench"))
 
-    written = write_bids(study, tmp_path / "bids")
+    assert write_bids(study, tmp_path / "bids").n_events == 4
 
-    assert written.n_events == 4
     about = json.loads(next((tmp_path / "bids").rglob("*_events.json")).read_text())
     assert about["amplitude"]["Units"] == "rad"
-    (content,) = read_bids(tmp_path / "bids").values()
-    assert np.isnan([e.duration_s for e in content.events]).all()
-    sizes = [float(e.label.split("=")[1]) for e in content.events]
+    events = content_of(tmp_path / "bids").events
+    assert np.isnan([e.duration_s for e in events]).all()
+    sizes = [float(e.label.split("=")[1]) for e in events]
     np.testing.assert_allclose(sizes, -0.1, rtol=1e-3)  # recorded positive in extension
 
 
-def test_a_study_with_a_current_and_a_table_of_pulses_is_written(study, tmp_path):
-    (study / "pulses.csv").write_text("onset_s,amplitude_nm\n3.0,7\n4.0,\n")
-    head = HEAD.replace('[channels.torque]\ncolumn = "tq"\nunit = "mNm"', "")
-    head = head.replace('[channels.command]\ncolumn = "cmd"', '[channels.current]\ncolumn = "cmd"')
-    toml = head + "[torque_model]\ngear_ratio = 9.0\ntorque_constant = 0.1\n" + person("S01")
-    toml += entry(participant="S01", file="0.csv", condition="perturbed",
-                  perturbations="pulses.csv")  # fmt: skip
-    (study / "study.toml").write_text(toml)
-
-    write_bids(study, tmp_path / "bids")
-
-    (content,) = read_bids(tmp_path / "bids").values()
-    assert [e.label for e in content.events] == ["pulse amplitude=7.0", "pulse"]
-
-
 def test_a_channel_of_ones_own_called_latency_keeps_its_name(study, tmp_path):
-    toml = HEAD + '[channels.latency]\ncolumn = "tq"\n' + person("S01")
-    toml = toml.replace('[channels.torque]\ncolumn = "tq"', '[channels.torque]\ncolumn = "foot"')
-    toml += entry(participant="S01", file="0.csv", condition="perturbed")
-    (study / "study.toml").write_text(toml)
+    own = entry(participant="S01", file="0.csv", condition="perturbed")
+    write_study(study, own, HEAD + 'latency.column = "foot"\n')
 
     write_bids(study, tmp_path / "bids")
 
-    (content,) = read_bids(tmp_path / "bids").values()
-    assert "latency" in [s.name for s in content.groups[0].signals]
-    names = next((tmp_path / "bids").rglob("*_channels.tsv")).read_text()
-    assert "\nlatency_2\t" in names
+    names = [s.name for s in content_of(tmp_path / "bids").groups[0].signals]
+    assert "latency" in names
+    assert "\nlatency_2\t" in next((tmp_path / "bids").rglob("*_channels.tsv")).read_text()
 
 
-def test_a_folder_that_was_edited_is_kept(study, tmp_path):
+def test_only_a_folder_of_jointz_that_nobody_edited_is_replaced(study, tmp_path):
     out = tmp_path / "bids"
     write_bids(study, out)
-    edited = (out / "dataset_description.json").read_text().replace('"Name"', '"Authors"')
-    (out / "dataset_description.json").write_text(edited)
-
-    with pytest.raises(OutputError, match=r"changed since .*: dataset_description\.json\. Move"):
-        write_bids(study, out, overwrite=True)
-
-    assert (out / "dataset_description.json").read_text() == edited
-    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
-
-
-def test_only_a_folder_of_jointz_is_replaced(study, tmp_path):
-    out = tmp_path / "bids"
-    write_bids(study, out)
-
     with pytest.raises(OutputError, match="exists and is kept"):
         write_bids(study, out)
     write_bids(study, out, overwrite=True)
@@ -328,6 +269,14 @@ def test_only_a_folder_of_jointz_is_replaced(study, tmp_path):
     with pytest.raises(OutputError, match="did not write"):
         write_bids(study, out, overwrite=True)
     assert (out / MARKER).is_file()
+
+    (out / "mine.txt").unlink()
+    edited = (out / "dataset_description.json").read_text().replace('"Name"', '"Authors"')
+    (out / "dataset_description.json").write_text(edited)
+    with pytest.raises(OutputError, match=r"changed since .*: dataset_description\.json\. Move"):
+        write_bids(study, out, overwrite=True)
+    assert (out / "dataset_description.json").read_text() == edited
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
 
 
 # --- the official validator ---------------------------------------------------------------------
@@ -358,10 +307,8 @@ def validated(folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_official_validator_finds_no_error(study, tmp_path):
-    write_bids(study, tmp_path / "bids")
-
-    assert validated(tmp_path / "bids") == []
+def test_the_official_validator_finds_no_error(written):
+    assert validated(written[1]) == []
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Files into other formats, studies into one file, and what is refused."""
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -41,16 +39,25 @@ def rich(path: Path) -> Path:
     return path
 
 
-def test_what_does_not_fit_is_named_and_left_out_only_with_leave(tmp_path):
-    source = rich(tmp_path / "a.nc")
+def test_what_does_not_fit_is_named_and_left_out_only_with_leave(tmp_path, jointz):
+    source, target = rich(tmp_path / "a.nc"), tmp_path / "b.csv"
 
     with pytest.raises(DataError, match=r"b\.csv: text table cannot hold .*events.*--lossy"):
-        convert(source, tmp_path / "b.csv")
-    assert not (tmp_path / "b.csv").exists()
+        convert(source, target)
+    refused = jointz("convert", source, target)
+    assert (refused.code, "events" in refused.err) == (2, True)
+    assert not target.exists()
 
-    made = convert(source, tmp_path / "b.csv", lossy=True)
+    made = convert(source, target, lossy=True)
     assert made.left_out == ("It has no place for events (1 left out).",)
-    assert (tmp_path / "b.csv").read_text().startswith("time [s],knee [deg]\n0.0,0.0\n")
+    assert target.read_text().startswith("time [s],knee [deg]\n0.0,0.0\n")
+    lossy = jointz("convert", source, target, "--lossy", "--overwrite", "--json").json
+    assert (lossy["status"], lossy["left_out"]) == ("ok", list(made.left_out))
+    silent = jointz("convert", source, target, "--lossy", "--overwrite", "--quiet")
+    assert (silent.code, silent.out) == (0, "")
+    shown = jointz("convert", source, tmp_path / "a.mat")
+    assert shown.code == 0
+    assert "points: 1 signal of 3 samples, 100 Hz from 0 s" in shown.out
 
 
 def test_a_file_that_exists_is_kept(tmp_path, walk):
@@ -60,13 +67,10 @@ def test_a_file_that_exists_is_kept(tmp_path, walk):
         convert(walk, tmp_path / "a.mat")
     assert (tmp_path / "a.mat").read_bytes() == b"mine"
 
-    convert(walk, tmp_path / "a.mat", overwrite=True)
-    assert read_acquisition(tmp_path / "a.mat").groups[0].n_samples == 3
-
-
-def test_a_file_is_never_written_over_itself(walk):
     with pytest.raises(OutputError, match="is the file to be read"):
         convert(walk, walk, overwrite=True)
+    convert(walk, tmp_path / "a.mat", overwrite=True)
+    assert read_acquisition(tmp_path / "a.mat").groups[0].n_samples == 3
 
 
 def test_no_recording_of_a_study_is_replaced(tmp_path, small_study):
@@ -93,7 +97,7 @@ def test_no_recording_of_a_study_is_replaced(tmp_path, small_study):
 COLUMNS = ("time", "angle", "torque", "command", "contact")
 
 
-def test_targets_that_cannot_be_are_told_before_anything_is_read(tmp_path, walk):
+def test_targets_that_cannot_be_are_told_before_anything_is_read(tmp_path, walk, small_study):
     with pytest.raises(DataError, match=r"a\.docx: no format"):
         convert(walk, tmp_path / "a.docx")
     with pytest.raises(WriteError, match="Make the folder"):
@@ -101,11 +105,10 @@ def test_targets_that_cannot_be_are_told_before_anything_is_read(tmp_path, walk)
     (tmp_path / "a.mat").mkdir()
     with pytest.raises(OutputError, match="is a folder"):
         convert(walk, tmp_path / "a.mat")
-
-
-def test_a_folder_that_is_none_of_ours_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"study\.toml.*dataset_description"):
-        convert(tmp_path, tmp_path / "a.mat")
+        convert(tmp_path / "a.mat", tmp_path / "b.mat")
+    with pytest.raises(DataError, match=r"\.mat file or a BIDS folder"):
+        convert(small_study.root, tmp_path / "a.csv")
 
 
 def test_a_study_becomes_one_struct_in_si_and_in_its_directions(tmp_path, small_study):
@@ -126,15 +129,6 @@ def test_a_study_becomes_one_struct_in_si_and_in_its_directions(tmp_path, small_
         np.testing.assert_array_equal(angle["values"], recording["angle"])
         np.testing.assert_array_equal(own["time"], recording["time"])
     assert len(made.content) == len(study.spec.recordings)
-
-
-ANGLE = '[channels.angle]\ncolumn = "angle"\nunit = "deg"\npositive = "extension"'
-
-
-def test_the_pulses_of_a_study_go_with_their_recordings(tmp_path, small_study):
-    convert(small_study.root, tmp_path / "study.mat")
-
-    found = scipy.io.loadmat(tmp_path / "study.mat", simplify_cells=True)["jointz"]
     perturbed = [r for r in found["recordings"] if r["condition"] == "perturbed"]
     assert perturbed
     for own in perturbed:
@@ -144,6 +138,17 @@ def test_the_pulses_of_a_study_go_with_their_recordings(tmp_path, small_study):
         assert len(at) == 6 * 4  # timing points, pulses at each
         assert (command[at] != 0).all()
         assert (np.sign(command[at]) == np.sign(pulses["amplitude"])).all()
+
+    content = read_acquisition(tmp_path / "study.mat")  # which is read again
+
+    group, (recording,) = content.groups[0], read_recording(study, study.spec.recordings[0])
+    np.testing.assert_array_equal(group.time_s, recording["time"])
+    assert [signal.name for signal in group.signals] == [str(n) for n in recording.data_vars]
+    assert any(g.name.endswith(".pulses") for g in content.groups)
+    assert content.metadata["positive"] == "flexion"
+
+
+ANGLE = '[channels.angle]\ncolumn = "angle"\nunit = "deg"\npositive = "extension"'
 
 
 def test_pulses_of_a_table_outside_the_samples_are_told(tmp_path):
@@ -168,21 +173,6 @@ def test_pulses_of_a_table_outside_the_samples_are_told(tmp_path):
     assert pulses["pulses"]["onset_s"] == 1.0
 
 
-def test_the_struct_of_a_study_is_read_again(tmp_path, small_study):
-    convert(small_study.root, tmp_path / "study.mat")
-
-    content = read_acquisition(tmp_path / "study.mat")
-
-    study = open_study(small_study.root)
-    (recording,) = read_recording(study, study.spec.recordings[0])
-    group = content.groups[0]
-    np.testing.assert_array_equal(group.time_s, recording["time"])
-    names = [signal.name for signal in group.signals]
-    assert names == [str(name) for name in recording.data_vars]
-    assert any(g.name.endswith(".pulses") for g in content.groups)
-    assert content.metadata["positive"] == "flexion"
-
-
 def test_a_struct_of_matlab_goes_on_with_its_clock(tmp_path):
     data = {"time": np.arange(3.0) / 100, "knee_angle": np.arange(3.0)}
     scipy.io.savemat(tmp_path / "walk.mat", {"data": data})
@@ -194,59 +184,18 @@ def test_a_struct_of_matlab_goes_on_with_its_clock(tmp_path):
     assert [signal.name for signal in group.signals] == ["data.knee_angle"]
 
 
-def test_octave_loops_over_the_recordings_of_a_study(tmp_path, small_study):
-    program = shutil.which("octave-cli")
-    if program is None:
-        pytest.skip("GNU Octave is not installed: octave-cli stands in for MATLAB")
-    convert(small_study.root, tmp_path / "study.mat")
-    (tmp_path / "look.m").write_text(
-        """\
-        j = load("study.mat").jointz;
-        for r = j.recordings
-          a = r.signals.angle;
-          printf("%s %s %s %d %.17g\\n", r.participant, r.condition, a.unit, r.n, a.values(end));
-        end
-        """
-    )
-
-    done = subprocess.run(
-        [program, "--no-gui", "--norc", "--quiet", "look.m"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-
-    study = open_study(small_study.root)
-    expected = []
-    for entry in study.spec.recordings:
-        (recording,) = read_recording(study, entry)
-        last = recording["angle"].to_numpy()[-1]
-        n = recording.sizes["time"]
-        expected.append(f"{entry.participant} {entry.condition} rad {n} {last:.17g}")
-    assert done.stdout.splitlines() == expected, done.stderr
-
-
-def test_a_study_goes_as_bids_and_comes_back_as_one_file(tmp_path, small_study):
-    convert(small_study.root, tmp_path / "bids", to="bids")
-
-    made = convert(tmp_path / "bids", tmp_path / "bids.nc")
-
-    study = open_study(small_study.root)
-    content = read_acquisition(tmp_path / "bids.nc")
-    assert len(content.groups) == len(study.spec.recordings)
-    assert len(made.content) == len(study.spec.recordings)
-    with pytest.raises(DataError, match="made of a study"):
-        convert(tmp_path / "bids.nc", tmp_path / "again", to="bids")
-
-
-def test_signs_go_with_a_bids_folder_into_matlab(tmp_path, small_study):
+def test_a_study_goes_as_bids_and_comes_back_as_one_file_with_its_signs(tmp_path, small_study):
     small_study.edit_toml('[channels.angle]\ncolumn = "angle"\nunit = "rad"', ANGLE, 1)
     convert(small_study.root, tmp_path / "bids", to="bids")
 
+    made = convert(tmp_path / "bids", tmp_path / "bids.nc")
     convert(tmp_path / "bids", tmp_path / "bids.mat")
 
+    n_recordings = len(open_study(small_study.root).spec.recordings)
+    assert len(read_acquisition(tmp_path / "bids.nc").groups) == n_recordings
+    assert len(made.content) == n_recordings
+    with pytest.raises(DataError, match="made of a study"):
+        convert(tmp_path / "bids.nc", tmp_path / "again", to="bids")
     found = scipy.io.loadmat(tmp_path / "bids.mat", simplify_cells=True)["jointz"]["groups"]
     for group in found.values():
         positive = {name: s["positive"] for name, s in group["signals"].items()}
@@ -268,30 +217,6 @@ def test_events_of_an_unknown_length_go_into_every_format(tmp_path):
         made = convert(tmp_path / "bids", tmp_path / name, lossy=True)
         (event,) = read_acquisition(tmp_path / name).events
         assert np.isnan(event.duration_s), (name, made.left_out)
-
-
-def test_a_study_goes_into_no_table(tmp_path, small_study):
-    with pytest.raises(DataError, match=r"\.mat file or a BIDS folder"):
-        convert(small_study.root, tmp_path / "a.csv")
-
-
-def test_the_command_prints_what_it_did(tmp_path, jointz):
-    source = rich(tmp_path / "a.nc")
-
-    shown = jointz("convert", source, tmp_path / "a.mat")
-    assert shown.code == 0
-    assert "points: 1 signal of 3 samples, 100 Hz from 0 s" in shown.out
-
-    refused = jointz("convert", source, tmp_path / "a.csv")
-    assert refused.code == 2
-    assert "events" in refused.err
-
-    lossy = jointz("convert", source, tmp_path / "a.csv", "--lossy", "--json").json
-    assert lossy["status"] == "ok"
-    assert lossy["left_out"] == ["It has no place for events (1 left out)."]
-
-    silent = jointz("convert", source, tmp_path / "a.csv", "--lossy", "--overwrite", "--quiet")
-    assert (silent.code, silent.out) == (0, "")
 
 
 def test_the_layout_of_a_text_file_can_be_told(tmp_path, jointz):

@@ -15,32 +15,23 @@ from jointz.io.study_reader import open_study
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     s = np.arange(1000) / 200.0
-    columns = {
-        "time": s,
-        "knee angle (deg)": 30 * np.sin(2 * np.pi * s),
-        "torque (Nm)": np.cos(2 * np.pi * s),
-        "command (Nm)": 17.0 * (s % 2 > 1.9),
-        "footswitch": (s % 1 < 0.6).astype(int),
-    }
+    columns = {"time": s, "knee angle (deg)": 30 * np.sin(2 * np.pi * s)}
+    columns |= {"torque (Nm)": np.cos(2 * np.pi * s), "command (Nm)": 17.0 * (s % 2 > 1.9)}
+    columns["footswitch"] = (s % 1 < 0.6).astype(int)
     pd.DataFrame(columns).to_csv(tmp_path / "S01.csv", index=False)
     return tmp_path / "S01.csv"
 
 
 def test_it_prints_what_is_there_and_a_study(recording, jointz):
     outcome = jointz("inspect", recording)
+    result = jointz("inspect", recording, "--json").json
 
     assert outcome.code == 0
     assert "-> angle (its name)" in outcome.out
     assert "[channels.angle]" in outcome.out
     assert any(block in outcome.out for block in "▁▂▃▄▅▆▇█")
-
-
-def test_json_is_the_result(recording, jointz):
-    found = jointz("inspect", recording, "--json").json
-
-    assert found.pop("status") == "ok"
-    assert found.pop("written") is None
-    again = Inspection.from_dict(found)
+    assert (result.pop("status"), result.pop("written")) == ("ok", None)
+    again = Inspection.from_dict(result)
     assert again.channel("angle").column == "knee angle (deg)"
     assert again.obstacles == ()
 
@@ -57,12 +48,6 @@ def test_the_study_is_written_once_and_opens(recording, jointz, tmp_path):
     assert jointz("inspect", recording, "--toml", folder, "--overwrite").code == 0
     (entry,) = open_study(folder).spec.recordings
     assert entry.file == "../S01.csv"
-
-
-def test_a_figure_is_written(recording, jointz, tmp_path):
-    assert jointz("inspect", recording, "--figure", tmp_path / "a.svg").code == 0
-
-    assert (tmp_path / "a.svg").read_text().startswith("<?xml")
 
 
 @pytest.mark.parametrize(
@@ -90,15 +75,14 @@ def test_a_recording_is_never_replaced(options, said, recording, jointz, monkeyp
 
 
 def test_a_figure_that_exists_is_kept(recording, jointz, tmp_path):
-    (tmp_path / "old.png").write_bytes(b"mine")
+    figure = tmp_path / "old.png"
+    figure.write_bytes(b"mine")
 
-    assert (
-        "exists and is kept" in jointz("inspect", recording, "--figure", tmp_path / "old.png").err
-    )
-    assert (tmp_path / "old.png").read_bytes() == b"mine"
+    assert "exists and is kept" in jointz("inspect", recording, "--figure", figure).err
+    assert figure.read_bytes() == b"mine"
 
-    assert jointz("inspect", recording, "--figure", tmp_path / "old.png", "--overwrite").code == 0
-    assert (tmp_path / "old.png").read_bytes().startswith(b"\x89PNG")
+    assert jointz("inspect", recording, "--figure", figure, "--overwrite").code == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("signs", [("--delimiter", ",", "--decimal", ","), ("--delimiter", ";;")])
@@ -140,15 +124,6 @@ def test_a_layout_can_be_given(jointz, tmp_path):
     found = jointz("inspect", tmp_path / "a.txt", *layout, "--json").json
 
     assert [c["high"] for c in found["channels"]] == [3.0, 4.5]
-
-
-def test_a_file_that_is_no_recording_is_bad_input(jointz, tmp_path):
-    (tmp_path / "a.csv").write_text("no table here\n")
-
-    outcome = jointz("inspect", tmp_path / "a.csv")
-
-    assert outcome.code == 2
-    assert "a.csv: no table of numbers" in outcome.err
 
 
 def test_the_commands_that_it_advises_take_the_file_as_it_is(jointz, tmp_path, monkeypatch):

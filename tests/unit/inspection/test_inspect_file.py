@@ -9,7 +9,6 @@ import pytest
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
 from jointz.inspection.inspect_file import inspect_file
-from jointz.inspection.inspection_result import SeenClock
 from jointz.io.formats.registry import write_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
@@ -111,14 +110,6 @@ def test_a_column_of_conditions_gives_its_levels_a_meaning(tmp_path):
     assert [r.attrs["condition"] for r in recordings] == ["unperturbed", "perturbed"]
 
 
-def test_rounding_is_no_jitter():
-    clock = SeenClock("", "t", 10, 500.0, 0.0, 1.0, jitter_ms=3.5e-12, gaps=((0.1, 0.9),))
-
-    assert clock.text() == (
-        "10 samples, 500 Hz evenly, 0 to 1 s, 1 gap(s), the longest 800 ms at 0.1 s"
-    )
-
-
 def test_gaps_jitter_and_missing_numbers_are_told_with_their_place(tmp_path):
     frame = walking()
     frame.loc[500:509, "Torque (Nm)"] = np.nan
@@ -187,8 +178,6 @@ def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(
     ("line", "rate_hz"),
     [
         ("Abtastrate: 500 Hz", 500.0),
-        ("Sampling rate: 1000 Hz;;;", 1000.0),
-        ("sample frequency = 500 Hz", 500.0),
         ("sample frequency = 500", None),
         ("# subject 3; fs: 1 kHz", 1000.0),
         ("Abtastfrequenz [Hz];500,0", 500.0),
@@ -196,14 +185,10 @@ def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(
         ("Messrate: 10,000 Hz", 10000.0),
         ("Messrate: 1.000 kHz", 1000.0),
         ("Sampling rate: 19.531 Hz", 19.531),
-        ("Sampling rate: 12.500 Hz", 12.5),
         ("Data rate: 115200", None),
-        ("Rate: 9600", None),
         ("SR: 2", None),
-        ("Fréquence d'échantillonnage : 250 Hz", 250.0),
         ("frecuencia de muestreo (Hz): 100", 100.0),
         ("Frequenza di campionamento = 2 kHz", 2000.0),
-        ("Bemonsteringsfrequentie: 500 Hz", 500.0),
         ("Cut-off frequency: 20 Hz", None),
         ("heart rate: 70", None),
         ("Abtastrate: 500 Hz\nSampling rate: 1000 Hz", None),
@@ -263,14 +248,9 @@ def test_a_cell_that_is_no_number_is_named_and_stands_in_the_way(tmp_path):
 
 
 def test_signals_of_two_rates_are_not_mixed(tmp_path):
-    fast = SignalGroup(
-        "analogs",
-        (
-            Signal("knee angle", np.sin(np.arange(1000) / 50), "rad"),
-            Signal("knee torque", np.cos(np.arange(1000) / 50), "N*m"),
-        ),
-        rate_hz=1000.0,
-    )
+    names = (("knee angle", "rad"), ("knee torque", "N*m"))
+    signals = (Signal(n, np.sin(np.arange(1000) / 50 + k), u) for k, (n, u) in enumerate(names))
+    fast = SignalGroup("analogs", tuple(signals), rate_hz=1000.0)
     slow = SignalGroup("points", (Signal("LASI.x", np.arange(100.0), "mm"),), rate_hz=100.0)
     content = Acquisition((slow, fast), (Event(0.5, "heel strike"),))
     write_acquisition(content, tmp_path / "a.nc", lossy=True)
@@ -390,21 +370,8 @@ def test_a_unit_that_cannot_be_read_is_told(tmp_path):
     assert torque.unit_is == "guessed"
 
 
-@pytest.mark.parametrize("name", ["Note\n(mm)", "bell\x07", "del\x7f", 'quote"', "back\\slash"])
+@pytest.mark.parametrize("name", ["Torque\n(Nm)", "torque\x7f", 'torque"', "torque\\"])
 def test_names_with_odd_letters_give_a_study_that_can_be_read(name, tmp_path):
-    frame = walking()
-    frame[name] = frame["Knee angle"]
-    signals = tuple(Signal(n, frame[n].to_numpy(float)) for n in list(frame.columns)[1:])
-    content = SignalGroup("", signals, time_s=frame["Time (s)"].to_numpy())
-    write_acquisition(Acquisition((content,)), tmp_path / "S01.parquet")
-
-    found = inspect_file(tmp_path / "S01.parquet")
-
-    assert len(opened(tmp_path, found)[1]) == 1
-
-
-@pytest.mark.parametrize(("name", "unit"), [("Torque\n(Nm)", "N*m"), ("torque\x7f", "N*m")])
-def test_a_channel_with_odd_letters_in_its_name_is_read(name, unit, tmp_path):
     frame = walking().rename(columns={"Torque (Nm)": name})
     signals = tuple(Signal(n, frame[n].to_numpy(float)) for n in list(frame.columns)[1:])
     content = SignalGroup("", signals, time_s=frame["Time (s)"].to_numpy())
@@ -412,17 +379,8 @@ def test_a_channel_with_odd_letters_in_its_name_is_read(name, unit, tmp_path):
 
     found = inspect_file(tmp_path / "S01.parquet")
 
-    assert found.channel("torque").unit == unit
+    assert found.channel("torque").unit == "N*m"
     assert len(opened(tmp_path, found)[1]) == 1
-
-
-def test_numbers_that_are_missing_from_the_first_sample_on_are_counted(tmp_path):
-    frame = walking()
-    frame.loc[:9, "Torque (Nm)"] = np.nan
-
-    notes = inspected(tmp_path, frame).notes
-
-    assert any("missing in 1 place(s), first from sample 1 on" in note for note in notes)
 
 
 @pytest.mark.parametrize("rate_hz", [100.0, 2500.0, 8000.0])
@@ -431,11 +389,6 @@ def test_milliseconds_are_told_from_seconds_at_any_rate(rate_hz, tmp_path):
     for name, times in (("s", s), ("ms", 1e3 * s)):
         frame = walking().rename(columns={"Time (s)": "time"}).assign(time=times)
         assert inspected(tmp_path, frame).channel("time").unit == name
-
-
-def test_a_missing_file_is_an_error(tmp_path):
-    with pytest.raises(DataError, match="no such file"):
-        inspect_file(tmp_path / "none.csv")
 
 
 def test_the_file_is_named_from_where_the_study_will_stand(tmp_path):

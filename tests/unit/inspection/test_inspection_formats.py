@@ -126,15 +126,6 @@ def test_foreign_netcdf_in_groups_and_matrices(tmp_path):
     assert 'column = "lab/leg/knee_angle.1"' in inspect_file(file).toml
 
 
-def test_foreign_matlab_structs(tmp_path):
-    file = tmp_path / "S01.mat"
-    data = {"time": S, "knee_angle_deg": ANGLE_DEG, "knee_torque": TORQUE}
-    scipy.io.savemat(file, {"data": data})
-
-    assert_is_read(file)
-    assert 'column = "data.knee_angle_deg"' in inspect_file(file).toml
-
-
 @pytest.mark.parametrize("n_people", [1, 2])
 def test_the_struct_of_a_study_is_read_as_it_was_proposed(tmp_path, n_people):
     toml = 'jointz = 1\njoint = "knee"\nkind = "bench"\n'

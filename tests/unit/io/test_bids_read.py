@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
 from jointz.io.bids.bids_read import read_bids
-from jointz.io.bids.bids_write import MotionChannel, MotionRecording, even_clock, write_motion
+from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_motion
 
 STEM = "sub-01_task-walking_tracksys-imu"
 
@@ -59,19 +59,14 @@ def test_a_foreign_dataset_is_read_as_it_stands(tmp_path):
 def test_one_recording_is_read_by_its_name(tmp_path):
     root = foreign(tmp_path)
 
-    assert list(read_bids(root, recording=STEM)) == [STEM]
     assert list(read_bids(root, recording=f"{STEM}_motion.tsv")) == [STEM]
     with pytest.raises(DataError, match=f"no recording 'sub-02'.*it has: {STEM}"):
         read_bids(root, recording="sub-02")
 
 
 def test_the_nearest_sidecar_stands_over_the_others(tmp_path):
-    name = f"sub-01/motion/{STEM}_motion.json"
-    channels = "name\tcomponent\ttype\ttracked_point\tunits\n" + "".join(
-        f"{c}\tn/a\tMISC\tn/a\tn/a\n" for c in "abc"
-    )
-    root = foreign(tmp_path, **{f"sub-01/motion/{STEM}_channels.tsv": channels})
-    (root / name).write_text('{"SamplingFrequency": 250.5}')
+    near = {f"sub-01/motion/{STEM}_motion.json": '{"SamplingFrequency": 250.5}'}
+    root = changed(foreign(tmp_path, **near), "channels.tsv", "LATENCY", "MISC")
 
     (content,) = read_bids(root).values()
 
@@ -88,7 +83,7 @@ def reading(root: Path, key: str) -> tuple[float | None, str]:
 def changed(root: Path, ending: str, old: str, new: str) -> Path:
     path = root / f"sub-01/motion/{STEM}_{ending}"
     assert old in path.read_text()
-    path.write_text(path.read_text().replace(old, new))
+    path.write_text(path.read_text().replace(old, new, 1))
     return root
 
 
@@ -139,16 +134,11 @@ def test_positive_directions_are_read(tmp_path):
         ("motion.tsv", "9.81", "inf", "row 1, column 3: expected a number or n/a, found infinity"),
         ("channels.tsv", "units", "unit", "expected the column(s) units, found name"),
         ("channels.tsv", "acc", "knee", "a name of its own for each channel, found 'knee'"),
-        ("channels.tsv", "acc\tx", "acc", "row 4: expected 5 values"),
         ("events.tsv", "0.005", "soon", "row 3: column 'onset': expected a number, found 'soon'"),
-        ("events.tsv", "0.005", "n/a", "row 3: column 'onset': expected a number, found 'n/a'"),
     ],
 )
 def test_damage_is_named_with_its_place(file, old, new, said, tmp_path):
-    path = foreign(tmp_path) / f"sub-01/motion/{STEM}_{file}"
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
+    changed(foreign(tmp_path), file, old, new)
 
     with pytest.raises(DataError) as caught:
         read_bids(tmp_path)
@@ -163,7 +153,6 @@ def test_damage_is_named_with_its_place(file, old, new, said, tmp_path):
         ("{", "not readable as JSON"),
         ("[1]", "expected an object {...}, found list"),
         ('{"TaskName": "w"}', "key 'SamplingFrequency': expected a number above 0, found None"),
-        ('{"SamplingFrequency": "100"}', "expected a number above 0, found '100'"),
         ('{"SamplingFrequency": -1}', "expected a number above 0, found -1"),
         ('{"SamplingFrequency": true}', "expected a number above 0, found True"),
         ('{"SamplingFrequency": NaN}', "expected a number above 0, found nan"),
@@ -199,13 +188,10 @@ def own(root: Path) -> Path:
     """A recording that jointz writes, with an uneven clock and pulses."""
     rng = np.random.default_rng(2)
     time = 3.7 + np.cumsum(0.001 + 1e-5 * rng.random(60))
+    angle, torque = rng.standard_normal((2, 60))
     channels = (
-        MotionChannel(
-            "angle", rng.standard_normal(60), "JNTANG", "rad", "knee", "Angle.", "flexion"
-        ),
-        MotionChannel(
-            "torque", rng.standard_normal(60), "MISC", "N*m", "knee", "Torque.", "flexion"
-        ),
+        MotionChannel("angle", angle, "JNTANG", "rad", "knee", "Angle.", "flexion"),
+        MotionChannel("torque", torque, "MISC", "N*m", "knee", "Torque.", "flexion"),
     )
     event = {"onset_s": 3.71, "duration_s": 0.02, "amplitude": -7.0, "timing_point": "LRE"}
     entities = {"sub": "01", "task": "walking", "tracksys": "knee"}
@@ -304,11 +290,6 @@ def test_reading_gives_back_what_was_written_bit_for_bit(
     assert same_sign[np.isfinite(column)].all()
     assert (signal.unit, signal.description) == ("N*m", "About it.")
     np.testing.assert_array_equal(group.times_s(), time)
-
-
-def test_an_even_clock_is_written_as_a_rate():
-    assert even_clock(12.345 + np.arange(500) / 200.0) == (200.0, 12.345)
-    assert even_clock(np.array([0.0, 0.001, 0.0021])) == (None, 0.0)
 
 
 def test_infinity_has_no_place_in_bids(tmp_path):

@@ -114,6 +114,18 @@ def cut(group: SignalGroup, n: int) -> SignalGroup:
 
 
 ODD = np.array([0.1, 1.0, 2.0, 3.0])
+UNEVEN = np.array([0.0, 0.01, 0.02, 9.03])
+
+
+def alone(values: np.ndarray, name: str = "x", unit: str = "") -> Acquisition:
+    return content(SignalGroup("analogs", (Signal(name, values, unit),), 10.0))
+
+
+def stamped(time_s: np.ndarray | None) -> Acquisition:
+    return content(replace(points(), rate_hz=None, time_s=time_s))
+
+
+METRES = (replace(points().signals[0], unit="m"), *points().signals[1:])
 
 
 @pytest.mark.parametrize(
@@ -122,18 +134,9 @@ ODD = np.array([0.1, 1.0, 2.0, 3.0])
         (content(SignalGroup("imu", analogs().signals, 200.0)), "'imu' is called 'analogs'"),
         (content(points(), analogs(), SignalGroup("c", points().signals, 9.0)), "no place of its"),
         (content(analogs(), points()), "come in the order points, analogs, rotations"),
-        (
-            content(replace(analogs(), signals=(Signal("w", np.array(["a"], dtype=object)),))),
-            "has no signals of numbers",
-        ),
-        (
-            content(SignalGroup("analogs", (Signal("x", ODD),), 10.0)),
-            "single precision, by up to 1.49e-09: x.",
-        ),
-        (
-            content(SignalGroup("analogs", (Signal("x", np.array([1e300])),), 10.0)),
-            "1 values are too large",
-        ),
+        (alone(np.array(["a"], dtype=object)), "has no signals of numbers"),
+        (alone(ODD), "single precision, by up to 1.49e-09: x."),
+        (alone(np.array([1e300])), "1 values are too large"),
         (content(points(), analogs(rate=250.0, n=10)), "250 Hz is no whole multiple of the 100 Hz"),
         (content(points(), analogs(start=0.5)), "it starts at 0.5 s, the frames at 0 s"),
         (content(points(), analogs(start=0.001)), "starts with the frames, -0.001 s later"),
@@ -142,15 +145,9 @@ ODD = np.array([0.1, 1.0, 2.0, 3.0])
         (content(points(start=-1.0)), "first sample is at 0 s there, not at -1.0 s"),
         (content(points(rate=100 / 3)), "33.333333333333336 Hz, is rounded to 33.333332 Hz"),
         (content(replace(points(), rate_hz=1e300)), "has no rate of 1e+300 Hz"),
-        (content(replace(points(), rate_hz=None)), "it has no clock"),
-        (
-            content(replace(points(), rate_hz=None, time_s=np.array([0.0, 0.01, 0.02, 0.03]))),
-            "become a clock of 100 Hz, which differs from them by up to 0 s",
-        ),
-        (
-            content(replace(points(), rate_hz=None, time_s=np.array([0.0, 0.01, 0.02, 9.03]))),
-            "time stamps are not uniform",
-        ),
+        (stamped(None), "it has no clock"),
+        (stamped(np.arange(4) / 100), "a clock of 100 Hz, which differs from them by up to 0 s"),
+        (stamped(UNEVEN), "time stamps are not uniform"),
         (content(points(), events=(Event(0.1, "go"),)), "rounded, by up to 1.49e-09 s"),
         (content(points(), events=(Event(1.0, "go", 0.5),)), "durations of events: go"),
         (content(points(), events=(Event(2.0, "b"), Event(1.0, "a"))), "in the order of time"),
@@ -162,23 +159,9 @@ ODD = np.array([0.1, 1.0, 2.0, 3.0])
         (content(points(), metadata={"name": "x"}), "metadata: name"),
         (content(points(), metadata={"point.used": "9"}), "metadata: point.used"),
         (content(points(), metadata={"a.b": "x" * 256}), "metadata: a.b"),
-        (
-            content(SignalGroup("analogs", (Signal("x ", np.ones(2)),), 10.0)),
-            "Names change: 'x '",
-        ),
-        (
-            content(SignalGroup("analogs", (Signal("x", np.ones(2), "u" * 300),), 10.0)),
-            "no place for the units of x",
-        ),
-        (
-            content(
-                replace(
-                    points(),
-                    signals=(replace(points().signals[0], unit="m"), *points().signals[1:]),
-                )
-            ),
-            "no place for the units of LKNE.y, LKNE.z",
-        ),
+        (alone(np.ones(2), "x "), "Names change: 'x '"),
+        (alone(np.ones(2), unit="u" * 300), "no place for the units of x"),
+        (content(replace(points(), signals=METRES)), "no place for the units of LKNE.y, LKNE.z"),
     ],
 )
 def test_what_a_c3d_file_cannot_hold_is_named(
@@ -197,65 +180,51 @@ def test_what_a_c3d_file_cannot_hold_is_named(
     assert not read_acquisition(path).equals(given_)
 
 
+def of_units(**units: str) -> Acquisition:
+    """Points, each with a unit."""
+    signals = [Signal(f"{k}.{axis}", np.zeros(2), u) for k, u in units.items() for axis in "xyz"]
+    return content(SignalGroup("points", tuple(signals), 10.0))
+
+
+def units_read(path: Path) -> list[tuple[str, str]]:
+    return [(s.name, s.unit) for s in read_acquisition(path).groups[0].signals[::3]]
+
+
 def test_points_of_two_units_of_one_kind_are_not_given_a_wrong_one(tmp_path: Path) -> None:
-    signals = [
-        Signal(f"{label}.{axis}", np.zeros(2), unit)
-        for label, unit in (("A", "mm"), ("B", "deg"), ("C", "rad"))
-        for axis in "xyz"
-    ]
-    given_ = content(SignalGroup("points", tuple(signals), 10.0))
-    (sentence,) = write_acquisition(given_, tmp_path / "a.c3d", lossy=True)
+    path = tmp_path / "a.c3d"
+    (sentence,) = write_acquisition(of_units(A="mm", B="deg", C="rad"), path, lossy=True)
     assert sentence == "Points of one kind have one unit; left out: C (rad)."
-    found = read_acquisition(tmp_path / "a.c3d").groups[0].signals
-    assert [(s.name, s.unit) for s in found[::3]] == [("A.x", "mm"), ("B.x", "deg")]
+    assert units_read(path) == [("A.x", "mm"), ("B.x", "deg")]
 
 
 def test_a_label_that_stands_twice_has_the_unit_of_its_kind_twice(tmp_path: Path) -> None:
-    signals = [
-        Signal(f"{label}.{axis}", np.zeros(2), unit)
-        for label, unit in (("LKNE", "mm"), ("KneeAngles", "deg"), ("KneeAnglez", "deg"))
-        for axis in "xyz"
-    ]
     path = tmp_path / "a.c3d"
-    write_acquisition(content(SignalGroup("points", tuple(signals), 10.0)), path)
+    write_acquisition(of_units(LKNE="mm", KneeAngles="deg", KneeAnglez="deg"), path)
     path.write_bytes(path.read_bytes().replace(b"KneeAnglez", b"KneeAngles"))
-    found = read_acquisition(path).groups[0].signals
-    assert [(s.name, s.unit) for s in found[::3]] == [
-        ("LKNE.x", "mm"),
-        ("KneeAngles.x", "deg"),
-        ("KneeAngles#2.x", "deg"),
-    ]
+    names = ("LKNE.x", "KneeAngles.x", "KneeAngles#2.x")
+    assert units_read(path) == list(zip(names, ("mm", "deg", "deg"), strict=True))
+
+
+def rotations(rate: float, start: float = 0.0) -> SignalGroup:
+    names = [f"t.r{i}{j}" for j in range(1, 5) for i in range(1, 5)]
+    return SignalGroup("rotations", tuple(Signal(n, np.zeros(1)) for n in names), rate, start)
 
 
 def test_more_signals_than_a_frame_holds_are_left_out_and_the_others_written(
     tmp_path: Path,
 ) -> None:
-    zero = np.zeros(1)
-    many = SignalGroup("analogs", tuple(Signal(f"c{i}", zero) for i in range(65_536)), 100.0)
-    turned = SignalGroup(
-        "rotations",
-        tuple(Signal(f"t.r{i}{j}", zero) for j in range(1, 5) for i in range(1, 5)),
-        100.0,
-    )
-    assert "65536 signals are more than a frame" in format_of(C3D).losses(content(many))[0]
-    write_acquisition(content(many, turned), tmp_path / "a.c3d", lossy=True)
+    signals = tuple(Signal(f"c{i}", np.zeros(1)) for i in range(65_536))
+    both = content(SignalGroup("analogs", signals, 100.0), rotations(100.0))
+    assert "65536 signals are more than a frame" in " ".join(format_of(C3D).losses(both))
+    write_acquisition(both, tmp_path / "a.c3d", lossy=True)
     assert [g.name for g in read_acquisition(tmp_path / "a.c3d").groups] == ["rotations"]
 
 
 def test_more_groups_of_metadata_than_there_are_numbers_are_named(tmp_path: Path) -> None:
-    turned = SignalGroup(
-        "rotations",
-        tuple(Signal(f"t.r{i}{j}", np.zeros(1)) for j in range(1, 5) for i in range(1, 5)),
-        1.0,
-        70_000.0,
-    )
     late = [cut(group(1.0, 70_000.0), 1) for group in (points, analogs)]
-    full = content(
-        *late,
-        turned,
-        events=(Event(1.0, "go"),),
-        metadata={f"g{i}.a": "x" for i in range(123)},
-    )
+    metadata = {f"g{i}.a": "x" for i in range(123)}
+    events = (Event(1.0, "go"),)
+    full = content(*late, rotations(1.0, 70_000.0), events=events, metadata=metadata)
     path = tmp_path / "a.c3d"
     assert write_acquisition(full, path, lossy=True) == ["It has no place for metadata: g122.a."]
     back = read_acquisition(path)

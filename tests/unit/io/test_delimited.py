@@ -121,12 +121,6 @@ def test_an_empty_line_is_a_missing_sample_where_there_is_one_column(tmp_path):
     np.testing.assert_array_equal(table.columns["x"], [1, np.nan, 3])
 
 
-def test_few_of_many_columns_are_read_beside_text(tmp_path):
-    head = ",".join(f"c{i}" for i in range(9))
-    path = write(tmp_path, f"{head}\n" + "1,2,3,4,5,6,7,8,word\n" * 3)
-    np.testing.assert_array_equal(read(path, "c4").columns["c4"], [5, 5, 5])
-
-
 def test_a_file_is_not_modified(tmp_path):
     path = write(tmp_path, HEAD + ROWS)
     before = path.read_bytes(), path.stat().st_mtime_ns
@@ -143,12 +137,6 @@ def test_a_file_longer_than_a_block_is_checked_across_blocks(tmp_path):
     rows[30_001] = "30001,1.000,2,3\n"  # as many delimiters as a good file
     with pytest.raises(DataError, match=r"row 30002: expected 3 values, found 2"):
         read(write(tmp_path, "t,x,y\n" + "".join(rows)), "t", "x")
-
-
-def test_columns_are_listed_from_the_header(tmp_path):
-    path = write(tmp_path, "t, x\n1,2\n")
-    assert list_columns(path, PLAIN) == ["t", "x"]
-    assert list_columns(path, FilesSpec(header=False)) == ["1", "2"]
 
 
 # --- what is refused --------------------------------------------------------------------------
@@ -233,11 +221,6 @@ def test_all_missing_columns_are_named_with_a_close_match(tmp_path):
     assert "no column 'torqe_nm', 'grf'" in message
     assert "The file has: time_s, angle_deg, torque_nm" in message
     assert "Did you mean 'torque_nm' for 'torqe_nm'?" in message
-
-
-def test_a_header_of_numbers_is_not_listed_as_names(tmp_path):
-    with pytest.raises(DataError, match="header = false"):
-        list_columns(write(tmp_path, "0.001,0.5\n0.002,0.6\n"), PLAIN)
 
 
 # --- real files -------------------------------------------------------------------------------

@@ -229,15 +229,3 @@ def test_a_file_that_cannot_be_written_leaves_nothing(
         write_acquisition(content, tmp_path / name, lossy=True)
 
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("first", WHOLE)
-@pytest.mark.parametrize("second", WHOLE)
-def test_from_format_to_format_nothing_changes(tmp_path: Path, first: str, second: str) -> None:
-    content = mixed()
-    write_acquisition(content, tmp_path / first)
-    (tmp_path / "next").mkdir()
-
-    write_acquisition(read_acquisition(tmp_path / first), tmp_path / "next" / second)
-
-    assert read_acquisition(tmp_path / "next" / second).equals(content)

@@ -74,15 +74,8 @@ def hdf5(path: Path, **kinds) -> None:
 
 def hdf5_chunk(path: Path) -> None:
     with h5py.File(path, "w") as file:
-        file.create_dataset(
-            "angle",
-            (10,),
-            "f8",
-            chunks=(N,),
-            maxshape=(None,),
-            compression="gzip",
-            data=np.ones(10),
-        )
+        ones, kinds = np.ones(10), {"maxshape": (None,), "compression": "gzip"}
+        file.create_dataset("angle", (10,), "f8", ones, chunks=(N,), **kinds)
 
 
 def hdf5_links(path: Path) -> None:
@@ -104,17 +97,17 @@ def hdf5_references(path: Path) -> None:
         file.create_dataset("angle", data=links, dtype=h5py.ref_dtype, compression="gzip")
 
 
-def hdf5_texts(path: Path) -> None:
-    with h5py.File(path, "w") as file:
-        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
-
-
 def parquet_numbers(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": np.zeros(N)}), path, compression="zstd")
 
 
 def parquet_texts(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": ["x" * 100_000] * 1000}), path)
+
+
+def hdf5_texts(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
 
 
 def parquet_large_texts(path: Path) -> None:

@@ -118,12 +118,6 @@ def test_samples_are_compressed_by_bytes_of_a_kind(tmp_path):
         assert file["angle"].shuffle
 
 
-def test_a_written_recording_can_be_read_as_a_table(tmp_path):
-    write_recording(recording(angle=[1.0, 2.0]), tmp_path / "a.nc")
-    table = read_table(tmp_path / "a.nc", numeric=["time", "angle"], files=PLAIN)
-    assert table.units == {"time": "s", "angle": "rad"}
-
-
 def test_nothing_half_written_stays(tmp_path):
     path = tmp_path / "a.nc"
     write_recording(recording(angle=[1.0, 2.0]), path)
@@ -161,11 +155,6 @@ def test_the_same_recording_makes_the_same_bytes(tmp_path):
 
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
     assert list(read_recording(tmp_path / "a.nc").data_vars) == ["angle", "emg"]
-
-
-def test_a_place_that_is_not_there_is_an_output_error(tmp_path):
-    with pytest.raises(OutputError, match="cannot be written"):
-        write_recording(recording(angle=[1.0, 2.0]), tmp_path / "none" / "a.nc")
 
 
 def test_only_recordings_are_written_and_read(tmp_path, path):

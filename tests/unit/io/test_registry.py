@@ -27,13 +27,8 @@ class OneColumn(GroupFormat):
     name = "one column"
 
     def read(self, path, _files):
-        return Acquisition(
-            (
-                SignalGroup(
-                    "", (Signal("x", np.array(path.read_text().split(), dtype=float), "m"),), 10.0
-                ),
-            )
-        )
+        signal = Signal("x", np.array(path.read_text().split(), dtype=float), "m")
+        return Acquisition((SignalGroup("", (signal,), 10.0),))
 
 
 class Ragged:
@@ -103,10 +98,8 @@ def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):
     own = tmp_path / "a.gz"
     own.write_text("1\n2\n")
     table = read_table(own, numeric=["x", "time"], files=PLAIN)
-    assert {name: values.tolist() for name, values in table.columns.items()} == {
-        "x": [1.0, 2.0],
-        "time": [0.0, 0.1],
-    }
+    columns = {name: values.tolist() for name, values in table.columns.items()}
+    assert columns == {"x": [1.0, 2.0], "time": [0.0, 0.1]}
     assert table.units == {"x": "m", "time": "s"}
     assert list_columns(own, PLAIN) == ["time", "x"]
     with pytest.raises(DataError, match=r"b\.gz: one column is read only"):

@@ -2,6 +2,7 @@
 
 import hashlib
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,25 +34,15 @@ def test_the_example_of_the_format_opens(study):
     opened = study.open()
 
     spec = opened.spec
-    assert (spec.joint, spec.kind, spec.positive, spec.torque_acts_on) == (
-        "knee",
-        "walking",
-        "flexion",
-        "joint",
-    )
+    directions = (spec.positive, spec.torque_acts_on)
+    assert (spec.joint, spec.kind, *directions) == ("knee", "walking", "flexion", "joint")
     assert spec.sample_rate_hz == 1000.0
     assert spec.channels["angle"].column == "knee_angle_deg"
     assert spec.channels["contact"].kind == "contact"
     assert spec.participant("S01").mass_kg == 72.4
     assert [r.condition for r in spec.recordings] == ["unperturbed", "perturbed"]
-    assert spec.perturbations.timing_points == {
-        "LRE": 7.0,
-        "MST": 21.5,
-        "TST": 40.5,
-        "PSW": 56.0,
-        "ISW": 68.5,
-        "MSW": 81.0,
-    }
+    points = {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
+    assert spec.perturbations.timing_points == points
     assert spec.perturbations.baseline == "pre_pulse"
     assert opened.units["angle"] == ("rad", pytest.approx(np.pi / 180), 0.0)
     assert opened.units["torque"] == ("N*m", 1.0, 0.0)
@@ -60,16 +51,6 @@ def test_the_example_of_the_format_opens(study):
     assert opened.user_exclusions == ()
     assert opened.root == study.root
     assert opened.sha256 == hashlib.sha256(study.text.encode()).hexdigest()
-
-
-def test_the_example_to_the_letter_lacks_only_the_channel_of_its_group(study):
-    start = study.text.index("[channels.ankle_position]")
-    study.text = study.text[:start] + study.text[study.text.index("[[participants]]") :]
-
-    assert study.sole_problem() == (
-        "perturbations.group.channel: 'ankle_position' is not among the channels of numbers "
-        "(time, angle, torque, command, contact)."
-    )
 
 
 def test_a_study_opens_by_its_folder_its_file_and_as_text(study):
@@ -86,7 +67,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(study):
     assert open_study(study.root).spec.joint == "knee"
 
 
-@pytest.mark.parametrize("alias", ["unperturbed", "NPC", "E-NPC", "enp", "Enp", " ENP "])
+@pytest.mark.parametrize("alias", ["NPC", "Enp", " ENP "])
 def test_names_of_the_dissertation_stand_for_conditions(study, alias):
     study.edit('condition = "unperturbed" ', f'condition = "{alias}" ')
 
@@ -107,10 +88,7 @@ def test_edges_of_groups_are_taken_to_si(study):
 
 def test_torque_may_come_from_current_and_a_torque_model(study):
     study.text = without(study.text, "channels.torque")
-    study.edit(
-        "[channels.command]",
-        '[channels.current]\ncolumn = "torque_nm"\nunit = "mA"\n[channels.command]',
-    )
+    study.channel("current", 'unit = "mA"', column="torque_nm")
     study.refused("channels.torque: missing; give it, or channels.current and [torque_model].")
 
     study.text += "[torque_model]\ngear_ratio = 50.0\ntorque_constant = 0.14\n"
@@ -129,21 +107,13 @@ def test_torque_may_be_absent_where_no_device_is_worn(study):
 
 def test_a_file_without_device_needs_no_columns_of_the_device(study):
     kinematics = ["time_s", "knee_angle_deg", "footswitch"]
-    pd.read_csv(study.root / "S01_enp.csv")[kinematics].to_csv(
-        study.root / "S01_nwc.csv", index=False
-    )
-    study.edit(
-        "[perturbations] ",
-        SECOND.format(condition="no_device").replace("_enp", "_nwc") + "[perturbations] ",
-    )
+    table = pd.read_csv(study.root / "S01_enp.csv")[kinematics]
+    table.to_csv(study.root / "S01_nwc.csv", index=False)
+    nwc = SECOND.format(condition="no_device").replace("_enp", "_nwc")
+    study.edit("[perturbations] ", nwc + "[perturbations] ")
+    study.channel("condition", column="phase")  # nor one of conditions where it states its own
 
     assert len(study.open().spec.recordings) == 3
-
-
-def test_a_recording_with_a_condition_needs_no_condition_column(study):
-    study.edit("[[participants]]", '[channels.condition]\ncolumn = "phase"\n[[participants]]')
-
-    assert study.open().spec.channels["condition"].column == "phase"
 
 
 def test_what_a_file_must_hold_depends_on_its_condition():
@@ -176,7 +146,6 @@ def test_variables_of_the_environment_expand_in_file_names(study, monkeypatch, t
     ("name", "found"),
     [
         ("${LAB}/a.csv", "set/a.csv"),
-        ("$LAB/a.csv", "set/a.csv"),
         ("${LAB:-other}/a.csv", "set/a.csv"),
         ("${ABSENT:-other}/a.csv", "other/a.csv"),
         ("${ABSENT:-}a.csv", "a.csv"),
@@ -201,33 +170,24 @@ def test_a_missing_file_is_named(study):
     assert problems[1].startswith("recordings[2].perturbations: file '")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "S01_enp.csv/x", "."])
+@pytest.mark.parametrize("name", ["x" * 300, "."])
 def test_a_name_no_file_can_have_is_a_missing_file(study, name):
     study.edit('file = "S01_enp.csv"', f'file = "{name}"')
 
     assert "does not exist" in study.sole_problem()
 
 
-def test_a_missing_column_is_named_with_a_guess_and_those_there_are(study):
-    study.edit('column = "torque_nm"', 'column = "torque_mn"')
+def test_missing_columns_are_one_problem_a_file_with_a_guess_and_those_there_are(study):
+    study.edit('"torque_nm"', '"torque_mn"').edit('"footswitch"', '"qqq"')
 
     first, second = study.refused().problems
 
     assert first == (
         "recordings[1].file: S01_enp.csv has no column 'torque_mn' for channel 'torque' (did you "
-        "mean 'torque_nm'?). It has: time_s, knee_angle_deg, torque_nm, commanded_torque_nm, "
-        "footswitch, ankle_position."
+        "mean 'torque_nm'?), no column 'qqq' for channel 'contact'. It has: time_s, "
+        "knee_angle_deg, torque_nm, commanded_torque_nm, footswitch, ankle_position."
     )
     assert second.startswith("recordings[2].file: S01_ewp.csv has no column")
-
-
-def test_several_missing_columns_are_one_problem_a_file(study):
-    study.edit('"torque_nm"', '"xyz"').edit('"footswitch"', '"qqq"')
-
-    problems = study.refused().problems
-
-    assert len(problems) == 2
-    assert "no column 'xyz' for channel 'torque', no column 'qqq' for channel 'cont" in problems[0]
 
 
 def test_one_file_of_two_recordings_is_checked_once(study):
@@ -238,26 +198,12 @@ def test_one_file_of_two_recordings_is_checked_once(study):
 
 @pytest.mark.parametrize(("mark", "name"), [(";", "a semicolon"), ("\t", "a tab")])
 def test_another_delimiter_is_guessed(study, mark, name):
-    for file in ("S01_enp.csv", "S01_ewp.csv"):
-        text = (study.root / file).read_text().replace(",", mark)
-        (study.root / file).write_text(text)
+    for file in study.root.glob("S01_e*.csv"):
+        file.write_text(file.read_text().replace(",", mark))
 
     study.refused(f"The columns seem to be separated by {name}: set delimiter under [files].")
     study.text += f"delimiter = '{mark}'\n"
     study.open()
-
-
-def test_a_file_without_a_header_has_its_columns_by_number(study):
-    for file in ("S01_enp.csv", "S01_ewp.csv"):
-        pd.read_csv(study.root / file).to_csv(study.root / file, index=False, header=False)
-    for number, name in enumerate(
-        ["time_s", "knee_angle_deg", "torque_nm", "commanded_torque_nm", "footswitch"], start=1
-    ):
-        study.edit(f'column = "{name}"', f"column = {number}")
-    study.edit('column = "ankle_position"', "column = 6")
-    study.text += "header = false\n"
-
-    assert study.open().spec.channels["contact"].column == 5
 
 
 def test_a_file_of_an_unknown_kind_is_a_problem_of_its_recording(study):
@@ -276,24 +222,11 @@ def test_a_missing_folder_says_what_to_give(tmp_path):
             open_study(path)
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"jointz = ",
-        b"\xff\xfe",
-        b"a = 1\na = 2",
-        b"x = " + b"[" * 5000,
-        b"x = " + b"9" * 5000,
-        b"x = [{ y = 0x1ffffffffffffffff }]",
-        b"x = 0x" + b"f" * 9000,
-    ],
-)
+@pytest.mark.parametrize("content", [b"a = 1\na = 2", b"x = [{ y = 0x1ffffffffffffffff }]"])
 def test_text_that_is_not_toml_is_refused(tmp_path, content):
     (tmp_path / "study.toml").write_bytes(content)
 
-    with pytest.raises(
-        StudyError, match=r"study\.toml: 1 problem\n  - not valid TOML: \S"
-    ) as caught:
+    with pytest.raises(StudyError, match=r"toml: 1 problem\n  - not valid TOML: \S") as caught:
         open_study(tmp_path)
 
     assert caught.value.path == str(tmp_path / "study.toml")
@@ -311,7 +244,7 @@ def test_an_empty_file_names_what_is_required(tmp_path):
     )
 
 
-@pytest.mark.parametrize("version", ["2", "0", '"1"', "true", "1.0"])
+@pytest.mark.parametrize("version", ["2", "true", "1.0"])
 def test_another_schema_version_is_refused(study, version):
     study.edit("jointz = 1 ", f"jointz = {version} ")
 
@@ -349,24 +282,15 @@ def test_a_problem_is_named_with_its_key_what_was_expected_and_what_was_found(
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
-        ("channels", "3", "channels: expected a table; got 3."),
         ("channels", '{ angle = "col" }', "channels.angle: expected a table; got 'col'."),
         ("participants", "5", "participants: expected a list; got 5."),
         ("participants", "[5]", "participants[1]: expected a table; got 5."),
         ("participants", "[]", "participants: expected at least 1 of them; got []."),
         ("participants", '[{ id = "" }]', "participants[1].id: expected text that is not empty"),
-        ("recordings", '"x"', "recordings: expected a list; got 'x'."),
-        ("recordings", '["x"]', "recordings[1]: expected a table; got 'x'."),
         ("perturbations", "[]", "perturbations: expected a table; got []."),
         ("perturbations", "{ group = 1 }", "perturbations.group: expected a table; got 1."),
         ("perturbations", "{ timing_points = 1 }", "perturbations.timing_points: expected a table"),
         ("perturbations", '{ source = ["a"] }', "perturbations.source: expected 'command',"),
-        (
-            "perturbations",
-            "{ group = { channel = [], edges = [0, 1] } }",
-            "perturbations.group.channel: expected text; got [].",
-        ),
-        ("files", "1", "files: expected a table; got 1."),
         ("calibration", "1979-05-27", "calibration: expected a table; got datetime.date(1979"),
         ("torque_model", "true", "torque_model: expected a table; got True."),
     ],
@@ -389,49 +313,29 @@ def test_a_long_value_is_shortened(study):
     assert len(study.sole_problem().rpartition("; got ")[2]) < 100
 
 
-def test_a_refused_entry_does_not_make_its_list_short(study):
-    study.edit('id = "S01"', 'id = "S01"\nname = "x"')
-
-    assert study.sole_problem().startswith("participants[1].name: unknown key.")
-
-
 # --- units ---------------------------------------------------------------------------------------
 
 
-def test_an_unknown_unit_is_named_with_a_guess(study):
-    study.edit('unit = "deg"', 'unit = "degs/sec"')
-
-    assert study.sole_problem().startswith("channels.angle.unit: 'degs/sec' ")
-
-
 def test_a_reference_may_be_an_angle_or_a_torque(study):
-    reference = '[channels.reference]\ncolumn = "ankle_position"\nunit = "{}"\n[[participants]]'
+    text = study.text
     for unit, si_unit in (("deg", "rad"), ("Nm", "N*m")):
-        text = study.text
-        study.edit("[[participants]]", reference.format(unit))
-        assert study.open().units["reference"][0] == si_unit
         study.text = text
+        study.channel("reference", f'unit = "{unit}"', column="ankle_position")
+        assert study.open().units["reference"][0] == si_unit
 
-    study.edit("[[participants]]", reference.format("kg"))
+    study.edit('"Nm"', '"kg"')
     assert study.sole_problem().startswith("channels.reference.unit: 'kg' measures mass")
 
 
 def test_a_channel_of_the_users_own_keeps_its_name_and_gets_an_si_unit(study):
-    study.edit(
-        "[[participants]]", '[channels.emg]\ncolumn = "footswitch"\nunit = "mV"\n[[participants]]'
-    )
+    study.channel("emg", 'unit = "mV"', column="footswitch")
 
     assert study.open().units["emg"] == ("V", 0.001, 0.0)
 
 
 @pytest.mark.parametrize(
     ("kind", "unit", "si"),
-    [
-        ("contact", "1", ("1", 1.0, 0.0)),
-        ("pulse", "1", ("1", 1.0, 0.0)),
-        ("voltage", "V", ("V", 1.0, 0.0)),
-        ("voltage", "mV", ("V", 0.001, 0.0)),
-    ],
+    [("pulse", "1", ("1", 1.0, 0.0)), ("voltage", "mV", ("V", 0.001, 0.0))],
 )
 def test_the_unit_of_a_contact_is_that_of_its_kind(study, kind, unit, si):
     study.edit('kind = "contact"', f'kind = "{kind}"\nunit = "{unit}"')
@@ -442,7 +346,6 @@ def test_the_unit_of_a_contact_is_that_of_its_kind(study, kind, unit, si):
 @pytest.mark.parametrize(
     ("lines", "problem"),
     [
-        ('kind = "contact"\nunit = "N*m"', "'N*m' measures torque, expected a pure number"),
         ('kind = "pulse"\nunit = "V"', "'V' measures voltage, expected a pure number"),
         ('unit = "V"', "'V' measures voltage, expected a pure number"),
         ('kind = "voltage"\nunit = "N"', "'N' measures force, expected a voltage such as V or mV"),
@@ -461,7 +364,7 @@ def test_another_unit_of_a_contact_is_refused(study, lines, problem):
 
 
 def test_groups_by_a_channel_of_labels_are_refused(study):
-    study.edit("[[participants]]", '[channels.trial]\ncolumn = "footswitch"\n[[participants]]')
+    study.channel("trial", column="footswitch")
     study.edit('channel = "ankle_position"', 'channel = "trial"')
 
     study.refused("perturbations.group.channel: 'trial' is not among the channels of numbers")
@@ -478,20 +381,16 @@ def test_time_or_a_sample_rate_is_needed(study):
     )
 
 
-def test_the_angle_is_always_needed(study):
-    study.text = without(study.text, "channels.angle")
-
-    assert study.sole_problem() == "channels.angle: missing; every study needs the joint's angle."
-
-
-def test_an_empty_table_of_channels_lacks_them_all(study):
+def test_angle_and_torque_are_always_needed(study):
     start, stop = study.text.index("[channels.time]"), study.text.index("[[participants]]")
     study.text = study.text[:start] + "[channels]\n" + study.text[stop:]
 
-    study.refused("channels.angle: missing", "channels.torque: missing")
+    study.refused(
+        "channels.angle: missing; every study needs the joint's angle.", "channels.torque: missing"
+    )
 
 
-@pytest.mark.parametrize("condition", ["perturbed", "EWP", " ewp "])
+@pytest.mark.parametrize("condition", ["perturbed", " ewp "])
 def test_two_recordings_of_one_cell_are_refused(study, condition):
     study.edit("[perturbations] ", SECOND.format(condition=condition) + "[perturbations] ")
 
@@ -503,7 +402,7 @@ def test_two_recordings_of_one_cell_are_refused(study, condition):
     )
 
 
-@pytest.mark.parametrize("own", ['session = "b"', 'side = "left"', "session = 2"])
+@pytest.mark.parametrize("own", ['side = "left"', "session = 2"])
 def test_a_session_or_side_of_its_own_makes_a_cell(study, own):
     study.edit("[perturbations] ", f"{SECOND.format(condition='ewp')}{own}\n[perturbations] ")
 
@@ -534,16 +433,6 @@ def test_pulses_of_an_unknown_side_beside_both_unperturbed_legs_are_refused(stud
         )
 
 
-def test_an_unknown_condition_is_one_problem(study):
-    study.edit('condition = "unperturbed" ', 'condition = "resting" ')
-    study.edit('condition = "perturbed"', 'condition = "resting"')
-
-    first, second = study.refused().problems
-
-    assert first.startswith("recordings[1].condition: expected 'unperturbed', 'perturbed' or 'no_d")
-    assert second.startswith("recordings[2].condition: ")
-
-
 def test_every_perturbed_recording_needs_its_table_where_tables_are_the_source(study):
     study.edit('source = "command"', 'source = "table"')
     study.open()
@@ -555,7 +444,7 @@ def test_every_perturbed_recording_needs_its_table_where_tables_are_the_source(s
     )
 
 
-@pytest.mark.parametrize("condition", ["perturbed", "APC", " E-APC "])
+@pytest.mark.parametrize("condition", ["perturbed", " E-APC "])
 def test_something_must_say_when_the_pulses_are(study, condition):
     study.text = without(study.text, "channels.command")
     study.edit('source = "command"', "").edit('perturbations = "S01_pulses.csv"', "#")
@@ -602,63 +491,37 @@ EXCLUSIONS = "participant,recording,onset_s,action,reason,time\n"
 
 
 def test_the_users_exclusions_are_read(study):
-    (study.root / "exclusions.csv").write_text(
-        "\ufeff" + EXCLUSIONS + "S01,S01_ewp.csv,1.25,exclude,stumbled,2024-05-01\n"
-        "S01,S01_ewp.csv,1.25,restore,,\n",
-        encoding="utf-8",
-    )
+    file = study.root / "exclusions.csv"
+    rows = "S01,S01_ewp.csv,1.25,exclude,stumbled,2024-05-01\nS01,S01_ewp.csv,1.25,restore,,\n"
+    file.write_text("\ufeff" + EXCLUSIONS + rows, encoding="utf-8")
+    stumbled = UserExclusion("S01", "S01_ewp.csv", 1.25, "exclude", "stumbled")
 
     assert study.open().user_exclusions == (
-        UserExclusion("S01", "S01_ewp.csv", 1.25, "exclude", "stumbled"),
-        UserExclusion("S01", "S01_ewp.csv", 1.25, "restore", ""),
+        stumbled,
+        replace(stumbled, action="restore", reason=""),
     )
 
+    file.write_text("participant,recording,onset_s,action\nS01,S01_ewp.csv,1.25,exclude\n")
 
-def test_reason_and_time_may_be_left_out_of_the_exclusions(study):
-    (study.root / "exclusions.csv").write_text(
-        "participant,recording,onset_s,action\nS01,S01_ewp.csv,1,exclude\n"
-    )
-
-    assert study.open().user_exclusions == (
-        UserExclusion("S01", "S01_ewp.csv", 1.0, "exclude", ""),
-    )
+    assert study.open().user_exclusions == (replace(stumbled, reason=""),)
 
 
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "exclusions.csv: not a readable table: No columns to parse from file."),
-        ("participant,recording\n", "exclusions.csv: missing column(s) onset_s, action."),
-        (
-            EXCLUSIONS + "S01,f,1,exclude,,\nS01,f,soon,exclude,,\n",
-            "exclusions.csv, row 3, column 'onset_s': expected a number, found 'soon'.",
-        ),
-        (
-            EXCLUSIONS + "S01,f,nan,exclude,,\n",
-            "exclusions.csv, row 2, column 'onset_s': expected a number, found 'nan'.",
-        ),
-        (
-            EXCLUSIONS + "S01,f,1,drop,,\n",
-            "exclusions.csv: action 'drop'; expected exclude or restore.",
-        ),
-        (EXCLUSIONS + "S01,f,1\n", "exclusions.csv: action ''; expected exclude or restore."),
-        (
-            EXCLUSIONS + "S01,f,1,exclude,a,b,c\n",
-            "exclusions.csv, row 2: more values than the header has columns.",
-        ),
-        (
-            EXCLUSIONS + "S01,f,1,exclude,a,b\nS01,f,1,exclude,a,b,c\n",
-            "exclusions.csv: not a readable table: Error tokenizing data.",
-        ),
+        (b"", ": not a readable table: No columns to parse from file."),
+        (b"participant,recording\n", ": missing column(s) onset_s, action."),
+        (b"S01,f,1,exclude,,\nS01,f,soon,exclude,,\n", ", row 3, column 'onset_s': expected a"),
+        (b"S01,f,nan,exclude,,\n", ", row 2, column 'onset_s': expected a number, found 'nan'."),
+        (b"S01,f,1,drop,,\n", ": action 'drop'; expected exclude or restore."),
+        (b"S01,f,1\n", ": action ''; expected exclude or restore."),
+        (b"S01,f,1,exclude,a,b,c\n", ", row 2: more values than the header has columns."),
+        (b"S01,f,1,exclude,a,b\nS01,f,1,exclude,a,b,c\n", ": not a readable table: Error token"),
+        (b"\xff,f,1,exclude,,\n", ": not a readable table: 'utf-8' codec"),
     ],
 )
 def test_exclusions_that_cannot_be_read_are_refused(study, text, problem):
-    (study.root / "exclusions.csv").write_text(text)
+    head = EXCLUSIONS.encode() if text.startswith((b"S", b"\xff")) else b""
+    (study.root / "exclusions.csv").write_bytes(head + text)
 
-    assert study.sole_problem().startswith(problem)
-
-
-def test_exclusions_that_are_not_text_are_refused(study):
-    (study.root / "exclusions.csv").write_bytes(EXCLUSIONS.encode() + b"\xff,f,1,exclude,,\n")
-
-    assert study.sole_problem().startswith("exclusions.csv: not a readable table: 'utf-8' codec")
+    assert study.sole_problem().startswith(f"exclusions.csv{problem}")

@@ -17,39 +17,27 @@ INCH_M, POUND_N = 0.0254, 0.45359237 * 9.80665  # exact by definition
     ("unit", "si_unit", "factor"),
     [
         ("Nm", "N*m", 1.0),
-        ("N.m", "N*m", 1.0),
         ("N m", "N*m", 1.0),
         ("N·m", "N*m", 1.0),
-        ("newton-meter", "N*m", 1.0),
         ("mNm", "N*m", 1e-3),
-        ("kNm", "N*m", 1e3),
         ("Nmm", "N*m", 1e-3),
         ("lbf*in", "N*m", POUND_N * INCH_M),
-        ("in-lbf", "N*m", POUND_N * INCH_M),
-        ("Nm/rad", "N*m/rad", 1.0),
         ("Nm/deg", "N*m/rad", 180 / math.pi),
         ("Nms/rad", "N*m*s/rad", 1.0),
         ("Nm/(rad/s)", "N*m*s/rad", 1.0),
         ("deg", "rad", math.pi / 180),
-        ("degrees", "rad", math.pi / 180),
         ("°", "rad", math.pi / 180),
         ("rev", "rad", 2 * math.pi),
-        ("deg/s", "rad/s", math.pi / 180),
         ("rpm", "rad/s", 2 * math.pi / 60),
         ("rad/s2", "rad/s^2", 1.0),
         ("deg s-2", "rad/s^2", math.pi / 180),
         ("deg·s⁻²", "rad/s^2", math.pi / 180),
         ("rad/s**2", "rad/s^2", 1.0),
-        ("mA", "A", 1e-3),
-        ("ms", "s", 1e-3),
         ("min", "s", 60.0),
         ("mm", "m", 1e-3),
-        ("m", "m", 1.0),
-        ("mV", "V", 1e-3),
         ("µV", "V", 1e-6),
         ("%", "1", 0.01),
         ("", "1", 1.0),
-        ("1", "1", 1.0),
         ("1/s", "Hz", 1.0),
     ],
 )
@@ -68,30 +56,14 @@ def test_an_si_unit_is_its_own(unit):
     assert si_unit_of(unit) == (unit, 1.0, 0.0)
 
 
-@pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
-def test_the_units_of_our_own_results_can_be_read(unit):
-    assert conversion(unit, unit) == (1.0, 0.0)
-
-
-def test_a_temperature_has_an_offset():
-    assert si_unit_of("°C") == ("K", 1.0, 273.15)
-
-
-def test_a_quantity_without_a_name_is_written_in_base_units():
-    assert si_unit_of("mm^2/ms") == ("m^2/s", pytest.approx(1e-3), 0.0)
-
-
 @pytest.mark.parametrize(
     ("unit", "si_unit", "measured", "expected"),
     [
         ("N*m", "rad", "torque", "an angle such as rad or deg"),
         ("", "rad", "pure number", "an angle"),
-        ("rad", "1", "angle", "a pure number"),
         ("N*m/rad", "N*m", "stiffness", "a torque such as N*m"),
-        ("N*m", "N*m/rad", "torque", "a stiffness"),
         ("N*m/kg", "N*m", "torque per body mass", "a torque"),
         ("Hz", "rad/s", "frequency", "an angular velocity"),
-        ("ms", "N*m", "time", "a torque"),
         ("lb*ft", "N*m", "kg*m", "a torque"),
     ],
 )
@@ -99,6 +71,19 @@ def test_a_unit_of_something_else_is_refused(unit, si_unit, measured, expected):
     with pytest.raises(UnitError) as caught:
         conversion(unit, si_unit)
     assert f"'{unit}' measures {measured}, expected {expected}" in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
+def test_the_units_of_our_own_results_can_be_read(unit):
+    assert conversion(unit, unit) == (1.0, 0.0)
+
+
+def test_a_quantity_without_a_name_is_written_in_base_units():
+    assert si_unit_of("mm^2/ms") == ("m^2/s", pytest.approx(1e-3), 0.0)
+
+
+def test_a_temperature_has_an_offset():
+    assert si_unit_of("°C") == ("K", 1.0, 273.15)
 
 
 def test_an_energy_is_no_torque():
@@ -111,13 +96,9 @@ def test_an_energy_is_no_torque():
     [
         ("nm", "N*m"),
         ("NM", "N*m"),
-        ("nM", "N*m"),
         ("NMs/rad", "N*m*s"),
-        ("Rad", "rad"),
-        ("MA", "mA"),
         ("S", "s"),
         ("Degrees", "degree"),
-        ("degre", "degree"),
         ("degC/s", "K"),
     ],
 )

@@ -112,27 +112,22 @@ def written(content: Acquisition, path: Path) -> Path:
     return path
 
 
+ZERO, WORD, HALF = np.zeros(1), *(np.array([w], dtype=object) for w in ("w", "\ud800"))
+
+
+def one(*signals: Signal, name: str = "a", **clock: object) -> Acquisition:
+    """One group, of one signal unless others are given."""
+    return Acquisition((SignalGroup(name, signals or (Signal("x", ZERO),), **clock),))  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
         (Acquisition((SignalGroup("a", (), time_s=np.zeros(2)),)), "no signals"),
-        (Acquisition((SignalGroup("a", (Signal("x", np.zeros(1)),), rate_hz=-1.0),)), "no clock"),
+        (one(rate_hz=-1.0), "no clock"),
+        (one(time_s=np.full(1, np.nan)), "its clock is no clock"),
         (
-            Acquisition(
-                (SignalGroup("a", (Signal("x", np.zeros(1)),), time_s=np.full(1, np.nan)),)
-            ),
-            "its clock is no clock",
-        ),
-        (
-            Acquisition(
-                (
-                    SignalGroup(
-                        "a",
-                        (Signal("x", np.zeros(1)), Signal("t", np.array(["w"], dtype=object))),
-                        rate_hz=5.0,
-                    ),
-                )
-            ),
+            one(Signal("x", ZERO), Signal("t", WORD), rate_hz=5.0),
             "the texts of group 'a' become group 'a text'",
         ),
         (small(metadata={"a name with spaces": "x"}), "metadata: a name with spaces"),
@@ -142,24 +137,10 @@ def written(content: Acquisition, path: Path) -> Path:
         (small(events=(Event(3.0, "b"), Event(1.0, "a"))), "in the order of time"),
         (small(events=(Event(np.nan, "b"),)), "no finite time"),
         (small(events=(Event(1.0, "\ud800"),)), "letters that UTF-8 has not"),
-        (
-            Acquisition((SignalGroup("a\x01", (Signal("x", np.zeros(1)),), rate_hz=5.0),)),
-            "Names of groups change",
-        ),
-        (
-            Acquisition((SignalGroup("a", (Signal("x", np.zeros(1), "\x02"),), rate_hz=5.0),)),
-            "Names, units or descriptions change",
-        ),
-        (
-            Acquisition(
-                (SignalGroup("a", (Signal("x", np.array(["\ud800"], dtype=object)),), rate_hz=5.0),)
-            ),
-            "Signal 'x' has letters that UTF-8 has not",
-        ),
-        (
-            Acquisition((SignalGroup("a", (Signal("x", np.zeros(1)),), start_s=4.0),)),
-            "no rate, and its start is left out",
-        ),
+        (one(name="a\x01", rate_hz=5.0), "Names of groups change"),
+        (one(Signal("x", ZERO, "\x02"), rate_hz=5.0), "Names, units or descriptions change"),
+        (one(Signal("x", HALF), rate_hz=5.0), "Signal 'x' has letters that UTF-8 has not"),
+        (one(start_s=4.0), "no rate, and its start is left out"),
     ],
 )
 def test_what_an_xdf_file_cannot_hold_is_named(
@@ -218,6 +199,15 @@ def samples(number: int, rows: list[tuple[float | None, bytes]]) -> bytes:
     return chunk(3, body)
 
 
+def doubles(*stamps: float | None) -> bytes:
+    """Samples of stream 1, each the number 1."""
+    return samples(1, [(stamp, struct.pack("<d", 1)) for stamp in stamps])
+
+
+def offset(time_s: float, value_s: float) -> bytes:
+    return chunk(4, struct.pack("<Idd", 1, time_s, value_s))
+
+
 def xdf(*chunks: bytes) -> bytes:
     return b"XDF:" + chunk(1, b"<info><version>1.0</version></info>") + b"".join(chunks)
 
@@ -246,60 +236,46 @@ def test_whole_numbers_too_large_for_a_float_stay_as_texts(tmp_path: Path) -> No
 
 
 def test_only_the_first_stamp_and_a_rate_are_a_uniform_clock(tmp_path: Path) -> None:
-    rows = [(4.0, struct.pack("<d", 1)), (None, struct.pack("<d", 2)), (None, struct.pack("<d", 3))]
-    uniform = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path).groups[0]
+    stream = header(1, "double64", rate="50")
+    uniform = read(xdf(stream, doubles(4.0, None, None)), tmp_path).groups[0]
     assert (uniform.rate_hz, uniform.start_s) == (50.0, 4.0)
-    rows[2] = (5.0, struct.pack("<d", 3))
-    stamped = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path)
-    assert stamped.groups[0].times_s().tolist() == [4.0, 4.02, 5.0]  # type: ignore[union-attr]
+    stamped = read(xdf(stream, doubles(4.0, None, 5.0, None)), tmp_path)
+    assert stamped.groups[0].times_s().tolist() == [4.0, 4.02, 5.0, 5.02]  # type: ignore[union-attr]
     assert stamped.metadata["s1.nominal_srate"] == "50"
-
-
-def test_offsets_of_a_clock_are_put_to_account(tmp_path: Path) -> None:
-    rows = [(t, struct.pack("<d", t)) for t in (10.0, 20.0, 30.0)]
-    offsets = [chunk(4, struct.pack("<Idd", 1, t, 100.0 + 1e-3 * t)) for t in (10.0, 20.0, 30.0)]
-    content = read(xdf(header(1, "double64", rate="0.1"), samples(1, rows), *offsets), tmp_path)  # type: ignore[arg-type]
-    times = content.groups[0].times_s()
-    np.testing.assert_allclose(times, [110.01, 120.02, 130.03], rtol=0, atol=1e-6)
-    assert "corrected by 3 offsets" in content.metadata["reading.s1"]
-
-
-DOUBLE = struct.pack("<d", 1)
+    assert "2 of 4 time stamps follow from the nominal rate" in stamped.metadata["reading.s1"]
+    # Neither stamps nor rate: no clock, and none made up.
+    clockless = read(xdf(header(1, "double64"), doubles(None, None)), tmp_path)
+    assert clockless.groups[0].times_s() is None
 
 
 @pytest.mark.parametrize(
     ("rate", "stamps", "words"),
     [
-        ("100", [None, None, None], "its first sample has none to count from"),
-        ("100", [None, 5.0, None], "its first sample has none to count from"),
-        ("0", [None, 5.0, None], "its first sample has none to count from"),
+        ("100", [None, None], "its first sample has none to count from"),
+        ("100", [None, 5.0], "its first sample has none to count from"),
+        ("0", [None, 5.0], "its first sample has none to count from"),
         ("0", [5.0, None, None], "2 of 3 have none, nor a rate"),
     ],
 )
 def test_time_stamps_are_not_made_up(
     rate: str, stamps: list[float | None], words: str, tmp_path: Path
 ) -> None:
-    raw = xdf(header(1, "double64", rate=rate), samples(1, [(t, DOUBLE) for t in stamps]))
     with pytest.raises(DataError, match="stream 's1': expected a time stamp a") as caught:
-        read(raw, tmp_path)
+        read(xdf(header(1, "double64", rate=rate), doubles(*stamps)), tmp_path)
     assert words in str(caught.value)
 
 
-def test_time_stamps_that_follow_from_the_rate_are_counted(tmp_path: Path) -> None:
-    rows = [(t, DOUBLE) for t in (4.0, None, 5.0, None)]
-    content = read(xdf(header(1, "double64", rate="50"), samples(1, rows)), tmp_path)
-    assert "2 of 4 time stamps follow from the nominal rate" in content.metadata["reading.s1"]
-    rows = [(None, DOUBLE)] * 2  # neither stamps nor rate: no clock, and none made up
-    assert read(xdf(header(1, "double64"), samples(1, rows)), tmp_path).groups[0].times_s() is None
-
-
-def offset(time_s: float, value_s: float) -> bytes:
-    return chunk(4, struct.pack("<Idd", 1, time_s, value_s))
+def test_offsets_of_a_clock_are_put_to_account(tmp_path: Path) -> None:
+    offsets = [offset(t, 100.0 + 1e-3 * t) for t in (10.0, 20.0, 30.0)]
+    raw = xdf(header(1, "double64", rate="0.1"), doubles(10.0, 20.0, 30.0), *offsets)
+    content = read(raw, tmp_path)
+    times = content.groups[0].times_s()
+    np.testing.assert_allclose(times, [110.01, 120.02, 130.03], rtol=0, atol=1e-6)
+    assert "corrected by 3 offsets" in content.metadata["reading.s1"]
 
 
 def test_offsets_that_correct_nothing_are_told(tmp_path: Path) -> None:
-    rows = [(t, DOUBLE) for t in (10.0, 20.0)]
-    raw = xdf(header(1, "double64"), samples(1, rows), offset(10.0, 99.0), offset(10.0, 99.0))
+    raw = xdf(header(1, "double64"), doubles(10.0, 20.0), *[offset(10.0, 99.0)] * 2)
     content = read(raw, tmp_path)
     assert content.groups[0].times_s().tolist() == [10.0, 20.0]  # type: ignore[union-attr]
     assert "None of the 2 offsets" in content.metadata["reading.s1"]
@@ -307,13 +283,12 @@ def test_offsets_that_correct_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_a_stream_of_which_only_parts_are_corrected_is_refused(tmp_path: Path) -> None:
-    rows = [(t, DOUBLE) for t in (10.0, 20.0, 300.0, 310.0)]
+    stream = header(1, "double64"), doubles(10.0, 20.0, 300.0, 310.0)
     late = [offset(300.0 + i, 900.0) for i in range(20)]
-    raw = xdf(header(1, "double64"), samples(1, rows), *[offset(10.0, 1.0)] * 40, *late)
     with pytest.raises(DataError, match="stream 's1': expected offsets of its clock that pyxdf"):
-        read(raw, tmp_path)
+        read(xdf(*stream, *[offset(10.0, 1.0)] * 40, *late), tmp_path)
     early = [offset(10.0 + i / 2, 1.0) for i in range(40)]
-    content = read(xdf(header(1, "double64"), samples(1, rows), *early, *late), tmp_path)
+    content = read(xdf(*stream, *early, *late), tmp_path)
     assert "Its clock was reset 1 time(s)" in content.metadata["reading.s1"]
     times = content.groups[0].times_s()
     np.testing.assert_allclose(times, [11.0, 21.0, 1200.0, 1210.0], rtol=0, atol=1e-6)
@@ -327,15 +302,13 @@ def test_streams_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert [g.name for g in read(xdf(one, two), tmp_path).groups] == ["s1 (left)", "s1 (right)"]
 
 
-def test_a_recording_that_was_not_closed_says_so(tmp_path: Path) -> None:
-    content = read(xdf(header(1, "int8"), samples(1, [(1.0, b"\1")])), tmp_path)
-    assert "has no footer" in content.metadata["reading.s1"]
-
-
-def test_texts_that_are_no_utf8_are_counted(tmp_path: Path) -> None:
+def test_a_recording_that_was_not_closed_and_texts_that_are_no_utf8_are_told(
+    tmp_path: Path,
+) -> None:
     content = read(xdf(header(1, "string"), samples(1, [(1.0, b"\1\2a\xb5")])), tmp_path)
     assert content.events[0].label == "a\ufffd"
     assert "1 texts are no UTF-8" in content.metadata["reading.s1"]
+    assert "has no footer" in content.metadata["reading.s1"]
 
 
 def test_without_pyxdf_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -360,13 +333,13 @@ def test_a_pyxdf_that_is_too_old_is_told(tmp_path: Path, monkeypatch: pytest.Mon
         read_acquisition(path)
 
 
-GOOD = xdf(header(1, "double64"), samples(1, [(1.0, bytes(8)), (2.0, bytes(8))]))
+GOOD = xdf(header(1, "double64"), doubles(1.0, 2.0))
+BYTES = header(1, "int8")
 
 
 @pytest.mark.parametrize(
     ("raw", "words"),
     [
-        (b"", "byte 0: expected 'XDF:'"),
         (b"XDF;" + GOOD[4:], "byte 0: expected 'XDF:'"),
         (b"XDF:", "expected a file header"),
         (GOOD[:-1], "expected a chunk of 45 bytes, found 44"),
@@ -374,33 +347,21 @@ GOOD = xdf(header(1, "double64"), samples(1, [(1.0, bytes(8)), (2.0, bytes(8))])
         (xdf(chunk(9, b"")), "expected a chunk of kind 1 to 6, found kind 9"),
         (xdf(chunk(5, bytes(16))), "the signature of a boundary"),
         (xdf(samples(1, [])), "a header of stream 1 before its chunks"),
-        (xdf(header(1, "int8"), header(1, "int8")), "one header of stream 1"),
+        (xdf(BYTES, BYTES), "one header of stream 1"),
         (xdf(header(1, "double32")), "a channel_format among"),
         (xdf(header(1, "int8", channels=0)), "a channel_count from 1 to 65536"),
         (xdf(header(1, "int8", channels="9" * 5000)), "a channel_count from 1 to 65536, found '99"),
         (xdf(header(1, "int8", channels=65_537)), "a channel_count from 1 to 65536, found '65537'"),
-        (
-            xdf(chunk(1, b'<?xml version="1.0" encoding="UTF-16"?><info/>')),
-            "cannot be read as a .xdf file",
-        ),
-        (
-            xdf(
-                header(1, "int8"),
-                chunk(6, b"\1\0\0\0<info><sample_count>--5</sample_count></info>"),
-            ),
-            "cannot be read as a .xdf file",
-        ),
+        (xdf(chunk(1, b'<?xml version="1.0" encoding="UTF-16"?><info/>')), "cannot be read as a "),
+        (xdf(BYTES, chunk(6, b"\1\0\0\0<info><sample_count>-</sample_count></info>")), "cannot be"),
         (xdf(header(1, "int8", rate="fast")), "a nominal_srate from 0 on"),
         (xdf(chunk(2, b"\1\0\0\0<info>")), "a description in XML"),
         (xdf(chunk(2, b"\1\0\0\0<other/>")), "expected <info>, found <other>"),
-        (xdf(header(1, "int8"), samples(1, [(1.0, b"")])), "1 more bytes, found 0"),
-        (xdf(header(1, "int8"), samples(1, [(1.0, b"123")])), "the end of the samples"),
-        (xdf(header(1, "int8"), chunk(4, bytes((1, 0, 0, 0, 9)))), "a clock offset of 16 bytes"),
-        (xdf(header(1, "int8"), samples(1, [(np.nan, b"1")])), "sample 1: expected a time stamp"),
-        (
-            xdf(header(1, "double64"), chunk(3, struct.pack("<IBQ", 1, 8, 2**62))),
-            f"expected {2**62} samples, found 0 bytes",
-        ),
+        (xdf(BYTES, samples(1, [(1.0, b"")])), "1 more bytes, found 0"),
+        (xdf(BYTES, samples(1, [(1.0, b"123")])), "the end of the samples"),
+        (xdf(BYTES, chunk(4, bytes((1, 0, 0, 0, 9)))), "a clock offset of 16 bytes"),
+        (xdf(BYTES, samples(1, [(np.nan, b"1")])), "sample 1: expected a time stamp"),
+        (xdf(BYTES, chunk(3, struct.pack("<IBQ", 1, 8, 2**62))), f"expected {2**62} samples, foun"),
     ],
 )
 def test_damage_is_named_with_its_place(raw: bytes, words: str, tmp_path: Path) -> None:
