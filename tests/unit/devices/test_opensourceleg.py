@@ -18,7 +18,7 @@ import pytest
 from jointz.core.clock import RealClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.study import TorqueModelSpec
-from jointz.devices import opensourceleg_output as output_module
+from jointz.devices import opensourceleg as output_module
 from jointz.devices import opensourceleg_polling as polling_module
 from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator, open_actuator, open_sensor
