@@ -78,6 +78,18 @@ def test_one_name_for_two_columns_gives_numbers(tmp_path):
     assert "one name to several columns" in found.notes[0]
 
 
+def test_a_column_of_text_does_not_hide_the_table(tmp_path):
+    text = "phase,angle,torque\n" + "".join(f"ENP,{k}.5,1.5\n" for k in range(5))
+
+    assert layout_of(tmp_path, text).columns == ("phase", "angle", "torque")
+
+
+def test_gzip_is_looked_into(tmp_path):
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(table(delimiter=";").encode()))
+
+    assert find_layout(tmp_path / "a.csv.gz").files.delimiter == ";"
+
+
 @pytest.mark.parametrize("width", [2, 3])
 def test_lines_of_facts_above_are_not_the_table(width, tmp_path):
     facts = ["Mass;70", "Height;1.8", "Age;31"]
@@ -181,3 +193,18 @@ def test_whatever_is_said_ends_in_a_layout_or_an_error(tmp_path_factory, lines, 
     assert found is None or found.files.skip_rows >= known.get("skip_rows", 0)
     assert found is None or known.get("delimiter") in (None, "", found.files.delimiter)
     assert found is not None or "known.csv" in said or "delimiter" in said
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_end_in_a_layout_or_an_error(tmp_path_factory, content):
+    file = tmp_path_factory.getbasetemp() / "any.csv"
+    file.write_bytes(content)
+
+    try:
+        found = find_layout(file)
+    except DataError as exc:
+        said = str(exc)
+    else:
+        said = "any.csv" if len(found.columns) == len(found.names) > 0 else "no column"
+
+    assert "any.csv" in said
