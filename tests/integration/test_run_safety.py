@@ -150,10 +150,7 @@ def test_a_device_that_is_gone_ends_the_trial_in_the_same_tick(
 
 @pytest.mark.parametrize(
     ("limit", "value", "code"),
-    [
-        ("angle_max_rad", 0.5, "posture"),
-        ("velocity_rad_s", 1.0, "velocity"),
-    ],
+    [("angle_max_rad", 0.5, "posture"), ("velocity_rad_s", 1.0, "velocity")],
 )
 def test_measured_limits_of_the_protocol_trip(rig, spy, protocol, tmp_path, limit, value, code):
     tight = protocol.model_copy(update={"safety": LimitsOverride(**{limit: value})})

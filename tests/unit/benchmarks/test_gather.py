@@ -153,7 +153,7 @@ def test_what_is_not_met_and_what_broke_is_listed(parts):
     spoilt[2]["found"]["measured"][1]["digest"] = "other"
 
     assert missed(parts) == [
-        "whole analysis: ours / peer 3.6 beside read_csv (pandas 3.1.1), at most 3 asked",
+        "whole analysis: ours / peer 3.6 beside read_csv (pandas 3.1.1), at most 3 asked"
     ]
     assert broken(parts) == [
         "fits: its process ended with status 1",
