@@ -7,12 +7,18 @@ import pytest
 
 from jointz.core.clock import VirtualClock
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.recording import build_recording
+from jointz.core.study import PerturbationsSpec
 from jointz.experiment.files.journal import read_journal
 from jointz.experiment.session import Session, SessionPlan
+from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol, protocol_text
 from jointz.session.rigs.rig_settings import open_rig, rig_settings
 from jointz.session.worker_pool import NoOperator
+from jointz.sim.descriptions import exoskeleton
 
 
 def _short(name="walking", conditions=(), *, strides=6, people=1, **plan) -> Protocol:
@@ -120,3 +126,30 @@ class SpiedSession:
 @pytest.fixture(scope="session")
 def spied_session() -> type[SpiedSession]:
     return SpiedSession
+
+
+def _analyze_walk(rig, walked, plan, calibration) -> ParticipantResult:
+    recording = build_recording(
+        walked.time_s,
+        dict(walked.channels),
+        units={"contact": "1"},
+        contact_kind="contact",
+        condition="perturbed",
+        file="walk.nc",
+    )
+    settings = ParticipantSettings(
+        kind=WALKING,
+        perturbations=PerturbationsSpec(timing_points=dict(plan.timing_points)),
+        torque_model=exoskeleton(rig.build(worn=True)).torque_model,
+        n_resamples=10,
+        mass_kg=rig.person.mass_kg,
+    )
+    pulses = walked.pulses[["onset_s", "duration_s", "amplitude_nm", "timing_point"]]
+    given = RecordingInput(recording, calibration, pulses)
+    return analyze_participant("S01", [given], settings)
+
+
+@pytest.fixture(scope="session")
+def analyze_walk() -> Callable[..., ParticipantResult]:
+    """Return what analyses a walk that was simulated directly."""
+    return _analyze_walk
