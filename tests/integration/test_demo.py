@@ -67,8 +67,3 @@ def test_the_demo_refuses_a_folder_it_did_not_make(jointz, tmp_path):
     assert outcome.json["error"] == "OutputError"
     assert [p.name for p in mine.iterdir()] == ["thesis.doc"]
     assert [p.name for p in tmp_path.iterdir()] == ["mine"]
-
-
-def test_the_quiet_demo_prints_nothing(jointz, tmp_path):
-    outcome = demo(jointz, tmp_path / "demo", "--quiet")
-    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")

@@ -63,8 +63,7 @@ CASES = {
         cannot=("no column holds the joint's angle",), taken=("time=1",)
     ),
     "gaitanalysistoolkit/rawdata.txt": Case(
-        cannot=("inverse kinematics",),
-        taken=("time=% TimeStamp", "ground_reaction_force=FP2.ForY"),
+        cannot=("inverse kinematics",), taken=("time=% TimeStamp", "ground_reaction_force=FP2.ForY")
     ),
     "gaitanalysistoolkit/refresults.mat": Case(
         edits=(

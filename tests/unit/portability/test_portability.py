@@ -16,7 +16,6 @@ from jointz.session.live import live_session
 from jointz.session.live.live_session import refuse_where_unseen
 from jointz.session.rigs.hardware_rig import refuse_with_devices
 
-SYSTEMS = ("as_on_windows", "as_on_a_mac")
 #: Imports every module but those that need an extra; the public names come with the first.
 IMPORTS = """
 import pkgutil
@@ -127,7 +126,7 @@ def here(tmp_path_factory):
     return ran(None, RUN, tmp_path_factory.mktemp("here"))
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", ["as_on_windows", "as_on_a_mac"])
 def test_an_experiment_is_refused_broken_off_and_gone_on_with_as_here(system, tmp_path, here):
     told = ran(system, RUN, tmp_path)
     assert "torque" in told["refused"]

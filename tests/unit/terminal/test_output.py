@@ -16,31 +16,28 @@ class Terminal(io.StringIO):
         return True
 
 
+def terminal(monkeypatch, stream):
+    screen = Terminal()
+    monkeypatch.setattr(sys, stream, screen)
+    return screen
+
+
 def test_elsewhere_a_table_is_separated_by_tabs(capsys):
     emit_table([["a", "1"], ["b", "2"]], ["name", "value"], title="Title")
     emit_table([["a", "1"]], ["name", "value"])
     assert capsys.readouterr().out == "Title\nname\tvalue\na\t1\nb\t2\nname\tvalue\na\t1\n"
 
 
-def test_on_a_terminal_a_table_is_drawn(monkeypatch):
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stdout", screen)
-    emit_table([["a", "1"]], ["name", "value"], title="Title")
-    assert "Title" in screen.getvalue()
-    assert "\t" not in screen.getvalue()
-
-
-def test_names_in_a_table_are_no_markup(monkeypatch):
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stdout", screen)
+def test_on_a_terminal_a_table_is_drawn_and_names_in_it_are_no_markup(monkeypatch):
+    screen = terminal(monkeypatch, "stdout")
     emit_table([["[bold]lab[/bold] :smile:", "[/]"]], ["[red]name", "value"], title="[i]Title")
     for text in ("[bold]lab[/bold] :smile:", "[/]", "[red]name", "[i]Title"):
         assert text in screen.getvalue()
+    assert "\t" not in screen.getvalue()
 
 
 def test_names_in_progress_are_no_markup(monkeypatch):
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stderr", screen)
+    screen = terminal(monkeypatch, "stderr")
     with progress_bar(shown=True) as progress:
         progress(1, 2, "[lab] [/x]")
         drawn_at_least(screen, "[lab] [/x]")
@@ -64,8 +61,7 @@ def test_progress_is_drawn_on_a_terminal_only(monkeypatch, terminal, shown):
 
 
 def test_while_it_is_paused_nothing_is_drawn(monkeypatch):
-    screen = Terminal()
-    monkeypatch.setattr(sys, "stderr", screen)
+    screen = terminal(monkeypatch, "stderr")
     with experiment_bars(shown=True) as bars:
         bars.experiment("S01", "NWC", 3, 0, 0)
         with bars.paused():
