@@ -17,6 +17,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -53,8 +54,7 @@ class NetcdfFormat:
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
         """Return every variable along one dimension, grouped by group and dimension."""
-        _check_seal(path)
-        with opened_netcdf(path) as file:
+        with _opened(path) as file:
             layout = file.attrs.get(_LAYOUT)
             contents = {
                 name: load_group(file[name] if name else file) for name in _groups_in(file, "")
@@ -70,7 +70,7 @@ class NetcdfFormat:
         """Return the requested variables; fill values become NaN, packed ones are unpacked."""
         by_group: dict[str, list[str]] = defaultdict(list)
         variables: dict[str, xr.DataArray] = {}
-        with opened_netcdf(path) as file:
+        with _opened(path) as file:
             names, available = [str(c) for c in request.columns], _variable_names(file, "")
             missing = [name for name in names if name not in available]
             if missing:
@@ -87,7 +87,7 @@ class NetcdfFormat:
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
         """Return the variables of all groups."""
-        with opened_netcdf(path) as file:
+        with _opened(path) as file:
             return _variable_names(file, "")
 
     def losses(self, content: Acquisition) -> list[str]:
@@ -103,6 +103,14 @@ class NetcdfFormat:
         """Return everything; samples are kept bit for bit."""
         data = netcdf_bytes(lambda file: _fill(file, content))
         return data + _SEAL + hashlib.sha256(data).hexdigest().encode()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a file; one of jointz that was damaged is refused before HDF5, which may hang, sees it."""
+    _check_seal(path)
+    with opened_netcdf(path) as file:
+        yield file
 
 
 def _variable_names(group: Any, prefix: str) -> list[str]:
@@ -135,7 +143,7 @@ def _history(file: Any) -> tuple[dict[str, Any], ...]:
 
 
 def _check_seal(path: Path) -> None:
-    """Refuse a file of jointz that was damaged before HDF5 sees it."""
+    """Refuse a file of jointz that was damaged."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(max(0, size - _SEAL_BYTES))
