@@ -107,7 +107,7 @@ class NetcdfFormat:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a file; one of jointz that was damaged is refused before HDF5, which may hang, sees it."""
+    """Open a file, but none of jointz that was damaged: HDF5 may hang."""
     _check_seal(path)
     with opened_netcdf(path) as file:
         yield file
