@@ -151,6 +151,6 @@ def _with_notes(exc: Exception, what: str) -> str:
 def _exit_of(exc: JointzError) -> int:
     if isinstance(exc, DeviceError):
         return EXIT_DEVICE
-    if isinstance(exc, (WriteError, EngineError, WorkerLostError)):
+    if isinstance(exc, (WriteError, EngineError, WorkerLostError, EstimationError)):
         return EXIT_NO_ESTIMATE  # the input is not to blame
     return EXIT_BAD_INPUT

@@ -1,4 +1,4 @@
-"""Read one recording that stands in a file by itself, without a study."""
+"""Read one recording from a file, without a study."""
 
 import os
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 
 from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.errors import DataError
@@ -15,6 +16,7 @@ from jointz.io.formats.columns import check_samples
 from jointz.io.formats.registry import list_columns, read_acquisition, read_table
 from jointz.io.text.column_arguments import SI_UNITS, Column, parse_column
 from jointz.io.text.units import conversion
+from jointz.io.toml_problems import shape_problems
 
 
 def read(
@@ -29,11 +31,12 @@ def read(
     Parameters
     ----------
     path : path
-        The file; its suffix says what it is (docs/formats.md).
+        The file; its suffix selects the format (docs/formats.md).
     group : str, optional
-        Which signals to read, where a file holds several groups with clocks of their own.
+        Name of the group of signals to read; required if the file has several, each with its own
+        clock.
     files : mapping, optional
-        How a text file is laid out: the keys of ``[files]`` in ``study.toml``.
+        Layout of a text file: the keys of ``[files]`` in ``study.toml``.
     **channels : str
         Channel = ``"COLUMN"`` or ``"COLUMN:UNIT"``, such as ``angle="knee:deg"``: only these
         columns are read, and converted to SI.
@@ -41,17 +44,18 @@ def read(
     Returns
     -------
     xarray.Dataset
-        One variable a signal along ``time``, with its unit in ``attrs["units"]``. Without
-        ``channels`` every signal of the file, under its own name and in its own unit; the
-        coordinate ``time`` is in s, and missing where the file has no clock.
+        One variable per signal along ``time``, with its unit in ``attrs["units"]``. Without
+        ``channels`` it has every signal of the file, under its own name and in its own unit. The
+        coordinate ``time`` is in s; it is missing if the file has no clock, or if ``channels``
+        are given without ``time``.
 
     Raises
     ------
     DataError
-        When the file is missing or damaged, a column is not there, or one of several groups has
-        to be named.
+        If the file is missing or damaged, a column, a group or a key of ``files`` is unknown, or
+        ``group`` is missing or given beside ``channels``.
     UnitError
-        When a unit is unknown, or not one of the channel.
+        If a unit is unknown or does not fit the channel.
 
     Examples
     --------
@@ -61,28 +65,29 @@ def read(
     >>> read(file, time="t", angle="pos:deg")["angle"].values.round(2).tolist()
     [0.0, 1.57]
     """
-    if channels:
-        if group is not None:
-            raise DataError("read: expected group or channels, got both. Name the columns only.")
-        return read_channels(Path(path), channels, files)[0]
-    content = read_acquisition(Path(path), FilesSpec.model_validate(files or {}))
-    return _dataset(_group_of(content, group, Path(path)), Path(path))
+    file = Path(path)
+    if not channels:
+        content = read_acquisition(file, _layout(files))
+        return _dataset(_group_of(content, group, file), file)
+    if group is not None:
+        raise DataError("read: expected group or channels, got both. Name the columns only.")
+    return read_channels(file, channels, files)[0]
 
 
 def read_channels(
     file: Path, channels: Mapping[str, str], files: Mapping[str, Any] | None = None
 ) -> tuple[xr.Dataset, dict[str, Column]]:
-    """Return columns of a file under the names of their channels, in SI, and what they are."""
+    """Read columns as channels in SI; return the dataset, and the parsed columns by channel."""
     unknown = [name for name in channels if name not in SI_UNITS]
     if unknown:
         raise DataError(
             f"read: expected channels out of {', '.join(SI_UNITS)}; got {', '.join(unknown)}. "
             "Leave the channels out to read every column under its own name."
         )
-    layout = FilesSpec.model_validate(files or {})
-    there = list_columns(file, layout) if file.is_file() else None
-    columns = {name: parse_column(text, name, there) for name, text in channels.items()}
-    keys = {name: _key(column, layout) for name, column in columns.items()}
+    layout = _layout(files)
+    column_names = list_columns(file, layout) if file.is_file() else None
+    columns = {name: parse_column(text, name, column_names) for name, text in channels.items()}
+    keys = {name: _column_key(column, layout) for name, column in columns.items()}
     table = read_table(file, numeric=list(keys.values()), files=layout)
     check_samples(file, table)
     signals = {}
@@ -94,12 +99,26 @@ def read_channels(
     return xr.Dataset(signals, attrs=attributes), columns
 
 
-def _key(column: Column, layout: FilesSpec) -> str | int:
-    """Return how the readers know a column: by its name, or by number without a header."""
+def _layout(files: Mapping[str, Any] | None) -> FilesSpec:
+    """Return the layout of a text file; refuse unknown keys and wrong values."""
+    values = files or {}
+    try:
+        return FilesSpec.model_validate(values)
+    except ValidationError as exc:
+        problems = " ".join(shape_problems(exc, FilesSpec, values))
+        raise DataError(f"read, argument files: {problems}") from exc
+
+
+def _column_key(column: Column, layout: FilesSpec) -> str | int:
+    """Return the name of a column, or its number in a file without a header."""
     if layout.header:
         return column.name
     if not column.name.isdecimal():
-        raise DataError(f"{column.name}: without a header a column is a number, from 1.")
+        raise DataError(
+            f"column '{column.name}': expected a number, because the file has no header. Count "
+            "the columns from 1.",
+            channel=column.name,
+        )
     return int(column.name)
 
 
@@ -109,11 +128,13 @@ def _group_of(content: Acquisition, name: str | None, path: Path) -> SignalGroup
         return content.groups[0]
     if name in groups:
         return groups[name]
-    raise DataError(
-        f"{path.name}: expected the name of a group of signals, one of {', '.join(groups)}; got "
-        f"{name!r}. Give group=.",
-        path=str(path),
-    )
+    if names := ", ".join(filter(None, groups)):
+        problem = f"expected group to be one of {names}; got {name!r}. Correct group."
+    elif groups:
+        problem = f"its only group of signals has no name; got {name!r}. Leave group out."
+    else:
+        problem = "it has no signals. Choose another file."
+    raise DataError(f"{path.name}: {problem}", path=str(path))
 
 
 def _dataset(group: SignalGroup, path: Path) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Base of result types: JSON, text, tables, figures, and the parameters of a fit."""
+"""Base classes of results, and their conversion to JSON, tables, figures and text."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -18,34 +18,39 @@ if TYPE_CHECKING:
 
 #: Impedance parameter -> its symbol.
 SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
-_PLAIN = {bool, int, float, str, type(None)}
+_JSON_SCALARS = {bool, int, float, str, type(None)}
 _REPR_LINES = 10
 _HTML_ROWS = 10
+#: Longest text of one field, and of a summary that is made of all fields.
+_FIELD_CHARACTERS = 60
+_SUMMARY_CHARACTERS = 300
 
 
 def _as_array(value: Any) -> Any:
     return np.asarray(value, dtype=float) if isinstance(value, list) else value
 
 
-#: An array of numbers, which JSON has as lists.
+#: Type of a field with an array of numbers, which JSON holds as a list.
 Array = Annotated[InstanceOf[np.ndarray], BeforeValidator(_as_array)]
 
 
 class Result:
-    """Base of result types, which are frozen data classes.
+    """Base of all results.
 
-    ``SCHEMA`` names a type and its version in files; ``SHOWN`` lists properties that JSON holds
-    beside the fields.
+    A subclass is a ``dataclass(frozen=True, slots=True)``, with ``eq=False`` if it has arrays. It
+    overrides :meth:`summary`, and adds ``to_frame`` if it has a table. ``SCHEMA`` is its name and
+    version in JSON; ``JSON_PROPERTIES`` are properties that JSON holds beside the fields.
     """
 
     __slots__ = ()
     SCHEMA: ClassVar[str] = ""
-    SHOWN: ClassVar[tuple[str, ...]] = ()
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON."""
         head: dict[str, Any] = {"schema": self.SCHEMA} if self.SCHEMA else {}
-        return head | _fields_of(self) | {name: plain(getattr(self, name)) for name in self.SHOWN}
+        properties = {name: plain(getattr(self, name)) for name in self.JSON_PROPERTIES}
+        return head | _fields_of(self) | properties
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -62,24 +67,28 @@ class Result:
 
     def summary(self) -> str:
         """Return a short text."""
-        return ", ".join(f"{name}={value!r}"[:60] for name, value in _fields_of(self).items())[:300]
+        texts = [f"{name}={value!r}" for name, value in _fields_of(self).items()]
+        return ", ".join(text[:_FIELD_CHARACTERS] for text in texts)[:_SUMMARY_CHARACTERS]
 
     def __repr__(self) -> str:
         lines = [f"{type(self).__name__}:", *self.summary().splitlines()]
-        return "\n".join(lines[: _REPR_LINES - 1] + ["..."] * (len(lines) >= _REPR_LINES))
+        if len(lines) > _REPR_LINES:
+            lines[_REPR_LINES - 1 :] = ["..."]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         title = escape(self.summary().partition("\n")[0])
         if hasattr(self, "to_frame"):
             table = self.to_frame()
         else:
-            table = pd.DataFrame({k: [str(v)[:60]] for k, v in _fields_of(self).items()}).T
+            values = {k: str(v)[:_FIELD_CHARACTERS] for k, v in _fields_of(self).items()}
+            table = pd.Series(values).to_frame()
         html = table.to_html(max_rows=_HTML_ROWS, max_cols=12, border=0, na_rep="")
         return f"<p>{title}</p>\n{html}"
 
 
 class PlottedResult(Result):
-    """Base of results with a figure, which ``_draw`` draws."""
+    """Base of results with a figure; a subclass draws it in ``_draw``."""
 
     __slots__ = ()
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 4.0)  # inches
@@ -105,23 +114,23 @@ class PlottedResult(Result):
         raise NotImplementedError
 
 
-class _Named(Protocol):
+class _HasName(Protocol):
     @property
     def name(self) -> str: ...
 
 
-_P = TypeVar("_P", bound=_Named)
+_ParameterT = TypeVar("_ParameterT", bound=_HasName)
 
 
-class ParameterResult(PlottedResult, Generic[_P]):
-    """Base of results with parameters: each by its name."""
+class ParameterResult(PlottedResult, Generic[_ParameterT]):
+    """Base of results with parameters, such as ``fit.stiffness``."""
 
     __slots__ = ()
     if TYPE_CHECKING:
-        parameters: tuple[_P, ...]
+        parameters: tuple[_ParameterT, ...]
 
-    def parameter(self, name: str) -> _P:
-        """Return a parameter by name; raise KeyError where the fit has none of this name."""
+    def parameter(self, name: str) -> _ParameterT:
+        """Return a parameter by name; raise KeyError if the fit has no such parameter."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
@@ -129,30 +138,30 @@ class ParameterResult(PlottedResult, Generic[_P]):
         raise KeyError(f"no parameter {name!r} in this fit; it has {known}")
 
     @property
-    def stiffness(self) -> _P:
+    def stiffness(self) -> _ParameterT:
         """The stiffness K."""
         return self.parameter("stiffness")
 
     @property
-    def damping(self) -> _P:
+    def damping(self) -> _ParameterT:
         """The damping B."""
         return self.parameter("damping")
 
     @property
-    def inertia(self) -> _P:
+    def inertia(self) -> _ParameterT:
         """The inertia J."""
         return self.parameter("inertia")
 
 
 class Fit(ParameterResult["ParameterEstimate"]):
-    """Base of fits with parameters, which JSON holds by name."""
+    """Base of fits; JSON holds their parameters by name."""
 
     __slots__ = ()
     #: Properties of the fit that every row of its table repeats.
     COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "model", "estimator")
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter."""
+        """Return one row per parameter."""
         names = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
         table = record_frame(self.parameters, ("name", *names)).rename(
             columns={"name": "parameter"}
@@ -178,16 +187,19 @@ class Fit(ParameterResult["ParameterEstimate"]):
         return super().from_dict({**data, "parameters": parameters})
 
 
+# --- JSON --------------------------------------------------------------------------------------
+
+
 def checked_values(data: Mapping[str, Any], schema: str) -> dict[str, Any]:
-    """Return a saved result without its schema, after checking it."""
+    """Return a saved result without its schema; raise ValueError for another schema."""
     if data.get("schema") != schema:
         raise ValueError(f"expected schema {schema!r}, got {data.get('schema')!r}")
     return {name: value for name, value in data.items() if name != "schema"}
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON has it: data classes as dictionaries, tuples and arrays as lists."""
-    if type(value) in _PLAIN:
+    """Return a value for JSON: data classes as dictionaries, tuples and arrays as lists."""
+    if type(value) in _JSON_SCALARS:
         return value
     if isinstance(value, Result):
         return value.to_dict()
@@ -211,24 +223,29 @@ def _adapter(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
+# --- tables, figures and text ------------------------------------------------------------------
+
+
 def record_frame(records: Iterable[Any], columns: Iterable[str]) -> pd.DataFrame:
-    """Return one row a record: its attributes of these names."""
+    """Return a table with one row per record and one column per attribute."""
     names = list(columns)
     return pd.DataFrame([[getattr(r, name) for name in names] for r in records], columns=names)
 
 
 def columns_with(kind: type, column: str, *, after: str) -> list[str]:
-    """Return the fields of a record, and one of its properties behind a field."""
+    """Return the names of the fields of a record type, with ``column`` inserted after one."""
     columns = [f.name for f in fields(kind)]
     columns.insert(columns.index(after) + 1, column)
     return columns
 
 
 def axes_or_new(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
-    """Return the axes, those of a new figure (width and height in inches) for None."""
+    """Return the axes, or those of a new figure (width and height in inches) if None."""
+    if ax is not None:
+        return ax
     import matplotlib.pyplot as plt
 
-    return ax if ax is not None else plt.subplots(figsize=size, layout="constrained")[1]
+    return plt.subplots(figsize=size, layout="constrained")[1]
 
 
 def summary_text(title: str, lines: Iterable[str], notes: Iterable[str] = ()) -> str:

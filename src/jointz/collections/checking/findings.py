@@ -74,7 +74,7 @@ class CatalogBuild(Result):
     """A catalog that was written."""
 
     SCHEMA: ClassVar[str] = "jointz.CatalogBuild/1"
-    SHOWN: ClassVar[tuple[str, ...]] = ("skipped_entries",)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("skipped_entries",)
 
     catalog: str  # the file
     entries: tuple[str, ...]  # folders of the entries in it

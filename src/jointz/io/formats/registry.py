@@ -1,4 +1,4 @@
-"""Registry of file formats: reads columns for a study and whole files, and writes files.
+"""Registry of file formats, and functions that read or write a file in its format.
 
 A format registers by an entry point of the group ``jointz.formats``: its name is the suffix, its
 value a class that implements :class:`Format`. It is loaded when a file of its suffix is used.
@@ -34,24 +34,28 @@ BUILT_IN: Mapping[str, str] = {
 
 
 class Format(Protocol):
-    """A file format; :class:`jointz.io.formats.group_format.GroupFormat` does most of it."""
+    """A file format.
 
-    name: str
+    To add a format, derive from :class:`jointz.io.formats.group_format.GroupFormat`: it needs
+    ``name`` and ``read`` only.
+    """
+
+    name: str  # as messages call the format, such as "text table"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
-        """Return all that a file holds, nothing interpolated, nothing converted."""
+        """Return the whole content of a file, neither interpolated nor converted."""
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested columns."""
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
-        """Return the names of the columns, None where that means reading the file."""
+        """Return the column names; None if only reading the samples would show them."""
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content the format cannot hold, a sentence each."""
+        """Return what writing would lose, one sentence per loss."""
 
     def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return the bytes of a file that holds what the format can hold of a content."""
+        """Return the bytes of the file, without what :meth:`losses` lists."""
 
 
 def read_table(
@@ -63,8 +67,8 @@ def read_table(
     as_written: bool = False,
     from_zero: bool = False,
 ) -> RawTable:
-    """Read columns of a file; the file is never modified."""
-    reader = _format_of_file(path)
+    """Read columns of a file; the other arguments are the fields of :class:`TableRequest`."""
+    file_format = _format_of_existing(path)
     request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
     both = {str(c) for c in numeric} & {str(c) for c in labels}
     if both:
@@ -74,7 +78,7 @@ def read_table(
             "them.",
         )
     try:
-        table = reader.read_columns(path, request)
+        table = file_format.read_columns(path, request)
     except OSError as exc:
         raise damaged(path, exc) from exc
     lengths = {name: len(values) for name, values in table.columns.items()}
@@ -88,72 +92,76 @@ def read_table(
 
 def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
     """List the columns of a file without reading its samples."""
-    reader = _format_of_file(path)
+    file_format = _format_of_existing(path)
     try:
-        return reader.list_columns(path, files)
+        return file_format.list_columns(path, files)
     except OSError as exc:
         raise damaged(path, exc) from exc
 
 
 def read_acquisition(path: Path, files: FilesSpec | None = None) -> Acquisition:
-    """Read all that a file holds; the file is never modified.
+    """Read the whole content of a file.
 
     Parameters
     ----------
     path : pathlib.Path
-        The file; its suffix says what it is.
+        The file; its suffix selects the format.
     files : FilesSpec, optional
         How text files are laid out.
 
     Raises
     ------
     DataError
-        When the file is missing, unknown or damaged.
+        If the file is missing or damaged, or no format has its suffix.
     """
-    reader = _format_of_file(path)
+    file_format = _format_of_existing(path)
     try:
-        return reader.read(path, files or FilesSpec())
+        return file_format.read(path, files or FilesSpec())
     except OSError as exc:
         raise damaged(path, exc) from exc
 
 
 def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) -> list[str]:
-    """Write a content in the format of the file's suffix, whole or not at all."""
-    kind = format_of(path)
-    lost = kind.losses(content)
-    if lost and not lossy:
+    """Write a file in the format of its suffix, whole or not at all; return what was lost.
+
+    Losses are refused unless ``lossy`` allows them.
+    """
+    file_format = format_of(path)
+    losses = file_format.losses(content)
+    if losses and not lossy:
         raise file_error(
             path,
-            f"{kind.name} cannot hold all of it: {' '.join(lost)} Choose another format, or say "
-            "that this may be left out (--lossy).",
+            f"{file_format.name} cannot hold all of it: {' '.join(losses)} Choose another format, "
+            "or allow the losses (--lossy).",
         )
-    data = kind.encode(content, path)
+    data = file_format.encode(content, path)
     with whole_file(path, "Make room or name another place.") as partial:
         partial.write_bytes(data)
-    return lost
+    return losses
 
 
 def format_of(path: Path) -> Format:
-    """Return the format of a file's suffix; the longest suffix that fits wins."""
+    """Return the format of a file by its suffix; of several that match, the longest counts."""
     name = path.name.lower()
-    known = _formats()
-    fitting = [suffix for suffix in known if name.endswith(suffix)]
-    if not fitting:
+    formats = _formats()
+    matches = [suffix for suffix in formats if name.endswith(suffix)]
+    if not matches:
         raise file_error(
             path,
             "no format for this kind of file; expected one of "
-            f"{', '.join(sorted(known))}. Convert the file, or correct its suffix.",
+            f"{', '.join(sorted(formats))}. Convert the file, or correct its suffix.",
         )
-    return _loaded(known[max(fitting, key=len)])
+    return _load_format(formats[max(matches, key=len)])
 
 
-def _format_of_file(path: Path) -> Format:
-    kind = format_of(path)
+def _format_of_existing(path: Path) -> Format:
+    """Return the format of a file to be read, after checking that the file exists."""
+    file_format = format_of(path)
     if not path.is_file():
         raise DataError(
-            f"{path}: no such file. Correct the name or bring the file.", path=str(path)
+            f"{path}: no such file. Correct the path or copy the file there.", path=str(path)
         )
-    return kind
+    return file_format
 
 
 @cache
@@ -163,5 +171,5 @@ def _formats() -> Mapping[str, EntryPoint]:
 
 
 @cache
-def _loaded(entry: EntryPoint) -> Format:
+def _load_format(entry: EntryPoint) -> Format:
     return cast("Format", entry.load()())

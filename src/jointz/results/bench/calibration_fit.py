@@ -57,7 +57,7 @@ ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
 class CalibrationEntry(Result):
     """One calibrated value."""
 
-    SHOWN: ClassVar[tuple[str, ...]] = ("unit",)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("unit",)
 
     name: str  # a key of :data:`ENTRY_UNITS`
     value: float | None  # SI; None where there is none
@@ -121,7 +121,7 @@ class CalibrationFit(PlottedResult):
     """The result of one calibration step of one participant."""
 
     SCHEMA: ClassVar[str] = "jointz.CalibrationFit/1"
-    SHOWN: ClassVar[tuple[str, ...]] = ("status",)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("status",)
 
     step: str  # one of :data:`STEPS`
     entries: tuple[CalibrationEntry, ...]  # what goes into ``[calibration]``, also where it failed

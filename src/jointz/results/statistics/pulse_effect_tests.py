@@ -99,7 +99,7 @@ class PulseCount(Result):
         How many of how many; undecided ones count in neither.
     """
 
-    SHOWN: ClassVar[tuple[str, ...]] = ("share_pct",)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("share_pct",)
 
     claim: str
     analysis: str
@@ -132,7 +132,7 @@ class PulseEffects(PlottedResult):
     """
 
     SCHEMA: ClassVar[str] = "jointz.PulseEffects/1"
-    SHOWN: ClassVar[tuple[str, ...]] = ("counts",)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("counts",)
 
     tests: tuple[PulseTest, ...]
     means: tuple[PulseMeans, ...]
