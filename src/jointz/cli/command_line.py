@@ -17,6 +17,7 @@ from jointz.conversion.command import convert
 from jointz.core.errors import (
     DeviceError,
     EngineError,
+    EstimationError,
     JointzError,
     WorkerLostError,
     WriteError,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
-__all__ = ["Finding", "OtherDevice", "Printed", "row_mean"]
+__all__ = ["row_mean"]
 
 Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "worth knowing"]
 

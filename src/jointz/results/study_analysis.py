@@ -185,9 +185,8 @@ class StudyAnalysis(Result):
         at = table["onset_gait_pct"] if walking else table["timing_point"].map(places)
         people = list(table.groupby(["participant", "session", "side"], sort=False))
         for number, (key, rows) in enumerate(people):
-            # Beside each other, so that intervals at one onset can be told apart.
-            beside = (number - (len(people) - 1) / 2) * (0.4 if walking else 0.05)
-            # An interval need not hold the value: it is drawn as it is.
+            # Groups have one place; intervals stand beside each other. Onsets differ by themselves.
+            beside = 0.0 if walking else (number - (len(people) - 1) / 2) * 0.05
             (line,) = axes.plot(
                 at[rows.index] + beside, rows["value"], "o-", label=row_label(*map(str, key))
             )
