@@ -3,7 +3,6 @@
 import pytest
 
 from jointz.analysis.certify import certify, checked_injection
-from jointz.identify.appraisal.certificate_study import replicates_for
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +71,3 @@ def test_values_that_make_no_sense_are_refused(given, message):
 
     with pytest.raises(ValueError, match=message):
         checked_injection(**asked, lag_s=lag_s, timing_points=["LRE"])
-
-
-def test_at_least_one_injection_is_wanted(small_study_source):
-    with pytest.raises(ValueError, match="replicates: expected at least 1, got 0"):
-        certify(small_study_source, replicates=0)
-
-
-def test_fifty_virtual_participants_in_all_are_usual():
-    assert [replicates_for(n) for n in (1, 10, 50, 400)] == [50, 5, 1, 1]

@@ -3,10 +3,8 @@
 import json
 from io import BytesIO
 
-import numpy as np
 import pandas as pd
 
-from jointz.analysis.page.details_tables import details_frame
 from jointz.analysis.results_folder import csv_bytes, write_results
 from jointz.core.events import PulseRecord, StrideRecord
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -22,17 +20,6 @@ def analysis(*, models=()):
         budget={"stiffness": {"noise": 3.0, "lag": 4.0}},
     )  # fmt: skip
     return StudyAnalysis((cell,), models=models)
-
-
-def test_details_are_written_for_every_analysis(tmp_path):
-    write_results(analysis(), tmp_path / "out")
-    table = pd.read_csv(tmp_path / "out" / "details.csv")
-    (row,) = table.to_dict("records")
-    assert row["unbounded"] == 21.5
-    assert row["sd"] == 5.0
-    assert np.isnan(row["value"])
-    assert list(table.columns) == list(details_frame(StudyAnalysis(cells=())).columns)
-    assert not (tmp_path / "out" / "models.csv").exists()
 
 
 def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():

@@ -8,7 +8,7 @@ import pytest
 
 import jointz
 from jointz.analysis.simulate_study import simulate_study
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError
 from jointz.demo.demo_study import truth_table
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.sim.direct_walk import WalkPlan, walk_directly
@@ -103,10 +103,3 @@ def test_what_makes_no_sense_is_refused_and_nothing_written(options, told, tmp_p
     with pytest.raises(DataError, match=told):
         simulate_study(tmp_path / "study", **options)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_exists_is_kept(study):
-    before = (study / "study.toml").read_text()
-    with pytest.raises(OutputError):
-        simulate_study(study, plan=FEW)
-    assert (study / "study.toml").read_text() == before

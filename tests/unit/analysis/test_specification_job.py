@@ -49,21 +49,6 @@ def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
         assert found == own[row.timing_point, row.parameter]
 
 
-def test_the_dissertations_own_choice_is_one_of_them(curve, small_study_source):
-    own = analyze(small_study_source, method="dissertation", resamples=20)
-    wanted = {
-        c.timing_point: c.parameter("stiffness").value for c in own.cells if c.participant == "S02"
-    }
-    rows = {
-        e.timing_point: e.value
-        for e in curve.estimates
-        if (e.method, e.baseline, e.window_s, e.parameter)
-        == ("dissertation", "unperturbed_mean", 0.1, "stiffness")
-    }
-
-    assert rows == wanted
-
-
 def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
     table = specification_curve(
         small_study_source, windows_s=(0.1, 0.2), cutoffs_hz=(20.0,), resamples=20
@@ -87,17 +72,6 @@ def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
     assert set(table["status"]) == {"failed:no_perturbed_recording"}
     assert set(table["timing_point"]) == {"LRE", "MST", "TST", "PSW", "ISW", "MSW"}
     assert len(table) == 18 * (3 * 5 * 3 + 2 * 5 * 3)
-
-
-def test_a_perturbed_recording_without_a_pulse_leaves_no_row_out(small_study):
-    small_study.edit_table("S02_perturbed.csv", lambda samples: samples.assign(command=0.0))
-
-    table = specification_curve(
-        small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20
-    ).to_frame()
-
-    assert set(table["status"]) == {"failed:no_pulses"}
-    assert len(table) == 18 * (3 * 3 + 2)
 
 
 def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
@@ -130,10 +104,3 @@ def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
 def test_choices_that_make_no_sense_are_refused(small_study_source, asked, message):
     with pytest.raises(ValueError, match=message):
         specification_curve(small_study_source, **asked)
-
-
-def test_a_bench_study_is_refused(small_study):
-    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
-
-    with pytest.raises(ValueError, match="expected a walking study"):
-        specification_curve(small_study.root)
