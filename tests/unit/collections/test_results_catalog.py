@@ -57,16 +57,6 @@ def test_every_estimate_of_every_folder_stands_in_it(results, tmp_path):
     assert row["with_stiffness"].item() == cell["with_stiffness"]
 
 
-def test_masses_come_from_the_study(results):
-    build_results_catalog([results], out=results / "one.parquet")
-
-    told = json.loads((results / "deep" / "ours" / "provenance.json").read_text())["study"]
-    table = query_catalog(results / "one.parquet").to_frame()
-    masses = table.groupby("participant")["mass_kg"].first().to_dict()
-    assert masses == {person["id"]: person["mass_kg"] for person in told["participants"]}
-    assert set(table["activity"]) == {"walking"}
-
-
 def test_broken_folders_are_named_and_skipped(results, tmp_path):
     for name in ("fine", "cut", "strange", "without"):
         shutil.copytree(results / "deep" / "ours", tmp_path / name)
