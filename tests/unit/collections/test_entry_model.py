@@ -55,7 +55,6 @@ def test_two_conditions_may_not_share_a_name_or_a_file(content):
 
 # --- results -------------------------------------------------------------------------------------
 
-FINDING = Finding("lab", "unit", "estimates.csv, row 2", "stiffness in N*m/rad", "'N*m/deg'")
 
 
 def test_the_median_onset_is_one_on_the_cycle():

@@ -117,10 +117,6 @@ def test_every_curve_gives_a_small_figure_of_double_column_width():
         assert len(svg) < 300_000
 
 
-def test_a_figure_without_its_curve_is_left_out():
-    assert list(draw_chapter4(CURVES | {"strides": None})) == SIMULATED[1:]
-
-
 @pytest.mark.parametrize("name", SIMULATED)
 def test_nothing_reaches_beyond_the_edge_or_into_the_legend(name):
     figure = drawn(name)
