@@ -1,6 +1,5 @@
 import re
 import time
-import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -118,19 +117,6 @@ def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
         assert matplotlib.rcParams["font.size"] == 30.0
 
 
-def test_names_that_the_font_cannot_write_are_drawn_without_a_word(recommended):
-    """Warnings are errors here: none of a missing glyph may come."""
-    named = replace(
-        recommended,
-        cells=tuple(replace(c, participant=f"李{c.participant}") for c in recommended.cells),
-    )
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        drawn = draw_figures(named)
-    assert drawn
-    assert not [str(w.message) for w in told]
-
-
 def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
     """A font that comes with matplotlib stands for one of Chinese."""
     monkeypatch.setattr(figure_files, "_OTHER_FONTS", ("No Such Font", "DejaVu Sans Mono"))
@@ -210,17 +196,6 @@ def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(rec
     np.testing.assert_allclose(fitted.get_ydata()[:-1], np.degrees(cell.response.fitted_angle))
     assert len(torque.lines) == 2  # the measured one, and the level of zero
     assert f"n 48\n{cell.vaf_pct:.1f} %" in labels(angle.texts)
-
-
-def test_the_axis_of_steps_of_the_angle_names_no_command(walking):
-    one = only_group(walking, "S01", "LRE")
-    steps = replace(one, provenance={"study": {"perturbations": {"source": "angle"}}})
-    for analysis, label in (
-        (one, "Time from commanded onset (ms)"),
-        (steps, "Time from onset (ms)"),
-    ):
-        figure = plot(draw_responses, analysis)
-        assert figure.axes[0].get_xlabel() == label
 
 
 def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):

@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from itertools import cycle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,32 +52,22 @@ def test_what_a_study_does_not_hold_is_not_written(recommended):
     assert not re.search(r"\bnan\b", text)
 
 
+CURRENT = {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0}
+OPPOSITE = {"positive": "flexion", "channels": {"torque": {"positive": "extension"}}}
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({}, "Torque was measured on the device, and its sign inverted to give the torque on the"),
+        ({}, "measured on the device, and its sign inverted to give the torque on the"),
         ({"torque_acts_on": "joint"}, "Torque was measured and is the torque on the joint."),
         (
-            {
-                "channels": {"current": {}},
-                "torque_model": {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0},
-            },
+            {"channels": {"current": {}}, "torque_model": CURRENT},
             "from the current of the motor by equation 4.1 (dissertation, 4.2) with gear ratio "
             "9, torque constant 0.11 N·m/A. It is the torque on the joint.",
         ),
-        (
-            {"positive": "flexion", "channels": {"torque": {"positive": "extension"}}},
-            "Torque was measured on the device, with the opposite positive direction, so that it "
-            "equals the torque on the joint.",
-        ),
-        (
-            {
-                "torque_acts_on": "joint",
-                "positive": "flexion",
-                "channels": {"torque": {"positive": "extension"}},
-            },
-            "Torque was measured and is the torque on the joint, with its sign inverted.",
-        ),
+        (OPPOSITE, "on the device, with the opposite positive direction, so that it equals the"),
+        (OPPOSITE | {"torque_acts_on": "joint"}, "on the joint, with its sign inverted."),
     ],
 )
 def test_the_path_of_the_torque_is_that_of_the_study(recommended, changes, said):
@@ -227,14 +216,6 @@ def test_a_bench_subtracts_a_recording_and_nobody_walks_there(walking):
     assert "at the same time since the beginning." in text
 
 
-def test_what_a_case_subtracted_is_its_own(bench):
-    whole = tuple(replace(c, method="full_record", baseline="none") for c in bench.cells[1:])
-    other = replace(bench.cells[0], method="dissertation", baseline="unperturbed_mean")
-    settings = {**bench.settings, "method": "full_record", "baseline": "none"}
-    text = methods_text(replace(bench, cells=(*whole, other), settings=settings))
-    assert "The unperturbed recording most similar in session, side and trial" in text
-
-
 def test_the_dissertation_reports_a_mean_over_resamples_with_its_own_baseline_only(walking):
     told = "The mean over the bootstrap resamples is reported."
     letter = by_method(walking, "dissertation", kind="walking", baseline="unperturbed_mean")
@@ -325,10 +306,3 @@ def test_friction_is_given_if_the_torque_is_from_current(recommended, from_curre
     estimate = f"Estimated actual over stated friction of the actuator, ± SD: {each}."
     for said in (estimate, "actual over stated friction 1 ± 0.2;"):
         assert (said in text) is from_current
-
-
-def test_the_program_has_one_title_everywhere():
-    root = Path(__file__).parents[3]
-    (title,) = re.findall(r'^title: "(.+)"$', (root / "CITATION.cff").read_text(), re.MULTILINE)
-    assert title in CITATIONS["jointz"].full
-    assert title in (root / "docs" / "cite.md").read_text()

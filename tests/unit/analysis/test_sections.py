@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from jointz.analysis.page.certificate_section import certificate_section
@@ -60,23 +59,6 @@ def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study
         held = [recording(condition, m) for m in recommended.models]
         known = replace(recommended, provenance={"study": {"recordings": held}})
         assert ("does not cause a difference here" in reasons(known)["Lag."]) is not apart
-
-
-def test_a_calibrated_lag_that_one_method_shifts_out_sets_no_angles_apart(recommended):
-    lags = {m.participant: m.lag_s for m in recommended.models}
-    people = [{"id": p, "calibration": {"angle_lag_s": {"value": lag_s, "sd": 1e-4}}}
-              for p, lag_s in lags.items()]  # fmt: skip
-    mine = {(c.participant, c.timing_point): c.response for c in recommended.cells}
-
-    def shifted(cell):
-        late = round(1e3 * lags[cell.participant])  # samples of 1 ms
-        angle = mine[cell.participant, cell.timing_point].angle
-        early = np.append(angle[late:], np.zeros(late))
-        return replace(cell, response=replace(cell.response, angle=early))
-
-    same = tuple(map(shifted, recommended.comparison))
-    known = replace(recommended, comparison=same, provenance={"study": {"participants": people}})
-    assert {row["apart"] for row in differences_section(known)["rows"]} == {"0.0"}
 
 
 def test_estimates_at_the_bound_are_counted(recommended):

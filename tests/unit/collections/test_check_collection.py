@@ -467,16 +467,6 @@ def test_what_is_accepted_of_one_place_is_found_at_others(tmp_path, where, left)
     assert len(found.accepted) == 3 - left
 
 
-def test_what_is_accepted_of_no_such_place_is_named(tmp_path):
-    write_entry(tmp_path / "lab-a", seed=3, change=stiff_in_both({"condition": "slower"}))
-    write_entry(tmp_path / "lab-b", seed=4, change=stiff_in_both({"parameter": "stiff"}))
-
-    told = check_collection(tmp_path).summary()
-
-    assert "accepted[1].where.condition: expected one of walking 0.7, faster" in told
-    assert "accepted[1].where.parameter: expected one of stiffness, damping" in told
-
-
 def test_a_size_that_nobody_can_look_at_is_not_called_fine(tmp_path):
     def trunk(spec, tables):
         spec["joint"] = {"name": "trunk", "side": "right", "positive": "flexion"}

@@ -9,7 +9,6 @@ from benchmarks.collection_entries import write_entry
 from typer.testing import CliRunner
 
 from jointz.cli.command_line import app
-from jointz.core.errors import DataError
 
 
 @pytest.fixture(scope="module")
@@ -71,16 +70,6 @@ def test_a_query_that_finds_nothing_ends_with_1(collection):
 
     assert done.exit_code == 1
     assert json.loads(done.stdout)["status"] == "nothing_found"
-
-
-def test_a_method_that_there_is_not_is_bad_input(collection):
-    pytest.importorskip("duckdb")
-    call("build", collection, "--quiet")
-
-    done = call("pool", collection, "--reanalyse", "foo")
-
-    assert isinstance(done.exception, DataError)
-    assert "reanalyse: method: expected one of recommended" in str(done.exception)
 
 
 def test_pool_writes_tables_and_the_page_of_what_is_known(collection, tmp_path):

@@ -11,7 +11,6 @@ from pydantic import ValidationError
 
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter, QueryResult
-from jointz.collections.checking.findings import Finding
 from jointz.collections.entry_model import Entry
 
 
@@ -54,7 +53,6 @@ def test_two_conditions_may_not_share_a_name_or_a_file(content):
 
 
 # --- results -------------------------------------------------------------------------------------
-
 
 
 def test_the_median_onset_is_one_on_the_cycle():
