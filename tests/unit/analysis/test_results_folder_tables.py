@@ -43,22 +43,6 @@ def test_models_are_written_where_there_are_any(tmp_path):
     assert row == found.to_dict() | {"doubts": "a b"}
 
 
-def test_what_goes_into_a_paper_is_written(tmp_path):
-    write_results(analysis(), tmp_path / "out")
-    out = tmp_path / "out"
-    assert {p.name for p in (out / "tables").iterdir()} == {
-        "captions.txt", "estimates.csv", "estimates.tex",
-    }  # fmt: skip
-    table = pd.read_csv(out / "tables" / "estimates.csv", encoding="utf-8-sig")
-    (row,) = table.to_dict("records")
-    assert row["K (N·m/rad)"] == "\N{EM DASH}"
-    assert row["Note"] == "K undecided"
-    assert "so none is given" in (out / "tables" / "captions.txt").read_text(encoding="utf-8")
-    text = (out / "methods.txt").read_text(encoding="utf-8")
-    assert "Of 50 pulses, 50 were used. Of 1 estimate, 0 ok; 1 undecided" in text
-    assert r"\paragraph{References}" in (out / "methods.tex").read_text(encoding="utf-8")
-
-
 def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, analyze, tmp_path):
     analyze(small_study)
     out = tmp_path / "results"

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from tests.unit.report.pages import Page, words
 
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import draw_figures
@@ -11,8 +12,6 @@ from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
-
-from .test_report_page import Page, words
 
 
 def reasons(analysis):

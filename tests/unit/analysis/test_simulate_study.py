@@ -30,6 +30,10 @@ def test_the_folder_opens_as_a_study_of_both_walks(study):
 
     assert [r.condition for r in opened.spec.recordings] == ["unperturbed", "perturbed"]
     assert opened.spec.perturbations.timing_points == dict(FEW.timing_points)
+    truth = json.loads((study / "ground_truth.json").read_text())
+    points = truth["participants"]["S01"]["perturbed"]["timing_points"]
+    assert set(points) == set(FEW.timing_points)
+    assert points["LRE"]["stiffness"] > 20.0
 
 
 def test_recordings_are_what_the_rig_walked(study):
@@ -54,14 +58,6 @@ def test_the_lag_is_known_as_well_as_was_asked(study):
 
     assert lag.sd == 0.001
     assert 0.0 < abs(lag.value - true_s) < 0.005
-
-
-def test_the_truth_stands_beside_it_in_the_shape_of_a_run(study):
-    truth = json.loads((study / "ground_truth.json").read_text())
-
-    points = truth["participants"]["S01"]["perturbed"]["timing_points"]
-    assert set(points) == set(FEW.timing_points)
-    assert points["LRE"]["stiffness"] > 20.0
 
 
 def test_without_errors_the_estimates_are_the_truth(tmp_path):

@@ -5,6 +5,8 @@ import pytest
 from jointz.analysis.analyze import analyze
 from jointz.analysis.specification_job import specification_curve
 
+from .studies import without_recordings
+
 
 @pytest.fixture(scope="module")
 def curve(small_study_source):
@@ -62,10 +64,7 @@ def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
 
 
 def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
-    lines = small_study.toml.split("[[recordings]]")
-    kept = [part for part in lines if not ('"S02"' in part and '"perturbed"' in part)]
-    assert len(kept) < len(lines)
-    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+    without_recordings(small_study, "S02", "perturbed")
 
     table = specification_curve(small_study.root, participant="S02", resamples=20).to_frame()
 
@@ -75,10 +74,7 @@ def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
 
 
 def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
-    lines = small_study.toml.split("[[recordings]]")
-    kept = [part for part in lines if not ('"S02"' in part and '"unperturbed"' in part)]
-    assert len(kept) < len(lines)
-    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+    without_recordings(small_study, "S02", "unperturbed")
 
     table = specification_curve(
         small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20

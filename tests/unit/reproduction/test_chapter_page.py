@@ -1,8 +1,8 @@
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
+from tests.unit.report.pages import Page as HtmlPage
 
 from jointz.reproduction.chapter2_figures import draw_chapter2
 from jointz.reproduction.chapter_page import render_chapter, render_validation
@@ -16,7 +16,6 @@ from jointz.reproduction.reproduction_tables import (
     ParticipantGrid,
 )
 
-VOID = {"meta", "br"}
 MINUS = "\N{MINUS SIGN}"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 
@@ -57,39 +56,21 @@ REPRODUCTION = Reproduction(
 )
 
 
-class Page(HTMLParser):
-    """Gathers the rows of tables as text, tags, links and ids; checks that tags close in order."""
+class Page(HtmlPage):
+    """Gathers the cells of tables, too: their classes and texts."""
 
     def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.ids, self.links, self.cells, self.order = [], [], [], [], [], []
-        self.text = ""
-        self.feed(html)
-        self.close()
+        self.cells = []
+        super().__init__(html)
         assert self.open == []
 
     def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        found = dict(attrs)
-        self.ids += [found["id"]] if "id" in found else []
-        self.links += [found[k] for k in ("href", "xlink:href", "src") if k in found]
+        super().handle_starttag(tag, attrs)
         if tag in ("td", "th"):
-            self.cells.append([found.get("class", ""), ""])
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
+            self.cells.append([dict(attrs).get("class", ""), ""])
 
     def handle_data(self, data):
-        if "style" in self.open:
-            return
-        self.text += data
+        super().handle_data(data)
         if {"td", "th"} & set(self.open):
             self.cells[-1][1] += data
 
