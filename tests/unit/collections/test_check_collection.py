@@ -528,6 +528,15 @@ def test_printed_numbers_are_numbers(tmp_path, column, value, code):
     assert code in codes
 
 
+def test_only_plausibility_can_be_accepted(tmp_path):
+    accepted = [{"code": "consent_forbids", "reason": "we would like to"}]
+    write_entry(tmp_path / "lab", seed=3, change=set_spec("accepted", value=accepted))
+
+    (finding,) = check_collection(tmp_path).findings
+
+    assert finding.code == "accepted_unknown"
+
+
 def test_a_folder_that_is_no_collection_is_refused(tmp_path):
     with pytest.raises(DataError, match="found none"):
         check_collection(tmp_path)

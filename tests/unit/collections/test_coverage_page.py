@@ -124,23 +124,6 @@ def test_why_a_place_is_not_known_is_what_its_studies_say(
     assert re.findall("<span>([^<]+)<", cell) == told
 
 
-def test_what_was_asked_for_stands_on_the_page(tables: CollectionPool) -> None:
-    asked = {"joint": ["knee"], "phase_pct": [90.0, 10.0], "with_printed": True,
-             "reanalyse": "recommended", "by": ["joint", "timing_point"]}  # fmt: skip
-    page = page_of(tables, asked=asked)
-    assert (
-        "Only a part of the collection was pooled: joint knee; phase 90 to 10 %. &ldquo;Not" in page
-    )
-    assert "<h2>What is missing in this part</h2>" in page
-    assert (
-        "Settings: joint knee; phase 90 to 10 %; with printed; reanalyse recommended; "
-        "by joint, timing_point." in page
-    )
-    everything = page_of(tables, asked={"by": ["joint"]})
-    assert "<h2>What is missing</h2>" in everything
-    assert "Only a part of the collection" not in everything
-
-
 def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) -> None:
     seated = pooled_row(joint="elbow", activity="seated", timing_point="rest")
     pooled = pd.DataFrame([*tables.table.assign(activity="walking").to_dict("records"), seated])

@@ -106,6 +106,16 @@ def test_a_draft_that_is_filled_in_has_no_problem(results, tmp_path):
     assert check_entry(tmp_path / "lab").findings == ()
 
 
+def test_covariances_of_the_results_go_with_them(results, tmp_path):
+    (tmp_path / "made" / "covariance.csv").rename(results / "covariance.csv")
+
+    content = tomllib.loads(make_entry(results, out=tmp_path / "lab", study_id="lab").read_text())
+
+    assert content["conditions"][0]["covariance"] == "covariance.csv"
+    assert set(content["hashes"]) == {"estimates.csv", "covariance.csv"}
+    assert (tmp_path / "lab" / "covariance.csv").is_file()
+
+
 def test_an_id_that_is_none_is_refused_before_anything_is_written(results, tmp_path):
     with pytest.raises(DataError, match=r"found 'our knees'\. Choose one: --id"):
         make_entry(results, out=tmp_path / "Our Knees", study_id="our knees")
