@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import json
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from jointz.analysis import participant_jobs as participants
 from jointz.analysis.analyze import analyze
 from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
 from jointz.io.study_reader import open_study
-from jointz.results.study_analysis import StudyAnalysis
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore
@@ -86,24 +84,24 @@ def test_processes_find_what_one_process_finds(small_study_source, whole):
     assert list(shared.provenance["inputs"]) == list(whole.provenance["inputs"])
 
 
-def test_problems_of_recordings_come_out_of_processes(small_study):
-    opened = open_study(small_study.root)
-    for entry in small_study.root.glob("*perturbed.csv"):
-        entry.write_text("spoiled")
-    with (
-        open_engine(workers=2, tasks=2, needs="jointz.analysis.participant_jobs") as engine,
-        pytest.raises(StudyError) as shared,
-    ):
-        analyze(opened, resamples=2, engine=engine)
-    with pytest.raises(StudyError) as alone:
-        analyze(opened, resamples=2)
-    assert shared.value.problems == alone.value.problems
-
-
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (
+            ZeroDivisionError("planted"),
+            "S01 (seed 3): the program failed (ZeroDivisionError: planted)",
+        ),
+        (WorkerLostError("S01: its worker was killed."), "S01: its worker was killed."),
+        (
+            MemoryError("2 GiB"),
+            "S01: too little memory (2 GiB). Use fewer workers, or a larger machine.",
+        ),
+    ],
+)
 def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
-    small_study_source, whole, break_analysis
+    small_study_source, whole, break_analysis, error, told
 ):
-    break_analysis("S01", ZeroDivisionError("planted"))
+    break_analysis("S01", error)
     found = analyze(small_study_source, resamples=50, seed=3)
 
     before, after = whole.to_frame(), found.to_frame()
@@ -113,30 +111,8 @@ def test_a_participant_whose_analysis_breaks_keeps_nobody_else_back(
     pd.testing.assert_frame_equal(
         after[after["participant"] != "S01"], before[before["participant"] != "S01"]
     )
-    [note] = [n for n in found.statistics["notes"] if "the program failed" in n]
-    assert note.startswith("S01 (seed 3): the program failed (ZeroDivisionError: planted)")
-
-
-@pytest.mark.parametrize(
-    ("error", "message"),
-    [
-        (WorkerLostError("S01: its worker was killed."), "S01: its worker was killed."),
-        (
-            MemoryError("2 GiB"),
-            "S01: too little memory (2 GiB). Use fewer workers, or a larger machine.",
-        ),
-    ],
-)
-def test_too_little_memory_is_not_reported_as_a_failure_of_the_program(
-    small_study_source, break_analysis, error, message
-):
-    break_analysis("S01", error)
-    found = analyze(small_study_source, resamples=20, seed=3)
-
-    frame = found.to_frame()
-    assert set(frame.loc[frame["participant"] == "S01", "status"]) == {"failed:analysis_broke"}
-    assert message in found.statistics["notes"]
-    assert "report it" not in str(found.statistics["notes"])
+    [note] = [n for n in found.statistics["notes"] if n.startswith(told)]
+    assert ("report it" in note) == isinstance(error, ZeroDivisionError)
 
 
 class Elsewhere(Engine):
@@ -310,13 +286,6 @@ def test_settings_and_provenance_say_what_was_done(small_study_source, whole):
         assert entry["sha256"] == hashlib.sha256(content).hexdigest()
         assert entry["history"][0]["step"] == "read"
     assert len(whole.provenance["inputs"]) == 4
-
-
-def test_an_analysis_survives_json(whole):
-    again = StudyAnalysis.from_dict(json.loads(json.dumps(whole.to_dict(), allow_nan=False)))
-    pd.testing.assert_frame_equal(again.to_frame(), whole.to_frame())
-    assert again.pulses == whole.pulses
-    np.testing.assert_array_equal(again.cells[0].response.angle, whole.cells[0].response.angle)
 
 
 def test_all_unreadable_recordings_stand_in_one_error(small_study):

@@ -1,25 +1,14 @@
 """The tables of what stands behind the estimates hold what the cells hold."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from jointz.analysis.page.details_tables import (
-    DETAIL_COLUMNS,
     SOURCES,
     details_frame,
     models_frame,
-    variance_shares,
 )
 from jointz.results.study_analysis import StudyAnalysis
-
-
-def test_there_is_one_row_a_participant_timing_point_and_parameter(recommended):
-    table = details_frame(recommended)
-    assert len(table) == 3 * 6 * 3
-    assert not table.duplicated(["participant", "timing_point", "parameter"]).any()
-    assert tuple(table.columns) == DETAIL_COLUMNS
 
 
 def test_the_whole_sd_is_that_of_its_independent_sources(recommended):
@@ -41,19 +30,6 @@ def test_gravity_belongs_to_the_stiffness(recommended):
     assert corrected.notna().eq(table["parameter"] == "stiffness").all()
     off = table["unbounded"] - corrected
     np.testing.assert_allclose(off[table["parameter"] == "stiffness"], 10.0)
-
-
-def test_a_method_without_a_budget_has_empty_columns(bench):
-    table = details_frame(bench)
-    assert table["sd"].isna().all()
-    assert set(table["status"]) == {"ok", "at_bound"}
-    assert set(table["parameter"]) == {"stiffness", "damping", "inertia"}
-
-
-def test_the_shares_of_the_variance_make_one(recommended):
-    shares = variance_shares(recommended.cells[0], "damping")
-    assert sum(shares.values()) == pytest.approx(1.0)
-    assert variance_shares(replace(recommended.cells[0], budget={}), "damping") == {}
 
 
 def test_models_are_one_row_a_person(recommended):

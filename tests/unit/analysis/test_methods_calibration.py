@@ -20,15 +20,6 @@ def calibrated(analysis, study=None, *, person=None, method="recommended", **mor
     )
 
 
-def test_a_small_sd_is_not_printed_as_none(recommended):
-    assert "gain of the torque 1.0000 ± 0.0040" in calibrated(
-        recommended, {"torque_gain": {"value": 1.0, "sd": 0.004}}
-    )
-    assert "lag of the angle 6.5 ms (taken as exact)" in calibrated(
-        recommended, {"angle_lag_s": {"value": 0.0065, "sd": 0.0}}
-    )
-
-
 def test_an_entry_that_all_participants_override_is_not_told(recommended):
     own = {"torque_gain": {"value": 1.1, "sd": 0.02}}
     text = calibrated(recommended, {"torque_gain": {"value": 0.9, "sd": 0.02}}, person=own)

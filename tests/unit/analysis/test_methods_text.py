@@ -3,18 +3,15 @@
 import re
 from dataclasses import replace
 from itertools import cycle
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from jointz.analysis.paper.citations import CITATIONS, cite, cited
-from jointz.analysis.paper.methods_text import methods_latex, methods_paragraphs, methods_text
-from jointz.analysis.summary import pulse_counts
+from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.core.events import PulseRecord
-from jointz.report.wording import MINUS, TIMES
+from jointz.report.wording import MINUS
 from jointz.results.estimates import ParameterEstimate
-from jointz.results.study_analysis import StudyAnalysis
 
 CALIBRATION = {
     "torque_gain": {"value": 1.0, "sd": 0.02},
@@ -55,32 +52,22 @@ def test_what_a_study_does_not_hold_is_not_written(recommended):
     assert not re.search(r"\bnan\b", text)
 
 
+CURRENT = {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0}
+OPPOSITE = {"positive": "flexion", "channels": {"torque": {"positive": "extension"}}}
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({}, "Torque was measured on the device, and its sign inverted to give the torque on the"),
+        ({}, "measured on the device, and its sign inverted to give the torque on the"),
         ({"torque_acts_on": "joint"}, "Torque was measured and is the torque on the joint."),
         (
-            {
-                "channels": {"current": {}},
-                "torque_model": {"gear_ratio": 9.0, "torque_constant": 0.11, "bias": 0.0},
-            },
+            {"channels": {"current": {}}, "torque_model": CURRENT},
             "from the current of the motor by equation 4.1 (dissertation, 4.2) with gear ratio "
             "9, torque constant 0.11 N·m/A. It is the torque on the joint.",
         ),
-        (
-            {"positive": "flexion", "channels": {"torque": {"positive": "extension"}}},
-            "Torque was measured on the device, with the opposite positive direction, so that it "
-            "equals the torque on the joint.",
-        ),
-        (
-            {
-                "torque_acts_on": "joint",
-                "positive": "flexion",
-                "channels": {"torque": {"positive": "extension"}},
-            },
-            "Torque was measured and is the torque on the joint, with its sign inverted.",
-        ),
+        (OPPOSITE, "on the device, with the opposite positive direction, so that it equals the"),
+        (OPPOSITE | {"torque_acts_on": "joint"}, "on the joint, with its sign inverted."),
     ],
 )
 def test_the_path_of_the_torque_is_that_of_the_study(recommended, changes, said):
@@ -94,13 +81,6 @@ def test_a_calibration_is_given_with_its_sd_and_its_absence_is_told(recommended)
     assert "No lag between angle and torque was calibrated." not in known
     unknown = methods_text(with_study(recommended, participants=[]))
     assert "No lag between angle and torque was calibrated." in unknown
-
-
-def test_the_lag_found_is_that_of_each_participants_model(recommended):
-    each = ", ".join(
-        f"{m.participant} {1e3 * m.lag_s:.1f} ± {1e3 * m.lag_sd_s:.1f}" for m in recommended.models
-    )
-    assert f"behind the torque, ms ± SD: {each}." in methods_text(recommended)
 
 
 def test_pulses_are_as_they_were_found(recommended):
@@ -128,10 +108,6 @@ def test_pulses_are_as_they_were_found(recommended):
             "1 pulse of the reference angle was detected",
         ),
         (
-            {"channels": {"reference": {}}},
-            "1 pulse of the reference angle was detected (amplitude 0.100 rad",
-        ),
-        (
             {"channels": {"reference": {"unit": "mN*m"}}},
             "1 pulse of torque was detected (amplitude 0.100 N",
         ),
@@ -157,47 +133,6 @@ def test_onsets_are_off_on_the_circle_and_one_has_no_standard_deviation(recommen
     assert f"ICO at 1 % ({MINUS}0.50 ± 2.12 %, n 2), LRE at 7 % (+0.50 %, n 1)." in text
 
 
-def test_strides_and_pulses_left_out_are_counted_by_code(walking):
-    text = methods_text(walking)
-    codes = [p.code for p in walking.pulses if p.code]
-    assert f"Excluded were {len(codes)} of 3\N{NARROW NO-BREAK SPACE}000 pulses:" in text
-    for code in set(codes):
-        assert f"{codes.count(code)} {code} (" in text
-    strides = [s.code for s in walking.strides if s.code]
-    assert f"{strides.count('missing_strike')} missing_strike (no heel strike" in text
-
-
-def test_the_counts_of_pulses_and_estimates_are_those_of_the_results(walking):
-    text = methods_text(walking).replace("\N{NARROW NO-BREAK SPACE}", "")
-    used, left_out = pulse_counts(walking)
-    assert f"Of {used + left_out} pulses, {used} were used." in text
-    statuses = [p.status for c in walking.cells for p in c.parameters]
-    assert f"Of {len(statuses)} estimates, {statuses.count('ok')} ok;" in text
-    assert f"{statuses.count('undecided')} undecided (the data do not decide" in text
-    assert f"{statuses.count('at_bound')} at_bound (" in text
-
-
-def test_conditions_and_stride_times_are_those_accepted(walking):
-    accepted = [
-        s.duration_s for s in walking.strides if s.condition == "unperturbed" and not s.code
-    ]
-    text = methods_text(walking)
-    assert (
-        f"with the device and no pulses, {len(accepted)} strides accepted of "
-        f"{np.mean(accepted):.2f} ± {np.std(accepted, ddof=1):.2f} s" in text
-    )
-
-
-def test_the_rate_is_that_of_the_responses(recommended):
-    assert "Responses were analysed at 1000 samples per second." in methods_text(recommended)
-
-
-def test_software_versions_seed_and_hash_are_those_of_the_provenance(walking):
-    text = methods_text(walking)
-    assert "Software: jointz 0.1.0, Python 3.11.9, numpy 2.4.0, scipy 1.17.0, seed 1." in text
-    assert f"SHA-256 {walking.provenance['study_sha256'][:12]}…" in text
-
-
 def test_what_is_cited_is_listed_and_nothing_else(recommended, walking, bench):
     for analysis in (recommended, walking, bench):
         whole = methods_text(analysis)
@@ -206,17 +141,6 @@ def test_what_is_cited_is_listed_and_nothing_else(recommended, walking, bench):
             assert (entry.full in listed) == (cite(key) in body)
     assert CITATIONS["dissertation"].full in methods_text(recommended)
     assert cited(["nothing"]) == []
-
-
-def test_the_methods_come_from_the_settings(walking):
-    text = methods_text(by_method(walking, "matched_strides", kind="walking"))
-    for said in (
-        "over 100 ms from the commanded onset",
-        "same low-pass filter (20 Hz)",
-        "95 % intervals of each participant: percentile bootstrap",
-        "Number of resamples: 1000, seed 1.",
-    ):
-        assert said in text
 
 
 @pytest.mark.parametrize("method", ["output_error", "errors_in_variables", "weak_form"])
@@ -238,17 +162,6 @@ def test_sentences_have_one_comma_and_one_stop(walking, method, window_s):
     assert ("over 100 ms" in text) == (window_s is not None and method != "full_record")
 
 
-def test_every_method_says_how_it_fits():
-    from jointz.analysis.paper.methods_fit import _FITS, FULL_RECORD, RECOMMENDED
-    from jointz.identify.estimators import METHODS
-
-    assert set(METHODS) - set(_FITS) <= {RECOMMENDED, FULL_RECORD}
-
-
-def test_simulated_recordings_are_called_so_first(walking):
-    assert methods_paragraphs(walking, simulated=True)[0].startswith("All recordings are simulated")
-
-
 def test_latex_holds_the_same_words_and_no_bare_special_characters(walking):
     tex = methods_latex(walking)
     assert not re.search(r"(?<!\\)[%&#_]", tex)
@@ -256,11 +169,6 @@ def test_latex_holds_the_same_words_and_no_bare_special_characters(walking):
     assert r"95 \% intervals of each participant" in tex
     assert r"\paragraph{References}" in tex
     assert tex.isascii()
-
-
-def test_a_study_of_nobody_has_a_text():
-    text = methods_text(StudyAnalysis(cells=()))
-    assert "No impedance was estimated" in text
 
 
 # --- what was not done is not said -------------------------------------------------------------
@@ -285,22 +193,12 @@ def by_method(analysis, method, *, kind, baseline="", **settings):
     return replace(analysis, cells=cells, settings=changed)
 
 
-@pytest.mark.parametrize(
-    "method", ["dissertation", "pre_pulse", "pilot", "instrumental_variable", "weak_form"]
-)
+@pytest.mark.parametrize("method", ["dissertation", "weak_form"])
 def test_only_walkers_have_bounds(walking, method):
     assert "K, B and J not negative" in methods_text(by_method(walking, method, kind="walking"))
     bench = methods_text(by_method(walking, method, kind="bench"))
     assert "not negative" not in bench
     assert "without bounds" in bench
-
-
-def test_a_simulated_joint_has_a_positive_inertia_everywhere(walking):
-    walks, bench = (
-        methods_text(by_method(walking, "output_error", kind=kind)) for kind in ("walking", "bench")
-    )
-    assert "J positive and K and B not negative" in walks
-    assert "J positive." in bench
 
 
 def test_a_bench_subtracts_a_recording_and_nobody_walks_there(walking):
@@ -316,24 +214,6 @@ def test_a_bench_subtracts_a_recording_and_nobody_walks_there(walking):
         by_method(without, "dissertation", kind="bench", baseline="unperturbed_mean")
     )
     assert "at the same time since the beginning." in text
-
-
-def test_steps_of_the_angle_have_no_commanded_onset(walking):
-    bench = by_method(walking, "dissertation", kind="bench")
-    text = methods_text(with_study(bench, perturbations={"source": "angle"}))
-    assert (
-        "over 100 ms from where the speed of the filtered angle first exceeds a tenth of its peak, "
-        "fitted" in text
-    )
-    assert "commanded onset" not in text
-
-
-def test_what_a_case_subtracted_is_its_own(bench):
-    whole = tuple(replace(c, method="full_record", baseline="none") for c in bench.cells[1:])
-    other = replace(bench.cells[0], method="dissertation", baseline="unperturbed_mean")
-    settings = {**bench.settings, "method": "full_record", "baseline": "none"}
-    text = methods_text(replace(bench, cells=(*whole, other), settings=settings))
-    assert "The unperturbed recording most similar in session, side and trial" in text
 
 
 def test_the_dissertation_reports_a_mean_over_resamples_with_its_own_baseline_only(walking):
@@ -373,7 +253,6 @@ def test_resamples_are_told_where_there_are_any_and_how_they_were_spread(walking
     ("recorded", "said"),
     [
         (1000.0, "Angle and torque were used as sampled, without a filter."),
-        (2000.0, "Angle and torque were averaged over 2 samples each, and not filtered otherwise."),
         (
             2100.0,
             "Angle and torque were averaged over 2 samples each, resampled to one rate by linear "
@@ -398,7 +277,6 @@ def friction(*names):
 @pytest.mark.parametrize(
     ("sliding", "said"),
     [
-        (4, "with a constant friction torque against the motion and an offset"),
         (1, "against the motion (in 1 of 4 cases) and an offset"),
         (0, "J·acceleration (dissertation, 4.2) with an offset for each trial"),
     ],
@@ -416,22 +294,7 @@ def test_friction_is_told_where_it_was_in_the_model(bench, sliding, said):
     settings = {**bench.settings, "method": "full_record"}
     text = methods_text(replace(bench, cells=cells, settings=settings))
     assert said in text
-    assert ("have held the load" in text) == (sliding > 0)
-
-
-def test_reflexes_and_priors_are_given(recommended):
-    text = methods_text(recommended)
-    for said in (
-        "a reflex 30 or 60 ms after the stretch (Kearney et al. 1997)",
-        "K 60 ± 100 N·m/rad; B 2.5 ± 4 N·m·s/rad; J 0.08 kg·m² within a factor of 2.7",
-        "over 100 ms after the commanded onset and the lag",
-        "fewer than 12, of the unperturbed recordings too",
-        "change steeply inside the window",
-        "pure delay in the lag of the angle 2 ± 1.15 ms; damping of a resonance 0.3 ± 0.1. Without "
-        "a calibration also: lag of the angle 12 ± 10 ms; change of the angle reading per torque",
-        "a resonance 30 Hz within a factor of 1.5.",
-    ):
-        assert said in text
+    assert ("may have stopped the motion" in text) == (sliding > 0)
 
 
 @pytest.mark.parametrize("from_current", [True, False])
@@ -442,17 +305,3 @@ def test_friction_is_given_if_the_torque_is_from_current(recommended, from_curre
     estimate = f"Estimated actual over stated friction of the actuator, ± SD: {each}."
     for said in (estimate, "actual over stated friction 1 ± 0.2;"):
         assert (said in text) is from_current
-
-
-def test_numbers_that_were_set_have_no_exponent_and_no_hyphen(recommended):
-    model = {"gear_ratio": 9.0, "torque_constant": 0.11, "rotor_inertia": 9.2e-5, "bias": -0.5}
-    text = methods_text(with_study(recommended, channels={"current": {}}, torque_model=model))
-    assert f"rotor inertia 9.2 {TIMES} 10⁻⁵ kg·m²" in text
-    assert f"bias {MINUS}0.5 N·m" in text
-
-
-def test_the_program_has_one_title_everywhere():
-    root = Path(__file__).parents[3]
-    (title,) = re.findall(r'^title: "(.+)"$', (root / "CITATION.cff").read_text(), re.MULTILINE)
-    assert title in CITATIONS["jointz"].full
-    assert title in (root / "docs" / "cite.md").read_text()

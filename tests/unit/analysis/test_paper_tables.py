@@ -6,13 +6,11 @@ import subprocess
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from jointz.analysis.page.method_means import cells_by_method
 from jointz.analysis.paper.latex import MOST_ROWS, latex_table, to_latex
 from jointz.analysis.paper.methods_text import methods_latex
-from jointz.analysis.paper.paper_tables import captions_text, paper_tables
+from jointz.analysis.paper.paper_tables import paper_tables
 from jointz.analysis.paper.table import NO_VALUE, Table
 from jointz.report.wording import DASH, MINUS, TIMES, format_interval, format_number
 from jointz.results.study_analysis import StudyAnalysis
@@ -29,12 +27,6 @@ def cell_of(frame, person, point, column):
     row = frame[(frame["Participant"] == person) & (frame["Timing point"] == point)]
     assert len(row) == 1
     return row.iloc[0][column]
-
-
-def test_a_walking_study_has_every_table(tables):
-    assert list(tables) == [
-        "estimates", "estimates_per_mass", "population", "methods", "exclusions",
-    ]  # fmt: skip
 
 
 def test_every_estimate_stands_in_its_row_as_in_the_results(walking, tables):
@@ -109,19 +101,6 @@ def test_exclusions_are_counted_by_code(walking, tables):
         assert int(row["Participants"]) == own["participant"].nunique()
 
 
-def test_captions_say_unit_interval_n_and_method(walking, tables):
-    caption = tables["estimates"].caption
-    for said in (
-        "value [95 % interval]", "percentile bootstrap", "Method: recommended.",
-        "n: 10 participants", "168 excluded",
-    ):  # fmt: skip
-        assert said in caption
-    assert all("(N" in name or "(kg" in name for name in tables["estimates"].head[3:6])
-    assert "Chosen method: recommended." in tables["methods"].caption
-    text = captions_text(tables)
-    assert [line.split(":")[0] for line in text.splitlines() if line] == list(tables)
-
-
 def test_a_bench_has_loads_and_no_onsets_and_no_means(bench):
     tables = paper_tables(bench)
     assert list(tables) == ["estimates"]
@@ -153,44 +132,11 @@ def test_a_case_that_needed_another_method_counts_once(bench):
     assert row[3:] == (NO_VALUE, f"{text} (1)")
 
 
-def test_the_figure_of_the_methods_counts_a_case_once_too(bench):
-    from jointz.analysis.page.method_figures import draw_methods
-    from jointz.report.style import figure_style
-
-    analysis = with_fallback(bench)
-    found = cells_by_method(analysis)
-    assert {name: len(cells) for name, cells in found.items()} == {
-        "full_record": len(bench.cells) - 1,
-        "dissertation": len(bench.cells),
-    }
-    with figure_style():
-        legend = draw_methods(analysis).legends[0]
-        assert [t.get_text() for t in legend.get_texts()] == [
-            "whole trials (chosen)",
-            "dissertation",
-        ]
-
-
-def test_means_of_the_model_of_people_are_called_what_they_are(walking):
-    plain = paper_tables(walking)["population"]
-    assert "n: participants with an estimate." in plain.caption
-    pooled = tuple(replace(m, method="recommended_pooled") for m in walking.population)
-    caption = paper_tables(replace(walking, population=pooled))["population"].caption
-    assert "For J, if all values are positive, the mean is geometric" in caption
-    assert "undecided ones included" in caption
-
-
 def test_people_in_cases_are_in_cases(bench, walking):
     provenance = {"study": {"subjects": "people"}}
     settings = {**walking.settings, "kind": "bench"}
     at_rest = replace(walking, settings=settings, provenance=provenance)
     assert paper_tables(at_rest)["population"].head[2] == "Case"
-
-
-def test_vaf_is_said_to_be_of_the_signal_that_was_fitted(recommended, walking):
-    for analysis, signal in ((recommended, "angle"), (walking, "torque")):
-        caption = paper_tables(analysis)["estimates"].caption
-        assert f"VAF: variance accounted for of the {signal}" in caption
 
 
 def test_where_nobody_was_perturbed_quasi_stiffness_takes_the_place_of_estimates(unperturbed):
@@ -205,13 +151,6 @@ def test_where_nobody_was_perturbed_quasi_stiffness_takes_the_place_of_estimates
     tex = tables["quasi_stiffness"].to_latex("quasi_stiffness")
     assert r"181 [144, 218]$^{a}$ & ---$^{b}$" in tex
     assert "$^{a}$angle turns: the angle turns here" in tex
-    caption = tables["quasi_stiffness"].caption
-    for said in (
-        "value [95 % interval]",
-        "6 % of the gait cycle",
-        "participants were not perturbed",
-    ):
-        assert said in caption
 
 
 def test_nothing_standing_is_a_table_of_dashes_and_nobody_none(failed):
@@ -271,29 +210,9 @@ def test_a_dash_of_latex_bears_the_mark_of_its_note(tables):
     assert r"$<$ " in next(line for line in tex.splitlines() if line.startswith("S03 & MSW"))
 
 
-def test_units_stand_below_the_names_in_latex(tables):
-    tex = tables["estimates"].to_latex("t")
-    assert r"\textbf{K} & \textbf{B}" in tex
-    assert r"(N$\cdot$m/rad) & (N$\cdot$m$\cdot$s/rad)" in tex
-
-
-def test_names_of_people_are_no_commands_of_latex(bench):
-    cells = (replace(bench.cells[0], participant=r"\end{tabular}", timing_point="[x] & 50 %"),)
-    tex = paper_tables(replace(bench, cells=cells))["estimates"].to_latex("t")
-    assert tex.count(r"\end{tabular}") == 1
-    assert r"\textbackslash{}end\{tabular\} & [x] \& 50 \%" in tex
-
-
 def test_a_row_that_begins_with_a_bracket_is_no_argument_of_the_line_before():
     tex = latex_table(["a", "b"], [["1", "2"], ["[3]", "4"]], caption="c", label="l")
     assert "{}[3] & 4" in tex
-
-
-def test_csv_holds_the_printed_cells(tables, tmp_path):
-    frame = tables["estimates"].to_frame()
-    frame.to_csv(tmp_path / "t.csv", index=False, encoding="utf-8-sig")
-    back = pd.read_csv(tmp_path / "t.csv", dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    pd.testing.assert_frame_equal(back, frame, check_dtype=False)
 
 
 @pytest.mark.skipif(not shutil.which("pdflatex"), reason="no pdflatex on this machine")

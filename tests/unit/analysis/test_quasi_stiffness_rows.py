@@ -35,12 +35,6 @@ def test_every_timing_point_has_three_measures_in_newton_metres_per_radian():
         assert row["ci_low"] < row["value"] < row["ci_high"]
 
 
-def test_the_timing_points_are_those_of_the_study():
-    rows = quasi_stiffness_rows([curves(10)], {"early": 10.0})
-
-    assert {(r["timing_point"], r["onset_gait_pct"]) for r in rows} == {("early", 10.0)}
-
-
 def test_intervals_hold_the_truth_in_about_95_of_100():
     found = [
         slopes(quasi_stiffness_rows([curves(12, seed=seed)], {"swing": 81.0}))["swing"]
@@ -66,7 +60,3 @@ def test_an_angle_that_stands_still_has_no_value_and_says_why():
     assert {r["status"] for r in rows.values()} == {"undecided"}
     assert all(r["value"] is None and r["ci_low"] is None for r in rows.values())
     assert all("no_range" in r["doubts"] for r in rows.values())
-
-
-def test_nobody_makes_no_rows():
-    assert quasi_stiffness_rows([], TIMING_POINTS) == []

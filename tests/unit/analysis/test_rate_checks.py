@@ -91,10 +91,10 @@ def test_pulses_that_cannot_be_seen_make_no_rate_likely(small_study):
     assert not problem_of(small_study)
 
 
-@pytest.mark.parametrize("own_hz", [300.0, 240.0])
-@pytest.mark.parametrize("factor", [1.0, 1000.0, 1 / 60.0])
-def test_rounded_stamps_fit_their_onsets_and_another_unit_does_not(small_study, own_hz, factor):
+@pytest.mark.parametrize("factor", [1.0, 1000.0])
+def test_rounded_stamps_fit_their_onsets_and_another_unit_does_not(small_study, factor):
     """Whole milliseconds at 300 Hz have a median step of 333 Hz."""
+    own_hz = 300.0
     with_tables(small_study, factor * 500.0 / own_hz)
     for file in small_study.root.glob("*perturbed.csv"):
         small_study.edit_table(

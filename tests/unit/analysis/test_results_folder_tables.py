@@ -3,10 +3,8 @@
 import json
 from io import BytesIO
 
-import numpy as np
 import pandas as pd
 
-from jointz.analysis.page.details_tables import details_frame
 from jointz.analysis.results_folder import csv_bytes, write_results
 from jointz.core.events import PulseRecord, StrideRecord
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -22,17 +20,6 @@ def analysis(*, models=()):
         budget={"stiffness": {"noise": 3.0, "lag": 4.0}},
     )  # fmt: skip
     return StudyAnalysis((cell,), models=models)
-
-
-def test_details_are_written_for_every_analysis(tmp_path):
-    write_results(analysis(), tmp_path / "out")
-    table = pd.read_csv(tmp_path / "out" / "details.csv")
-    (row,) = table.to_dict("records")
-    assert row["unbounded"] == 21.5
-    assert row["sd"] == 5.0
-    assert np.isnan(row["value"])
-    assert list(table.columns) == list(details_frame(StudyAnalysis(cells=())).columns)
-    assert not (tmp_path / "out" / "models.csv").exists()
 
 
 def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():
@@ -54,22 +41,6 @@ def test_models_are_written_where_there_are_any(tmp_path):
     write_results(analysis(models=(found,)), tmp_path / "out")
     (row,) = pd.read_csv(tmp_path / "out" / "models.csv", keep_default_na=False).to_dict("records")
     assert row == found.to_dict() | {"doubts": "a b"}
-
-
-def test_what_goes_into_a_paper_is_written(tmp_path):
-    write_results(analysis(), tmp_path / "out")
-    out = tmp_path / "out"
-    assert {p.name for p in (out / "tables").iterdir()} == {
-        "captions.txt", "estimates.csv", "estimates.tex",
-    }  # fmt: skip
-    table = pd.read_csv(out / "tables" / "estimates.csv", encoding="utf-8-sig")
-    (row,) = table.to_dict("records")
-    assert row["K (N·m/rad)"] == "\N{EM DASH}"
-    assert row["Note"] == "K undecided"
-    assert "so none is given" in (out / "tables" / "captions.txt").read_text(encoding="utf-8")
-    text = (out / "methods.txt").read_text(encoding="utf-8")
-    assert "Of 50 pulses, 50 were used. Of 1 estimate, 0 ok; 1 undecided" in text
-    assert r"\paragraph{References}" in (out / "methods.tex").read_text(encoding="utf-8")
 
 
 def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, analyze, tmp_path):

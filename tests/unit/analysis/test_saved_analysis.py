@@ -33,7 +33,3 @@ def test_a_folder_that_holds_no_analysis_is_refused(analysis, tmp_path):
     shutil.copy(tmp_path / "results" / "provenance.json", tmp_path / "results" / "analysis.json")
     with pytest.raises(DataError, match="cannot be read"):
         jointz.load(tmp_path / "results")
-
-
-def test_what_is_printed_of_an_analysis_is_short(analysis):
-    assert len(repr(analysis).splitlines()) <= 10

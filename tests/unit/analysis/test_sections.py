@@ -3,17 +3,15 @@
 import re
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from tests.unit.report.pages import Page, words
 
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
-from jointz.analysis.page.uncertainty_section import likely, uncertainty_section
+from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
-
-from .test_report_page import Page, words
 
 
 def reasons(analysis):
@@ -60,36 +58,6 @@ def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study
         held = [recording(condition, m) for m in recommended.models]
         known = replace(recommended, provenance={"study": {"recordings": held}})
         assert ("does not cause a difference here" in reasons(known)["Lag."]) is not apart
-
-
-def test_a_study_calibration_that_is_not_the_lag_found_leaves_the_rest(recommended):
-    half = {**recommended.settings, "calibration": {"angle_lag_s": {"value": 0.002, "sd": 1e-4}}}
-    text = reasons(replace(recommended, settings=half))["Lag."]
-    assert "only, not the rest" in text
-    assert "4.0 to 10.0 ms." in text
-
-
-def test_a_calibrated_lag_that_one_method_shifts_out_sets_no_angles_apart(recommended):
-    lags = {m.participant: m.lag_s for m in recommended.models}
-    people = [{"id": p, "calibration": {"angle_lag_s": {"value": lag_s, "sd": 1e-4}}}
-              for p, lag_s in lags.items()]  # fmt: skip
-    mine = {(c.participant, c.timing_point): c.response for c in recommended.cells}
-
-    def shifted(cell):
-        late = round(1e3 * lags[cell.participant])  # samples of 1 ms
-        angle = mine[cell.participant, cell.timing_point].angle
-        early = np.append(angle[late:], np.zeros(late))
-        return replace(cell, response=replace(cell.response, angle=early))
-
-    same = tuple(map(shifted, recommended.comparison))
-    known = replace(recommended, comparison=same, provenance={"study": {"participants": people}})
-    assert {row["apart"] for row in differences_section(known)["rows"]} == {"0.0"}
-
-
-def test_methods_share_recordings_and_not_all_pulses(recommended):
-    lead = differences_section(recommended)["lead"]
-    assert "same recordings; each excludes the pulses that it cannot use" in lead
-    assert "same pulses" not in words(Page(render_report(recommended, {}, title="Knee")))
 
 
 def test_estimates_at_the_bound_are_counted(recommended):
@@ -162,24 +130,6 @@ def test_what_was_withheld_for_a_steep_change_is_not_told_to_be_too_wide(recomme
         assert ("angle_lag_s" in row["remedy"]) is not told
 
 
-def test_details_hold_window_motion_gravity_and_unbounded_values(recommended):
-    section = uncertainty_section(recommended)
-    first = section["details"][0]
-    cell = recommended.cells[0]
-    assert first["centre"] == f"{cell.centre_gait_pct:.1f}"
-    assert first["corrected"].startswith(f"{cell.gravity_corrected.value:.3g}"[:3])
-    assert len(first["unbounded"]) == 3
-    assert section["gravity"]
-    assert [r["first"] for r in section["details"]].count(True) == 3
-
-
-def test_probabilities_are_said_in_words():
-    assert [likely(p).split()[0] for p in (0.0, 0.1, 0.5, 0.9, 1.0)] == [
-        "unlikely", "unlikely", "open", "likely", "likely",
-    ]  # fmt: skip
-    assert likely(0.9999) == "likely (> 99 %)"
-
-
 def test_the_page_shows_both_sections_and_is_well_formed(recommended):
     page = Page(render_report(recommended, draw_figures(recommended), title="Knee"))
     text = words(page)
@@ -190,12 +140,6 @@ def test_the_page_shows_both_sections_and_is_well_formed(recommended):
                  "Error budget", "Models of joint and sensor"):  # fmt: skip
         assert told in text
     assert "Window, motion, gravity and unbounded values of all 18 timing points" in text
-
-
-def test_where_all_is_decided_the_page_says_so(recommended):
-    cells = tuple(c for c in recommended.cells if c.parameter("stiffness").status != "undecided")
-    text = words(Page(render_report(replace(recommended, cells=cells), {}, title="Knee")))
-    assert "Every stiffness, damping and inertia is decided." in text
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 
 import jointz
 from jointz.analysis.simulate_study import simulate_study
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError
 from jointz.demo.demo_study import truth_table
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.sim.direct_walk import WalkPlan, walk_directly
@@ -30,6 +30,10 @@ def test_the_folder_opens_as_a_study_of_both_walks(study):
 
     assert [r.condition for r in opened.spec.recordings] == ["unperturbed", "perturbed"]
     assert opened.spec.perturbations.timing_points == dict(FEW.timing_points)
+    truth = json.loads((study / "ground_truth.json").read_text())
+    points = truth["participants"]["S01"]["perturbed"]["timing_points"]
+    assert set(points) == set(FEW.timing_points)
+    assert points["LRE"]["stiffness"] > 20.0
 
 
 def test_recordings_are_what_the_rig_walked(study):
@@ -54,14 +58,6 @@ def test_the_lag_is_known_as_well_as_was_asked(study):
 
     assert lag.sd == 0.001
     assert 0.0 < abs(lag.value - true_s) < 0.005
-
-
-def test_the_truth_stands_beside_it_in_the_shape_of_a_run(study):
-    truth = json.loads((study / "ground_truth.json").read_text())
-
-    points = truth["participants"]["S01"]["perturbed"]["timing_points"]
-    assert set(points) == set(FEW.timing_points)
-    assert points["LRE"]["stiffness"] > 20.0
 
 
 def test_without_errors_the_estimates_are_the_truth(tmp_path):
@@ -103,10 +99,3 @@ def test_what_makes_no_sense_is_refused_and_nothing_written(options, told, tmp_p
     with pytest.raises(DataError, match=told):
         simulate_study(tmp_path / "study", **options)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_exists_is_kept(study):
-    before = (study / "study.toml").read_text()
-    with pytest.raises(OutputError):
-        simulate_study(study, plan=FEW)
-    assert (study / "study.toml").read_text() == before

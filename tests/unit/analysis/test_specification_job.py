@@ -5,6 +5,8 @@ import pytest
 from jointz.analysis.analyze import analyze
 from jointz.analysis.specification_job import specification_curve
 
+from .studies import without_recordings
+
 
 @pytest.fixture(scope="module")
 def curve(small_study_source):
@@ -49,21 +51,6 @@ def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
         assert found == own[row.timing_point, row.parameter]
 
 
-def test_the_dissertations_own_choice_is_one_of_them(curve, small_study_source):
-    own = analyze(small_study_source, method="dissertation", resamples=20)
-    wanted = {
-        c.timing_point: c.parameter("stiffness").value for c in own.cells if c.participant == "S02"
-    }
-    rows = {
-        e.timing_point: e.value
-        for e in curve.estimates
-        if (e.method, e.baseline, e.window_s, e.parameter)
-        == ("dissertation", "unperturbed_mean", 0.1, "stiffness")
-    }
-
-    assert rows == wanted
-
-
 def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
     table = specification_curve(
         small_study_source, windows_s=(0.1, 0.2), cutoffs_hz=(20.0,), resamples=20
@@ -77,10 +64,7 @@ def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
 
 
 def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
-    lines = small_study.toml.split("[[recordings]]")
-    kept = [part for part in lines if not ('"S02"' in part and '"perturbed"' in part)]
-    assert len(kept) < len(lines)
-    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+    without_recordings(small_study, "S02", "perturbed")
 
     table = specification_curve(small_study.root, participant="S02", resamples=20).to_frame()
 
@@ -89,22 +73,8 @@ def test_a_participant_without_pulses_has_rows_that_say_so(small_study):
     assert len(table) == 18 * (3 * 5 * 3 + 2 * 5 * 3)
 
 
-def test_a_perturbed_recording_without_a_pulse_leaves_no_row_out(small_study):
-    small_study.edit_table("S02_perturbed.csv", lambda samples: samples.assign(command=0.0))
-
-    table = specification_curve(
-        small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20
-    ).to_frame()
-
-    assert set(table["status"]) == {"failed:no_pulses"}
-    assert len(table) == 18 * (3 * 3 + 2)
-
-
 def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
-    lines = small_study.toml.split("[[recordings]]")
-    kept = [part for part in lines if not ('"S02"' in part and '"unperturbed"' in part)]
-    assert len(kept) < len(lines)
-    (small_study.root / "study.toml").write_text("[[recordings]]".join(kept))
+    without_recordings(small_study, "S02", "unperturbed")
 
     table = specification_curve(
         small_study.root, participant="S02", windows_s=(0.1,), cutoffs_hz=(20.0,), resamples=20
@@ -130,10 +100,3 @@ def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
 def test_choices_that_make_no_sense_are_refused(small_study_source, asked, message):
     with pytest.raises(ValueError, match=message):
         specification_curve(small_study_source, **asked)
-
-
-def test_a_bench_study_is_refused(small_study):
-    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
-
-    with pytest.raises(ValueError, match="expected a walking study"):
-        specification_curve(small_study.root)

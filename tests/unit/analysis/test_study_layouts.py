@@ -217,15 +217,6 @@ def test_loads_of_a_bench_have_no_mean_and_the_results_say_so(tmp_path):
     assert "Means over participants have" not in render_report(found, {}, title="Loads")
 
 
-def test_one_load_on_a_bench_needs_no_such_note(tmp_path):
-    toml = HEAD.format(kind="bench") + COMMAND + PERSON + entry("perturbed", "one.csv")
-
-    found = analyzed(tmp_path, toml, one=rows(pulses=PULSES))
-
-    assert found.population == ()
-    assert not any("Means over participants" in note for note in found.statistics["notes"])
-
-
 def test_walking_without_a_contact_uses_the_names_of_the_table(tmp_path):
     pulses = pd.DataFrame({"onset_s": PULSES, "timing_point": ["LRE", "MSW", "LRE"]})
     toml = HEAD.format(kind="walking") + PERSON

@@ -1,7 +1,5 @@
 """From entries to a catalog, and what comes out of it again."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +8,7 @@ from benchmarks.collection_entries import write_entry
 from jointz.collections.catalog import build_catalog, query_catalog
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_file import catalog_about
-from jointz.collections.catalog_query import CatalogFilter, QueryResult
+from jointz.collections.catalog_query import CatalogFilter
 from jointz.collections.dissertation_entry import printed_values, write_dissertation_entry
 from jointz.core.errors import WriteError
 
@@ -80,15 +78,6 @@ def test_the_dissertation_gives_the_mean_printed_and_every_participant(collectio
     assert printed_values().query("statistic == 'mean'")["note"].str.contains("not printed").all()
 
 
-def test_what_was_found_comes_back_from_json(collection, made):
-    found = query_catalog(collection, CatalogFilter(joint=("knee",), phase_pct=(90, 10)))
-    back = QueryResult.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
-
-    assert back == found
-    pd.testing.assert_frame_equal(back.to_frame(), found.to_frame())
-    assert found.to_frame()["study"].dtype == object
-
-
 def test_a_disk_that_is_full_leaves_the_catalog_as_it_was(tmp_path, monkeypatch):
     import pyarrow.parquet
 
@@ -106,15 +95,6 @@ def test_a_disk_that_is_full_leaves_the_catalog_as_it_was(tmp_path, monkeypatch)
 
     assert (tmp_path / "catalog.parquet").read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["catalog.parquet", "lab"]
-
-
-def test_nothing_is_written_where_no_entry_stands(tmp_path):
-    (tmp_path / "broken").mkdir()
-
-    made = build_catalog(tmp_path)
-
-    assert made.entries == ()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["broken"]
 
 
 def test_an_entry_is_found_by_its_folder_and_by_its_id(tmp_path):
@@ -180,14 +160,6 @@ def test_covariances_go_to_the_rows_of_their_method_only(tmp_path):
     }  # fmt: skip
 
 
-def test_consent_stands_in_every_row(collection, made):
-    table = query_catalog(collection).table
-
-    assert set(table["consent"]) == {"public"}
-    printed = query_catalog(collection, CatalogFilter(kind="printed")).table
-    assert set(printed["consent"]) == {"published"}
-
-
 def test_a_catalog_says_where_its_collection_is(tmp_path):
     write_entry(tmp_path / "collection" / "lab", seed=5, people=2)
     (tmp_path / "elsewhere").mkdir()
@@ -242,16 +214,3 @@ def test_both_sides_of_a_person_are_rows_of_their_own_and_one_person(tmp_path):
     assert stiffness["with_stiffness"].notna().all()
     keys = ["participant", "side", "timing_point"]
     assert not stiffness.duplicated(keys).any()
-
-
-def test_tables_without_session_and_side_are_read_as_before(tmp_path):
-    def plain(spec, tables):
-        for file, table in tables.items():
-            tables[file] = table.drop(columns=["session", "side"])
-
-    write_entry(tmp_path / "lab", seed=5, people=2, change=plain)
-    build_catalog(tmp_path)
-    table = query_catalog(tmp_path).table
-
-    assert set(table["side"]) == {"right"}
-    assert set(table["session"]) == {""}

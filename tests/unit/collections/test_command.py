@@ -9,7 +9,6 @@ from benchmarks.collection_entries import write_entry
 from typer.testing import CliRunner
 
 from jointz.cli.command_line import app
-from jointz.core.errors import DataError
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +36,6 @@ def test_check_tells_a_sound_collection_from_a_spoilt_one(collection, tmp_path):
     found = json.loads(done.stdout)
     assert found["status"] == "problems"
     assert [f["code"] for f in found["findings"]] == ["key_missing"]
-
-
-def test_the_folder_of_one_entry_can_be_checked_by_itself(collection):
-    done = call("check", collection / "lab-0")
-
-    assert (done.exit_code, done.output) == (0, "1 entry: no problems.\n")
-    assert call("check", collection, "--quiet").output == ""
 
 
 def test_the_tables_of_the_dissertation_become_an_entry(tmp_path):
@@ -78,26 +70,6 @@ def test_a_query_that_finds_nothing_ends_with_1(collection):
 
     assert done.exit_code == 1
     assert json.loads(done.stdout)["status"] == "nothing_found"
-
-
-def test_a_catalog_of_no_entry_ends_with_1(tmp_path):
-    pytest.importorskip("duckdb")
-    (tmp_path / "lab").mkdir()
-
-    done = call("build", tmp_path)
-
-    assert done.exit_code == 1
-    assert "entry.toml" in done.output
-
-
-def test_a_method_that_there_is_not_is_bad_input(collection):
-    pytest.importorskip("duckdb")
-    call("build", collection, "--quiet")
-
-    done = call("pool", collection, "--reanalyse", "foo")
-
-    assert isinstance(done.exception, DataError)
-    assert "reanalyse: method: expected one of recommended" in str(done.exception)
 
 
 def test_pool_writes_tables_and_the_page_of_what_is_known(collection, tmp_path):

@@ -106,9 +106,7 @@ def test_every_place_of_the_map_says_how_well_it_is_known(tables: CollectionPool
     ("status", "counts", "told"),
     [
         ("one_person", {}, ["one person"]),
-        ("no_value", {"n_failed": 4}, ["4 failed"]),
         ("no_value", {"n_failed": 1, "n_undecided": 2}, ["2 undecided", "1 failed"]),
-        ("no_spread", {}, ["people do not differ"]),
         ("no_sd", {}, ["printed without sd"]),
     ],
 )
@@ -124,35 +122,6 @@ def test_why_a_place_is_not_known_is_what_its_studies_say(
     ))  # fmt: skip
     (cell,) = re.findall(r'<td class="none".*?</td>', page)
     assert re.findall("<span>([^<]+)<", cell) == told
-
-
-def test_what_was_asked_for_stands_on_the_page(tables: CollectionPool) -> None:
-    asked = {"joint": ["knee"], "phase_pct": [90.0, 10.0], "with_printed": True,
-             "reanalyse": "recommended", "by": ["joint", "timing_point"]}  # fmt: skip
-    page = page_of(tables, asked=asked)
-    assert (
-        "Only a part of the collection was pooled: joint knee; phase 90 to 10 %. &ldquo;Not" in page
-    )
-    assert "<h2>What is missing in this part</h2>" in page
-    assert (
-        "Settings: joint knee; phase 90 to 10 %; with printed; reanalyse recommended; "
-        "by joint, timing_point." in page
-    )
-    everything = page_of(tables, asked={"by": ["joint"]})
-    assert "<h2>What is missing</h2>" in everything
-    assert "Only a part of the collection" not in everything
-
-
-def test_a_method_whose_name_holds_a_comma_is_one_method(tables: CollectionPool) -> None:
-    name = "ours, second edition"
-    pooled = tables.table.assign(methods=name)
-    studies = tables.studies.assign(method=name)
-    other = studies.assign(method="ours", study=["lab-y", "lab-z", "lab-x"])
-    both = CollectionPool(pooled, pd.concat([studies, other]), tables.printed, by=BY)
-    (svg,) = re.findall(r"<svg.*?</svg>", page_of(both), re.DOTALL)
-    assert svg.count('class="study"') == 2
-    assert "lab-a" in svg
-    assert "lab-y" not in svg
 
 
 def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) -> None:
@@ -204,26 +173,3 @@ def test_printed_and_left_out_studies_have_tables_of_their_own(tables: Collectio
     left = page[page.index('<section id="left-out">') : page.index('<section id="rules">')]
     assert "one person: the mean has no error of its own" in left
     assert "lab-b" not in left
-
-
-def test_printed_values_that_were_pooled_are_drawn_open_and_named(tables: CollectionPool) -> None:
-    pooled = tables.table.assign(printed=["thesis", "", "", ""])
-    printed = tables.printed.assign(weight_pct=10.0)
-    page = page_of(CollectionPool(pooled, tables.studies, printed, by=BY))
-    assert "thesis (10), printed" in page
-    assert 'class="study printed"' in page
-    assert "printed: thesis" in page
-
-
-def test_an_empty_collection_is_a_page_too(tables: CollectionPool) -> None:
-    nothing = CollectionPool(
-        tables.table.iloc[:0], tables.studies.iloc[:0], tables.printed.iloc[:0], by=BY
-    )
-    page = page_of(nothing)
-    assert "<svg" not in page
-    assert "values pooled over studies" in page
-
-
-def test_places_need_no_timing_point(tables: CollectionPool) -> None:
-    page = page_of(CollectionPool(tables.table.head(1), tables.studies, tables.printed, ("joint",)))
-    assert "± 10 %" in page

@@ -11,7 +11,6 @@ from pydantic import ValidationError
 
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter, QueryResult
-from jointz.collections.checking.findings import CatalogBuild, CollectionCheck, Finding
 from jointz.collections.entry_model import Entry
 
 
@@ -25,13 +24,6 @@ def problems(content):
     with pytest.raises(ValidationError) as raised:
         Entry.model_validate(content)
     return {".".join(map(str, e["loc"])): e["msg"] for e in raised.value.errors()}
-
-
-def test_an_entry_knows_its_files_and_its_calibration(content):
-    entry = Entry.model_validate(content)
-
-    assert entry.files == ("estimates.csv", "covariance.csv")
-    assert list(entry.calibration.entries) == ["torque_gain"]
 
 
 def test_estimates_need_people_and_printed_values_a_sample(content):
@@ -60,49 +52,7 @@ def test_two_conditions_may_not_share_a_name_or_a_file(content):
     assert set(problems(content)) == {"conditions.1.name", "conditions.1.estimates"}
 
 
-def test_an_id_of_a_study_is_fit_for_a_folder(content):
-    content["study"] = "Our Knees/2"
-
-    assert "study" in problems(content)
-
-
-def test_numbers_are_not_taken_from_text(content):
-    content["participants"][0]["mass_kg"] = "72"
-
-    assert "participants.0.mass_kg" in problems(content)
-
-
 # --- results -------------------------------------------------------------------------------------
-
-FINDING = Finding("lab", "unit", "estimates.csv, row 2", "stiffness in N*m/rad", "'N*m/deg'")
-
-
-def test_a_finding_is_a_sentence_with_its_code():
-    assert str(FINDING) == (
-        "lab: estimates.csv, row 2: expected stiffness in N*m/rad; found 'N*m/deg'. [unit]"
-    )
-
-
-def test_a_check_tells_what_was_found_and_what_is_accepted():
-    made = CollectionCheck(("lab", "sound"), (FINDING,), (FINDING,))
-
-    assert not made.clean
-    assert made.of("sound") == ()
-    assert made.to_frame()["code"].tolist() == ["unit"]
-    assert made.summary().splitlines()[0] == "2 entries: 1 problem in 1 of them."
-    assert "accepted by the entry" in made.summary()
-    assert made.to_dict()["findings"][0]["expected"] == "stiffness in N*m/rad"
-
-
-def test_a_build_names_what_it_skipped():
-    made = CatalogBuild("c.parquet", ("sound",), (FINDING, FINDING), 30, 12)
-
-    assert made.skipped_entries == ("lab",)
-    frame = made.to_frame().set_index("entry")
-    assert frame.loc["lab"].tolist() == [False, 2]
-    assert frame.loc["sound"].tolist() == [True, 0]
-    assert "1 entry skipped" in made.summary()
-    assert made.to_dict()["people"] == 12
 
 
 def test_the_median_onset_is_one_on_the_cycle():

@@ -18,7 +18,7 @@ from jointz.collections.catalog_file import (
     write_catalog,
 )
 from jointz.collections.catalog_query import CatalogFilter
-from jointz.collections.entry_reader import entry_folders, read_condition, read_entry, written_entry
+from jointz.collections.entry_reader import read_condition, read_entry, written_entry
 from jointz.core.errors import DataError, EntryError
 
 
@@ -51,13 +51,6 @@ def test_every_problem_of_shape_is_in_one_message(tmp_path):
     assert "participants[2].sexe: unknown key" in told
 
 
-def test_a_folder_without_an_entry_says_so(tmp_path):
-    (tmp_path / "lab").mkdir()
-
-    with pytest.raises(EntryError, match=r"entry\.toml: cannot be read"):
-        read_entry(tmp_path / "lab")
-
-
 @pytest.mark.parametrize("file", ["../other/estimates.csv", "/etc/passwd", "..\\x.csv"])
 def test_no_entry_reaches_outside_its_folder(tmp_path, file):
     write_entry(tmp_path / "lab", seed=1, people=2)
@@ -73,13 +66,6 @@ def test_no_link_reaches_outside_either(tmp_path):
 
     with pytest.raises(DataError, match="links to a file outside"):
         read_entry(tmp_path / "lab").path("estimates.csv")
-
-
-def test_hidden_folders_are_no_entries(tmp_path):
-    for name in (".git", "_notes", "lab-b", "lab-a"):
-        (tmp_path / name).mkdir()
-
-    assert [folder.name for folder in entry_folders(tmp_path)] == ["lab-a", "lab-b"]
 
 
 TEXTS = st.text(st.characters(exclude_categories=("Cs", "Cc")), min_size=1, max_size=12)
@@ -101,14 +87,6 @@ def test_what_is_written_is_read_again(name, sd, n, settings):
     }
 
     assert tomllib.loads(written_entry(content)) == content
-
-
-def test_what_is_not_known_stands_as_a_comment_at_its_place():
-    text = written_entry({"joint": {"name": "knee"}}, {"joint.side": "which", "licence": "SPDX"})
-
-    assert text.splitlines() == [
-        "# licence =   # SPDX", "", "[joint]", 'name = "knee"', "# side =   # which"
-    ]  # fmt: skip
 
 
 # --- the catalog ---------------------------------------------------------------------------------
@@ -149,7 +127,6 @@ def catalog(tmp_path):
         (CatalogFilter(phase_pct=(0, 10)), 2),
         (CatalogFilter(phase_pct=(90, 10)), 4),
         (CatalogFilter(speed_m_s=(0.5, 0.7)), 3),
-        (CatalogFilter(entry=("folder-a",)), 3),
         (CatalogFilter(entry=("folder-b", "folder-a")), 6),
         (CatalogFilter(joint=("knee", "hip"), parameter=("stiffness",)), 6),
         (CatalogFilter(condition=("level' OR '1' = '1",)), 0),

@@ -57,30 +57,27 @@ def test_every_estimate_of_every_folder_stands_in_it(results, tmp_path):
     assert row["with_stiffness"].item() == cell["with_stiffness"]
 
 
-def test_masses_come_from_the_study(results):
-    build_results_catalog([results], out=results / "one.parquet")
-
-    told = json.loads((results / "deep" / "ours" / "provenance.json").read_text())["study"]
-    table = query_catalog(results / "one.parquet").to_frame()
-    masses = table.groupby("participant")["mass_kg"].first().to_dict()
-    assert masses == {person["id"]: person["mass_kg"] for person in told["participants"]}
-    assert set(table["activity"]) == {"walking"}
-
-
 def test_broken_folders_are_named_and_skipped(results, tmp_path):
-    for name in ("fine", "cut", "strange", "without"):
+    for name in ("fine", "cut", "infinite", "strange", "twice", "without"):
         shutil.copytree(results / "deep" / "ours", tmp_path / name)
     (tmp_path / "cut" / "estimates.csv").write_text("participant,timing_point\nS01,LRE\n")
     (tmp_path / "strange" / "provenance.json").write_text(
         json.dumps({"study": {"kind": "walking", "participants": [{"name": "S01"}]}})
     )
     (tmp_path / "without" / "provenance.json").write_text("{")
+    lines = (tmp_path / "twice" / "covariance.csv").read_text().splitlines()
+    (tmp_path / "twice" / "covariance.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
+    estimates = pd.read_csv(tmp_path / "infinite" / "estimates.csv")
+    estimates.loc[0, "ci_high"] = float("inf")
+    estimates.to_csv(tmp_path / "infinite" / "estimates.csv", index=False)
 
     made = build_results_catalog([tmp_path], out=tmp_path)
 
     assert made.entries == ("fine",)
-    assert made.skipped_entries == ("cut", "strange", "without")
+    assert made.skipped_entries == ("cut", "infinite", "strange", "twice", "without")
     assert "no column" in made.summary()
+    assert "covariances: expected one row for each estimate; found two of " in made.summary()
+    assert "infinite: column ci_high holds an infinite number" in made.summary()
 
 
 def test_a_folder_that_lost_its_estimates_and_one_that_cannot_be_read_are_named(
@@ -107,22 +104,6 @@ def test_a_folder_that_lost_its_estimates_and_one_that_cannot_be_read_are_named(
     assert set(made.skipped_entries) == {"locked", "lost", "nowhere"}
     assert "locked: .: expected a readable folder; found Permission denied" in made.summary()
     assert "nowhere: .: expected a readable folder; found No such file" in made.summary()
-
-
-def test_a_covariance_twice_and_an_infinite_number_are_named_and_skipped(results, tmp_path):
-    for name in ("fine", "infinite", "twice"):
-        shutil.copytree(results / "deep" / "ours", tmp_path / name)
-    lines = (tmp_path / "twice" / "covariance.csv").read_text().splitlines()
-    (tmp_path / "twice" / "covariance.csv").write_text("\n".join([*lines, lines[-1]]) + "\n")
-    estimates = pd.read_csv(tmp_path / "infinite" / "estimates.csv")
-    estimates.loc[0, "ci_high"] = float("inf")
-    estimates.to_csv(tmp_path / "infinite" / "estimates.csv", index=False)
-
-    made = build_results_catalog([tmp_path], out=tmp_path)
-
-    assert made.entries == ("fine",)
-    assert "covariances: expected one row for each estimate; found two of " in made.summary()
-    assert "infinite: column ci_high holds an infinite number" in made.summary()
 
 
 def test_nothing_that_is_no_result_makes_a_catalog(results, tmp_path):

@@ -12,7 +12,6 @@ from jointz.analysis.results_folder import write_results
 from jointz.explorer.estimate_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
 from jointz.explorer.exclusions import FILE, decide
 from jointz.explorer.explorer_app import Explorer
-from jointz.explorer.figures import plain
 from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
 from jointz.explorer.results_files import open_results
@@ -130,24 +129,6 @@ def test_what_goes_wrong_is_told_and_not_tried_without_end(explorer, made, monke
     assert explorer.traces(person)
 
 
-def test_without_a_reason_nothing_is_written(explorer, made):
-    view = View(explorer)
-
-    assert not asyncio.run(explorer.decide(view.pulse(), "exclude", reason=" "))
-
-    assert "reason: missing" in explorer.problem
-    assert not (made / "study" / FILE).exists()
-
-
-def test_what_is_not_known_cannot_be_chosen(explorer):
-    view = View(explorer)
-    before = (view.person, view.point)
-    view.choose(person="nobody", point="nowhere")
-    assert (view.person, view.point) == before
-    view.pick(-1)
-    assert view.number() == len(view.pulses()) - 1
-
-
 def test_figures_are_plain_json(explorer):
     asyncio.run(_traced(explorer))
     view = View(explorer)
@@ -179,7 +160,3 @@ def test_figures_are_plain_json(explorer):
 async def _traced(explorer):
     explorer.request(explorer.results.people[0])
     await settled(explorer)
-
-
-def test_text_is_no_markup():
-    assert plain("<a href='x'>&") == "&lt;a href='x'&gt;&amp;"

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.reproduction.chapter4.figures import draw_chapter4
 from jointz.reproduction.chapter4.reproduce_chapter4 import PilotStudy, pilot_results
 from jointz.reproduction.chapter4.walking import COLUMNS
 
@@ -51,3 +52,4 @@ def test_half_a_pilot_is_no_average_and_says_who_is_missing():
     assert curves["parameters"]["inertia"]["recommended"]["mean"] == {}
     assert curves["parameters"]["inertia"]["recommended"]["people"][1]["LRE"][0] is None
     json.dumps(curves, allow_nan=False)
+    assert len(draw_chapter4({"pilot": curves})) == 1  # without a mark of what is missing

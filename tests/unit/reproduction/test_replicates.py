@@ -80,13 +80,6 @@ def test_p_of_cells_is_that_of_repeated_measures_anova(rows):
     assert float(person) == pytest.approx(repeated_measures_anova(cells.T).test.p)
 
 
-def test_many_tables_are_analysed_as_each_alone():
-    tables = np.random.default_rng(0).standard_normal((3, 4, PEOPLE, POINTS))
-    made = mean_squares(tables)
-    assert made.error.shape == (3, 4)
-    np.testing.assert_allclose(made.error[2, 1], mean_squares(tables[2, 1]).error)
-
-
 @pytest.mark.parametrize("parameter", PARAMETER_NAMES)
 def test_published_tables_have_the_p_values_of_the_audit(parameter):
     point, person = mean_squares(published_cells(parameter)).p_of_cells()
@@ -179,30 +172,6 @@ def test_one_value_a_cell_finds_it_as_often_as_stated(simulated):
         low, high = binom.interval(0.999, 1000, rate["level"])
         assert low <= 1000 * rate["cells"] <= high
         assert rate["cells_low"] <= rate["cells"] <= rate["cells_high"]
-
-
-def test_the_table_says_the_shares(simulated):
-    table, curves = simulated
-    assert len(table.rows) == 9
-    rate = curves["parameters"]["stiffness_per_mass"]["rates"]["timing point, without an effect"]
-    assert table.rows[0].claim == "stiffness: timing point, without an effect"
-    assert table.rows[0].ours.startswith(
-        f"replicates as people: p < 0.05 in {100 * rate[0]['rows']:.1f} %, p < 0.001 in "
-        f"{100 * rate[1]['rows']:.1f} %; one value a cell: {100 * rate[0]['cells']:.3g} ["
-    )
-
-
-def test_the_caption_says_what_is_assumed(simulated):
-    caption = simulated[0].caption
-    assert "not printed" in caption
-    assert "consistent with it, which is not proof" in caption
-
-
-def test_curves_rise_and_fall_as_they_must(simulated):
-    _, curves = simulated
-    for found in curves["parameters"].values():
-        assert np.all(np.diff(found["log10_p_rows"]) >= 0)
-        assert found["rows_below_strict"][0] > found["rows_below_strict"][-1]
 
 
 def test_the_seed_decides_all(simulated):

@@ -70,19 +70,13 @@ def load_rows():
                 truth = truths[case]
                 wide = 0.1 if parameter == "damping" else 0.03 * truth
                 value = truth * (1 + 0.003 * rng.standard_normal())
-                rows.append(
-                    {
-                        "case": "damper" if case == "5" else case,
-                        "trajectory": trajectory,
-                        "parameter": parameter,
-                        "truth": truth,
-                        "dissertation": truth * BIAS[parameter] + wide * rng.standard_normal(),
-                        "dissertation_sd": wide,
-                        "recommended": value,
-                        "ci_low": value - 0.2 * wide,
-                        "ci_high": value + 0.2 * wide,
-                    }
-                )
+                rows.append({
+                    "case": "damper" if case == "5" else case, "trajectory": trajectory,
+                    "parameter": parameter, "truth": truth, "dissertation_sd": wide,
+                    "dissertation": truth * BIAS[parameter] + wide * rng.standard_normal(),
+                    "recommended": value, "ci_low": value - 0.2 * wide,
+                    "ci_high": value + 0.2 * wide,
+                })  # fmt: skip
     return rows
 
 
@@ -116,16 +110,6 @@ def test_every_curve_gives_its_figure_in_well_formed_svg(curves):
         root = ET.fromstring(svg)
         assert root.attrib["width"].startswith("510.23")  # 180 mm in points
         assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", svg)
-
-
-def test_the_same_curves_give_the_same_text(curves):
-    some = {name: curves[name] for name in ("bandwidth", "mechanisms")}
-    assert draw_chapter2(some) == draw_chapter2(some)
-
-
-def test_a_figure_without_its_curve_is_left_out(curves):
-    assert list(draw_chapter2({"mechanisms": curves["mechanisms"]})) == ["figure_mechanisms"]
-    assert draw_chapter2({"loads": []}) == {}
 
 
 def test_gain_is_drawn_in_decibels_with_the_bandwidths_at_half_power(curves):
@@ -176,34 +160,6 @@ def test_every_load_has_a_panel_for_each_parameter_on_one_scale_in_percent(curve
     np.testing.assert_allclose(spans, spans[0])
 
 
-def test_no_estimate_or_interval_of_a_load_lies_outside_its_panel(curves):
-    figure = drawn_figure(curves, "figure_2_6")
-    order = [("stiffness", 0), ("damping", 5), ("inertia", 10)]
-    for one in curves["loads"]:
-        first = dict(order)[one["parameter"]]
-        column = 4 if one["case"] == "damper" else int(one["case"]) - 1
-        low, high = figure.axes[first + column].get_ylim()
-        ends = [
-            one["truth"],
-            one["ci_low"],
-            one["ci_high"],
-            one["dissertation"] - one["dissertation_sd"],
-            one["dissertation"] + one["dissertation_sd"],
-        ]
-        assert low < min(ends) <= max(ends) < high
-
-
-def test_trajectories_run_from_light_to_dark(curves):
-    axes = drawn_figure(curves, "figure_2_6").axes[0]
-    from matplotlib.colors import to_rgb
-
-    for marker in "oD":
-        colours = [line.get_color() for line in line_at(axes, marker)]
-        brightness = [sum(to_rgb(colour)) for colour in colours]
-        assert len(brightness) == 5
-        assert brightness == sorted(brightness, reverse=True)
-
-
 def test_a_load_without_recommended_estimate_is_still_drawn(curves):
     rows = [row | {"recommended": None, "ci_low": None} for row in curves["loads"][:15]]
     assert list(draw_chapter2({"loads": rows})) == ["figure_2_6"]
@@ -219,10 +175,3 @@ def test_mechanisms_are_bars_of_their_size_with_the_number_beside(curves):
     written = [text.get_text() for text in inertia.texts]
     assert "−13.9" in written  # noqa: RUF001
     assert not any(label.get_text() for label in inertia.get_yticklabels())
-
-
-def test_numbers_beside_bars_lie_inside_the_axes(curves):
-    figure = drawn_figure(curves, "figure_mechanisms")
-    for axes in figure.axes:
-        low, high = axes.get_xlim()
-        assert all(low < text.get_position()[0] < high for text in axes.texts[:4])

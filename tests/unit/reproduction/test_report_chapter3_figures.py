@@ -96,11 +96,6 @@ def test_every_curve_gives_its_figure_in_well_formed_svg(curves):
         assert len(svg) < 1e6
 
 
-def test_the_same_curves_give_the_same_text(curves):
-    some = {name: curves[name] for name in ("static", "perturbation")}
-    assert draw_chapter3(some) == draw_chapter3(some)
-
-
 def test_a_figure_without_its_curve_is_left_out(curves):
     assert list(draw_chapter3({"perturbation": curves["perturbation"]})) == ["figure_3_6"]
     assert draw_chapter3({"chirp": {}}) == {}
@@ -115,20 +110,6 @@ def test_each_torque_model_has_its_rms_error_and_its_remainder(curves):
         assert f"RMS error {rms} N·m" in texts(upper)
     limits = {axes.get_ylim() for axes in figure.axes[1::2]}
     assert len(limits) == 1  # remainders can be compared
-
-
-def test_samples_are_coloured_by_direction_and_stand_where_they_were_measured(curves):
-    curve = curves["torque_models"]
-    _, standing, backward, forward = drawn_figure(curves, "figure_3_3").axes[0].lines
-    speed, sensor = (np.array(curve[key]) for key in ("speed_rad_s", "sensor_nm"))
-    for line, there in ((standing, speed == 0), (backward, speed < 0), (forward, speed > 0)):
-        assert set(line.get_xdata()) <= set(sensor[there])
-
-
-def test_long_records_are_thinned(curves):
-    for name in ("figure_3_3", "figure_3_4", "figure_3_5"):
-        for axes in drawn_figure(curves, name).axes:
-            assert all(len(line.get_xdata()) <= 3000 for line in axes.lines)
 
 
 def test_each_chirp_shows_a_stretch_and_the_error_of_the_whole(curves):
@@ -162,13 +143,10 @@ def test_printed_and_own_stiffness_stand_beside_each_other_with_their_truth(curv
     assert high > 162.57 + 2.96
 
 
-def test_stiffness_is_drawn_where_no_interval_was_found(curves):
-    bare = PERTURBATION | {"recommended": {"value": 147.2, "ci_low": None, "ci_high": None}}
-    assert list(draw_chapter3({"perturbation": bare})) == ["figure_3_6"]
-
-
 def test_stiffness_without_a_recommended_estimate_is_drawn_without_it(curves):
     bare = {k: v for k, v in curves["perturbation"].items() if k != "recommended"}
     axes = drawn_figure({"perturbation": bare}, "figure_3_6").axes[0]
     assert "nan" not in texts(axes)
     assert "147.2" not in texts(axes)
+    bare["recommended"] = {"value": 147.2, "ci_low": None, "ci_high": None}
+    assert "147.2" in texts(drawn_figure({"perturbation": bare}, "figure_3_6").axes[0])

@@ -53,13 +53,6 @@ def test_marks_are_full_where_a_pair_differs_here(curves):
     assert sum(full) == 3
 
 
-def test_replicates_show_all_parameters_by_both_analyses_and_what_should_be(curves):
-    shares, scatters = drawn(curves, "figure_replicates").axes
-    assert len(shares.lines) == 1 + 2 * 3 + 2
-    assert {"p = 0.001", "p = 0.05"} <= set(texts(shares))
-    assert {"K", "B", "J", "all printed claims come out"} <= set(texts(scatters))
-
-
 def test_no_range_is_drawn_where_no_scatter_fits(curves):
     some = curves["replicates"]
     bare = {name: found | {"fitting_scatter": None} for name, found in some["parameters"].items()}
