@@ -16,16 +16,9 @@ from jointz.analysis.analyze import analyze
 from jointz.collections.catalog import build_catalog
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_query import CatalogFilter
-<<<<<<< HEAD
-from jointz.collections.coverage import PoolRules, RawStudy, pool_collection, reanalysed, write_pool
-from jointz.collections.pool import pool_catalog
-from jointz.collections.pool_result import BY, DEFAULT_BY, CollectionPool
-=======
-from jointz.collections.coverage import PoolRules, pool_collection
+from jointz.collections.coverage import PoolRules, RawStudy, pool_collection, reanalysed
 from jointz.collections.pool import pool_catalog
 from jointz.collections.pool_result import BY, CollectionPool
-from jointz.collections.coverage import RawStudy, reanalysed
->>>>>>> t-d
 from jointz.core.errors import DataError
 from jointz.io.study_reader import open_study
 from jointz.kernels.statistics.between_study_variance import random_effects

@@ -13,13 +13,8 @@ import xarray as xr
 from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError, WriteError
-<<<<<<< HEAD
-from jointz.core.events import PulseRecord
 from jointz.explorer.exclusions import FILE, decide, is_excluded
 from jointz.explorer.files_page import (
-=======
-from jointz.explorer.files_page import (
->>>>>>> t-d
     TABLES,
     figure_svg,
     file_name,
