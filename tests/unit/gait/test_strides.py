@@ -56,6 +56,11 @@ def test_the_band_restarts_after_five_agreeing_strides_of_a_new_cadence():
     assert list(found.accepted) == [True] * 12 + [False] * 5 + [True] * 5
 
 
+def test_five_rejected_strides_that_disagree_do_not_restart_the_band():
+    found = find_strides(strikes(*[1.0] * 9, 0.3, 2.5, 0.4, 3.0, 0.2, *[1.0] * 9), NO_GAPS)
+    assert found.accepted[14:].all()
+
+
 def test_the_band_follows_a_slow_change_of_cadence():
     durations = np.concatenate([np.linspace(1.2, 1.8, 40), np.linspace(1.8, 0.8, 60)])
     assert durations[-1] < 0.75 * np.median(durations)
