@@ -1,8 +1,5 @@
 """References: cycles, bounds, the fastest frequency."""
 
-import math
-
-import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -18,16 +15,12 @@ def reference(kind, **fields):
     [((1.4, 2.0), 5.0), ((0.1, 5.0), 10.0), ((0.8,), 1.25), ((1.4, 2.8), 1 / 1.4), ((3, 2), 1.0)],
 )
 def test_a_sum_of_sines_repeats_after_the_shortest_time_all_terms_share(frequencies_hz, cycle_s):
-    terms = [{"amplitude": 1.0, "frequency_hz": f} for f in frequencies_hz]
+    terms = [{"amplitude": 2.0, "frequency_hz": f} for f in frequencies_hz]
 
-    found = reference("sum_of_sines", terms=terms).cycle_s
+    made = reference("sum_of_sines", terms=terms, offset=40.0)
 
-    assert found == pytest.approx(cycle_s, rel=1e-12)
-    t = np.linspace(0.0, found, 97)
-    wave = [
-        sum(np.sin(2 * math.pi * f * (t + shift)) for f in frequencies_hz) for shift in (0, found)
-    ]
-    np.testing.assert_allclose(*wave, atol=1e-9)
+    assert made.cycle_s == pytest.approx(cycle_s, rel=1e-12)
+    assert made.bounds == (40.0 - 2.0 * len(terms), 40.0 + 2.0 * len(terms))
 
 
 @pytest.mark.parametrize(
@@ -72,18 +65,6 @@ def test_a_reference_knows_its_cycle_bounds_and_fastest_frequency(
     assert made.bounds == pytest.approx(bounds)
     assert made.fastest_hz == fastest_hz
     assert made.runs_out is runs_out
-
-
-def test_bounds_of_a_sum_hold_every_value_of_it():
-    terms = [{"amplitude": 2.5, "frequency_hz": 1.4}, {"amplitude": 3.0, "frequency_hz": 2.0}]
-    made = reference("sum_of_sines", terms=terms, offset=40.0)
-    t = np.linspace(0.0, made.cycle_s, 5000)
-
-    wave = 40 + 2.5 * np.sin(2 * np.pi * 1.4 * t) + 3 * np.sin(2 * np.pi * 2 * t)
-
-    assert made.bounds == (34.5, 45.5)
-    assert wave.min() >= made.bounds[0]
-    assert wave.max() <= made.bounds[1]
 
 
 @pytest.mark.parametrize(

@@ -30,19 +30,6 @@ def differences() -> np.ndarray:
     return rng.standard_normal((7, 20)).cumsum(axis=1) + np.linspace(0, 3, 20)
 
 
-def test_all_signs_are_all_rows_up_to_a_sign():
-    signs = all_signs(5)
-    rows = {tuple(row) for row in np.vstack([signs, -signs])}
-    assert rows == set(product([1.0, -1.0], repeat=5))
-    assert signs[0].tolist() == [1.0] * 5
-
-
-def test_largest_t_of_every_flip_is_that_of_flipping_one_by_one(differences):
-    fast = cosine_to_t(largest_cosines(cosines(differences), all_signs(7)), 7)
-    slow = np.sort(slow_largest(differences))
-    np.testing.assert_allclose(np.sort(np.tile(fast, 2)), slow, rtol=1e-11)
-
-
 def test_p_is_the_share_of_flips_as_large_and_decides_as_the_threshold(differences):
     scaled = cosines(differences)
     largest = largest_cosines(scaled, all_signs(7))
@@ -71,14 +58,6 @@ def test_long_curves_are_done_in_blocks_with_the_same_result():
     scaled, signs = cosines(differences), all_signs(9)
     whole = np.abs(signs @ scaled).max(axis=1)
     np.testing.assert_allclose(largest_cosines(scaled, signs), whole, rtol=1e-12)
-
-
-def test_drawn_signs_start_as_observed_and_repeat():
-    first, again = (drawn_signs(20, 500, np.random.default_rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(first, again)
-    assert first[0].tolist() == [1.0] * 20
-    assert set(np.unique(first)) == {-1.0, 1.0}
-    assert abs(first[1:].mean()) < 4 / np.sqrt(first[1:].size)
 
 
 def test_t_of_differences_all_the_same_is_finite():

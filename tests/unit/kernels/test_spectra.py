@@ -63,15 +63,6 @@ def test_blackman_tukey_is_the_plain_sum_over_lags():
 
 
 @pytest.mark.parametrize("estimate", [welch, blackman_tukey])
-def test_densities_integrate_to_the_variance(estimate):
-    x, y = make_pair()
-
-    found = estimate(x, y, rate_hz=100.0, window_s=2.0)
-
-    assert np.trapezoid(found.auto_in, found.frequency_hz) == pytest.approx(x.var(), rel=0.02)
-
-
-@pytest.mark.parametrize("estimate", [welch, blackman_tukey])
 def test_the_scatter_of_a_density_is_that_of_its_averages(estimate):
     rng = np.random.default_rng(1)
     densities = []

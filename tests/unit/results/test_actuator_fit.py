@@ -46,21 +46,6 @@ def fit():
     )
 
 
-def test_json_is_what_design_says(fit):
-    data = fit.to_dict()
-    constant = data["parameters"]["torque_constant"]
-    assert (constant["value"], constant["unit"], constant["ci"]) == (0.11, "N*m/A", [0.109, 0.111])
-    assert (data["model"], data["rms_error_nm"], data["status"]) == ("friction", 0.38, "undecided")
-    units = {name: entry["unit"] for name, entry in data["parameters"].items()}
-    assert units == {
-        "bias": "N*m",
-        "torque_constant": "N*m/A",
-        "coulomb_friction": "N*m",
-        "gear_friction": "N*m/A",
-        "rotor_inertia": "kg*m^2",
-    }
-
-
 def test_the_summary_says_what_is_undecided_what_was_given_and_why(fit):
     text = fit.summary()
     assert "Torque model friction (3.3): undecided" in text
@@ -94,19 +79,6 @@ def test_the_figure_colours_every_sample_by_its_regime_of_speed(fit):
     np.testing.assert_allclose(np.sort(residual), 0.1 * np.linspace(-5, 5, 60), atol=1e-12)
     assert lower.get_xlabel() == "sample"
     assert "0.11" in upper.get_title()
-
-
-def test_the_figure_does_without_speed_and_without_samples(fit):
-    from matplotlib.figure import Figure
-
-    still = dataclasses.replace(fit.series, velocity=(), in_seconds=True)
-    axes = dataclasses.replace(fit, series=still).plot(Figure().subplots())
-    assert [line.get_label() for line in axes.child_axes[0].lines] == ["measured", "model"]
-    assert axes.child_axes[1].get_xlabel() == "time (s)"
-
-    figure = Figure()
-    dataclasses.replace(fit, series=ActuatorSeries()).plot(figure.subplots())
-    figure.canvas.draw()
 
 
 def test_a_constant_torque_constant_without_value_is_named_in_the_figure(fit):

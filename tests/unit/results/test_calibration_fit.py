@@ -68,17 +68,3 @@ def test_every_entry_of_a_study_that_a_step_finds_has_a_unit():
 def test_an_unknown_entry_is_named_with_those_there_are():
     with pytest.raises(KeyError, match="angle_gain"):
         example().entry("torque_gain")
-
-
-def test_the_table_has_a_row_an_entry():
-    table = example().to_frame()
-
-    assert table["entry"].tolist() == ["angle_lag_s", "angle_gain", "angle_delay_s"]
-    assert table["used"].tolist() == [True, True, False]
-
-
-def test_the_summary_has_values_with_sd_and_unit():
-    text = example().summary()
-
-    assert "angle_lag_s 0.008 +- 0.0005 s (sd)" in text
-    assert "Note: one note" in text

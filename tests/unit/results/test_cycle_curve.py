@@ -45,14 +45,6 @@ def test_the_text_says_where_a_curve_is_low_and_high():
     assert "Note: S2 is missing" in text
 
 
-def test_the_mean_stands_out_and_undecided_points_are_told():
-    axes = curve(band("S1"), band(MEAN, decided=False)).plot()
-    labels = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert labels == [MEAN, "undecided alone"]
-    assert len(axes.collections) >= 1
-    assert axes.get_ylabel() == "stiffness (N*m/rad)"
-
-
 def test_a_parameter_without_a_curve_draws_an_empty_figure():
     axes = curve(band("S1")).plot(parameter="damping")
     assert axes.lines == [] or len(axes.lines) == 0

@@ -1,11 +1,8 @@
 """One cell of an analysis and its parameters."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from jointz.core.channels import PARAMETER_UNITS
 from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate, Response
 
 
@@ -17,11 +14,6 @@ def response(n: int = 3, **changes) -> Response:
 STIFFNESS = ParameterEstimate("stiffness", 50.0, 45.0, 55.0, "ok")
 INERTIA = ParameterEstimate("inertia", None, None, None, "undecided")
 CELL = CellEstimate("S01", "LRE", 7.1, (STIFFNESS, INERTIA), 97.0, 40, 10, "dissertation")
-
-
-@pytest.mark.parametrize(("name", "unit"), PARAMETER_UNITS.items())
-def test_a_parameter_has_the_unit_of_its_name(name, unit):
-    assert ParameterEstimate(name, 1.0, 0.0, 2.0, "ok").unit == unit
 
 
 @pytest.mark.parametrize(
@@ -60,15 +52,6 @@ def test_a_cell_is_one_row_a_parameter():
         "side": "",
     }
     assert (rows[1]["value"], rows[1]["status"]) == (None, "undecided")
-
-
-def test_plain_values_of_a_cell_do_not_reach_into_it():
-    plain = dataclasses.replace(CELL, response=response()).to_dict()
-
-    CellEstimate.from_dict(plain)
-
-    assert plain["parameters"][0]["value"] == 50.0
-    assert plain["response"]["angle"] == [0.0, 1.0, 2.0]
 
 
 def test_responses_are_equal_where_all_their_samples_are():

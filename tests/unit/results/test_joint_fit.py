@@ -40,11 +40,6 @@ def test_a_parameter_it_has_not_is_refused_with_those_it_has():
     )
 
 
-def test_stiffness_damping_and_inertia_have_value_and_interval():
-    assert (FIT.stiffness.value, FIT.stiffness.ci) == (50.0, (48.0, 52.0))
-    assert (FIT.damping.value, FIT.inertia.ci) == (0.0, (None, None))
-
-
 def test_a_notebook_shows_the_title_and_a_small_table_escaped():
     html = dataclasses.replace(FIT, estimator="<b>")._repr_html_()
 
@@ -53,15 +48,6 @@ def test_a_notebook_shows_the_title_and_a_small_table_escaped():
     )
     assert "<td>stiffness</td>" in html
     assert "<b>" not in html
-
-
-def test_the_table_has_one_row_a_parameter():
-    table = FIT.to_frame()
-
-    assert table["parameter"].tolist() == ["stiffness", "damping", "inertia"]
-    assert table["unit"].tolist() == ["N*m/rad", "N*m*s/rad", "kg*m^2"]
-    assert table["status"].tolist() == ["ok", "at_bound", "undecided"]
-    assert set(table["vaf_pct"]) == {98.04}
 
 
 def test_the_summary_gives_intervals_quality_and_warnings():
@@ -89,15 +75,3 @@ def test_the_figure_shows_measurement_and_model(signal, label):
     assert ax.get_title() == (
         "K = 50 N*m/rad, B = 0 N*m*s/rad, J undecided\n" + f"VAF of the {signal} 98.0 %"
     )
-
-
-def test_plain_values_have_the_shape_of_the_command_line():
-    plain = FIT.to_dict()
-
-    assert plain["schema"] == "jointz.JointFit/1"
-    assert list(plain["parameters"]) == ["stiffness", "damping", "inertia"]
-    assert plain["parameters"]["stiffness"]["value"] == 50.0
-    assert plain["parameters"]["stiffness"]["unit"] == "N*m/rad"
-    assert plain["parameters"]["stiffness"]["ci"] == [48.0, 52.0]
-    assert plain["parameters"]["inertia"]["value"] is None
-    assert (plain["vaf_pct"], plain["status"]) == (98.04, "undecided")

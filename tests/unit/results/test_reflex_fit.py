@@ -66,15 +66,3 @@ def test_the_summary_tells_both_paths_and_the_model_without_a_reflex():
 
 def test_the_summary_says_where_no_reflex_was_found():
     assert "reflex not found (p 0.4)" in NOTHING.summary()
-
-
-def test_the_figure_shows_the_torque_and_both_paths():
-    ax = FIT.plot()
-    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
-
-    assert drawn["measured"] == [[0.0, 1.0], [0.1, 2.0]]
-    assert drawn["both paths"] == [[0.0, 1.1], [0.1, 1.9]]
-    assert drawn["intrinsic path"] == [[0.0, 1.0], [0.1, 1.5]]
-    assert drawn["reflex path"] == [[0.0, 0.1], [0.1, 0.4]]
-    assert ax.get_ylabel() == "torque less its slow part (N*m)"
-    assert "K = 70 N*m/rad, reflex gain = 5 N*m*s/rad, delay undecided" in ax.get_title()

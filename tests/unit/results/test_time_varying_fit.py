@@ -1,7 +1,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
 
@@ -42,10 +41,6 @@ def make_fit() -> TimeVaryingFit:
     )
 
 
-def test_the_resolution_is_the_segment_in_percent_of_the_stride():
-    assert make_fit().resolution_pct == pytest.approx(8.0)
-
-
 def test_the_table_has_a_row_a_parameter_and_phase():
     table = make_fit().to_frame()
 
@@ -80,12 +75,6 @@ def test_the_text_of_a_fit_without_any_decision_has_no_range():
     assert fit.plot().get_ylabel() == "stiffness (N*m/rad)"
 
 
-def test_a_parameter_is_found_by_name():
-    assert make_fit().parameter("inertia").n_decided == 2
-    with pytest.raises(KeyError, match="it has stiffness, damping, inertia"):
-        make_fit().parameter("friction")
-
-
 def test_the_figure_shows_stiffness_and_damping_with_bands_over_the_cycle():
     ax = make_fit().plot()
 
@@ -111,10 +100,3 @@ def test_a_phase_without_neighbours_keeps_its_interval_in_the_figure():
 
     (segment,) = ax.collections[1].get_segments()
     assert segment.tolist() == [[10.0, 45.0], [10.0, 55.0]]
-
-
-@pytest.mark.parametrize(
-    ("response_of", "unit"), [("admittance", "rad/(N*m*s)"), ("impedance", "N*m/(rad*s)")]
-)
-def test_the_responses_have_a_unit(response_of, unit):
-    assert dataclasses.replace(make_fit(), response_of=response_of).response_unit == unit

@@ -68,11 +68,6 @@ def test_equivalent_is_a_band_inside_the_margin_at_every_node(margin, nodes, ver
     assert test.to_frame()["equivalent"].sum() == nodes
 
 
-def test_the_largest_open_difference_looks_both_ways():
-    assert nothing_found().largest_open_difference == 9.3
-    assert nothing_found(ci_low=(-20.0, 0.0, 0.0, 0.0)).largest_open_difference == 20.0
-
-
 def test_tables_have_a_row_a_node_and_a_row_a_cluster():
     test = made()
     assert test.to_frame()["node"].tolist() == [0, 1, 2, 3]

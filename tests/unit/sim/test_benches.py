@@ -6,9 +6,9 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import LoadSpec
 from jointz.sim.benches.bench_load import BenchLoad
 from jointz.sim.benches.bench_rig import simulated_bench
-from jointz.sim.benches.qdd_bench import QDD_PRESETS, QddMachine, pack_qdd, qdd_preset
+from jointz.sim.benches.qdd_bench import pack_qdd, qdd_preset
 from jointz.sim.benches.qdd_bench_rig import QddBench
-from jointz.sim.benches.sea import SEA_PRESETS, SeaControl, SeaMachine, sea_preset
+from jointz.sim.benches.sea import sea_preset
 from jointz.sim.benches.sea_pack import pack_sea
 
 LOADS = [
@@ -46,17 +46,10 @@ def test_an_unknown_preset_is_refused_with_those_known(preset):
 
 
 @pytest.mark.parametrize(("pack", "preset"), [(pack_sea, sea_preset), (pack_qdd, qdd_preset)])
-@pytest.mark.parametrize("rate_hz", [0.0, 50.0, 99.0, 20_001.0, 1e5, float("nan")])
+@pytest.mark.parametrize("rate_hz", [99.0, 20_001.0, float("nan")])
 def test_a_rate_out_of_range_is_refused(pack, preset, rate_hz):
     with pytest.raises(DataError, match=r"bench: expected sample_rate_hz in 100\.\.20000 Hz"):
         pack(preset("clean"), SPRING, sample_rate_hz=rate_hz)
-
-
-def test_presets_share_the_machine_and_know_their_names():
-    for presets, machine in ((SEA_PRESETS, SeaMachine()), (QDD_PRESETS, QddMachine())):
-        assert [settings.name for settings in presets.values()] == list(presets)
-        assert all(settings.machine == machine for settings in presets.values())
-    assert all(settings.control == SeaControl() for settings in SEA_PRESETS.values())
 
 
 @pytest.mark.parametrize(("preset", "sd"), [("clean", None), ("nominal", 0.005), ("hard", 0.051)])

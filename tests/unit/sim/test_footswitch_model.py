@@ -45,11 +45,3 @@ def test_bounce_ends_after_its_time_with_the_switch_closed():
         assert len(chatter) == 6
         assert chatter == sorted(chatter)
         assert 0.0 <= chatter[0] < chatter[-1] <= 0.004
-
-
-def test_contacts_come_in_order_of_time():
-    switch = maker(FootswitchSettings(false=0.5, missed=0.3))
-    for _ in range(500):
-        times = switch.toggles(0.0, 1.0)
-        assert times == sorted(times)
-        assert len(times) % 2 == 0

@@ -69,6 +69,12 @@ def tasks(call, count, *arguments, store=False):
     ]
 
 
+def kept(store):
+    """Keep one result, and return the folder of the store."""
+    store.kept(partial(str, 0), partial(square, 3))()
+    return store.folder
+
+
 @pytest.fixture(autouse=True)
 def cache_home(tmp_path, monkeypatch):
     """What is kept goes into the user's cache folder, which is the test's own here."""
@@ -183,7 +189,7 @@ class Sessions:
         return k
 
 
-@pytest.mark.parametrize("killers", [{0}, {1}, {5}, {1, 3}, {0, 1, 2, 3, 4, 5}], ids=str)
+@pytest.mark.parametrize("killers", [{0}, {1, 3}, {0, 1, 2, 3, 4, 5}], ids=str)
 def test_what_other_workers_are_at_when_one_is_killed_is_not_done_twice(killers, monkeypatch):
     monkeypatch.setattr(engine_module, "on_one_thread", lambda call: call())  # of a whole process
     sessions = Sessions(killers)
@@ -256,15 +262,14 @@ def test_what_failed_is_not_kept(engine, tmp_path):
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"cut off", pickle.dumps(square)[:-4], b"cno_such_module\nThing\n."],
-    ids=["empty", "text", "cut off", "of a module that is gone"],
+    [b"", pickle.dumps(square)[:-4], b"cno_such_module\nThing\n."],
+    ids=["empty", "cut off", "of a module that is gone"],
 )
-def test_a_kept_result_that_cannot_be_read_is_made_again(engine, tmp_path, content):
+def test_a_kept_result_that_cannot_be_read_is_made_again(tmp_path, content):
     store = TaskStore(tmp_path)
-    store.kept(partial(str, 0), partial(square, 3))()
-    file = store.folder / "0.result"
+    file = kept(store) / "0.result"
     file.write_bytes(content)
-    [done] = done_in_turn(engine, tasks(counted, 1, tmp_path, store=True), store=store)
+    [done] = done_in_turn(Serial(), tasks(counted, 1, tmp_path, store=True), store=store)
 
     assert done.result() == 0
     assert pickle.loads(file.read_bytes()) == 0
@@ -273,23 +278,19 @@ def test_a_kept_result_that_cannot_be_read_is_made_again(engine, tmp_path, conte
 def test_a_result_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     synced = []
     monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.fstat(number).st_size))
-    store = TaskStore(tmp_path)
-    store.kept(partial(str, 0), partial(square, 3))()
-
-    assert synced == [(store.folder / "0.result").stat().st_size]
+    assert synced == [(kept(TaskStore(tmp_path)) / "0.result").stat().st_size]
 
 
 def test_a_place_that_cannot_be_made_is_told_as_such(cache_home, tmp_path):
     cache_home.touch()
-    store = TaskStore(tmp_path / "results")
     with pytest.raises(WriteError, match=r"jointz: cannot be written .* set XDG_CACHE_HOME to"):
-        store.kept(partial(str, 0), partial(square, 3))()
+        kept(TaskStore(tmp_path / "results"))
 
 
 def test_stores_of_folders_of_the_same_name_are_apart(tmp_path):
     first, second = (TaskStore(tmp_path / name / "results") for name in "AB")
     for store in (first, second):
-        store.kept(partial(str, 0), partial(square, 3))()
+        kept(store)
     first.clear()
 
     assert [file.name for file in second.folder.iterdir()] == ["0.result"]
@@ -333,7 +334,7 @@ def _linked(folder):
 @pytest.mark.parametrize("spoil", [_shared, _linked, None], ids=["shared", "linked", "foreign"])
 def test_a_cache_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, spoil, depth):
     store, ran = TaskStore(tmp_path / "results"), tmp_path / "ran"
-    store.kept(partial(str, 0), partial(square, 3))()
+    kept(store)
     (store.folder / "0.result").write_bytes(pickle.dumps(Planted(ran)))
     folder = [store.folder, *store.folder.parents][depth]
     if spoil:
@@ -341,16 +342,16 @@ def test_a_cache_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatc
     else:
         monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
     with pytest.raises(OutputError, match="expected a folder of your own"):
-        store.kept(partial(str, 0), partial(square, 3))()
+        kept(store)
     assert not ran.exists()
 
 
 def test_what_nobody_went_on_with_for_a_month_is_removed(tmp_path):
     old, new, now = (TaskStore(tmp_path / name) for name in ("old", "new", "now"))
     for store, days in ((old, 31), (new, 29)):
-        store.kept(partial(str, 0), partial(square, 3))()
+        kept(store)
         os.utime(store.folder, times=(time.time() - days * 86_400,) * 2)
-    now.kept(partial(str, 0), partial(square, 3))()
+    kept(now)
 
     assert [store.folder.exists() for store in (old, new, now)] == [False, True, True]
 
@@ -359,7 +360,7 @@ def test_an_error_says_what_is_kept(tmp_path):
     store = TaskStore(tmp_path / "tasks")
     with pytest.raises(ZeroDivisionError) as nothing, store.told_with_errors():
         raise ZeroDivisionError
-    store.kept(partial(str, 0), partial(square, 3))()
+    kept(store)
     with pytest.raises(ZeroDivisionError) as something, store.told_with_errors():
         raise ZeroDivisionError
 

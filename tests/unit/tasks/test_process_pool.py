@@ -50,15 +50,9 @@ def test_a_module_is_refused_like_a_script_but_not_that_of_a_package(tmp_path):
     (tmp_path / "package").mkdir()
     for file in (tmp_path / "mine.py", tmp_path / "package" / "__main__.py"):
         file.write_text(_UNGUARDED)
+    settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 60}
     alone, package = (
-        subprocess.run(
-            [sys.executable, "-m", name],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        subprocess.run([sys.executable, "-m", name], check=False, **settings)
         for name in ("mine", "package")
     )
 
@@ -78,10 +72,7 @@ def test_without_posix_signals_there_are_no_processes(monkeypatch):
     monkeypatch.setattr(process_pool_module, "CAN_WAIT", False)
 
     assert workers_for(1000) == 1
-    with (
-        pytest.raises(DataError, match="Leave --workers out"),
-        process_pool(2, needs="json"),
-    ):
+    with pytest.raises(DataError, match="Leave --workers out"), process_pool(2, needs="json"):
         pass
 
 
