@@ -1,6 +1,9 @@
 """The mixed model of a table: against R, the published table, and what it refuses."""
 
 import json
+import os
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +12,20 @@ import pytest
 from scipy.stats import binom
 
 from jointz.core.errors import DataError, EstimationError
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
 from jointz.stats import mixed_model
 
 HERE = Path(__file__).parent
 ORACLE = json.loads((HERE / "mixed_model_oracle.json").read_text(encoding="utf-8"))
 MADE_UP = [name for name in ORACLE if not name.startswith("published")]
+PUBLISHED = {
+    "K": "stiffness_Nm_per_rad_per_kg",
+    "B": "damping_Nms_per_rad_per_kg",
+    "J": "inertia_kgm2",
+}
 METHODS = ("kenward-roger", "satterthwaite")
 
 
@@ -27,9 +39,8 @@ def fit_of(table, **options):
     return mixed_model(table, response="y", within="level", participant="participant", **options)
 
 
-def made_up(seed=8, *, people=8, levels=4, rows=1, person_sd=1.0, cell_sd=0.0, shift=0.0):
+def made_up(rng, *, people=8, levels=4, rows=1, person_sd=1.0, cell_sd=0.0, shift=0.0):
     """People by levels, normal, the levels spread over ``shift``."""
-    rng = np.random.default_rng(seed)
     person, level, _ = np.indices((people, levels, rows)).reshape(3, -1)
     y = person_sd * rng.standard_normal(people)[person] + shift * level / levels
     y += cell_sd * rng.standard_normal((people, levels))[person, level]
@@ -90,6 +101,40 @@ def test_every_number_is_that_of_r(name, df):
     assert_exact_tests_are_those_of_r(fit, ORACLE[name])
 
 
+@pytest.mark.slow
+def test_r_still_gives_the_stored_numbers(tmp_path):
+    rscript = shutil.which("Rscript")
+    if rscript is None:
+        pytest.skip("Rscript is not installed")
+    wanted = "for (p in c('lmerTest', 'pbkrtest', 'emmeans')) stopifnot(requireNamespace(p))"
+    if subprocess.run([rscript, "-e", wanted], capture_output=True, check=False).returncode:
+        pytest.skip("R has not all of lmerTest, pbkrtest and emmeans")
+    out = tmp_path / "again.json"
+    environment = {k: v for k, v in os.environ.items() if k != "JOINTZ_DATA"}
+
+    subprocess.run(
+        [rscript, "mixed_model_oracle.R", str(out)],
+        cwd=HERE,
+        env=environment,
+        check=True,
+        capture_output=True,
+    )
+
+    again = json.loads(out.read_text(encoding="utf-8"))
+    assert list(again) == MADE_UP
+    for name in MADE_UP:
+        assert_same_numbers(again[name], ORACLE[name])
+
+
+def assert_same_numbers(found, known):
+    assert found.keys() == known.keys()
+    for key, value in known.items():
+        if isinstance(value, dict):
+            assert_same_numbers(found[key], value)
+        else:
+            np.testing.assert_allclose(numbers(found[key]), numbers(value), rtol=1e-6, atol=1e-12)
+
+
 # --- the published table -------------------------------------------------------------------------
 
 
@@ -99,25 +144,45 @@ def published(real_data):
     return pd.read_csv(file).rename(columns={"subject": "participant", "timing_point": "level"})
 
 
+def published_fit(published, name, **options):
+    return mixed_model(
+        published, response=PUBLISHED[name], within="level", participant="participant", **options
+    )
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("name", "f", "p_person"),
+    [("K", 6.83472, 0.020), ("B", 1.98101, 0.013), ("J", 1.07921, 0.033)],
+)
+def test_the_published_table_gives_the_known_tests(published, name, f, p_person):
+    fit = published_fit(published, name)
+
+    np.testing.assert_allclose(fit.f_test.F, f, atol=5e-6)
+    assert (fit.f_test.df_num, fit.f_test.df_den) == pytest.approx((5, 45))
+    assert fit.random_effects[0].p == pytest.approx(p_person, abs=5e-4)
+    np.testing.assert_allclose(fit.repeated_measures.F, fit.f_test.F, rtol=1e-6)
+    assert fit.levels == ("LRE", "MST", "TST", "PSW", "ISW", "MSW")
+
+
 @pytest.mark.real_data
 @pytest.mark.parametrize("df", METHODS)
-@pytest.mark.parametrize(
-    "name", ["stiffness_Nm_per_rad_per_kg", "damping_Nms_per_rad_per_kg", "inertia_kgm2"]
-)
+@pytest.mark.parametrize("name", PUBLISHED)
 def test_the_published_table_is_as_in_r(published, name, df):
-    fit = fit_of(published.assign(y=published[name]), df=df)
+    fit = published_fit(published, name, df=df)
 
-    assert fit.levels == ("LRE", "MST", "TST", "PSW", "ISW", "MSW")
-    assert_is_that_of_r(fit, ORACLE[f"published {name}"], df)
-    assert_exact_tests_are_those_of_r(fit, ORACLE[f"published {name}"])
+    assert_is_that_of_r(fit, ORACLE[f"published {PUBLISHED[name]}"], df)
+    assert_exact_tests_are_those_of_r(fit, ORACLE[f"published {PUBLISHED[name]}"])
 
 
 @pytest.mark.real_data
 def test_three_pairs_of_the_published_stiffness_differ(published):
-    fit = fit_of(published.assign(y=published["stiffness_Nm_per_rad_per_kg"]))
+    pairs = published_fit(published, "K").pairs(adjust="bonferroni")
 
-    pairs = fit.pairs(adjust="bonferroni").set_index(["first", "second"])["p_adjusted"]
-    assert pairs[pairs < 0.05].to_dict() == {
+    below = pairs[pairs["p_adjusted"] < 0.05]
+    found = {(a, b): p for a, b, p in zip(below["first"], below["second"], below["p_adjusted"],
+                                          strict=True)}  # fmt: skip
+    assert found == {
         ("LRE", "MST"): pytest.approx(0.0025, abs=5e-5),
         ("LRE", "ISW"): pytest.approx(0.00017, abs=5e-6),
         ("LRE", "MSW"): pytest.approx(0.00031, abs=5e-6),
@@ -128,7 +193,7 @@ def test_three_pairs_of_the_published_stiffness_differ(published):
 
 
 @pytest.mark.parametrize("df", METHODS)
-@pytest.mark.parametrize("name", ["nested_unbalanced", "boundary_unbalanced"])
+@pytest.mark.parametrize("name", ["unbalanced", "nested_unbalanced", "boundary_unbalanced"])
 def test_unit_origin_order_of_rows_and_names_of_people_do_not_matter(name, df):
     table = oracle_table(name)
     table["level"] = pd.Categorical(table["level"], categories=table["level"].unique())
@@ -148,6 +213,29 @@ def test_unit_origin_order_of_rows_and_names_of_people_do_not_matter(name, df):
                                rtol=1e-5, atol=1e-14)  # fmt: skip
 
 
+def test_kenward_roger_does_not_depend_on_the_order_of_levels():
+    table = oracle_table("unbalanced")
+    other = pd.Categorical(table["level"], categories=table["level"].unique()[::-1])
+
+    one, two = fit_of(table), fit_of(table.assign(level=other))
+
+    assert two.levels == one.levels[::-1]
+    np.testing.assert_allclose(two.f_test.F, one.f_test.F, rtol=1e-6)
+    assert two.f_test.df_den == pytest.approx(one.f_test.df_den)
+
+
+def test_equal_replicates_test_levels_as_their_means_do():
+    table = oracle_table("nested")
+    averaged = table.groupby(["participant", "level"], sort=False, as_index=False).mean()
+
+    whole, means = fit_of(table), fit_of(averaged)
+
+    np.testing.assert_allclose(whole.f_test.F, means.f_test.F, rtol=1e-6)
+    assert whole.f_test.df_den == pytest.approx(means.f_test.df_den)
+    assert whole.icc.value == pytest.approx(means.icc.value)
+    assert whole.icc.ci_low == pytest.approx(means.icc.ci_low)
+
+
 def test_the_interval_of_the_intraclass_correlation_is_that_of_shrout_and_fleiss():
     # Table 2 of Shrout and Fleiss 1979: ICC(3,1) is .71.
     scores = [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]]
@@ -164,7 +252,7 @@ def test_the_interval_of_the_intraclass_correlation_is_that_of_shrout_and_fleiss
 
 
 def test_missing_cells_are_named_and_the_others_of_the_person_used():
-    table = made_up(1)
+    table = made_up(np.random.default_rng(1))
     full = fit_of(table)
     empty = table.copy()
     empty.loc[[5, 14], "y"] = np.nan
@@ -190,27 +278,42 @@ def test_a_variance_at_the_bound_is_said():
     assert fit.random_effects[0].likelihood_ratio == 0
     assert (fit.random_effects[0].p_chi2, fit.random_effects[0].p_mixture) == (1, 1)
     assert any("participant is 0, at its bound" in note for note in fit.notes)
-    inside = fit_of(oracle_table("balanced")).random_effects[0]
-    assert inside.p_mixture == pytest.approx(inside.p_chi2 / 2)
+
+
+def test_the_mixture_halves_the_p_of_chi_squared():
+    test = fit_of(oracle_table("balanced")).random_effects[0]
+
+    assert test.p_mixture == pytest.approx(test.p_chi2 / 2)
 
 
 # --- pairs ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("error", ["pooled", "paired"])
-@pytest.mark.parametrize("adjust", ["bonferroni", "none"])
-def test_intervals_agree_with_adjusted_p(error, adjust):
-    pairs = fit_of(made_up(2, shift=2.5, people=12)).pairs(adjust, error=error)
-    outside = (pairs["ci_low"] > 0) | (pairs["ci_high"] < 0)
+def test_intervals_agree_with_adjusted_p():
+    for error in ("pooled", "paired"):
+        for adjust in ("bonferroni", "none"):
+            pairs = fit_of(made_up(np.random.default_rng(2), shift=2.5, people=12)).pairs(
+                adjust, error=error
+            )
+            outside = (pairs["ci_low"] > 0) | (pairs["ci_high"] < 0)
 
-    assert 0 < outside.sum() < len(pairs)
-    assert (outside == (pairs["p_adjusted"] < 0.05)).all()
-    assert set(pairs["adjust"]) == {adjust}
-    assert set(pairs["error"]) == {error}
+            assert 0 < outside.sum() < len(pairs)
+            assert (outside == (pairs["p_adjusted"] < 0.05)).all()
+            assert set(pairs["adjust"]) == {adjust}
+            assert set(pairs["error"]) == {error}
+
+
+def test_holm_is_never_less_powerful_than_bonferroni():
+    fit = fit_of(made_up(np.random.default_rng(3), shift=2.0))
+
+    holm, bonferroni = fit.pairs("holm")["p_adjusted"], fit.pairs("bonferroni")["p_adjusted"]
+
+    assert (holm <= bonferroni + 1e-15).all()
+    assert (holm < bonferroni).any()
 
 
 def test_a_pair_without_a_test_does_not_count_in_the_adjustment():
-    table = made_up(4, people=3, levels=3).drop([1, 3])
+    table = made_up(np.random.default_rng(4), people=3, levels=3).drop([1, 3])
     fit = fit_of(table)
 
     paired = fit.pairs(error="paired")
@@ -223,11 +326,17 @@ def test_a_pair_without_a_test_does_not_count_in_the_adjustment():
     np.testing.assert_allclose(tested["p_adjusted"], np.minimum(2 * tested["p"], 1.0))
 
 
+@pytest.mark.parametrize("options", [{"adjust": "tukey"}, {"error": "own"}])
+def test_an_unknown_adjustment_or_error_is_refused(options):
+    with pytest.raises(DataError, match=r"MixedModelFit\.pairs: expected (adjust|error)"):
+        fit_of(oracle_table("balanced")).pairs(**options)
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 
 def test_replicates_are_refused_with_an_explanation():
-    table = made_up(rows=3)
+    table = made_up(np.random.default_rng(5), rows=3)
 
     with pytest.raises(DataError, match="replicates, not people") as caught:
         fit_of(table, nested=False)
@@ -238,32 +347,33 @@ def test_replicates_are_refused_with_an_explanation():
 
 
 def test_copied_rows_are_refused():
-    table = made_up()
+    table = made_up(np.random.default_rng(6))
+    copied = pd.concat([table, table.iloc[:2]], ignore_index=True)
 
     with pytest.raises(DataError, match="2 rows repeat another: drop them if they are copies"):
-        fit_of(pd.concat([table, table.iloc[:2]], ignore_index=True), nested=False)
-    pulses = made_up(rows=3).reset_index(names="pulse")
+        fit_of(copied, nested=False)
+    pulses = made_up(np.random.default_rng(6), rows=3).reset_index(names="pulse")
     with pytest.raises(DataError, match="1 rows repeat another in all 4 columns"):
         fit_of(pd.concat([pulses, pulses.iloc[:1]]))
 
 
+def test_nested_without_replicates_is_refused():
+    with pytest.raises(DataError, match="nested=True expects replicates"):
+        fit_of(made_up(np.random.default_rng(7)), nested=True)
+
+
 def changed(rows, column, value):
-    table = made_up()
+    table = made_up(np.random.default_rng(8))
     table[column] = table[column].astype(object if isinstance(value, str) else table[column].dtype)
     table.loc[rows, column] = value
     return table
-
-
-def labelled(column, kind, **names):
-    table = made_up()
-    return table.assign(**{column: table[column].astype(kind).replace(names)})
 
 
 @pytest.mark.parametrize(
     ("table", "message"),
     [
         (changed(slice(0, 3), "y", np.nan), "participant S00 of 'participant' has no value"),
-        (changed(slice(2, None, 4), "y", np.nan), "level L2 of 'level' has no value of 'y'"),
+        (changed(slice(2, None, 4), "y", np.nan), "unused"),
         (changed(slice(None), "level", "LRE"), "two or more levels in column 'level', found only"),
         (changed(slice(None), "participant", "S1"), "two or more participants"),
         (changed(slice(None), "y", 3.5), "column 'y' is constant, all 32 values are 3.5"),
@@ -271,40 +381,29 @@ def labelled(column, kind, **names):
         (changed(3, "y", np.inf), "1 infinite values"),
         (changed(3, "level", None), "'level' must name every row, 1 have none"),
         (changed(3, "y", "3,5"), "column 'y' must hold numbers, it holds text or a mix of kinds"),
-        (made_up().assign(y=made_up()["y"] > 0), "column 'y' must hold numbers, it holds"),
-        (made_up().astype({"y": complex}), "column 'y' must hold numbers, it holds"),
-        (made_up().assign(y=1e300 * made_up()["y"]), "column 'y' has values of the size of"),
-        (made_up().assign(y=1e-200 * made_up()["y"]), "column 'y' has values of the size of"),
-        (labelled("level", object, L0=1, L1="1"), "two labels written '1'"),
-        (pd.concat([made_up(), made_up()[["y"]]], axis=1), "several columns 'y'; rename or drop"),
-        (made_up().iloc[::5], "cannot be told apart"),
-        (made_up().rename(columns={"y": "K"}), "missing \\['y'\\]"),
-        (made_up().iloc[:0], "found none"),
+        (made_up(np.random.default_rng(8)).iloc[::5], "cannot be told apart"),
+        (made_up(np.random.default_rng(8)).rename(columns={"y": "K"}), "missing \\['y'\\]"),
+        (made_up(np.random.default_rng(8)).iloc[:0], "found none"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_tested_is_refused_by_name(table, message):
+    if message == "unused":
+        message = "level L2 of 'level' has no value of 'y'"
     with pytest.raises(DataError, match=message):
         fit_of(table, nested=False)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"df": "containment"}, "mixed_model: expected df"),
-        ({"ci_level": 95}, "mixed_model: expected 0 < ci_level"),
-        ({"nested": True}, "nested=True expects replicates"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(options, message):
-    with pytest.raises(DataError, match=message):
-        fit_of(made_up(), **options)
-    for pairs in ({"adjust": "tukey"}, {"error": "own"}):
-        with pytest.raises(DataError, match=r"MixedModelFit\.pairs: expected (adjust|error)"):
-            fit_of(made_up()).pairs(**pairs)
+def test_a_person_with_nothing_is_found_whatever_the_labels_are():
+    table = made_up(np.random.default_rng(9))
+    table["participant"] = table["participant"].astype("category")
+    table.loc[table["participant"] == "S03", "y"] = np.nan
+
+    with pytest.raises(DataError, match="participant S03"):
+        fit_of(table)
 
 
 def test_labels_of_a_categorical_without_rows_are_said():
-    table = made_up()
+    table = made_up(np.random.default_rng(9))
     table["level"] = pd.Categorical(table["level"], categories=["L9", "L3", "L2", "L1", "L0"])
 
     fit = fit_of(table)
@@ -313,8 +412,31 @@ def test_labels_of_a_categorical_without_rows_are_said():
     assert fit.notes == ("no row has L9 of level",)
 
 
+@pytest.mark.parametrize("size", [1e300, 1e-200])
+def test_values_whose_squares_are_no_numbers_are_refused(size):
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="column 'y' has values of the size of"):
+        fit_of(table.assign(y=size * table["y"]), nested=False)
+
+
+@pytest.mark.parametrize("kind", [bool, complex, object])
+def test_a_response_is_of_real_numbers(kind):
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="column 'y' must hold numbers, it holds"):
+        fit_of(table.assign(y=(table["y"] > 0) if kind is bool else table["y"].astype(kind)))
+
+
+def test_a_column_twice_is_refused():
+    table = made_up(np.random.default_rng(9))
+
+    with pytest.raises(DataError, match="several columns 'y'; rename or drop all but one"):
+        fit_of(pd.concat([table, table[["y"]]], axis=1))
+
+
 def test_labels_that_are_nearly_the_same_are_said():
-    table = made_up()
+    table = made_up(np.random.default_rng(9))
     table["level"] = table["level"].replace({"L1": "l0"})
 
     (note,) = fit_of(table, nested=False).notes
@@ -322,14 +444,29 @@ def test_labels_that_are_nearly_the_same_are_said():
     assert note.startswith("'L0' and 'l0' of level are taken as 2 different labels")
 
 
+def test_a_number_and_its_text_are_not_two_levels():
+    table = made_up(np.random.default_rng(9))
+    table["level"] = table["level"].astype(object).replace({"L0": 1, "L1": "1"})
+
+    with pytest.raises(DataError, match="two labels written '1'"):
+        fit_of(table)
+
+
 def test_nothing_left_beside_people_and_levels_is_refused():
-    table = made_up()
+    table = made_up(np.random.default_rng(10))
     level, person = table["level"].str[1:].astype(float), table["participant"].str[1:].astype(float)
 
     with pytest.raises(DataError, match="mixed model of 'y': participants and levels explain"):
         fit_of(table.assign(y=level**2 + 3 * person), nested=False)
+    repeated = pd.concat([table, table])
     with pytest.raises(DataError, match="participants and levels, or their cells, explain every"):
-        fit_of(pd.concat([table, table]))
+        fit_of(repeated)
+
+
+@pytest.mark.parametrize("options", [{"df": "containment"}, {"ci_level": 95}])
+def test_unknown_options_are_refused(options):
+    with pytest.raises(DataError, match=r"mixed_model: expected (df|0 < ci_level)"):
+        fit_of(oracle_table("balanced"), **options)
 
 
 def test_too_few_people_for_kenward_roger_have_a_code():
@@ -348,6 +485,9 @@ def test_too_few_people_for_kenward_roger_have_a_code():
 
     assert caught.value.code == "too_few_participants"
     assert 0 < fit_of(table, df="satterthwaite").f_test.p <= 1
+
+
+# --- the result ----------------------------------------------------------------------------------
 
 
 # --- calibration ---------------------------------------------------------------------------------
@@ -386,10 +526,21 @@ EXACT = ("levels", "pooled one pair", "paired one pair")
 CAUTIOUS = ("pooled bonferroni", "pooled holm", "paired bonferroni", "paired holm")
 
 
-@pytest.mark.parametrize("n_studies", [200, pytest.param(2000, marks=pytest.mark.slow)])
-def test_false_positives_are_five_percent(n_studies):
-    exact, cautious = (*EXACT, "anova"), (*CAUTIOUS, "greenhouse-geisser")
-    assert_calibrated(rejections(n_studies), n_studies, exact=exact, cautious=cautious)
+def test_false_positives_are_five_percent():
+    rejected = rejections(200)
+
+    assert_calibrated(
+        rejected, 200, exact=(*EXACT, "anova"), cautious=(*CAUTIOUS, "greenhouse-geisser")
+    )
+
+
+@pytest.mark.slow
+def test_false_positives_are_five_percent_in_many_studies():
+    rejected = rejections(2000)
+
+    assert_calibrated(
+        rejected, 2000, exact=(*EXACT, "anova"), cautious=(*CAUTIOUS, "greenhouse-geisser")
+    )
 
 
 @pytest.mark.slow
@@ -426,3 +577,20 @@ def test_intervals_of_the_intraclass_correlation_hold_in_95_percent():
 
     low, high = binom.interval(0.998, 1000, 0.95)
     assert low <= inside <= high
+
+
+def test_replicates_taken_as_people_find_what_is_not_there_in_over_90_percent():
+    rng = np.random.default_rng(13)
+    n_studies = 40
+    pseudo = honest = 0
+    for _ in range(n_studies):
+        table = made_up(rng, people=10, levels=6, rows=50, cell_sd=1.0)
+        levels = pd.factorize(table["level"])[0]
+        design = (levels[:, None] == np.arange(6)).astype(float)
+        design[:, 0] = 1.0
+        fit = fit_random_intercept(design, table["y"].to_numpy(), table["participant"].to_numpy())
+        pseudo += satterthwaite_test(fit, np.eye(6)[1:]).p < 0.001
+        honest += fit_of(table).f_test.p < 0.05
+
+    assert pseudo / n_studies > 0.9
+    assert honest <= binom.ppf(0.999, n_studies, 0.05)

@@ -46,9 +46,6 @@ def test_the_threshold_is_the_first_of_the_flips_that_too_many_would_exceed(name
     allowed = int(0.05 * flips.size)
     assert test.threshold == pytest.approx(np.sort(flips)[-1 - allowed], rel=1e-6)
     assert test.threshold_from == f"all {flips.size} sign flips"
-    field = spm_paired_t(*MADE["curves"](name))
-    assert (test.t, test.difference, test.df) == (field.t, field.difference, field.df)
-    assert test.fwhm_nodes is test.resels is test.p_set is None
 
 
 def test_p_of_clusters_is_that_of_their_peak():
@@ -60,6 +57,13 @@ def test_p_of_clusters_is_that_of_their_peak():
         assert cluster.extent_resels is None
 
 
+def test_t_and_difference_are_those_of_the_paired_t_test():
+    a, b = noise(2, 10, 15.0, seed=1)
+    flip, field = sign_flip_max_t(a, b), spm_paired_t(a, b)
+    assert (flip.t, flip.difference, flip.df) == (field.t, field.difference, field.df)
+    assert flip.fwhm_nodes is flip.resels is flip.p_set is None
+
+
 def test_what_is_found_has_a_small_p_and_zero_is_only_left_out_where_something_is_found():
     for seed in range(20):
         a, b = noise(2, 8, 15.0, seed=seed)
@@ -67,6 +71,14 @@ def test_what_is_found_has_a_small_p_and_zero_is_only_left_out_where_something_i
         assert test.different == tuple(p <= test.alpha for p in test.p)
         outside = (np.array(test.ci_low) > 0) | (np.array(test.ci_high) < 0)
         assert not (outside & ~np.array(test.different)).any()
+
+
+def test_swapping_the_sets_changes_only_signs():
+    a, b = noise(2, 9, 15.0, seed=4)
+    test, swapped = sign_flip_max_t(a + 0.2, b), sign_flip_max_t(b, a + 0.2)
+    assert swapped.p == pytest.approx(test.p)
+    assert swapped.threshold == pytest.approx(test.threshold)
+    np.testing.assert_allclose(swapped.ci_low, np.negative(test.ci_high))
 
 
 def test_up_to_14_people_all_flips_are_done_and_beyond_they_are_drawn():
@@ -122,7 +134,11 @@ GOOD = np.random.default_rng(0).standard_normal((6, 20)).cumsum(axis=1)
     ("a", "b", "settings", "message"),
     [
         (GOOD, -GOOD[:5], {}, "one shape"),
+        (GOOD[:1], -GOOD[:1], {}, "at least 3 participants in a, got 1"),
+        (GOOD[:, :4], -GOOD[:, :4], {}, "at least 5 nodes"),
+        (GOOD * np.nan, GOOD, {}, "finite values in a, found 120"),
         (GOOD, GOOD, {}, "the same everywhere"),
+        (GOOD, GOOD + 1, {}, "exactly the same"),
         (GOOD, -GOOD, {"alpha": 1.0}, "alpha"),
         (GOOD, -GOOD, {"n_flips": 1}, "n_flips of at least 2"),
         (GOOD, -GOOD, {"seed": -1}, "seed of 0 or more"),
@@ -151,6 +167,25 @@ def test_few_sets_of_smooth_noise_are_seldom_different():
 def test_the_false_positive_rate_is_5_pct_however_smooth_the_curves(fwhm_nodes):
     low, high = stats.binom.interval(0.95, 2000, 0.05)
     assert low <= false_findings(2000, 10, fwhm_nodes) <= high
+
+
+@pytest.mark.slow
+def test_drawn_flips_keep_the_false_positive_rate():
+    curves = noise(1000, 16, 15.0, seed=31)
+    found = sum(bool(sign_flip_max_t(c, 0 * c, n_flips=400).clusters) for c in curves)
+    low, high = stats.binom.interval(0.95, 1000, 0.05)
+    assert low <= found <= high
+
+
+@pytest.mark.slow
+def test_heavy_symmetric_tails_keep_the_false_positive_rate():
+    """Each person's curve times a factor of its own, of no finite variance."""
+    rng = np.random.default_rng(7)
+    factor = rng.standard_t(2, size=(1000, 10, 1))
+    curves = noise(1000, 10, 15.0, seed=37) * factor
+    found = sum(bool(sign_flip_max_t(c, 0 * c).clusters) for c in curves)
+    low, high = stats.binom.interval(0.95, 1000, 0.05)
+    assert low <= found <= high
 
 
 @pytest.mark.slow

@@ -1,9 +1,12 @@
 """Tasks on a Dask cluster: started here, or a lab's own."""
 
 import os
+import random
 import re
+import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
@@ -43,14 +46,20 @@ def joined(address):
         time.sleep(0.2)
 
 
-def test_results_come_in_the_order_of_the_tasks_and_errors_beside_them(joined):
-    done = list(done_in_turn(joined, [Task(str(k), partial(divmod, 6, k)) for k in range(20)]))
+def test_results_come_in_the_order_of_the_tasks(joined):
+    tasks = [Task(str(k), partial(divmod, k, 3)) for k in range(20)]
 
-    assert [d.value for d in done] == [None, *(divmod(6, k) for k in range(1, 20))]
+    assert [d.result() for d in done_in_turn(joined, tasks)] == [divmod(k, 3) for k in range(20)]
+
+
+def test_a_task_that_raises_is_told_and_the_rest_is_done(joined):
+    done = list(done_in_turn(joined, [Task(str(k), partial(divmod, 6, k)) for k in range(3)]))
+
+    assert [d.value for d in done] == [None, (6, 0), (3, 0)]
     assert isinstance(done[0].error, ZeroDivisionError)
 
 
-@pytest.mark.parametrize("name", ["jointz", "numba"])
+@pytest.mark.parametrize("name", ["jointz", "Python", "numpy", "scipy", "numba"])
 def test_other_software_on_a_worker_is_refused(joined, address, monkeypatch, name):
     there = engine_dask._calculating()
     assert there[name][0].isdigit()
@@ -237,6 +246,13 @@ def test_nobody_answers(monkeypatch):
             pass
 
 
+def test_a_cluster_of_this_machine():
+    with open_engine("local", workers=1, tasks=1, needs="json") as engine:
+        [done] = done_in_turn(engine, [Task("one", partial(divmod, 7, 2))])
+        assert done.result() == (3, 1)
+        assert engine.workers == 1
+
+
 def _listening(pids):
     """Return addresses on which processes listen, in the hexadecimal words of /proc/net."""
     handles = [link for pid in pids for link in Path(f"/proc/{pid}/fd").iterdir()]
@@ -253,8 +269,6 @@ def _listening(pids):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at /proc")
 def test_nobody_else_reaches_a_cluster_of_this_machine():
     with open_engine("local", workers=1, tasks=1, needs="json") as engine:
-        [done] = done_in_turn(engine, [Task("one", partial(divmod, 7, 2))])
-        assert (done.result(), engine.workers) == ((3, 1), 1)
         workers = engine._client.run(os.getpid)
         addresses = _listening([os.getpid(), *workers.values()])
         scheduler = engine._client.scheduler.address
@@ -275,3 +289,36 @@ def test_a_cluster_of_this_machine_is_not_started_in_the_clear(monkeypatch):
         open_engine("local", workers=1, tasks=1, needs="json"),
     ):
         pass
+
+
+@pytest.mark.slow
+def test_workers_killed_at_random_cost_little(tmp_path):
+    rng = random.Random(4)
+    kills, count = 10, 300
+    killed = []
+
+    def kill(of):
+        while len(killed) < kills:
+            time.sleep(rng.uniform(1.0, 3.0))
+            words = ["pgrep", "-P", str(of), "-f", "spawn_main"]
+            found = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+            if found:
+                killed.append(rng.choice(found.split()))
+                os.kill(int(killed[-1]), signal.SIGKILL)
+
+    def task(k):
+        return Task(str(k), partial(subprocess.run, ["sh", "-c", noted(k)], check=True))
+
+    def noted(k):
+        return f"echo >> '{tmp_path}/{k}.begun'; sleep 0.1"
+
+    with open_engine("local", workers=2, tasks=count, needs="subprocess") as engine:
+        killer = threading.Thread(target=kill, args=(os.getpid(),), daemon=True)
+        killer.start()
+        done = list(done_in_turn(engine, [task(k) for k in range(count)]))
+        killer.join()
+
+    assert [d.result().args[-1] for d in done] == [noted(k) for k in range(count)]
+    begun = sum(file.read_text().count("\n") for file in tmp_path.glob("*.begun"))
+    # A cluster keeps results on its workers until they are fetched: those go with the worker.
+    assert begun - count <= 4 * len(killed)
