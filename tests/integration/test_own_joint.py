@@ -408,7 +408,7 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     assert not pd.read_csv(tmp_path / "r" / "estimates.csv")["value"].notna().any()
     text = words_of(tmp_path / "r" / "report.html")
     assert "Quasi-stiffness" in text
-    assert "it is no impedance, and these participants were not perturbed" in text
+    assert "It is no impedance: these participants were not perturbed" in text
     methods = (tmp_path / "r" / "methods.txt").read_text()
     for never in ("Impedance was measured", "ridge", "was fitted", "Torque was measured"):
         assert never not in methods

@@ -41,10 +41,10 @@ def from_then_on(walk, monkeypatch):
     def patch(owner, name, act):
         whole = getattr(owner, name)
 
-        def called(*args, **kwargs):
+        def called(self, *args, **kwargs):
             if walk.clock is not None and walk.clock.now_ns() >= BEFORE_PULSES_S * 1e9:
                 act()
-            return whole(*args, **kwargs)
+            return whole(self, *args, **kwargs)
 
         monkeypatch.setattr(owner, name, called)
 
@@ -347,10 +347,10 @@ def test_an_error_of_a_driver_names_its_device(walk, from_then_on):
 
 
 def test_an_error_while_the_rig_opens_is_journaled(walk, monkeypatch):
-    def unplugged(*_, **__):
+    def unplugged(self, *_, **__):
         raise FileNotFoundError(2, "No such file or directory", "/dev/ttyUSB0")
 
-    monkeypatch.setattr(walk.rig, "open", unplugged)
+    monkeypatch.setattr(walk.rig, "open", unplugged.__get__(walk.rig))
     with pytest.raises(DeviceError, match=r"^rig: its driver raised FileNotFoundError.*ttyUSB0"):
         walk.run()
     assert walk.event_names()[-1] == "tripped"

@@ -248,7 +248,7 @@ def test_an_empty_file_is_named_and_the_other_entries_are_looked_at(tmp_path, fi
     found = check_collection(tmp_path)
 
     assert {finding.entry for finding in found.findings} == {"lab-a"}
-    assert f"{file}: holds nothing" in found.summary()
+    assert f"{file}: is empty" in found.summary()
 
 
 # --- between entries -----------------------------------------------------------------------------

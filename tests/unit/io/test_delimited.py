@@ -145,8 +145,8 @@ CUT = "cut off mid-row"
 REFUSED = {
     "bad cell": ("t,x\n1,2\n2,abc\n", {}, r"S01.csv, row 3, column 'x': expected a number, found "
                  r"'abc'. Correct the cell or leave it empty"),
-    "nothing": ("", {}, r"holds nothing, no samples"),
-    "header only": ("t,x\n", {}, r"holds only a header, no samples"),
+    "nothing": ("", {}, r"is empty, no samples"),
+    "header only": ("t,x\n", {}, r"has only a header, no samples"),
     "short last row": ("t,x\n1,2\n3", {}, rf"row 3: .*{CUT}: the last row has 1 of 2 values"),
     "short ended last row": ("t,x\n1,2\n3\n", {}, rf"row 3: .*{CUT}"),
     "empty last value": ("t,x\n1,2\n3,", {}, rf"row 3: .*{CUT}: the last row ends with ''"),

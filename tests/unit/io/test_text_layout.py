@@ -158,7 +158,7 @@ def test_no_table_is_an_error_that_says_what_to_give(text, tmp_path):
 
 
 def test_an_empty_and_a_damaged_file_are_errors(tmp_path):
-    with pytest.raises(DataError, match="holds nothing"):
+    with pytest.raises(DataError, match="is empty"):
         layout_of(tmp_path, "")
     (tmp_path / "b.csv.gz").write_bytes(gzip.compress(table().encode())[:20])
     with pytest.raises(DataError, match="cut off or damaged"):

@@ -28,12 +28,26 @@ _MARGIN_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class CellMethod:
-    """An :class:`~jointz.identify.estimators.Estimator` from a function that fits one cell."""
+    """An :class:`~jointz.identify.estimators.Estimator` from a function that fits one cell.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    baseline : str
+        Baseline to subtract, unless the study sets another.
+    fit : callable
+        Returns the fit of the windows of a timing point, case or group.
+    raw : bool
+        Whether ``fit`` takes unfiltered windows or the commanded torque, too.
+    kinds : tuple of str
+        Kinds of study that the method serves.
+    """
 
     name: str
-    baseline: str  # unless the study sets another
+    baseline: str
     fit: Fit
-    raw: bool = False  # whether it takes unfiltered windows or the commanded torque too
+    raw: bool = False
     kinds: tuple[str, ...] = ("walking", "bench")
 
     def baseline_for(self, kind: StudyKind) -> str:

@@ -88,6 +88,13 @@ def unbounded(cell: CellData, settings: FitSettings) -> CellFit:
 
     Errors of the angle, and torque that arises inside the joint, bias it (SCIENCE trap 4);
     averaging n pulses divides that bias by n.
+
+    Parameters
+    ----------
+    cell : CellData
+        Windows of a timing point, case or group, and their baseline.
+    settings : FitSettings
+        Bootstrap resamples, seed and bounds.
     """
     rng = np.random.default_rng(settings.seed)
     return fitted_by_equations(cell, replace(settings, bounded=False), torque_on_motion, rng=rng)

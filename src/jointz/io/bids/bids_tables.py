@@ -132,7 +132,7 @@ def cell_number(
 def _lines(path: Path, text: str, *, whole: bool) -> list[str]:
     text = text.replace("\r\n", "\n")
     if not text.strip():
-        raise _bad(path, "holds nothing. Copy it again.")
+        raise _bad(path, "is empty. Copy it again.")
     lines = text.removesuffix("\n").split("\n")
     rest = lines[-1].split("\t")[-1].strip() if len(lines) > 1 else ""
     if not text.endswith("\n") and (whole or not rest):

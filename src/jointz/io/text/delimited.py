@@ -141,7 +141,7 @@ def decompressed_text(path: Path, n_lines: int) -> list[str]:
         raise damaged(path, exc) from exc
     filled = [line for line in lines if line]
     if not filled:
-        raise file_error(path, "holds nothing. Export it again.")
+        raise file_error(path, "is empty. Export it again.")
     return [text.rstrip("\r\n") for text in _decoded(path, filled)]
 
 
@@ -167,11 +167,9 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     start_byte = sum(len(line) for line in lines[:-1])
     text = _decoded(path, lines[n_head - 1 : n_head + 1] if files.header else lines[-1:])
     if not text[-1].strip("\r\n"):
-        what = "only a header" if any(lines) else "nothing"
+        what = "has only a header" if any(lines) else "is empty"
         todo = ", or correct [files] skip_rows" if files.skip_rows else ""
-        raise file_error(
-            path, f"holds {what}, no samples under row {n_head}. Export it again{todo}."
-        )
+        raise file_error(path, f"{what}, no samples under row {n_head}. Export it again{todo}.")
     cells = next(csv.reader(text[:1], delimiter=delimiter, skipinitialspace=True), [])
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
     head = tuple(lines[:-1])
