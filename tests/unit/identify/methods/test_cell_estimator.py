@@ -240,10 +240,7 @@ def test_named_pulses_without_strikes_are_estimated_from_their_own_level():
 
 @pytest.mark.parametrize(
     ("onsets", "status"),
-    [
-        ([6.2], "failed:too_few_pulses"),
-        ([1.2, 2.2], "failed:all_pulses_excluded"),
-    ],
+    [([6.2], "failed:too_few_pulses"), ([1.2, 2.2], "failed:all_pulses_excluded")],
 )
 def test_a_cell_without_two_pulses_fails_with_a_reason(onsets, status):
     given = record(onsets=onsets, names=["MST"] * len(onsets))

@@ -31,12 +31,7 @@ def walk(onsets, *, n_strides=20, strikes=True, gap=(), names=None, longer=None,
     given = build_recording(
         t,
         channels,
-        **{
-            "condition": "perturbed",
-            "file": "walk.csv",
-            "contact_kind": "contact",
-            **attributes,
-        },
+        **{"condition": "perturbed", "file": "walk.csv", "contact_kind": "contact", **attributes},
     )
     table = pd.DataFrame(
         {
