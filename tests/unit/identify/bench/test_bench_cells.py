@@ -35,10 +35,7 @@ def analyzed(table=None, *, position_m=None, **calibration):
     units = {"position": "m"}
     recording = build_recording(t, channels, units=units, condition="perturbed", file="spring.csv")
     settings = ParticipantSettings(
-        kind=BENCH,
-        perturbations=PerturbationsSpec(),
-        methods=("full_record",),
-        n_resamples=10,
+        kind=BENCH, perturbations=PerturbationsSpec(), methods=("full_record",), n_resamples=10
     )
     known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
     return analyze_participant("rig", [RecordingInput(recording, known, table)], settings)

@@ -149,20 +149,16 @@ def fitted(recorded) -> FullRecordFit:
 # --- accuracy ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reference", ["A", "C", "E"])
-def test_without_sensor_noise_only_the_jitter_and_the_resolution_are_left(reference):
-    fit = fit_full_record(trials(3, reference, 0, torque_sd=0.0), intrinsic=INTRINSIC)
+def test_without_sensor_noise_only_the_jitter_and_the_resolution_are_left():
+    fit = fit_full_record(trials(3, "E", 0, torque_sd=0.0), intrinsic=INTRINSIC)
 
-    K, B, J, friction, lag = np.abs(errors(fit, 3))
-    assert K < 0.05
-    assert B < 0.005
-    assert J < 0.15
-    assert friction < 0.005
-    assert lag < 0.02
+    assert (np.abs(errors(fit, 3)) < [0.05, 0.005, 0.15, 0.005, 0.02]).all()
 
 
-@pytest.mark.parametrize(("case", "reference"), [(1, "A"), (2, "D"), (3, "E"), (4, "C")])
-@pytest.mark.parametrize(("filter_s", "kinds"), [(0.0, "delay"), (LAG_S, "first_order")])
+@pytest.mark.parametrize(
+    ("case", "reference", "filter_s", "kinds"),
+    [(1, "A", 0.0, "delay"), (2, "D", LAG_S, "first_order"), (4, "C", LAG_S, "first_order")],
+)
 def test_loads_come_back_whether_the_lag_is_a_delay_or_a_filter(case, reference, filter_s, kinds):
     fit = fit_full_record(trials(case, reference, 5, filter_s=filter_s), intrinsic=INTRINSIC)
 
@@ -195,17 +191,9 @@ def test_no_pair_of_load_and_reference_is_biased(filter_s):
     assert (np.mean(cover, axis=0) > 0.85).all()
 
 
-def test_a_jittered_clock_with_true_stamps_costs_little():
-    even = fit_full_record(trials(4, "C", 3, jitter_s=0.0), intrinsic=INTRINSIC)
-    uneven = fit_full_record(trials(4, "C", 3, jitter_s=100e-6), intrinsic=INTRINSIC)
-
-    assert np.abs(errors(uneven, 4) - errors(even, 4))[[0, 2]].max() < 0.3
-
-
-@pytest.mark.parametrize("jitter_s", [0.0, 5e-5, 1e-4])
-def test_noise_is_read_as_it_was_before_the_grid(jitter_s):
+def test_noise_is_read_as_it_was_before_the_grid():
     rng = np.random.default_rng(3)
-    t = np.arange(50_000) / RATE_HZ + rng.normal(scale=jitter_s, size=50_000)
+    t = np.arange(50_000) / RATE_HZ + rng.normal(scale=1e-4, size=50_000)
     noise = rng.normal(size=t.size)
 
     even = even_records([BenchTrial(t, noise, noise)])[0]
@@ -224,16 +212,6 @@ def test_angle_noise_on_a_jittered_clock_leaves_inertia_alone():
         found.append(errors(fit_full_record(noisy, lag_model="mixed", intrinsic=INTRINSIC), 2))
 
     assert abs(np.mean(found, axis=0)[2]) < 0.3
-
-
-def test_a_filter_taken_for_a_delay_moves_inertia():
-    recorded = trials(2, "A", 2, filter_s=LAG_S, torque_sd=0.0)
-
-    wrong = errors(fit_full_record(recorded, lag_model="delay", intrinsic=INTRINSIC), 2)
-    right = errors(fit_full_record(recorded, intrinsic=INTRINSIC), 2)
-
-    assert wrong[2] > 0.3
-    assert abs(right[2]) < 0.15
 
 
 # --- what is known of the instruments ------------------------------------------------------------
@@ -296,13 +274,6 @@ def test_a_known_lag_is_not_estimated(recorded):
     assert abs(fit.parameter("inertia").value / 0.07 - 1) < 0.003
 
 
-def test_a_wrong_lag_moves_damping_by_stiffness_times_lag(recorded, fitted):
-    fit = fit_full_record(recorded, lag_s=LAG_S - 1e-4, intrinsic=INTRINSIC)
-
-    moved = fit.parameter("damping").value - fitted.parameter("damping").value
-    assert abs(moved) > 0.005
-
-
 def test_an_uncertain_lag_is_weighed_with_what_the_record_says(recorded):
     def lag(**kwargs):
         return fit_full_record(recorded, intrinsic=INTRINSIC, **kwargs).parameter("torque_lag")
@@ -335,7 +306,7 @@ def spring_trial(seed: int, *, ripple: float = 0.3, torque_sd: float = 0.05) -> 
     return BenchTrial(t, angle + 2e-5 * noise[0], seen + torque_sd * noise[1])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_spring_keeps_its_stiffness_where_lag_and_damping_are_one(seed):
     fit = fit_full_record([spring_trial(seed)])
 
@@ -357,7 +328,7 @@ def test_what_is_known_of_the_lag_decides_the_damping_of_a_spring():
 
 
 def test_a_fit_is_never_worse_than_one_without_lag():
-    for seed in range(4):
+    for seed in range(2):
         recorded = [spring_trial(seed, ripple=1.0)]
         free = fit_full_record(recorded, lag_model="mixed")
         held = fit_full_record(recorded, lag_s=0.0)
@@ -372,14 +343,6 @@ def test_friction_left_out_reads_as_damping(recorded, fitted):
 
     assert "coulomb_friction" not in {p.name for p in fit.parameters}
     assert fit.parameter("damping").value > fitted.parameter("damping").value + 0.05
-
-
-def test_a_load_without_friction_has_none():
-    fit = fit_full_record(trials(3, "A", 4, friction=0.0), intrinsic=INTRINSIC)
-
-    friction = fit.parameter("coulomb_friction")
-    assert abs(friction.value) < 0.01
-    assert abs(errors(fit, 3)[2]) < 0.3
 
 
 def test_motion_that_never_reverses_leaves_friction_out():

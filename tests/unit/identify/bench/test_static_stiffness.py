@@ -59,23 +59,6 @@ def test_friction_against_the_motion_is_taken_out_where_the_direction_is_known()
     assert abs(fitted(torque).parameter("stiffness").value - K) > 0.5
 
 
-def test_the_direction_is_that_of_the_angle_not_of_the_command():
-    # An angle that stands while friction of 0.6 N*m turns: a play about the torque.
-    command = 10.0 * np.sin(2 * np.pi * 0.1 * TIME)
-    held, angle = 0.0, []
-    for torque in command:
-        held = min(max(held, torque - 0.6), torque + 0.6)
-        angle.append(held / K)
-    angle = np.array(angle)
-    motion = np.gradient(angle)
-
-    by_motion = fitted(command, angle, direction=motion)
-    by_command = fitted(command, angle, direction=np.gradient(command))
-
-    assert by_motion.parameter("stiffness").value == pytest.approx(K, rel=2e-3)
-    assert by_command.parameter("stiffness").value > 1.01 * K
-
-
 def test_a_low_pass_leaves_the_slow_part():
     fast = 0.02 * np.sin(2 * np.pi * 5.0 * TIME)
 

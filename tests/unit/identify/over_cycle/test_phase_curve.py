@@ -72,16 +72,6 @@ def test_the_band_holds_a_smooth_truth():
     assert np.mean(held) > 0.9
 
 
-def test_pulses_all_over_the_cycle_narrow_the_band():
-    spread = {f"{5 * i} %": 5.0 * i for i in range(20)}
-    widths = []
-    for points in (TIMING_POINTS, spread):
-        curve = phase_curve(StudyAnalysis(tuple(walker("S1", points=points))))
-        band = curve.band("stiffness", "S1")
-        widths.append(np.median(np.array(band.ci_high) - np.array(band.ci_low)))
-    assert widths[1] < 0.5 * widths[0]
-
-
 def test_what_is_undecided_alone_counts_and_is_marked():
     cells = walker("S1")
     cells[2] = cell("S1", "TST", 40.5, stiffness(46.1), sd=30.0, status="undecided")

@@ -208,16 +208,6 @@ def test_the_admittance_is_that_of_the_second_order_joint(fitted):
     assert np.corrcoef(found, true)[0, 1] > 0.9
 
 
-def test_more_strides_narrow_the_bands(walked, fitted):
-    few = identify(walk(n_strides=50), command=True)
-
-    def width(fit: TimeVaryingFit) -> float:
-        curve = fit.parameter("stiffness")
-        return float(np.median(np.subtract(curve.ci_high, curve.ci_low)))
-
-    assert 1.5 < width(few) / width(fitted) < 3.0
-
-
 def test_a_perturbation_that_is_too_weak_is_undecided():
     fit = identify(walk(n_strides=40, amplitude_nm=0.2))
 
@@ -262,24 +252,16 @@ def test_strikes_come_from_the_contact(walked, fitted):
     assert recorded.parameters == mapped.parameters
 
 
-def test_a_shift_of_the_clock_and_of_the_offsets_changes_nothing(walked, fitted):
+def test_clock_offsets_and_a_torque_on_the_device_change_nothing(walked, fitted):
     moved = {name: np.array(signal) for name, signal in walked.items()}
     moved["time"] += 100.0
     moved["strike"] += 100.0
     moved["angle"] += 0.5
-    moved["torque"] -= 3.0
+    moved["torque"] = 3.0 - moved["torque"]
 
-    again = identify(moved, command=True)
+    fit = identify(moved, command=True, torque_acts_on="device")
 
-    assert values(again, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-6)
-
-
-def test_torque_on_the_device_is_turned(walked, fitted):
-    turned = walked | {"torque": -walked["torque"]}
-
-    fit = identify(turned, command=True, torque_acts_on="device")
-
-    assert values(fit, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-9)
+    assert values(fit, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-6)
 
 
 def test_strides_out_of_band_are_left_out_and_counted(walked):
@@ -358,15 +340,7 @@ def test_a_perturbation_that_repeats_with_the_stride_is_refused(name, code):
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [
-        {"segment_s": 0.01},
-        {"cutoff_hz": 150.0},
-        {"n_phases": 0},
-        {"resamples": 5},
-        {"ci_level": 1.0},
-        {"length_s": -0.1},
-    ],
+    "setting", [{"segment_s": 0.01}, {"cutoff_hz": 150.0}, {"resamples": 5}, {"length_s": -0.1}]
 )
 def test_a_setting_outside_its_range_is_refused_by_name(walked, setting):
     with pytest.raises(ValueError, match=next(iter(setting))):

@@ -66,14 +66,6 @@ def test_a_pulse_without_a_window_has_a_code_and_zero_weights():
     np.testing.assert_array_equal(baseline.weights(np.ones((3, 2))), 0.0)
 
 
-def test_taking_pulses_takes_their_windows_sources_and_validity():
-    baseline = pre_pulse(np.arange(24.0).reshape(3, 4, 2), n_samples=5)
-    part = baseline.take(np.array([True, False, True]))
-
-    np.testing.assert_array_equal(part.windows, baseline.windows[[0, 2]])
-    np.testing.assert_array_equal(part.sources, [[0], [2]])
-
-
 def test_before_the_pulse_all_four_signals_lose_their_own_level():
     before = np.random.default_rng(0).standard_normal((3, 4, 50))
     before[1] = np.nan

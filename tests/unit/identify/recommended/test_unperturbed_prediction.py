@@ -130,9 +130,3 @@ def test_posture_is_that_of_the_joint_where_another_recording_teaches(walkers, i
     # Posture wanders by 1 degree from stride to stride.
     usual = predicted(*idle).posture_rad
     assert found.posture_rad == pytest.approx(usual, abs=np.radians(3.0))
-
-
-def test_predictions_are_the_same_every_time(idle):
-    first, second = predicted(*idle), predicted(*idle)
-    assert np.array_equal(first.responses, second.responses)
-    assert np.array_equal(first.misses, second.misses)

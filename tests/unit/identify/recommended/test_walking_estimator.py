@@ -76,10 +76,7 @@ def estimated(walkers, usual):
     [
         {"known_lag_sd_s": None},
         {"signs": (1.0, -1.0)},
-        {"signs": (-1.0,)},
         {"sizes_nm": (8.0, 17.0)},
-        {"rate_hz": 1000.0},
-        {"rate_hz": 250.0},
         {"rate_hz": 100.0},
         {"jitter_s": 2e-4},
         {"start_s": 1000.0},
@@ -134,14 +131,6 @@ def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, 
         assert p.ci_high - p.ci_low > 3.0
     if p.status == "at_bound":
         assert p.ci_low == 0.0
-
-
-def test_inertias_that_differ_are_found_to_differ(walkers):
-    joints = {"A": walkers.Joint(60.0, 2.5, 0.05), "B": walkers.Joint(50.0, 3.0, 0.09)}
-    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
-    result = walkers.analyze(walker)
-    assert result.models[0].constant_inertia_probability < 0.05
-    assert max(off(result, walker)) < 1.7
 
 
 def test_a_stiffness_that_drifts_is_that_of_the_middle_of_its_weight(walkers):
@@ -262,7 +251,7 @@ def test_a_recording_without_strikes_gives_a_reason(walkers, usual):
     assert statuses(result) == {"failed:no_heel_strikes"}
 
 
-@pytest.mark.parametrize("kept", [0, 5, 9])
+@pytest.mark.parametrize("kept", [0, 9])
 def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
     walker, given = usual
     result = walkers.analyze(walker, given, user_exclusions=all_but(given, kept))
@@ -309,10 +298,16 @@ def lamed(walkers, walker, every: int, *channels: str):
     return changed(there, **{name: lambda _, x=x: x for name, x in spliced.items()})
 
 
-def test_pulses_without_torque_are_left_out(walkers, usual):
+@pytest.mark.parametrize(
+    ("every", "channels", "code", "count"),
+    [(4, ("angle", "torque"), "no_torque", 10), (5, ("angle",), "no_response", 8)],
+)
+def test_pulses_that_never_came_or_missed_the_joint_are_left_out(
+    walkers, usual, every, channels, code, count
+):
     walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 4, "angle", "torque"))
-    assert [p.code for p in result.pulses].count("no_torque") == 10
+    result = walkers.analyze(walker, lamed(walkers, walker, every, *channels))
+    assert [p.code for p in result.pulses].count(code) == count
     assert max(off(result, walker)) < 1.7
 
 
@@ -325,11 +320,16 @@ def test_pulses_planned_without_torque_are_left_out_and_hide_no_others(walkers):
     assert sum(c.n_used for c in result.cells["recommended"]) > 15
 
 
-def test_pulses_that_never_came_are_no_estimate(walkers, usual):
+@pytest.mark.parametrize(
+    ("every", "channels", "status"),
+    [(1, ("angle", "torque"), "failed:constant_torque"), (2, ("angle",), "failed:constant_angle")],
+)
+def test_where_most_pulses_never_came_or_missed_the_joint_there_is_no_estimate(
+    walkers, usual, every, channels, status
+):
     walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 1, "angle", "torque"))
-    assert statuses(result) == {"failed:constant_torque"}
-    assert codes(result) == {"no_torque"}
+    result = walkers.analyze(walker, lamed(walkers, walker, every, *channels))
+    assert statuses(result) == {status}
 
 
 def test_a_pulse_table_a_stride_late_is_no_estimate(walkers, usual):
@@ -337,20 +337,6 @@ def test_a_pulse_table_a_stride_late_is_no_estimate(walkers, usual):
     table = given.pulse_table.assign(onset_s=given.pulse_table["onset_s"] + 1.1)
     result = walkers.analyze(walker, replace(given, pulse_table=table))
     assert statuses(result) <= {"failed:out_of_step", "failed:constant_torque"}
-
-
-def test_pulses_that_did_not_reach_the_joint_are_left_out(walkers, usual):
-    walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 5, "angle"))
-    assert [p.code for p in result.pulses].count("no_response") == 8
-    assert max(off(result, walker)) < 1.7
-
-
-@pytest.mark.parametrize("every", [1, 2])
-def test_torque_that_mostly_missed_the_joint_is_no_estimate(walkers, usual, every):
-    walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, every, "angle"))
-    assert statuses(result) == {"failed:constant_angle"}
 
 
 def test_copies_of_a_pulse_count_once(walkers, usual):
@@ -386,13 +372,11 @@ def shifted(by_s: float, rate_hz: float = 500.0) -> Callable[[np.ndarray], np.nd
         ({"torque": np.negative}, "failed:opposite_sign"),
         ({"angle": np.negative}, "failed:opposite_sign"),
         ({"angle": np.degrees}, "failed:angle_out_of_range"),
-        ({"angle": shifted(0.08)}, "failed:lag_out_of_range"),
         ({"angle": shifted(0.035)}, "failed:lag_out_of_range"),
         ({"torque": shifted(0.04)}, "failed:out_of_step"),
         ({"torque": lambda x: x.clip(max=10.0)}, "failed:torque_saturated"),
         ({"torque": lambda x: 0.02 * x}, "failed:constant_torque"),
         ({"angle": lambda x: 0.3 + 0.0 * x}, "failed:constant_angle"),
-        ({"torque": lambda x: 0.0 * x}, "failed:constant_torque"),
     ],
     ids=lambda x: x if isinstance(x, str) else "+".join(x),
 )
@@ -466,13 +450,6 @@ def covered(walkers, seeds, **changes):
                     inside += p.ci_low <= truth <= p.ci_high
                     zero += p.ci_high - p.ci_low <= 0.0
     return inside, decided, zero
-
-
-def test_intervals_hold_the_truth_on_a_few_walkers(walkers):
-    inside, decided, zero = covered(walkers, range(4))
-    assert decided >= 20
-    assert inside >= binom.ppf(0.001, decided, 0.95)
-    assert zero == 0
 
 
 @pytest.mark.slow

@@ -142,13 +142,6 @@ def test_wide_motion_and_negative_values_are_noted():
     assert any("stiffness is negative: gravity" in w for w in soft.warnings)
 
 
-def test_a_single_sine_decides_nothing():
-    t = np.arange(12_000) / RATE
-    angle = 0.02 * np.sin(2 * np.pi * 3.0 * t)
-    with pytest.raises(EstimationError, match=r"condition number|not coherent"):
-        identify_frf(angle=angle, torque=50 * angle, rate_hz=RATE, input="angle")
-
-
 @pytest.mark.real_data
 @pytest.mark.parametrize(("name", "stiffness"), [("z_df", 105), ("z_pf", 107), ("z_df3", 160)])
 def test_a_real_ankle_has_the_stiffness_of_regression_in_time(real_data, name, stiffness):

@@ -104,18 +104,12 @@ def test_the_vaf_of_the_admittance_is_of_the_angle() -> None:
     assert identify_joint(record()).vaf_of == "angle"
 
 
-def test_a_higher_level_gives_a_wider_interval(fit: JointFit) -> None:
-    wide = identify_joint(record(), input="angle", ci_level=0.99).parameter("stiffness")
-    narrow = fit.parameter("stiffness")
-    assert wide.ci_level == 0.99
-    assert wide.ci_low < narrow.ci_low < narrow.ci_high < wide.ci_high
-
-
-def test_the_interval_follows_from_the_covariance(fit: JointFit) -> None:
+@pytest.mark.parametrize("level", [0.95, 0.99])
+def test_the_interval_follows_from_the_covariance_and_its_level(level: float) -> None:
+    fit = identify_joint(record(), input="angle", ci_level=level)
     stiffness = fit.parameter("stiffness")
-    sd = np.sqrt(fit.covariance[0][0])
-    freedom = int(fit.ci_method.split("with ")[1].split()[0])
-    assert stiffness.ci_high - stiffness.value == pytest.approx(student_t.ppf(0.975, freedom) * sd)
+    t = student_t.ppf(0.5 + level / 2, int(fit.ci_method.split("with ")[1].split()[0]))
+    assert stiffness.ci_high - stiffness.value == pytest.approx(t * np.sqrt(fit.covariance[0][0]))
 
 
 def test_a_record_too_short_for_an_interval_is_undecided() -> None:
@@ -168,7 +162,6 @@ T = record()["time"]
         ({"rate_hz": 500.0}, DataError, "got both"),
         ({"time": None}, DataError, "got no time and rate_hz None"),
         ({"input": "force"}, ValueError, "input: expected one of torque, angle; got 'force'"),
-        ({"torque_acts_on": "hand"}, ValueError, "joint, device"),
         ({"ci_level": 95.0}, ValueError, "expected 0 < ci_level < 1, got 95.0"),
     ],
 )
@@ -181,7 +174,6 @@ def test_impossible_requests_are_refused(model, changes, error, message) -> None
     ("changes", "error", "message"),
     [
         ({"cutoff_hz": 250.0}, DataError, r"cutoff_hz < 250 \(half the sampling rate\), got 250"),
-        ({"cutoff_hz": 0.0}, DataError, "cutoff_hz"),
         ({"cutoff_hz": 300.0, "model": "frf"}, DataError, r"0 < cutoff_hz < 250 \(half"),
         ({"model": "arx"}, ValueError, "model: expected one of kbj, irf, frf, reflex; got 'arx'"),
         ({"estimator": "best"}, ValueError, "least_squares, bounded_least_squares, admittance"),
@@ -227,9 +219,8 @@ def test_a_short_record_is_refused_with_the_length_it_needs(model, seconds, mess
 
 @pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
 @pytest.mark.parametrize("channel", ["angle", "torque"])
-@pytest.mark.parametrize("level", [0.0, 1.3])
-def test_a_constant_channel_has_a_code(model: str, channel: str, level: float, long_record) -> None:
-    data = long_record | {channel: np.full_like(long_record[channel], level)}
+def test_a_constant_channel_has_a_code(model: str, channel: str, long_record) -> None:
+    data = long_record | {channel: np.full_like(long_record[channel], 1.3)}
     with pytest.raises(EstimationError, match=f"the {channel} is constant") as caught:
         identify_joint(data, model=model)
     assert caught.value.code == f"constant_{channel}"
