@@ -291,17 +291,6 @@ def test_the_seed_decides_the_intervals_and_nothing_else_does():
         assert a.ci_low != b.ci_low
 
 
-<<<<<<< HEAD
-def test_a_failed_cell_has_a_row_for_every_parameter():
-    rows = failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=True)
-    assert len(rows) == 5
-    assert {r.status for r in rows} == {"failed:no_pulses"}
-    assert all(r.value is None and not r.available for r in rows)
-    assert len(failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=False)) == 3
-
-
-=======
->>>>>>> t-b
 #: Value, ends of the interval and status of K, B, J, as they were before the family of methods.
 BEFORE_THE_FAMILY = {
     (True, True, True): [
