@@ -415,7 +415,7 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     assert "Recordings have 100 samples per second." in methods
     assert "“moment_Nm”, its sign inverted to that of the torque on the joint" in methods
     low, high = table["n_strides"].min(), table["n_strides"].max()
-    assert f"{low}{f' to {high}' if high > low else ''} a participant and side" in methods
+    assert f"{low}{f' to {high}' if high > low else ''} for each participant and side" in methods
     printed = pd.read_csv(tmp_path / "r" / "tables" / "quasi_stiffness.csv")
     assert len(printed) == 2 * len(TIMING_POINTS)
     assert not (tmp_path / "r" / "tables" / "estimates.csv").exists()

@@ -35,7 +35,7 @@ def path(tmp_path):
         [0, 1, 2],
     ]
     file = tmp_path / "a.parquet"
-    pq.write_table(pa.table([*columns, side, [0, 1, 2]], schema=pa.schema(fields)), file)
+    pq.write_table(pa.table(columns, schema=pa.schema(fields)), file)
     return file
 
 

@@ -217,7 +217,7 @@ def test_a_compression_that_is_none_is_damage(tmp_path):
     write_acquisition(OWN, tmp_path / "a.xlsx")
     raw = (tmp_path / "a.xlsx").read_bytes()
     for mark in (rb"(PK\x03\x04.{4})..", rb"(PK\x01\x02.{6}).."):
-        raw = re.sub(mark, rb"\g<1>\x0e\x00", raw, flags=re.DOTALL)
+        raw = re.sub(mark, lambda found: found[1] + b"\x0e\x00", raw, flags=re.DOTALL)
     (tmp_path / "a.xlsx").write_bytes(raw)
 
     with pytest.raises(DataError, match=r"a\.xlsx: cannot be read as a \.xlsx file"):
