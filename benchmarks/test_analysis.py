@@ -78,6 +78,7 @@ def studies(
     return root
 
 
+@pytest.mark.slow
 def test_whole_analysis_beside_reading_the_files(
     studies: Path, quick: bool, figures: Figures
 ) -> None:

@@ -205,6 +205,7 @@ def pair(made: Running, seconds: float) -> dict[str, dict[str, float] | None]:
     return found
 
 
+@pytest.mark.slow
 def test_the_loop_does_not_feel_the_page(tmp_path, quick, figures):
     wanted, pairs, tripped = 1 if quick else BLOCKS, [], 0
     with running(tmp_path) as made:

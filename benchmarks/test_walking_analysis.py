@@ -73,6 +73,7 @@ def study(quick: bool, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ).study
 
 
+@pytest.mark.slow
 def test_the_command_beside_one_process(study: Path, quick: bool, figures: Figures) -> None:
     out = study.parent / "results"
     alone = [sys.executable, "-c", _IN_ONE_PROCESS]

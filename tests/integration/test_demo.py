@@ -44,7 +44,9 @@ def test_the_demo_writes_study_results_truth_and_report(jointz, folder):
     assert "The experiment" in page
 
 
+@pytest.mark.slow
 def test_the_demo_replaces_its_own_folder(jointz, folder):
+    demo(jointz, folder / "demo")
     assert (folder / "demo" / ".jointz-demo").is_file()
     stale = folder / "demo" / "results" / "report.html"
     stale.write_text("x")

@@ -18,7 +18,7 @@ from jointz.session.recordings_report import open_recordings
 from jointz.session.salvage import salvage_advice, salvage_recordings
 from jointz.session.session_check import missing_events, write_down_losses
 
-TRIES = 100
+TRIES = pytest.mark.parametrize("tries", [30, pytest.param(100, marks=pytest.mark.slow)])
 CONDITION = "perturbed"
 
 
@@ -102,12 +102,13 @@ def assert_equal_outside(found, whole):
     return damage_s, time[-1]
 
 
+@TRIES
 @pytest.mark.parametrize("harm", [flipped, cut_off])
-def test_a_damaged_log_costs_what_is_damaged(protocol, session, harm):
+def test_a_damaged_log_costs_what_is_damaged(protocol, session, harm, tries):
     log, journal = session / "logs" / f"{CONDITION}-0.jzlog", session / "journal.jsonl"
     content, lines, whole = log.read_bytes(), journal.read_bytes(), recorded(session, protocol)
     rng, n_lost = np.random.default_rng(3), 0
-    for _ in range(TRIES):
+    for _ in range(tries):
         spoilt = harm(content, rng)
         log.write_bytes(spoilt)
         journal.write_bytes(lines)
@@ -138,13 +139,14 @@ def places_of(events, condition):
     return {n: (e["segment"], e["onset_slot"], e["slot"]) for n, e in done.items()}
 
 
+@TRIES
 @pytest.mark.parametrize("harm", [flipped, cut_off])
-def test_a_damaged_journal_costs_no_pulse(protocol, session, harm):
+def test_a_damaged_journal_costs_no_pulse(protocol, session, harm, tries):
     journal, logs = session / "journal.jsonl", sorted(session.glob("logs/*"))
     content, before = journal.read_bytes(), events_of(session)
     contents, rng = [log.read_bytes() for log in logs], np.random.default_rng(4)
     assert missing_events(session, protocol, before) == []
-    for _ in range(TRIES):
+    for _ in range(tries):
         for kept in session.glob("journal.jsonl.damaged*"):
             kept.unlink()
         spoilt = harm(content, rng)
@@ -167,13 +169,14 @@ def test_a_damaged_journal_costs_no_pulse(protocol, session, harm):
 
 
 @pytest.mark.parametrize("name", ["plan.json", "plan.json.copy"])
+@TRIES
 @pytest.mark.parametrize("harm", [flipped, cut_off])
-def test_a_damaged_plan_is_read_from_its_other_copy(session, name, harm):
+def test_a_damaged_plan_is_read_from_its_other_copy(session, name, harm, tries):
     file, whole = session / name, WALKING_TRIALS.read_plan(session)
     content, rng = file.read_bytes(), np.random.default_rng(5)
     plan = {trial: [asdict(pulse) for pulse in pulses] for trial, pulses in whole.items()}
     assert keep_plan(session, plan) == ""
-    for _ in range(TRIES):
+    for _ in range(tries):
         spoilt = harm(content, rng)
         file.write_bytes(spoilt)
         assert WALKING_TRIALS.read_plan(session) == whole

@@ -94,10 +94,10 @@ def assert_group_gone(process):
 @pytest.mark.parametrize(
     ("send", "number"),
     [
-        (os.kill, signal.SIGINT),
-        (os.kill, signal.SIGHUP),
+        pytest.param(os.kill, signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(os.kill, signal.SIGHUP, marks=pytest.mark.slow),
         (os.killpg, signal.SIGINT),
-        (os.killpg, signal.SIGTERM),
+        pytest.param(os.killpg, signal.SIGTERM, marks=pytest.mark.slow),
     ],
 )
 def test_a_signal_stops_every_worker(protocol_file, tmp_path, send, number):
@@ -115,7 +115,14 @@ def test_a_signal_stops_every_worker(protocol_file, tmp_path, send, number):
     assert_group_gone(running)
 
 
-@pytest.mark.parametrize("moment", ["study", "one worker", "sessions"])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "study",
+        pytest.param("one worker", marks=pytest.mark.slow),
+        pytest.param("sessions", marks=pytest.mark.slow),
+    ],
+)
 def test_ctrl_c_while_workers_start_shows_no_traceback(protocol_file, tmp_path, moment):
     out = tmp_path / "study"
     running = start(protocol_file, out, "--workers", "2")

@@ -142,7 +142,14 @@ def ankle() -> pd.DataFrame:
     return pd.DataFrame({"t": time, "pos": np.rad2deg(angle), "tau": torque})
 
 
-@pytest.mark.parametrize("body", blocks("python").values(), ids=blocks("python"))
+def python_blocks():
+    """Return the blocks of all pages; those of the certificate take minutes."""
+    for name, body in blocks("python").items():
+        marks = [pytest.mark.slow] if name.startswith("docs/certificate.md") else []
+        yield pytest.param(body, id=name, marks=marks)
+
+
+@pytest.mark.parametrize("body", list(python_blocks()))
 def test_every_python_block_runs(body, small_study, tmp_path, monkeypatch, capsys):
     own = shutil.copytree(small_study.root, tmp_path / "my-study")
     toml = (own / "study.toml").read_text()

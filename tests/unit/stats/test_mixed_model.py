@@ -579,6 +579,7 @@ def test_intervals_of_the_intraclass_correlation_hold_in_95_percent():
     assert low <= inside <= high
 
 
+@pytest.mark.slow
 def test_replicates_taken_as_people_find_what_is_not_there_in_over_90_percent():
     rng = np.random.default_rng(13)
     n_studies = 40

@@ -221,6 +221,7 @@ def coverage(seeds: range, estimator: str) -> np.ndarray:
     return np.sum([covers(fit) for fit in accepted], axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["admittance", "instrumental_variable"])
 def test_intervals_hold_the_truth_in_most_of_forty_records(estimator: str) -> None:
     # 33 of 40 is the 0.1 % point of the binomial at 0.95.
