@@ -129,7 +129,9 @@ def _tables(rng: np.random.Generator, spec: Mapping[str, Any]) -> dict[str, pd.D
               for k, name in enumerate(PARAMETERS[:2])]  # fmt: skip
     covariances = sd[:, :, None] * sd[:, None, :] * _CORRELATION
     return {
-        "estimates.csv": pd.concat(parts, ignore_index=True)[list(ESTIMATE_COLUMNS)],
+        "estimates.csv": pd.concat(parts, ignore_index=True).reindex(
+            columns=list(ESTIMATE_COLUMNS)
+        ),
         "covariance.csv": _covariances(frame, covariances),
     }
 

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 from pydantic import ValidationError
 
-from jointz.collections.catalog_columns import PRINTED_COLUMNS
+from jointz.collections.catalog_columns import CATALOG_COLUMNS, PRINTED_COLUMNS
 from jointz.collections.entry_model import ENTRY_FILE, Condition, Entry
 from jointz.core.errors import DataError, EntryError
 from jointz.core.study import FilesSpec
@@ -24,7 +24,7 @@ _LABELS = (
 )  # fmt: skip
 _UNIT = ("session", "side")
 _TABLES = {
-    "estimates": ESTIMATE_COLUMNS,
+    "estimates": tuple(name for name in ESTIMATE_COLUMNS if name in CATALOG_COLUMNS),
     "printed": PRINTED_COLUMNS,
     "covariance": COVARIANCE_COLUMNS,
 }

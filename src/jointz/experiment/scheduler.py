@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Iterable
 
+from jointz.core.protocols.protocol import PerturbationPlan
 from jointz.experiment.plan import PlannedPulse
 
 #: A pulse whose timing point has passed by more than this is missed, % of the cycle; a slow
@@ -24,15 +25,15 @@ class Scheduler:
     def __init__(
         self,
         pulses: Iterable[PlannedPulse],
+        plan: PerturbationPlan,
         *,
-        warm_up_strides: int,
         late_pct: float = LATE_PCT,
     ) -> None:
         self._late_pct = late_pct
         self.queue = deque(pulses)
         self._due = False
         # The first gap counts from the end of the warm-up.
-        self._since = -warm_up_strides
+        self._since = -plan.warm_up_strides
 
     def stride(self) -> PlannedPulse | None:
         """Count an accepted stride."""

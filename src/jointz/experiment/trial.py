@@ -24,7 +24,7 @@ COOL_DOWN_STRIDES = 5
 _NO_STRIDE_NS = 20_000_000_000
 
 #: Called after every accepted stride with strides and completed pulses.
-TrialProgress = Callable[[int, int], None]
+StrideCallback = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Trial:
         pulses: PulseRunner | None,
         recorder: Recorder,
         clock: Clock,
-        progress: TrialProgress,
+        progress: StrideCallback,
     ) -> None:
         if devices.angle is None or devices.contact is None:
             raise ValueError("expected devices with a goniometer and a footswitch.")

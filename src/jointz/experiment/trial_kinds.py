@@ -29,7 +29,7 @@ from jointz.experiment.trial import Course, Motor, Trial
 
 #: Called with accepted strides, completed pulses and planned pulses of walking; with seconds done,
 #: the same again and seconds in all of a bench.
-TrialProgress = Callable[[int, int, int], None]
+ProgressCallback = Callable[[int, int, int], None]
 
 
 class AnyTrial(Protocol):
@@ -82,7 +82,7 @@ class TrialSetup:
         return round(1e9 / self.protocol.rates.control_hz)
 
 
-def walking_trial(setup: TrialSetup, progress: TrialProgress) -> Trial:
+def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
     """Return a stretch of a walking condition with the pulses that are not done yet."""
     protocol, condition, done = setup.protocol, setup.condition, len(setup.done)
     if protocol.gait is None:
@@ -95,7 +95,7 @@ def walking_trial(setup: TrialSetup, progress: TrialProgress) -> Trial:
             protocol.pulse,
             Scheduler(
                 [pulse for pulse in setup.pulses if pulse.number not in setup.done],
-                warm_up_strides=condition.perturbations.warm_up_strides,
+                condition.perturbations,
                 late_pct=max(LATE_PCT, setup.period_ns * 1e-7 / protocol.gait.shortest_stride_s),
             ),
             journal=setup.journal,
@@ -112,7 +112,7 @@ def walking_trial(setup: TrialSetup, progress: TrialProgress) -> Trial:
     )
 
 
-def bench_trial(setup: TrialSetup, progress: TrialProgress) -> BenchTrial:
+def bench_trial(setup: TrialSetup, progress: ProgressCallback) -> BenchTrial:
     """Return a trial on a bench, from its beginning."""
     if setup.gate is None:
         raise ProtocolError(setup.protocol.name, ["a bench needs an actuator; the rig has none."])
@@ -149,7 +149,7 @@ class TrialKind:
     pulse: type[PlannedPulse] | type[TimedPulse]
     make_plan: Callable[[ConditionSpec, PulseSpec, np.random.Generator], Sequence[Any]]
     layout: Callable[[Devices], Layout]  # of the records of a log
-    trial: Callable[[TrialSetup, TrialProgress], AnyTrial]
+    trial: Callable[[TrialSetup, ProgressCallback], AnyTrial]
     # whether an interrupted trial goes on in a new stretch; else it is done again as a whole
     resumes: bool
 

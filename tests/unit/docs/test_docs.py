@@ -22,10 +22,12 @@ from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTI
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
 from jointz.demo.demo_study import run_demo
+from jointz.devices import drivers
 from jointz.devices.config import device_file
 from jointz.identify.estimators import METHODS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 from jointz.identify.series.joint_estimators import ESTIMATORS
+from jointz.io.formats import registry as formats
 from jointz.results.certificate_result import Certificate
 from jointz.results.statistics.quasi_stiffness_fit import Doubt as SlopeDoubt
 from jointz.results.study_analysis import StudyAnalysis
@@ -270,12 +272,27 @@ def test_every_column_is_described_under_its_file(file, frame):
     columns = frame(StudyAnalysis(cells=())).columns
 
     assert len(columns) > 0
-    assert [c for c in columns if f"`{c}`" not in section] == []
+    unnamed = [c for c in columns if f"`{c}`" not in section]
+    assert unnamed == [], f"describe them in docs/results.md under {file}"
 
 
-def test_every_method_and_estimator_is_described():
-    assert [name for name in METHODS if f"\n## {name}\n" not in text("docs/methods.md")] == []
-    assert [n for n in ESTIMATORS if not row_starting("docs/identify.md", n)] == []
+@pytest.mark.parametrize(
+    ("names", "page", "sign"),
+    [
+        (METHODS, "docs/methods.md", "\n## {}\n"),
+        (ESTIMATORS, "docs/identify.md", "\n| `{}` |"),
+        ([s for s in formats.BUILT_IN if not s.endswith(".gz")], "docs/formats.md", "`{}`"),
+        (
+            [n.partition(".")[2] for n in drivers.BUILT_IN if not n.startswith("rig.")],
+            "docs/devices.md",
+            '"{}"',
+        ),
+    ],
+    ids=["methods", "estimators", "formats", "drivers"],
+)
+def test_what_is_registered_is_described(names, page, sign):
+    unnamed = [name for name in names if sign.format(name) not in text(page)]
+    assert unnamed == [], f"describe them in {page}"
 
 
 def test_the_architecture_names_every_package_and_only_files_that_exist():

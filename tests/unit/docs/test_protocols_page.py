@@ -57,18 +57,19 @@ def rows(heading: str) -> dict[str, str]:
 
 def test_the_walk_finds_every_model():
     assert set(TABLES) == set(SECTIONS)
-    assert set(MODELS) - set(SECTIONS) == {
+    known = {
         *(m.__name__ for m in REFERENCES.values()),
         "SineTerm",
         "Sweep",
         Calibrated.__name__,
     }
+    assert set(MODELS) - set(SECTIONS) == known, "name its section of docs/protocols.md in SECTIONS"
 
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_every_key_has_a_row_with_its_default_and_no_row_is_left_over(name):
     described, fields = rows(SECTIONS[name]), TABLES[name].model_fields
-    assert set(described) == set(fields)
+    assert set(described) == set(fields), "describe them in docs/protocols.md"
     for key, field in fields.items():
         default, row = field.default, described[key].split("|")[2]
         if field.is_required():
@@ -82,7 +83,7 @@ def test_every_key_has_a_row_with_its_default_and_no_row_is_left_over(name):
 def test_every_reference_has_a_row_with_its_keys():
     described = rows("References")
 
-    assert set(described) - {"kind"} == set(REFERENCES)
+    assert set(described) - {"kind"} == set(REFERENCES), "describe it in docs/protocols.md"
     for kind, model in REFERENCES.items():
         keys = {m.__name__: m.model_fields for m in models(model)}
         for key in {key for fields in keys.values() for key in fields} - {"kind"}:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
 from jointz.experiment.files.journal import Journal, pulses_done, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
@@ -43,7 +43,7 @@ class Walk:
             "perturbed",
             2,
             shape,
-            Scheduler(pulses, warm_up_strides=0),
+            Scheduler(pulses, PerturbationPlan(warm_up_strides=0)),
             journal=self.journal,
             period_ns=PERIOD,
         )

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from jointz.core.protocols.protocol import PerturbationPlan
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
 
@@ -16,7 +17,7 @@ def planned(*gaps, gait_pct=40.0):
 
 
 def of(*gaps, warm_up=0, gait_pct=40.0):
-    return Scheduler(planned(*gaps, gait_pct=gait_pct), warm_up_strides=warm_up)
+    return Scheduler(planned(*gaps, gait_pct=gait_pct), PerturbationPlan(warm_up_strides=warm_up))
 
 
 def fired_in(scheduler, strides, *, at_pct=40.1):
