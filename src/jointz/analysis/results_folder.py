@@ -141,7 +141,8 @@ def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None =
         raise OutputError(f"{out}: is a file. Name a folder that does not exist yet.")
     if not overwrite:
         raise OutputError(
-            f"{out}: exists and is kept. Name another folder, or add --overwrite to replace it."
+            f"{out}: exists and is kept. Name another folder, or replace it: --overwrite, "
+            "overwrite=True."
         )
     listed = _listed_files(out / marker)
     if listed is None:
@@ -192,7 +193,7 @@ def _check_kind(out: Path, marker: Path, made_by: str) -> None:
     if (kind := _kind(marker)) != made_by:
         raise OutputError(
             f"{out}: jointz made it as {kind or 'something else'}, not as {made_by or 'this'}. It "
-            "is kept, as --overwrite replaces the same kind only. Name another folder."
+            "is kept, as overwriting replaces the same kind only. Name another folder."
         )
 
 

@@ -28,6 +28,7 @@ from jointz.explorer.command import explore
 from jointz.identification.command import identify
 from jointz.inspection.command import inspect
 from jointz.io.formats.memory_limit import VARIABLE
+from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
 from jointz.reproduction.command import reproduce
 from jointz.session.command import run as run_experiment
 from jointz.session.protocols_command import protocols
@@ -101,6 +102,7 @@ def _jointz(
     note_command(context.invoked_subcommand)
     if memory_limit:
         os.environ[VARIABLE] = memory_limit  # workers inherit it
+        checked_memory_limit()
 
 
 def run_command_line() -> int:

@@ -65,7 +65,8 @@ def catalog_about(file: Path) -> dict[str, Any]:
     _, arrow = require_scale()
     if not file.is_file():
         raise DataError(
-            f"{file}: does not exist. Make it: jointz collect build {file.parent}", path=str(file)
+            f"{file}: does not exist. Name a catalog that jointz collect build or results made.",
+            path=str(file),
         )
     try:
         schema, metadata = arrow.parquet.read_schema(file), arrow.parquet.read_metadata(file)

@@ -112,11 +112,12 @@ class QueryResult(Result):
         kinds = ["estimates", "printed values"]
         kind, other = kinds[::-1] if self.asked.kind == "printed" else kinds
         named = self.table[self.table["participant"] != ""]  # a mean is nobody's
-        people = len(named[["study", "participant"]].drop_duplicates())
+        n_people = len(named[["study", "participant"]].drop_duplicates())
+        people = f"{n_people} {'person' if n_people == 1 else 'people'}"
         n = self.table["study"].nunique()
         studies = f"{n} {'study' if n == 1 else 'studies'}"
         lines = [
-            f"{len(self.table)} {kind} of {people} people in {studies}; "
+            f"{len(self.table)} {kind} of {people} in {studies}; "
             f"{self.also} {other} match too and are kept apart."
         ]
         if self.without_onset:

@@ -105,7 +105,9 @@ def _check_target(source: Path, target: Path, *, overwrite: bool) -> None:
     if source.exists() and target.samefile(source):
         raise OutputError(f"{target}: is the file to be read. Give another name.")
     if not overwrite:
-        raise OutputError(f"{target}: exists. Give another name, or --overwrite to replace it.")
+        raise OutputError(
+            f"{target}: exists. Give another name, or replace it: --overwrite, overwrite=True."
+        )
     folder = source.parent if source.name == _STUDY_FILE else source
     if folder.is_dir() and target.resolve().is_relative_to(folder.resolve()):
         raise OutputError(

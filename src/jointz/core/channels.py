@@ -21,6 +21,11 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+#: Column of a single record -> SI unit; an acceleration is no channel of a study.
+RECORD_UNITS: Mapping[str, str] = MappingProxyType(
+    {**{n: units[0] for n, units in CHANNEL_UNITS.items()}, "acceleration": "rad/s^2"}
+)
+
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
 CONTACT_KINDS = ("contact", "voltage", "pulse")

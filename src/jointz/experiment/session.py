@@ -25,8 +25,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from jointz.core.clock import Clock
-from jointz.core.device_limits import limits_on_device
 from jointz.core.errors import DeviceError, SafetyStop, WriteError
+from jointz.core.protocols.device_limits import limits_on_device
 from jointz.core.protocols.protocol import ConditionSpec
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointz.core.channels import CHANNEL_UNITS, CONDITIONS
+from jointz.core.units import conversion, si_unit_of
 from jointz.inspection.content import Column
 from jointz.inspection.names import (
     GAIT_WORDS,
@@ -19,7 +20,6 @@ from jointz.inspection.names import (
     words_of,
 )
 from jointz.inspection.signals import Course, course_of
-from jointz.io.text.units import conversion, si_unit_of
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import UnitError
+from jointz.core.units import si_unit_of
 from jointz.io.text.column_names import unit_in_name
-from jointz.io.text.units import si_unit_of
 
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
@@ -50,7 +50,7 @@ class Words:
     joint: str = ""
     side: str = ""
     direction: str = ""
-    unit: str = ""  # as :mod:`jointz.io.text.units` reads it
+    unit: str = ""  # as :mod:`jointz.core.units` reads it
 
 
 def words_of(name: str) -> Words:

@@ -10,12 +10,13 @@ import xarray as xr
 from pydantic import ValidationError
 
 from jointz.core.acquisition import Acquisition, SignalGroup
+from jointz.core.channels import RECORD_UNITS
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.core.units import conversion
 from jointz.io.formats.columns import check_samples
 from jointz.io.formats.registry import list_columns, read_acquisition, read_table
-from jointz.io.text.column_arguments import SI_UNITS, Column, parse_column
-from jointz.io.text.units import conversion
+from jointz.io.text.column_arguments import Column, parse_column
 from jointz.io.toml_problems import shape_problems
 
 
@@ -78,23 +79,26 @@ def read_channels(
     file: Path, channels: Mapping[str, str], files: Mapping[str, Any] | None = None
 ) -> tuple[xr.Dataset, dict[str, Column]]:
     """Read columns as channels in SI; return the dataset, and the parsed columns by channel."""
-    unknown = [name for name in channels if name not in SI_UNITS]
+    unknown = [name for name in channels if name not in RECORD_UNITS]
     if unknown:
         raise DataError(
-            f"read: expected channels out of {', '.join(SI_UNITS)}; got {', '.join(unknown)}. "
+            f"read: expected channels out of {', '.join(RECORD_UNITS)}; got {', '.join(unknown)}. "
             "Leave the channels out to read every column under its own name."
         )
+    if strange := [name for name, text in channels.items() if not isinstance(text, str)]:
+        raise DataError(f"read: {', '.join(strange)}: expected the name of a column.")
     layout = _layout(files)
     column_names = list_columns(file, layout) if file.is_file() else None
     columns = {name: parse_column(text, name, column_names) for name, text in channels.items()}
     keys = {name: _column_key(column, layout) for name, column in columns.items()}
+    _refuse_repeated(keys)
     table = read_table(file, numeric=list(keys.values()), files=layout)
     check_samples(file, table)
     signals = {}
     for name, column in columns.items():
-        factor, offset = conversion(column.unit, SI_UNITS[name])
+        factor, offset = conversion(column.unit, RECORD_UNITS[name])
         values = np.asarray(table.columns[str(keys[name])], dtype=float)
-        signals[name] = ("time", factor * values + offset, {"units": SI_UNITS[name]})
+        signals[name] = ("time", factor * values + offset, {"units": RECORD_UNITS[name]})
     attributes = {"file": file.name, "first_row": table.first_row, "sha256": table.sha256}
     return xr.Dataset(signals, attrs=attributes), columns
 
@@ -107,6 +111,18 @@ def _layout(files: Mapping[str, Any] | None) -> FilesSpec:
     except ValidationError as exc:
         problems = " ".join(shape_problems(exc, FilesSpec, values))
         raise DataError(f"read, argument files: {problems}") from exc
+
+
+def _refuse_repeated(keys: Mapping[str, str | int]) -> None:
+    """Refuse one column for two channels: torque on itself would have a stiffness of 1."""
+    for key in keys.values():
+        channels = [name for name, other in keys.items() if other == key]
+        if len(channels) > 1:
+            raise DataError(
+                f"column '{key}': expected one channel, got {', '.join(channels)}. Name the column "
+                "of each.",
+                channel=channels[0],
+            )
 
 
 def _column_key(column: Column, layout: FilesSpec) -> str | int:

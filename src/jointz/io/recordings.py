@@ -19,11 +19,12 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
+from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
 from jointz.io.formats.registry import read_table
 from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
+from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
-from jointz.io.text.units import conversion
 
 _FULL_TURN_RAD = 2 * np.pi
 _RATE_TOLERANCE = 0.05
@@ -213,7 +214,7 @@ def _in_si(
     spec = study.spec
     column = str(spec.channels[name].column)
     si_unit, factor, offset = study.units[name]
-    stated = table.units.get(column)
+    stated = _unit_of_file(table, column)
     if stated and name != "contact":
         si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
     values = np.asarray(table.columns[column], dtype=float)
@@ -221,6 +222,11 @@ def _in_si(
         factor, offset = -factor, -offset
     same = (factor, offset) == (1.0, 0.0)
     return (values if same else factor * values + offset), si_unit
+
+
+def _unit_of_file(table: RawTable, column: str) -> str:
+    """Return the unit that a file states for a column, also in brackets after its name."""
+    return table.units.get(column) or known_unit_in_name(column)
 
 
 def _agreed(
@@ -346,7 +352,8 @@ def _reading_step(
         "file": entry.file,
         "sha256": table.sha256,
         "units": {
-            n: c.unit or table.units.get(str(c.column)) or si_units[n] for n, c in channels.items()
+            n: c.unit or _unit_of_file(table, str(c.column)) or si_units[n]
+            for n, c in channels.items()
         },
         "turned": [name for name in channels if _turned(name, study.spec)],
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.errors import DataError, UnitError
-from jointz.io.text.units import conversion, si_unit_of
+from jointz.core.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)

@@ -22,6 +22,7 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
+from jointz.core.units import conversion
 from jointz.io.formats.registry import list_columns
 from jointz.io.recordings import StudyRecording
 from jointz.io.study_files import (
@@ -32,7 +33,6 @@ from jointz.io.study_files import (
     needed_channels,
     shown_file,
 )
-from jointz.io.text.units import conversion
 from jointz.io.toml_problems import parse_toml, shape_problems
 
 _RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")

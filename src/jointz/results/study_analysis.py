@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
+from jointz.core.errors import DataError
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.results.base import Result, axes_or_new, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
@@ -147,11 +148,14 @@ class StudyAnalysis(Result):
     def summary(self) -> str:
         """Return a short text: counts of people, cells and pulses, and the means."""
         people = {cell.participant for cell in self.cells}
+        available = sum(p.available for cell in self.cells for p in cell.parameters)
+        estimates = sum(len(cell.parameters) for cell in self.cells)
         used = sum(cell.n_used for cell in self.cells)
         left_out = sum(cell.n_excluded for cell in self.cells)
         title = (
-            f"{len(people)} participant(s), {len(self.cells)} cells, method "
-            f"{self.settings.get('method', '?')}: {used} pulses used, {left_out} excluded."
+            f"{len(people)} participant(s), method {self.settings.get('method', '?')}: "
+            f"{available} of {estimates} estimates available, {used} pulses used, {left_out} "
+            "excluded."
         )
         lines = (
             f"{p.timing_point:>12} {p.parameter:<20} "
@@ -176,7 +180,17 @@ class StudyAnalysis(Result):
         -------
         matplotlib.axes.Axes
             The axes drawn on.
+
+        Raises
+        ------
+        DataError
+            When no estimate has this parameter.
         """
+        known = list(dict.fromkeys(p.name for cell in self.cells for p in cell.parameters))
+        if parameter not in known:
+            raise DataError(
+                f"plot: parameter: expected one of {', '.join(known)}; got {parameter!r}."
+            )
         axes = axes_or_new(ax, (8.0, 4.0))
         table = self.to_frame().query("parameter == @parameter")
         # One axis for all: a cell that failed has no onset, and is left out of the cycle.

@@ -56,7 +56,7 @@ PresetOption = Annotated[
     Preset | None,
     typer.Option(
         "--preset",
-        help="How well simulated devices behave, else nominal; anthropometric: people only.",
+        help="How well simulated devices behave (default: nominal). anthropometric: people only.",
     ),
 ]
 CalibrationOption = Annotated[
@@ -104,7 +104,7 @@ def run(
         int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Participants at once; else one a core.")
+        int | None, typer.Option("--workers", min=1, help="Participants run in parallel (default: number of cores).")
     ] = None,
     scheduler: SchedulerOption = None,
     resume: Annotated[

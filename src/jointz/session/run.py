@@ -11,8 +11,8 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from jointz.core.clock import RealClock, VirtualClock
-from jointz.core.device_limits import limits_on_device
 from jointz.core.errors import DataError, OutputError
+from jointz.core.protocols.device_limits import limits_on_device
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.provenance import now
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
@@ -133,6 +133,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
             f"expected 1 to {_MOST_PARTICIPANTS} participants and at least one worker, got "
             f"{count}, {workers}."
         )
+    if clock not in (None, "fast", "real"):
+        raise DataError(f"clock: expected fast or real, got {clock!r}.")
     known = None if calibration is None else read_calibration(calibration)
     if config is None:
         rig = rig_settings(spec, device or "sim", preset or "nominal", chosen)
@@ -262,7 +264,7 @@ def _see_that_all_is_there(settings: RunSettings, people: Sequence[Wearer]) -> N
             f"{settings.study.absolute()}: expected {missing[0]}{more}, found none, though the "
             "sessions ended. Every worker of a cluster must see this folder under this path: they "
             "may have written to disks of their own. What was removed here is made again from the "
-            f"logs: delete {SESSION_REPORT} of its session, and add --resume."
+            f"logs: delete {SESSION_REPORT} of its session, and resume (--resume, resume=True)."
         )
 
 

@@ -96,8 +96,8 @@ def _see_that_it_is_free(study: Path, *, resume: bool) -> None:
         raise WriteError(str(study), exc, "Name a place that can be written.") from exc
     if not resume:
         raise OutputError(
-            f"{study}: exists and is kept. Name another folder, or add --resume to go on with the "
-            "run in it."
+            f"{study}: exists and is kept. Name another folder, or resume the run in it: --resume, "
+            "resume=True."
         )
     if not is_run:
         raise OutputError(f"{study}: holds no {RUN_FILE}: no run to go on with. Name another.")

@@ -171,7 +171,7 @@ def test_a_file_that_is_no_catalog_is_refused(catalog):
     other.write_bytes(catalog.read_bytes()[:200])
     with pytest.raises(DataError, match="expected a catalog"):
         catalog_about(other)
-    with pytest.raises(DataError, match="Make it: jointz collect build"):
+    with pytest.raises(DataError, match="Name a catalog"):
         catalog_about(catalog.with_name("none.parquet"))
 
 

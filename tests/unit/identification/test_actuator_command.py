@@ -65,7 +65,7 @@ def test_inertia_and_smooth_sign_are_read_with_their_units(jointz, bench):
     [
         (("--gear-ratio", 0), "gear_ratio"),
         (("--rotor-inertia", "heavy"), "--rotor-inertia"),
-        (("--velocity", "w:N*m"), "--velocity"),
+        (("--velocity", "w:N*m"), "velocity w:N*m"),
         (("--time", "t", "--rate", 500), "not both"),
         (("--figure", "fit.txt"), "--figure"),
     ],

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import jointz
 from jointz.core.errors import DataError, UnitError
 from jointz.identification.identify_file import identify_file
 from jointz.identify.actuators.actuator import identify_actuator
@@ -26,12 +27,12 @@ def test_a_column_is_a_name_and_perhaps_a_unit(text, channel, expected):
 
 
 def test_a_column_whose_name_holds_a_colon_is_understood():
-    assert parse_column("knee:deg", "angle", ["knee:deg"]) == Column("knee:deg", "rad")
+    assert parse_column("knee:deg", "angle", ["knee:deg"]) == Column("knee:deg", "deg")
 
 
 @pytest.mark.parametrize("unit", ["N*m", ""])
 def test_a_unit_of_something_else_is_refused_with_the_option(unit):
-    with pytest.raises(UnitError, match="--angle knee:"):
+    with pytest.raises(UnitError, match="angle knee:"):
         parse_column(f"knee:{unit}", "angle")
 
 
@@ -152,3 +153,21 @@ def test_a_row_of_a_joint_file_counts_header_and_skipped_rows(file):
     columns = {"angle": "deg:deg", "torque": "mNm:mN*m"}
     with pytest.raises(DataError, match=r"r\.csv: .*'angle' has 1 sample.*row 13"):
         identify_file(identify_joint, file, columns, rate_hz=500.0, files={"skip_rows": 1})
+
+
+@pytest.mark.parametrize("name", ["knee [deg]", "knee (deg)"])
+def test_the_unit_in_a_columns_name_holds(tmp_path, knee_table, name):
+    path = tmp_path / "r.csv"
+    table = {"t": knee_table["t"], name: np.rad2deg(knee_table["angle"])}
+    pd.DataFrame(table | {"tau": knee_table["torque"]}).to_csv(path, index=False)
+
+    found = jointz.read(path, time="t", angle=name, torque="tau")
+
+    np.testing.assert_allclose(found["angle"], knee_table["angle"], rtol=1e-9)
+    with pytest.raises(UnitError, match="states another unit than rad"):
+        jointz.read(path, time="t", angle=f"{name}:rad", torque="tau")
+
+
+def test_one_column_for_two_channels_is_refused(file):
+    with pytest.raises(DataError, match="column 'deg': expected one channel, got angle, torque"):
+        jointz.read(file, angle="deg:deg", torque="deg:N*m")

@@ -75,6 +75,17 @@ def test_a_recording_is_in_si_and_says_where_it_comes_from(study):
     }  # fmt: skip
 
 
+def test_the_unit_in_a_columns_name_holds_and_must_agree(study):
+    degrees = study.read()[0]["angle"]
+    for file in study.root.glob("*.csv"):
+        file.write_text(file.read_text().replace("knee_angle_deg", "knee (deg)", 1))
+    study.edit('column = "knee_angle_deg"\nunit = "deg"', 'column = "knee (deg)"')
+    np.testing.assert_array_equal(study.read()[0]["angle"], degrees)
+    study.edit('column = "knee (deg)"', 'column = "knee (deg)"\nunit = "rad"')
+    with pytest.raises(UnitError, match=r"the file says 'deg', study\.toml says 'rad'"):
+        study.read()
+
+
 @pytest.mark.parametrize(("line", "kind"), [('kind = "voltage"\n', "voltage"), ("", "contact")])
 def test_session_side_and_kind_of_contact_are_kept(study, line, kind):
     study.edit('condition = "unperturbed"', 'condition = "NPC"\nsession = 3\nside = "left"')

@@ -88,7 +88,8 @@ def test_the_summary_counts_people_cells_and_pulses_and_gives_the_means():
     analysis = StudyAnalysis(CELLS, population=means, settings={"method": "dissertation"})
 
     assert analysis.summary().splitlines() == [
-        "2 participant(s), 5 cells, method dissertation: 15 pulses used, 5 excluded.",
+        "2 participant(s), method dissertation: 3 of 5 estimates available, 15 pulses used, "
+        "5 excluded.",
         "           LRE stiffness                 52.5 N*m/rad (mean of 2)",
         "           MST stiffness            undecided (mean of 2)",
     ]

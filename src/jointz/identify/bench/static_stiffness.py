@@ -1,5 +1,7 @@
 """Static stiffness of a bench (3.2.2): the slope of torque over angle, moved slowly."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +19,8 @@ from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 
 _WHERE = "identify_static_stiffness"
+#: A slope that explains less of the torque is undecided, %.
+_LEAST_VAF_PCT = 50.0
 #: What the low-pass spoils at both ends of a record, in periods of its cut-off.
 _EDGE_PERIODS = 4.5
 #: Share of noise in the angle's variance: noted above the first, refused above the second.
@@ -121,6 +125,13 @@ def identify_static_stiffness(
             "record torques of several sizes both ways.",
         )
     share = _noise_share(record, fit, deflection, cutoff_hz)
+    vaf_pct = 100.0 * (1.0 - float(np.var(fit.residual) / np.var(load)))
+    if vaf_pct < _LEAST_VAF_PCT and not fit.doubt:
+        fit = replace(
+            fit,
+            doubt=f"the angle explains {max(vaf_pct, 0.0):.2g} % of the torque: check that angle "
+            "and torque are not exchanged; move slowly, damping and inertia must not count",
+        )
     kept = [i for i, name in enumerate(fit.names) if name != "bias"]
     half_width = np.full(len(fit.names), np.nan) if fit.doubt else fit.half_width
     return StiffnessFit(
@@ -131,7 +142,7 @@ def identify_static_stiffness(
             ci_level=ci_level,
             ci_method=fit.ci_method,
         ),
-        vaf_pct=100.0 * (1.0 - float(np.var(fit.residual) / np.var(load))),
+        vaf_pct=vaf_pct,
         frequency_hz=None,
         excursion_rad=float(np.ptp(deflection)),
         n_samples=load.size,

@@ -115,6 +115,12 @@ def phase_curve(
             f"phase_curve: expected one of the participants {'; '.join(people)}, got "
             f"{participant!r}."
         )
+    known = {p.name for cell in analysis.cells for p in cell.parameters} | set(_PARAMETERS)
+    if isinstance(parameters, str) or not set(parameters) <= known:
+        raise DataError(
+            f"phase_curve: parameters: expected a list out of {', '.join(sorted(known))}; got "
+            f"{parameters!r}."
+        )
     chosen = people if participant is None else [participant]
     follows = {model.label: model.curve_probability for model in analysis.models}
     widened = widen_steep(analysis.cells, follows)

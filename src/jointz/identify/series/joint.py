@@ -10,13 +10,20 @@ import pandas as pd
 import xarray as xr
 from scipy.stats import t as student_t
 
-from jointz.core.errors import DataError
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
 from jointz.identify.series.block_regression import fitted_sandwich
 from jointz.identify.series.frequency_response import fit_frequency_response
 from jointz.identify.series.impulse_response import fit_impulse_response
-from jointz.identify.series.joint_estimators import ESTIMATORS, JointSignals, Solution
+from jointz.identify.series.joint_estimators import (
+    ESTIMATORS,
+    JointSignals,
+    Solution,
+    least_squares,
+)
 from jointz.identify.series.joint_record import (
     JOINT,
+    OPPOSITE_SIGN,
     PARAMETERS,
     Input,
     JointRequest,
@@ -52,6 +59,17 @@ Model = Literal["kbj", "irf", "frf", "reflex"]
 #: Estimators that keep K, B, J >= 0: their intervals do too.
 _BOUNDED = ("bounded_least_squares", "admittance")
 _CUTOFF_HZ = 30.0
+#: Of the sampling rate: the highest cutoff with which the sign is looked at.
+_LARGEST_CUTOFF = 0.4
+#: Share of the torque that K, B, J must explain for their sign to say that of the torque.
+_SIGN_EXPLAINED = 0.5
+#: A fit that explains less of its signal than this is told, %.
+_LITTLE_EXPLAINED_PCT = 50.0
+_UNRELATED = (
+    "angle and torque do not show that they belong together: none of stiffness, damping and "
+    "inertia differs from zero. Check the columns and torque_acts_on, perturb more, or record "
+    "longer"
+)
 _SERIES_S = 5.0
 _SERIES_POINTS = 1000
 
@@ -136,7 +154,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     UnitError
         When a unit is unknown, or not the one that the dataset states.
     EstimationError
-        ``constant_angle``, ``constant_torque`` or ``ill_conditioned``.
+        ``constant_angle``, ``constant_torque``, ``ill_conditioned`` or ``opposite_sign``.
     ValueError
         Unknown model, estimator, input or side; the message lists the choices.
 
@@ -176,6 +194,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         cutoff_hz=cutoff_hz,
         ci_level=ci_level,
     )
+    _refuse_opposite_sign(request)
     if model == "irf":
         return fit_impulse_response(request, length_s)
     if model == "frf":
@@ -183,6 +202,20 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     if model == "reflex":
         return fit_reflex(request)
     return _fit_second_order(request, estimator)
+
+
+def _refuse_opposite_sign(request: JointRequest) -> None:
+    """Refuse a torque that all of stiffness, damping and inertia turn against the motion."""
+    record = request.record
+    cutoff_hz = min(request.cutoff_hz or _CUTOFF_HZ, _LARGEST_CUTOFF * record.rate_hz)
+    try:
+        signals = prepare_signals(record, cutoff_hz, request.torque_acts_on)
+        found = least_squares(signals)
+    except (DataError, EstimationError):
+        return  # the model has its own words for it
+    explained = 1.0 - float(np.sum(found.residual**2) / np.sum(signals.torque**2))
+    if np.all(found.kbj < 0.0) and explained > _SIGN_EXPLAINED:
+        raise EstimationError(Failure.OPPOSITE_SIGN.value, OPPOSITE_SIGN)
 
 
 def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) -> JointFit:
@@ -258,11 +291,15 @@ class _Intervals:
         doubt = solution.doubt or ("" if n_blocks else too_short)
         if doubt:
             return cls(solution, np.empty((0, 3)), n_blocks, doubt=doubt)
+        freedom = n_blocks - len(PARAMETERS)
+        covariance = _covariance(scores, solution, n_blocks)
+        half_width = student_t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+        if np.all(np.abs(solution.kbj) <= half_width):
+            return cls(solution, np.empty((0, 3)), n_blocks, doubt=_UNRELATED)
         ci_method = (
             f"block sandwich over {n_blocks} blocks of {seconds / n_blocks:.3g} s, Student's t "
-            f"with {n_blocks - len(PARAMETERS)} degrees of freedom"
+            f"with {freedom} degrees of freedom"
         )
-        covariance = _covariance(scores, solution, n_blocks)
         return cls(solution, covariance, n_blocks, ci_method)
 
     def parameters(self, ci_level: float, *, bounded: bool) -> tuple[ParameterEstimate, ...]:
@@ -318,6 +355,13 @@ def _warnings(
         warnings.append(
             "input is angle but a torque-to-angle estimator was chosen: torque inside the joint is "
             "taken for its cause"
+        )
+    measured = solution.measured - solution.measured.mean()
+    vaf_pct = 100.0 * (1.0 - float(np.sum(solution.residual**2) / np.sum(measured**2)))
+    if vaf_pct < _LITTLE_EXPLAINED_PCT:
+        warnings.append(
+            f"the model explains {max(vaf_pct, 0.0):.2g} % of the {solution.fitted_signal}: check "
+            "that angle and torque are not exchanged"
         )
     warnings += angle_warnings(signals.angle)
     return warnings if doubt else warnings + sign_warnings(solution.kbj)

@@ -10,7 +10,9 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core import provenance
+from jointz.core.channels import RECORD_UNITS
 from jointz.core.errors import DataError, EstimationError, UnitError
+from jointz.core.units import conversion
 from jointz.gait import timestamps
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
@@ -18,17 +20,14 @@ _PARTS = 8
 _LARGEST_RATE_RATIO = 1.5
 _LARGE_ANGLE_RAD = 0.2
 
-#: Unit -> factor to SI. Files know more units (:func:`jointz.read`).
-_ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
-_TORQUES = {"N*m": 1.0, "N.m": 1.0, "Nm": 1.0, "N m": 1.0, "mN*m": 1e-3, "N*mm": 1e-3}
-_FACTORS: dict[str, dict[str, float]] = {
-    "angle": _ANGLES,
-    "torque": _TORQUES,
-    "command": _TORQUES,
-    "time": {"s": 1.0, "ms": 1e-3},
-}
+#: No joint turns further; degrees that are taken for rad do.
+_LARGEST_ANGLE_RAD = 4.0
 
 JOINT = "identify_joint"
+OPPOSITE_SIGN = (
+    "stiffness, damping and inertia are negative: the torque is counted on the other body. Turn "
+    "torque_acts_on (device, or joint if it was device), or check the sign of the angle"
+)
 PARAMETERS = ("stiffness", "damping", "inertia")
 Samples = xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame
 Input = Literal["torque", "angle"]
@@ -129,8 +128,8 @@ def gather_record(
         if isinstance(recording, xr.Dataset):
             first_row = int(recording.attrs.get("first_row", 1))
             sha256 = str(recording.attrs.get("sha256", ""))
-    factors = _factors_to_si(present, units or {}, where)
-    channels = {n: factors[n] * np.asarray(values, dtype=float) for n, values in present.items()}
+    samples = {name: _samples(values, name, where) for name, values in present.items()}
+    channels = _in_si(samples, _stated_units(present), units or {}, where)
     _check_channels(channels, first_row, where=where, required=required)
     time = channels.pop("time", None)
     if time is not None and rate_hz is not None:
@@ -150,37 +149,58 @@ def gather_record(
     return JointRecord(dict(zip(names, values, strict=True)), rate, uniform, sha256)
 
 
-def _factors_to_si(
-    channels: Mapping[str, Any], units: Mapping[str, str], where: str
-) -> dict[str, float]:
-    """Return the factor to SI of every channel, by the unit given or that of a dataset."""
-    problems = [
-        f"units: '{name}' is not a channel given." for name in units if name not in channels
-    ]
-    factors = {}
-    for name, values in channels.items():
-        known = _FACTORS.get(name, {})
-        stated = str(getattr(values, "attrs", {}).get("units", ""))
-        unit = units.get(name, stated)
-        if name in units and stated in known and known[stated] != known.get(units[name]):
-            problems.append(f"units: '{name}' is given in {unit}, the recording says {stated}.")
-        elif unit and known and unit not in known:
-            problems.append(f"units: '{name}': expected {', '.join(known)}; got {unit!r}.")
-        factors[name] = known.get(unit, 1.0)
+def _samples(values: npt.ArrayLike, name: str, where: str) -> np.ndarray:
+    """Return values as floats, (n,); masked ones are NaN, a row or a column is a vector."""
+    array: np.ma.MaskedArray[Any, Any] = np.ma.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise DataError(
+            f"{where}: channel '{name}': expected real numbers, got {array.dtype}. Give times in "
+            "s, and other channels in SI or with units=.",
+            channel=name,
+        )
+    filled = np.ma.filled(array.astype(float), np.nan)
+    is_vector = filled.ndim == 2 and 1 in filled.shape  # as MATLAB has them
+    return np.asarray(filled.ravel() if is_vector else filled)
+
+
+def _stated_units(channels: Mapping[str, Any]) -> dict[str, str]:
+    """Return the unit that each channel of a dataset states."""
+    stated = {n: str(getattr(v, "attrs", {}).get("units", "")) for n, v in channels.items()}
+    return {name: unit for name, unit in stated.items() if unit}
+
+
+def _in_si(
+    channels: Mapping[str, np.ndarray],
+    stated: Mapping[str, str],
+    units: Mapping[str, str],
+    where: str,
+) -> dict[str, np.ndarray]:
+    """Return channels in SI, by the unit given or that of a dataset."""
+    if not isinstance(units, Mapping):
+        raise UnitError(f"{where}: units: expected channel -> unit, got {units!r}.")
+    problems = [f"'{name}' is not a channel given." for name in units if name not in channels]
+    converted = dict(channels)
+    for name, unit in ((n, units.get(n, stated.get(n))) for n in channels):
+        if unit is None or name not in RECORD_UNITS:
+            continue
+        try:
+            factor, offset = conversion(unit, RECORD_UNITS[name])
+            if name in stated and conversion(stated[name], RECORD_UNITS[name])[0] != factor:
+                problems.append(f"'{name}' is given in {unit}, the recording says {stated[name]}.")
+        except UnitError as exc:
+            problems.append(f"'{name}': {exc}")
+        else:
+            converted[name] = factor * channels[name] + offset
     if problems:
-        raise UnitError(f"{where}: {' '.join(problems)} Correct it, or convert to SI.")
-    return factors
+        raise UnitError(f"{where}: units: {' '.join(problems)}")
+    return converted
 
 
 def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
     """Return warnings of negative stiffness, damping and inertia, with their likely cause."""
     values = np.asarray(kbj, dtype=float)
     if np.all(values < 0.0):
-        return [
-            "stiffness, damping and inertia are negative: the torque is counted on the other body. "
-            "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
-            "the sign of the angle"
-        ]
+        return [OPPOSITE_SIGN]
     return [
         f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
         for name, value in zip(PARAMETERS, values, strict=True)
@@ -222,6 +242,12 @@ def _check_channels(
                 f"channel '{name}' has {bad.size} sample(s) without a number, the first in row "
                 f"{first_row + int(bad[0])}; cut the record there or fill them yourself."
             )
+    angle = channels.get("angle", np.zeros(0))
+    if angle.size and np.ptp(angle) > _LARGEST_ANGLE_RAD:
+        problems.append(
+            "channel 'angle' turns further than any joint, as degrees do that are taken for rad; "
+            'state its unit: units={"angle": "deg"}, COLUMN:deg in a command.'
+        )
     if problems:
         raise DataError(f"{where}: " + " ".join(problems))
 

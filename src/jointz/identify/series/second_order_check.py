@@ -192,7 +192,12 @@ class _Equations:
         covariance = autocorrelation(self.residual)[: _WHITENING_LAGS + 1].copy()
         covariance[0] += _FLOOR
         taps = np.append(1.0, -solve_toeplitz(covariance[:-1], covariance[1:]))
-        return lambda columns: lfilter(taps, 1.0, columns, axis=0)[_WHITENING_LAGS:]
+
+        def whiten(columns: np.ndarray) -> np.ndarray:
+            white = lfilter(taps, 1.0, columns, axis=0) if columns.size else columns
+            return np.asarray(white[_WHITENING_LAGS:])
+
+        return whiten
 
     @property
     def is_regression(self) -> bool:

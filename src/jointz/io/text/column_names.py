@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import UnitError
-from jointz.io.text.units import si_unit_of
+from jointz.core.units import si_unit_of
 
 #: What jointz calls a column of time stamps where the content has no name for it.
 CLOCK_COLUMN = "time [s]"
@@ -40,6 +40,12 @@ def unit_in_name(name: str) -> str:
     """
     unit = _in_brackets(name)
     return "" if name.rstrip().endswith(")") and not _readable(unit) else unit
+
+
+def known_unit_in_name(name: str) -> str:
+    """Return the unit in brackets at the end of a column's name, "" where it cannot be read."""
+    unit = unit_in_name(name)
+    return unit if unit and _readable(unit) else ""
 
 
 def name_with_unit(signal: Signal) -> str:

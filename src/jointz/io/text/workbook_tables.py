@@ -17,9 +17,9 @@ import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError, UnitError
+from jointz.core.units import si_unit_of
 from jointz.io.formats.losses import NOTE, text_array
 from jointz.io.text.column_names import is_time, seconds_of_one, unit_in_name, with_clock
-from jointz.io.text.units import si_unit_of
 
 _COMMA_NUMBER = re.compile(r"\s*[+-]?(\d{1,3}(\.\d{3})+|\d+),\d+([eE][+-]?\d+)?\s*")
 _POINT_NUMBER = re.compile(r"\s*[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\s*")

@@ -327,7 +327,7 @@ def test_a_perturbation_that_repeats_with_the_stride_is_refused(name, code):
     one = lfilter([0.1], [1.0, -0.9], rng.standard_normal(500))
     made = {
         "time": np.arange(25_000) / RATE,
-        "angle": rng.standard_normal(25_000),
+        "angle": 0.1 * rng.standard_normal(25_000),
         "torque": rng.standard_normal(25_000),
         "command": rng.standard_normal(25_000),
         "strike": np.arange(0.0, 50.0),

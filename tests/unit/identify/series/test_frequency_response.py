@@ -161,20 +161,8 @@ def test_a_real_ankle_has_the_stiffness_of_regression_in_time(real_data, name, s
     assert not any("looks torque-perturbed" in w for w in fit.warnings)
 
 
-@pytest.mark.parametrize("perturbed", ["torque", "angle"])
-def test_a_turned_torque_is_named_with_the_option_that_turns_it(perturbed):
-    record = make_record(perturbed)
-
-    fit = identify_frf(**record, rate_hz=RATE, input=perturbed, torque_acts_on="device")
-
-    (note,) = (w for w in fit.warnings if "negative" in w)
-    assert note.startswith("stiffness, damping and inertia are negative")
-    assert "--torque-acts-on" in note
-    assert "gravity" not in note
-
-
 def test_angle_and_torque_of_two_records_are_not_coherent():
-    record = make_record() | {"angle": np.random.default_rng(9).standard_normal(12_000)}
+    record = make_record() | {"angle": 0.1 * np.random.default_rng(9).standard_normal(12_000)}
 
     with pytest.raises(EstimationError) as caught:
         identify_frf(**record, rate_hz=RATE)

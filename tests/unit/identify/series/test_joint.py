@@ -1,5 +1,7 @@
 """What goes into identify_joint, what comes out, and what it refuses."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -224,3 +226,38 @@ def test_a_constant_channel_has_a_code(model: str, channel: str, long_record) ->
     with pytest.raises(EstimationError, match=f"the {channel} is constant") as caught:
         identify_joint(data, model=model)
     assert caught.value.code == f"constant_{channel}"
+
+
+def test_what_is_no_vector_of_real_numbers_in_si_is_refused_or_made_one():
+    data = record()
+    fit = partial(identify_joint, torque=data["torque"], rate_hz=RATE_HZ, input="angle")
+    in_columns = fit(angle=data["angle"][:, None], torque=data["torque"][:, None])
+    assert in_columns.parameters == fit(angle=data["angle"]).parameters
+    masked = np.ma.array(data["angle"], mask=np.arange(data["angle"].size) == 7)
+    with pytest.raises(DataError, match=r"1 sample\(s\) without a number, the first in row 8"):
+        fit(angle=masked)
+    for wrong in (data["angle"] + 0j, np.arange(data["angle"].size).astype("m8[ms]")):
+        with pytest.raises(DataError, match="'angle': expected real numbers"):
+            fit(angle=wrong)
+    with pytest.raises(DataError, match="turns further than any joint"):
+        fit(angle=100.0 * data["angle"])
+    assert fit(angle=np.rad2deg(data["angle"]), units={"angle": "degrees"}).status == "ok"
+
+
+@pytest.mark.parametrize("input", ["angle", "torque"])
+@pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
+def test_the_torque_of_the_other_body_is_refused(model, input):
+    with pytest.raises(EstimationError, match="torque is counted on the other body") as caught:
+        identify_joint(record(), torque_acts_on="device", model=model, input=input)
+    assert caught.value.code == "opposite_sign"
+
+
+@pytest.mark.parametrize("input", ["angle", "torque"])
+def test_noise_decides_nothing(input):
+    data = record()
+    noise = np.random.default_rng(3).standard_normal((2, data["time"].size))
+    nothing = identify_joint(
+        angle=0.05 * noise[0], torque=5.0 * noise[1], rate_hz=RATE_HZ, input=input
+    )
+    assert {p.status for p in nothing.parameters} == {"undecided"}
+    assert "belong together" in nothing.warnings[0]

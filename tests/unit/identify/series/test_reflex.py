@@ -184,13 +184,6 @@ def test_a_cutoff_that_shows_no_delay_or_is_above_half_the_rate_is_refused(
         fit(simulate(1, seconds=30.0), cutoff_hz=cutoff_hz)
 
 
-def test_torque_on_the_other_body_is_told() -> None:
-    record = simulate(1, seconds=30.0)
-    turned = fit(record | {"torque": -record["torque"]})
-    assert turned.parameter("stiffness").value < 0.0
-    assert "torque is counted on the other body" in " ".join(turned.warnings)
-
-
 @pytest.mark.parametrize("name", ["angle", "torque"])
 def test_a_signal_that_stops_in_the_first_second_has_its_code(name: str) -> None:
     record = simulate(1, seconds=30.0)

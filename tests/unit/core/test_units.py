@@ -8,7 +8,7 @@ import pytest
 
 from jointz.core.channels import CHANNEL_UNITS, PARAMETER_UNITS
 from jointz.core.errors import UnitError
-from jointz.io.text.units import conversion, si_unit_of
+from jointz.core.units import conversion, si_unit_of
 
 INCH_M, POUND_N = 0.0254, 0.45359237 * 9.80665  # exact by definition
 
@@ -120,5 +120,5 @@ def test_what_is_no_unit_is_refused(unit):
 
 
 def test_importing_the_module_does_not_import_pint():
-    code = "import sys, jointz.io.text.units; raise SystemExit('pint' in sys.modules)"
+    code = "import sys, jointz.core.units; raise SystemExit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
