@@ -10,9 +10,9 @@ import pytest
 
 import jointz
 from jointz.identify.preparation.conditioning import torque_from_current
-from jointz.io.netcdf import read_recording
+from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
-from jointz.io.study import open_study
+from jointz.io.study_reader import open_study
 
 _TOML = """jointz = 1
 joint = "knee"

@@ -12,12 +12,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointz.core.calibration_fit import STEPS
+from jointz.calibration.calibrate import calibrate
 from jointz.core.study import CalibrationSpec
 from jointz.io.calibration_file import write_into_study
-from jointz.workflows.calibration import calibrate
-from jointz.workflows.engine import Task, done_in_turn, open_engine
-from jointz.workflows.run import run
+from jointz.results.bench.calibration_fit import STEPS
+from jointz.session.run import run
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 PRESETS = ("nominal", "hard", "anthropometric")
 #: As the page tells people to take them, so that each knows what it uses.

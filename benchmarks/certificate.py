@@ -19,13 +19,14 @@ from benchmarks.accuracy.people import cell_truth, settings_of, simulate
 from benchmarks.accuracy.rows import PARAMETERS, Row, all_rows
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
 
-from jointz.core.certificate import VirtualEstimate, expected_errors
+from jointz.analysis.certify import evidence_of
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.identify.appraisal.certificate import own_estimates, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection
-from jointz.identify.appraisal.certificate_evidence import evidence_of
-from jointz.workflows.engine import Task, done_in_turn, open_engine
-from jointz.workflows.task_store import TaskStore, task_key
+from jointz.identify.appraisal.certificate_study import own_estimates, virtual_estimates
+from jointz.results.certificate_result import VirtualEstimate, expected_errors
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
+from jointz.tasks.task_store import TaskStore, task_key
 
 ROWS = ("nominal-lag-unknown", "nominal-lag-0.5ms", "hard-lag-0.5ms", "hard-lag-unknown")
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from jointz.collections.entry_reader import written_entry
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, REACH_95
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.io.collection import written_entry
-from jointz.io.registry import file_sha256
+from jointz.io.formats.columns import file_sha256
+from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, REACH_95
 
 #: Medians of fictional joints, SI: stiffness, damping, inertia.
 JOINTS: Mapping[str, tuple[str, float, float, float]] = {
@@ -129,7 +129,9 @@ def _tables(rng: np.random.Generator, spec: Mapping[str, Any]) -> dict[str, pd.D
               for k, name in enumerate(PARAMETERS[:2])]  # fmt: skip
     covariances = sd[:, :, None] * sd[:, None, :] * _CORRELATION
     return {
-        "estimates.csv": pd.concat(parts, ignore_index=True)[list(ESTIMATE_COLUMNS)],
+        "estimates.csv": pd.concat(parts, ignore_index=True).reindex(
+            columns=list(ESTIMATE_COLUMNS)
+        ),
         "covariance.csv": _covariances(frame, covariances),
     }
 

@@ -20,11 +20,12 @@ from benchmarks.accuracy.rows import PARAMETERS, all_rows
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
 from scipy.special import ndtr, ndtri
 
-from jointz.core.estimates import CellEstimate
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.participant import analyze_participant
+from jointz.results.estimates import CellEstimate
 from jointz.stats.population import population_means
-from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 _ROOT = Path(__file__).parents[1]
 ROWS = {"nominal": "nominal-lag-unknown", "anthropometric": "anthropometric"}

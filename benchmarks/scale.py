@@ -28,8 +28,9 @@ from benchmarks.figures import efficiency, write_json
 
 from jointz.core.provenance import software
 from jointz.identify.series.joint import identify_joint
-from jointz.sim.joint import respond
-from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.sim.knee_joint import respond
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 ENGINES = ("serial", "processes", "dask")
 _ROW = "nominal-lag-0.5ms"

@@ -39,8 +39,8 @@ for file in sys.argv[1:]:
 _ANALYZE = """
 import sys
 from pathlib import Path
-from jointz.workflows.analysis import analyze
-from jointz.workflows.results_folder import write_results
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
 write_results(analyze(sys.argv[1], method="dissertation"), Path(sys.argv[2]), overwrite=True)
 """
 _PEAK = """
@@ -78,6 +78,7 @@ def studies(
     return root
 
 
+@pytest.mark.slow
 def test_whole_analysis_beside_reading_the_files(
     studies: Path, quick: bool, figures: Figures
 ) -> None:

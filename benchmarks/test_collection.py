@@ -14,7 +14,7 @@ import pytest
 from benchmarks.collection_entries import JOINTS, write_entry
 from benchmarks.figures import Figures, at_most
 
-from jointz.core.catalog_query import CatalogFilter
+from jointz.collections.catalog_query import CatalogFilter
 
 pytest.importorskip("duckdb")
 pytest.importorskip("pyarrow")
@@ -50,7 +50,7 @@ def collection(quick: bool, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 def test_building_and_asking_a_collection(
     collection: tuple[Path, int], quick: bool, figures: Figures
 ) -> None:
-    from jointz.workflows.collection import build_catalog, query_catalog
+    from jointz.collections.catalog import build_catalog, query_catalog
 
     root, labs = collection
     start = perf_counter()

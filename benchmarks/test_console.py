@@ -25,8 +25,8 @@ from scipy.stats import mannwhitneyu
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
 
-from jointz.experiment.journal import read_journal  # noqa: E402 - after the skips
-from jointz.io.session_log import read_log  # noqa: E402
+from jointz.experiment.files.journal import read_journal  # noqa: E402 - after the skips
+from jointz.io.log_reader import read_log  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
@@ -205,6 +205,7 @@ def pair(made: Running, seconds: float) -> dict[str, dict[str, float] | None]:
     return found
 
 
+@pytest.mark.slow
 def test_the_loop_does_not_feel_the_page(tmp_path, quick, figures):
     wanted, pairs, tripped = 1 if quick else BLOCKS, [], 0
     with running(tmp_path) as made:

@@ -10,8 +10,7 @@ from benchmarks.figures import Figures, at_most
 from scipy.signal import butter, sosfilt
 
 from jointz.identify.actuators.bandwidth import identify_bandwidth
-from jointz.identify.series.frequency_response import identify_frequency_response
-from jointz.identify.series.impulse_response import identify_impulse_response
+from jointz.identify.series.joint import identify_joint
 
 RATE = 1000.0
 BUDGET_S = 0.05
@@ -40,12 +39,12 @@ def within_budget(benchmark, what: str, figures: Figures, *, quick: bool) -> Non
     assert quick or median_s < BUDGET_S
 
 
-@pytest.mark.parametrize("identify", [identify_frequency_response, identify_impulse_response])
-def test_time_of_a_joint(benchmark, record, identify, quick, figures):
-    fit = benchmark(identify, **record, rate_hz=RATE)
+@pytest.mark.parametrize("model", ["frf", "irf"])
+def test_time_of_a_joint(benchmark, record, model, quick, figures):
+    fit = benchmark(identify_joint, **record, rate_hz=RATE, model=model)
 
     assert fit.parameter("stiffness").value == pytest.approx(80.0, rel=0.01)
-    what = identify.__name__.removeprefix("identify_").replace("_", " ")
+    what = {"frf": "frequency response", "irf": "impulse response"}[model]
     within_budget(benchmark, what, figures, quick=quick)
 
 

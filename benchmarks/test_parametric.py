@@ -9,7 +9,7 @@ from benchmarks.figures import Figures, at_most
 from scipy.signal import StateSpace, butter, lsim, sosfiltfilt
 
 from jointz.core.study import CalibrationSpec
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.estimators import METHODS
 from jointz.identify.preparation.baselines import pre_pulse
 from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
 from jointz.identify.series.joint import identify_joint

@@ -18,7 +18,7 @@ import pytest
 from benchmarks.figures import Figures, Peer, at_most
 
 from jointz.io.protocols import load_protocol
-from jointz.workflows.run import run as run_experiment
+from jointz.session.run import run as run_experiment
 
 #: How long the command may take, in times of one process, where there are two cores or more.
 MOST_OF_ONE_PROCESS = 0.75
@@ -32,8 +32,8 @@ _IN_ONE_PROCESS = """
 import os, sys
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 from pathlib import Path
-from jointz.workflows.analysis import analyze
-from jointz.workflows.results_folder import write_results
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
 write_results(analyze(sys.argv[1]), Path(sys.argv[3]))
 """
 
@@ -73,6 +73,7 @@ def study(quick: bool, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ).study
 
 
+@pytest.mark.slow
 def test_the_command_beside_one_process(study: Path, quick: bool, figures: Figures) -> None:
     out = study.parent / "results"
     alone = [sys.executable, "-c", _IN_ONE_PROCESS]

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import jointz
-from jointz.core.estimates import CellEstimate
+from jointz.analysis.page.budget_figure import source_name
+from jointz.analysis.page.details_tables import variance_shares
 from jointz.core.study import Study
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.raw_signals import RAW_ANGLE, raw_signals
@@ -17,9 +18,8 @@ from jointz.identify.preparation.sources import (
     prepare_sources,
 )
 from jointz.identify.recommended.unperturbed_prediction import UnperturbedPredictor
+from jointz.identify.study_kinds import WALKING
 from jointz.io.recordings import read_pulse_table, read_recording
-from jointz.report.budget_figure import source_name
-from jointz.report.details import variance_shares
 from jointz.report.style import (
     BLUE,
     FAINT,
@@ -35,6 +35,7 @@ from jointz.report.style import (
     place_legend,
     to_svg,
 )
+from jointz.results.estimates import CellEstimate
 
 IMAGE = Path(__file__).parent / "images" / "estimator.svg"
 POINT = "ISW"
@@ -51,7 +52,7 @@ def candidates_of(study: Study, person: str) -> tuple[list[Candidate], list[Sour
             RecordingInput(recording, spec.calibration_of(entry), read_pulse_table(study, entry))
         )
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,

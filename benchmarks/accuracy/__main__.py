@@ -12,7 +12,7 @@ from benchmarks.accuracy.runs import Cache, Job, jobs_of, run_jobs
 from benchmarks.accuracy.summaries import read_summaries, summarise, verdicts, write_summary
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS
+from jointz.identify.estimators import METHODS
 
 _ROOT = Path(__file__).parents[2]
 _RESULTS = Path(__file__).with_name("results")
@@ -93,7 +93,7 @@ def _chosen_rows(names: str, rows: dict[str, Row]) -> list[Row]:
 
 
 def _chosen_methods(names: str) -> list[str]:
-    walking = [name for name in METHODS if name not in BENCH_ONLY]
+    walking = METHODS.serving("walking")
     wanted = walking if names == "all" else names.split(",")
     unknown = [name for name in wanted if name not in walking]
     if unknown:

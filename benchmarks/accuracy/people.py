@@ -15,6 +15,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
 from jointz.sim.people import Person, draw_person
@@ -161,13 +162,11 @@ def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> Particip
     """
     more: dict[str, Any] = {} if row.prior_scale == 1.0 else {"prior_scale": row.prior_scale}
     return ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(TIMING_POINTS), source="table"),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
         methods=tuple(methods),
         n_resamples=RESAMPLES,
-        seed=0,
         mass_kg=rig.person.mass_kg,
         **more,
     )

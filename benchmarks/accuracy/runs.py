@@ -24,9 +24,10 @@ from benchmarks.accuracy.rows import Row
 
 import jointz
 from jointz.core.errors import JointzError
-from jointz.core.estimates import CellEstimate
 from jointz.identify.participant import analyze_participant
-from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.results.estimates import CellEstimate
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 #: Name of what is kept beside the methods' results.
 TRUTH = "truth"

@@ -12,7 +12,7 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.io.netcdf import read_recording
+from jointz.io.formats.netcdf_recording import read_recording
 from jointz.reference import chapter3
 
 # %%

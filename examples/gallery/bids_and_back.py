@@ -3,8 +3,8 @@ A study as Motion-BIDS, and back
 ================================
 
 BIDS is how neuroscience shares data, Motion-BIDS its part for motion.
-:func:`~jointz.workflows.bids.write_bids` (``jointz convert study bids --to bids``) writes a study
-so, and :func:`~jointz.io.bids.read_bids` reads such folders, of others too.
+:func:`~jointz.conversion.bids_study.write_bids` (``jointz convert study bids --to bids``) writes a
+study so, and :func:`~jointz.io.bids.bids_read.read_bids` reads such folders, of others too.
 """
 
 from pathlib import Path
@@ -14,11 +14,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.io.bids import read_bids
+from jointz.analysis.simulate_study import simulate_study
+from jointz.conversion.bids_study import write_bids
+from jointz.io.bids.bids_read import read_bids
 from jointz.io.recordings import read_recording
 from jointz.sim.direct_walk import WalkPlan
-from jointz.workflows.bids import write_bids
-from jointz.workflows.simulated_study import simulate_study
 
 folder = Path(mkdtemp())
 study = simulate_study(

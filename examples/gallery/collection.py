@@ -3,7 +3,7 @@ From results to a collection
 ============================
 
 A collection keeps what many labs found. A results folder becomes an entry
-(:func:`~jointz.workflows.collection_entry.make_entry`), a check says what the page of the entry
+(:func:`~jointz.collections.entry.make_entry`), a check says what the page of the entry
 lacks, and the catalog of all entries can be asked. On the command line it is ``jointz collect``;
 the catalog needs ``pip install "jointz[scale]"``.
 """
@@ -15,13 +15,13 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.core.catalog_query import CatalogFilter
-from jointz.workflows.collection import build_catalog, query_catalog
-from jointz.workflows.collection_check import check_collection
-from jointz.workflows.collection_dissertation import write_dissertation_entry
-from jointz.workflows.collection_entry import make_entry
-from jointz.workflows.results_folder import write_results
-from jointz.workflows.simulated_study import simulate_study
+from jointz.analysis.results_folder import write_results
+from jointz.analysis.simulate_study import simulate_study
+from jointz.collections.catalog import build_catalog, query_catalog
+from jointz.collections.catalog_query import CatalogFilter
+from jointz.collections.checking.check_collection import check_collection
+from jointz.collections.dissertation_entry import write_dissertation_entry
+from jointz.collections.entry import make_entry
 
 # %%
 # A lab of our own, simulated, and the published tables, which come with jointz:

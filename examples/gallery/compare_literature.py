@@ -9,12 +9,12 @@ says of other people's. A number that the text gives in words only stays a range
 import matplotlib.pyplot as plt
 import numpy as np
 
+from jointz.comparison.compare import compare_results
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import row_mean
 from jointz.reference.audit import audit_table
 from jointz.reference.chapter4 import STIFFNESS, implied_quasi_stiffness
 from jointz.reference.literature import COMPARISONS, stated_stiffness_range
-from jointz.workflows.comparison import compare_results
 
 # %%
 # The published table, compared over its timing points:

@@ -2,7 +2,7 @@
 Take a recording into another format
 ====================================
 
-:func:`~jointz.workflows.conversion.convert` (``jointz convert``) goes between all formats that
+:func:`~jointz.conversion.convert.convert` (``jointz convert``) goes between all formats that
 jointz reads and writes. A format that cannot hold everything is refused, with what it cannot hold;
 ``lossy=True`` leaves that out and says so.
 """
@@ -13,12 +13,12 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 import numpy as np
 
+from jointz.conversion.convert import convert
 from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
-from jointz.io.formats import read_acquisition
-from jointz.io.netcdf import write_recording
-from jointz.sim.joint import knee_angle
-from jointz.workflows.conversion import convert
+from jointz.io.formats.netcdf_recording import write_recording
+from jointz.io.formats.registry import read_acquisition
+from jointz.sim.knee_joint import knee_angle
 
 # %%
 # Ten seconds of a knee, on a clock that is not quite even, with two samples that are missing:

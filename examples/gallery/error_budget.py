@@ -11,10 +11,10 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.report.budget_figure import source_name
-from jointz.report.details import details_frame, variance_shares
+from jointz.analysis.page.budget_figure import source_name
+from jointz.analysis.page.details_tables import details_frame, variance_shares
+from jointz.analysis.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
-from jointz.workflows.simulated_study import simulate_study
 
 # %%
 # One person with instruments that are not good (preset ``hard``), analysed without and with a

@@ -12,8 +12,8 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.workflows.demo import truth_table
-from jointz.workflows.simulated_study import simulate_study
+from jointz.analysis.simulate_study import simulate_study
+from jointz.demo.demo_study import truth_table
 
 folder = simulate_study(mkdtemp() + "/study", participants=2, seed=1)
 print((folder / "study.toml").read_text().split("\n\n")[0])
@@ -33,6 +33,13 @@ table = analysis.to_frame()
 table.query("parameter == 'stiffness'")[
     ["participant", "timing_point", "value", "ci_low", "ci_high", "vaf_pct", "n_used", "status"]
 ].round(1)
+
+# %%
+# An analysis can be kept as a folder with tables, figures and a report, and loaded again:
+
+analysis.save(folder.with_name("results"))
+assert jointz.load(folder.with_name("results")).to_frame().equals(table)
+analysis.plot()
 
 # %%
 # Beside the truth, which no analysis reads:

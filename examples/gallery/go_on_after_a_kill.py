@@ -2,10 +2,10 @@
 Go on after a long analysis was killed
 ======================================
 
-A :class:`~jointz.workflows.task_store.TaskStore` keeps every participant that is done. Analysed
+A :class:`~jointz.tasks.task_store.TaskStore` keeps every participant that is done. Analysed
 again, with the same study and the same settings, only the others are estimated, and the numbers
 are equal bit for bit. On more processes or machines
-(:func:`~jointz.workflows.engine.open_engine`) the same holds.
+(:func:`~jointz.tasks.engine.open_engine`) the same holds.
 """
 
 from pathlib import Path
@@ -15,9 +15,9 @@ from time import perf_counter
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.workflows.engine import open_engine
-from jointz.workflows.simulated_study import simulate_study
-from jointz.workflows.task_store import TaskStore
+from jointz.analysis.simulate_study import simulate_study
+from jointz.tasks.open_engine import open_engine
+from jointz.tasks.task_store import TaskStore
 
 folder = Path(mkdtemp())
 study = simulate_study(folder / "study", participants=3, seed=21)
@@ -41,7 +41,7 @@ def pull_the_plug(done, total, what):
 
 settings = {"method": "dissertation", "resamples": 200, "seed": 1}
 seconds = {}
-with open_engine(workers=1, tasks=3, needs="jointz.workflows.participants") as engine:
+with open_engine(workers=1, tasks=3, needs="jointz.analysis.participant_jobs") as engine:
     start = perf_counter()
     try:
         jointz.analyze(study, engine=engine, store=store, progress=pull_the_plug, **settings)

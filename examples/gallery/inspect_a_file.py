@@ -2,7 +2,7 @@
 What is in this file?
 =====================
 
-Somebody sends a table without a word about it. :func:`~jointz.workflows.inspection.inspect_file`
+Somebody sends a table without a word about it. :func:`~jointz.inspection.inspect_file.inspect_file`
 says what each column seems to be, in which unit, on which clock, what stands in the way, and
 proposes a ``study.toml`` with every guess marked. On the command line it is ``jointz inspect``.
 """
@@ -14,11 +14,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from jointz.inspection.inspect_file import inspect_file
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
-from jointz.workflows.inspection import inspect_file
 
 # %%
 # The file, of a logger that lost a second of its record:

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.io.netcdf import read_recording, write_recording
-from jointz.workflows.simulated_study import simulate_study
+from jointz.analysis.simulate_study import simulate_study
+from jointz.io.formats.netcdf_recording import read_recording, write_recording
 
 study = simulate_study(mkdtemp() + "/study", seed=17)
 

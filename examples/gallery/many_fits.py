@@ -3,9 +3,9 @@ A job of your own, on any engine
 ================================
 
 How well would a record of half a minute tell this joint? Simulate it many times and fit it. Such a
-job is a list of :class:`~jointz.workflows.engine.Task`, each seeded from what it is;
-:func:`~jointz.workflows.engine.done_in_turn` does them in this process, in several or on a cluster
-(:func:`~jointz.workflows.engine.open_engine`), with the same numbers.
+job is a list of :class:`~jointz.tasks.engine.Task`, each seeded from what it is;
+:func:`~jointz.tasks.engine.done_in_turn` does them in this process, in several or on a cluster
+(:func:`~jointz.tasks.engine.open_engine`), with the same numbers.
 """
 
 from functools import partial
@@ -15,8 +15,9 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 import jointz
-from jointz.sim.joint import respond
-from jointz.workflows.engine import Task, done_in_turn, open_engine
+from jointz.sim.knee_joint import respond
+from jointz.tasks.engine import Task, done_in_turn
+from jointz.tasks.open_engine import open_engine
 
 K, B, J = 60.0, 1.5, 0.05
 RATE, SECONDS = 500.0, 30

@@ -120,6 +120,13 @@ held = (rows["ci_low"] <= known) & (known <= rows["ci_high"])
 print(f"decided: {rows['value'].count()} of {len(rows)}; held by their intervals: {held.sum()}")
 
 # %%
+# One file alone is read without a study, any column under the name of its channel:
+
+layout = {"delimiter": ";", "decimal": ",", "skip_rows": 3}
+knee = jointz.read(folder / "S01_pulses.csv", files=layout, time="Zeit:s", angle="Knie [Grad]:deg")
+print(knee)
+
+# %%
 # Pulses were read off the commanded torque, heel strikes off the switch, and the sign was turned:
 # intervals hold the truth, and a point that eight pulses do not decide has none. A torque made of
 # the motor current alone would have friction and rotor in it: :ref:`trap 6 <traps>`.

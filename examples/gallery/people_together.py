@@ -11,9 +11,9 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.stats.partial_pooling import pool_people
-from jointz.workflows.simulated_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", participants=4, plan=WalkPlan(per_point=6), seed=14)
 analysis = jointz.analyze(study, resamples=2)

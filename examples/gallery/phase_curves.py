@@ -12,12 +12,12 @@ from tempfile import mkdtemp
 import numpy as np
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.identify.over_cycle.phase_curve import timing_points_of_phases
-from jointz.sim.curves import impedance_over_cycle
 from jointz.sim.direct_walk import WalkPlan
+from jointz.sim.impedance_curves import impedance_over_cycle
 from jointz.sim.people import draw_person
 from jointz.sim.presets import JointSettings, preset
-from jointz.workflows.simulated_study import simulate_study
 
 # %%
 # A plan may spread its pulses over the cycle; phases that were measured become timing points:

@@ -9,8 +9,8 @@ spread between labs, and a prediction for the next lab. The labs here are fictio
 import numpy as np
 import pandas as pd
 
-from jointz.core.collection_tables import CATALOG_COLUMNS
-from jointz.workflows.collection_pool import pool_catalog
+from jointz.collections.catalog_columns import CATALOG_COLUMNS
+from jointz.collections.pool import pool_catalog
 
 # %%
 # Fictional people of four labs, stiffness at mid-stance, N*m/rad:

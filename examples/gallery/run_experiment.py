@@ -12,9 +12,9 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.io.session_log import read_log
 
 # %%
 # A protocol is a file. Here the built-in one with five pulses a timing point instead of fifty:

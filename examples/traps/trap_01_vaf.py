@@ -16,8 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.workflows.demo import truth_table
-from jointz.workflows.simulated_study import simulate_study
+from jointz.analysis.simulate_study import simulate_study
+from jointz.demo.demo_study import truth_table
 
 study = simulate_study(mkdtemp() + "/study", participants=2, seed=4)
 analysis = jointz.analyze(study, resamples=50)

@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.sim.presets import preset
-from jointz.workflows.simulated_study import simulate_study
 
 usual = preset("nominal")
 perfect = replace(preset("clean"), name="clean but for strides", gait=usual.gait)

@@ -14,9 +14,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.sim.presets import preset
-from jointz.workflows.simulated_study import simulate_study
 
 # %%
 # One study with perfect instruments, analysed as if something else were known of its torque:

@@ -16,13 +16,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.sim.curves import impedance_over_cycle
 from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.joint import respond
+from jointz.sim.impedance_curves import impedance_over_cycle
+from jointz.sim.knee_joint import respond
 from jointz.sim.people import draw_person
 from jointz.sim.presets import JointSettings, preset
-from jointz.workflows.simulated_study import simulate_study
 
 person = draw_person(1, seed=7)
 varies = replace(

@@ -13,9 +13,9 @@ import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.devices.interface import Stretch
-from jointz.sim.curves import impedance_over_cycle
 from jointz.sim.direct_walk import WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.joint import respond
+from jointz.sim.impedance_curves import impedance_over_cycle
+from jointz.sim.knee_joint import respond
 from jointz.sim.rig import simulated_rig
 
 K, B, J = 60.0, 2.0, 0.06

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 import jointz
+from jointz.analysis.simulate_study import simulate_study
+from jointz.demo.demo_study import truth_table
 from jointz.sim.presets import JointSettings, ReflexSettings, preset
-from jointz.workflows.demo import truth_table
-from jointz.workflows.simulated_study import simulate_study
 
 K, B, J = 60.0, 1.0, 0.015
 RATE = 1000.0

@@ -9,6 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from jointz import reference, stats
+    from jointz.analysis.analyze import analyze
+    from jointz.analysis.certify import certify
+    from jointz.analysis.saved_analysis import load
+    from jointz.analysis.specification_job import specification_curve
+    from jointz.calibration.calibrate import calibrate
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.identify.actuators.bandwidth import identify_bandwidth
     from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
@@ -17,19 +22,16 @@ if TYPE_CHECKING:
     from jointz.identify.over_cycle.phase_curve import phase_curve
     from jointz.identify.over_cycle.time_varying import identify_time_varying
     from jointz.identify.series.joint import identify_joint
-    from jointz.io.study import open_study
-    from jointz.workflows.analysis import analyze
-    from jointz.workflows.calibration import calibrate
-    from jointz.workflows.certificate import certify
-    from jointz.workflows.run import run
-    from jointz.workflows.specification import specification_curve
+    from jointz.io.one_recording import read
+    from jointz.io.study_reader import open_study
+    from jointz.session.run import run
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "analyze": "jointz.workflows.analysis",
-    "calibrate": "jointz.workflows.calibration",
-    "certify": "jointz.workflows.certificate",
+    "analyze": "jointz.analysis.analyze",
+    "calibrate": "jointz.calibration.calibrate",
+    "certify": "jointz.analysis.certify",
     "identify_actuator": "jointz.identify.actuators.actuator",
     "identify_bandwidth": "jointz.identify.actuators.bandwidth",
     "identify_dither_stiffness": "jointz.identify.bench.dither_stiffness",
@@ -37,10 +39,12 @@ _HOMES = {
     "identify_paired_runs": "jointz.identify.bench.paired_runs",
     "identify_static_stiffness": "jointz.identify.bench.static_stiffness",
     "identify_time_varying": "jointz.identify.over_cycle.time_varying",
-    "open_study": "jointz.io.study",
+    "load": "jointz.analysis.saved_analysis",
+    "open_study": "jointz.io.study_reader",
     "phase_curve": "jointz.identify.over_cycle.phase_curve",
-    "run": "jointz.workflows.run",
-    "specification_curve": "jointz.workflows.specification",
+    "read": "jointz.io.one_recording",
+    "run": "jointz.session.run",
+    "specification_curve": "jointz.analysis.specification_job",
 }
 
 #: Packages that belong to the public face.
@@ -58,8 +62,10 @@ __all__ = [
     "identify_paired_runs",
     "identify_static_stiffness",
     "identify_time_varying",
+    "load",
     "open_study",
     "phase_curve",
+    "read",
     "reference",
     "run",
     "specification_curve",

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from jointz.workflows.task_store import TaskStore
+from jointz.tasks.task_store import TaskStore
 
 pytestmark = [
     pytest.mark.slow,

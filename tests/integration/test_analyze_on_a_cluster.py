@@ -8,7 +8,7 @@ pytest.importorskip("distributed", reason="dask is not installed")
 pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.slow]
 
 OLDER = (
-    "import jointz.workflows.engine_dask as it; found = it._calculating(); "
+    "import jointz.tasks.dask_cluster as it; found = it._calculating(); "
     "it._calculating = lambda: {**found, 'jointz': '0.0.9'}"
 )
 

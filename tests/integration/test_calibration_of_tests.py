@@ -14,9 +14,9 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.stats import binom
 
 from jointz.core.errors import DataError
-from jointz.kernels.repeated_measures import repeated_measures_anova
+from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
+from jointz.reproduction.chapter4.replicates import replicates_as_people
 from jointz.stats import compare_quasi_stiffness, mixed_model, spm_unpaired_t
-from jointz.workflows.chapter4_replicates import replicates_as_people
 
 PEOPLE, POINTS = 10, 6
 LEVEL = 0.05

@@ -2,53 +2,40 @@
 
 import pytest
 
-from jointz.core.reproduction import Reproduction
-from jointz.io.protocols import load_protocol
-from jointz.report.chapter4_figures import DRAWINGS, draw_chapter4
-from jointz.workflows.chapter4_pilot import pilot_results, pilot_study
-from jointz.workflows.chapter4_simulated import simulated_chapter
-from jointz.workflows.chapter4_walking import walking_study
+from jointz.reproduction.chapter4.figures import DRAWINGS, draw_chapter4
+from jointz.reproduction.chapter4.reproduce_chapter4 import (
+    pilot_results,
+    pilot_study,
+    simulated_chapter,
+)
+from jointz.reproduction.chapter4.walking import walking_study
+from jointz.reproduction.reproduction_result import Reproduction
 
-PEOPLE, PULSES, STRIDES = 3, 3, 15
-
-
-def short(name, people):
-    """Return a protocol with few people, pulses and strides."""
-    protocol = load_protocol(name)
-    conditions = []
-    for condition in protocol.conditions:
-        if condition.perturbations is None:
-            few = {"strides": STRIDES}
-        else:
-            plan = condition.perturbations.model_copy(update={"count_per_point": PULSES})
-            few = {"perturbations": plan}
-        conditions.append(condition.model_copy(update=few))
-    return protocol.model_copy(update={"conditions": tuple(conditions), "participants": people})
+PEOPLE, STRIDES = 3, 15
 
 
 @pytest.fixture(scope="module")
-def walked(tmp_path_factory):
-    told = []
+def walked(short_walking, tmp_path_factory):
+    calls = []
     found = walking_study(
         tmp_path_factory.mktemp("walking"),
         1,
         "nominal",
-        lambda done, total, what: told.append((done, total, what)),
-        protocol=short("walking", PEOPLE),
+        lambda *call: calls.append(call),
+        protocol=short_walking(strides=STRIDES, people=PEOPLE, count_per_point=3),
         resamples=20,
     )
-    return found, told
+    return found, calls
 
 
 @pytest.fixture(scope="module")
-def pilot(tmp_path_factory):
-    return pilot_study(
-        tmp_path_factory.mktemp("pilot"), 1, "nominal", protocol=short("walking-pilot", 2)
-    )
+def pilot(short_walking, tmp_path_factory):
+    protocol = short_walking("walking-pilot", strides=STRIDES, people=2, count_per_point=3)
+    return pilot_study(tmp_path_factory.mktemp("pilot"), 1, "nominal", protocol=protocol)
 
 
 def test_all_tables_and_figures_of_the_simulated_chapter_come_out(walked, pilot):
-    found, told = walked
+    found, calls = walked
     tables, curves = simulated_chapter(found)
     pilot_table, curves["pilot"] = pilot_results(pilot)
     made = Reproduction(4, "Walking", (*tables, pilot_table), curves)
@@ -56,7 +43,7 @@ def test_all_tables_and_figures_of_the_simulated_chapter_come_out(walked, pilot)
     assert list(draw_chapter4(curves)) == [
         f for f, (curve, _) in DRAWINGS.items() if curve in curves
     ]
-    assert told[-1] == (PEOPLE, PEOPLE, "done")
+    assert calls[-1] == (PEOPLE, PEOPLE, "done")
 
 
 def test_both_methods_and_the_truth_are_there_for_every_cell(walked):

@@ -12,6 +12,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import BENCH, WALKING
 
 STRIDE_S = 1.1  # a whole number of samples at 500, 900 and 1000 Hz
 PULSE_S = 0.25
@@ -82,13 +83,10 @@ def walking(
 
 def settings(*methods: str, baseline: str | None = None, walking: bool = True, **more):
     return ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(baseline=baseline, **more),
-        group_edges=(),
-        torque_model=None,
         methods=methods,
         n_resamples=40,
-        seed=0,
         mass_kg=70.0,
     )
 

@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 
-from jointz.app.desk import Desk
-from jointz.experiment.journal import read_journal
-from jointz.workflows.live_session import holder_of, is_held
+from jointz.console.operator_commands import OperatorCommands
+from jointz.experiment.files.journal import read_journal
+from jointz.session.live.live_session import holder_of, is_held
 
 pytestmark = [
     pytest.mark.alone,
@@ -49,7 +49,7 @@ def console(study, *arguments):
         process.communicate()
         deadline = time.monotonic() + PATIENCE_S
         while arguments and is_held(study) and time.monotonic() < deadline:  # else another's
-            Desk(study, None, dict).stop()
+            OperatorCommands(study, None, dict).stop()
             time.sleep(0.05)
 
 

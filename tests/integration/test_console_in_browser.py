@@ -18,9 +18,9 @@ import pytest
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
 
-from jointz.experiment.journal import read_journal  # noqa: E402 - after the skips
-from jointz.io.session_log import read_log  # noqa: E402
-from jointz.workflows.live_session import holder_of, is_held  # noqa: E402
+from jointz.experiment.files.journal import read_journal  # noqa: E402 - after the skips
+from jointz.io.log_reader import read_log  # noqa: E402
+from jointz.session.live.live_session import holder_of, is_held  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
@@ -115,11 +115,11 @@ def console(folder, *arguments, without="go_on", most_files=1024):
 
 def end_session(made):
     """Stop what still runs; the session outlives its page."""
-    from jointz.app.desk import Desk
+    from jointz.console.operator_commands import OperatorCommands
 
     deadline = time.monotonic() + 15
     while is_held(made.study) and time.monotonic() < deadline:
-        Desk(made.study, None, dict).stop()
+        OperatorCommands(made.study, None, dict).stop()
         time.sleep(0.05)
     assert not is_held(made.study)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
 from jointz.report.wording import DASH
-from jointz.workflows.analysis import analyze
-from jointz.workflows.results_folder import write_results
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -93,7 +93,7 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     finished(page, 4)
     before = stiffness(page)
     page.get_by_role("button", name="Exclude pulse").click()  # without a reason: refused
-    page.get_by_text("Say why").wait_for()
+    page.get_by_text("State a reason").wait_for()
     assert not (study / "exclusions.csv").exists()
 
     page.get_by_label("Reason").fill("stumbled <b>hard</b>")
@@ -103,7 +103,7 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     after = stiffness(page)
     assert after != before
     page.locator(".was", has_text=before).first.wait_for()  # the old number stays beside it
-    page.locator(".pulse-state", has_text="left out by you: stumbled <b>hard</b>").wait_for()
+    page.locator(".pulse-state", has_text="excluded by you: stumbled <b>hard</b>").wait_for()
 
     page.reload()
     finished(page, 3)

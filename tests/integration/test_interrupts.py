@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from jointz.io.protocols import protocol_text
-
 pytestmark = [
     pytest.mark.alone,
     pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
@@ -30,26 +28,11 @@ TICKS_HZ = os.sysconf("SC_CLK_TCK")
 COMMANDS = {"run": 8.0, "analyze": 15.0, "reproduce": 15.0, "demo": 30.0}
 
 
-@pytest.fixture(scope="module")
-def protocol(tmp_path_factory):
-    """Two participants with few strides and pulses."""
-    text = protocol_text("walking")
-    for old, new in (
-        ("strides = 60", "strides = 8"),
-        ("count_per_point = 50", "count_per_point = 2"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    file = tmp_path_factory.mktemp("protocol") / "short.toml"
-    file.write_text(text)
-    return file
-
-
 @pytest.fixture
-def arguments(protocol, small_study_source, tmp_path):
+def arguments(walking_file, small_study_source, tmp_path):
     """Return the arguments of a command that writes ``out``."""
     made = {
-        "run": ["run", protocol, "--participants", "2", "--workers", "2"],
+        "run": ["run", walking_file(strides=8, pulses=2), "--workers", "2"],
         "analyze": ["analyze", small_study_source, "--resamples", "200", "--workers", "2"],
         "reproduce": ["reproduce", "2"],
         "demo": ["demo", "--quick"],
@@ -203,7 +186,7 @@ finally:
 PROGRAM = """
 import ctypes, os, signal, sys, time
 from jointz.cli.main import run
-from jointz.workflows import demo
+from jointz.demo import demo_study as demo
 
 
 def press():

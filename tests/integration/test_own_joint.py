@@ -12,11 +12,11 @@ import pandas as pd
 import pytest
 from scipy.signal import lsim
 
+from jointz.analysis.analyze import analyze
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.devices.interface import Stretch
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.rig import simulated_rig
-from jointz.workflows.analysis import analyze
 
 RATE_HZ = 500.0
 PARAMETERS = ("stiffness", "damping", "inertia")
@@ -390,7 +390,7 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     outcome = jointz("analyze", study, "--out", tmp_path / "r")
 
     assert outcome.code == 1
-    assert "it is no stiffness of the joint" in outcome.out
+    assert "is no stiffness of the joint" in outcome.out
     table = pd.read_csv(tmp_path / "r" / "quasi_stiffness.csv")
     slopes = table.query("measure == 'slope'").set_index(["side", "timing_point"])
     assert len(slopes) == 2 * len(TIMING_POINTS)
@@ -408,14 +408,14 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     assert not pd.read_csv(tmp_path / "r" / "estimates.csv")["value"].notna().any()
     text = words_of(tmp_path / "r" / "report.html")
     assert "Quasi-stiffness" in text
-    assert "it is no impedance, and these participants were not perturbed" in text
+    assert "It is no impedance: these participants were not perturbed" in text
     methods = (tmp_path / "r" / "methods.txt").read_text()
     for never in ("Impedance was measured", "ridge", "was fitted", "Torque was measured"):
         assert never not in methods
-    assert "Recordings have 100 samples a second." in methods
-    assert "“moment_Nm”, its sign turned to that of the torque on the joint" in methods
+    assert "Recordings have 100 samples per second." in methods
+    assert "“moment_Nm”, its sign inverted to that of the torque on the joint" in methods
     low, high = table["n_strides"].min(), table["n_strides"].max()
-    assert f"{low}{f' to {high}' if high > low else ''} a participant and side" in methods
+    assert f"{low}{f' to {high}' if high > low else ''} for each participant and side" in methods
     printed = pd.read_csv(tmp_path / "r" / "tables" / "quasi_stiffness.csv")
     assert len(printed) == 2 * len(TIMING_POINTS)
     assert not (tmp_path / "r" / "tables" / "estimates.csv").exists()

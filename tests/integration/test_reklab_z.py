@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from jointz import identify_joint
-from jointz.core.joint_fit import JointFit
-from jointz.core.reflex_fit import ReflexFit
+from jointz.results.series.joint_fit import JointFit
+from jointz.results.series.reflex_fit import ReflexFit
 
 pytestmark = pytest.mark.real_data
 

@@ -10,37 +10,22 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.core.clock import VirtualClock
 from jointz.core.errors import DeviceError, SafetyStop
 from jointz.core.session_log import Flag
-from jointz.experiment.journal import read_journal
-from jointz.experiment.session import Session, SessionPlan
-from jointz.experiment.session_files import bench_plan_of
+from jointz.experiment.files.journal import read_journal
+from jointz.experiment.trial_kinds import BENCH_TRIALS
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
-from jointz.io.session_log import read_log
-from jointz.io.study import open_study
-from jointz.workflows.rigs import open_rig, rig_settings
-from jointz.workflows.worker_pool import NoOperator
+from jointz.io.study_reader import open_study
 
 PERIOD_S = 1.0 / 900.0
 
 
-def short(name="sea-mass-spring", *, trials=2, load=0, **changes):
-    """Return the first pair of conditions of a protocol with one load."""
-    whole = load_protocol(name)
-    conditions = tuple(
-        c.model_copy(update={"trials": trials, **changes}) for c in whole.conditions[:2]
-    )
-    loads = whole.loads[load : load + 1]
-    return whole.model_copy(update={"conditions": conditions, "loads": loads})
-
-
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
+def study(short_bench, tmp_path_factory):
     """Two trials without and two with pulses on case 1, without errors."""
     out = tmp_path_factory.mktemp("bench") / "study"
-    made = jointz.run(short(), out=out, preset="clean")
+    made = jointz.run(short_bench(), out=out, preset="clean")
     assert made.report.summary().splitlines() == [
         "sea-mass-spring, seed 1: 1 session",
         "16 of 16 pulses",
@@ -66,7 +51,7 @@ def test_a_bench_study_is_opened_with_nothing_special(study):
 def test_the_pulses_recorded_are_those_that_were_planned(study):
     opened = open_study(study)
     trials = read_recording(opened, opened.spec.recordings[1])
-    plans = bench_plan_of(study / "sessions" / "case-1")
+    plans = BENCH_TRIALS.read_plan(study / "sessions" / "case-1")
     for k, trial in enumerate(trials, start=1):
         command = trial["command"].to_numpy()
         time = trial["time"].to_numpy() - float(trial["time"][0])
@@ -77,7 +62,7 @@ def test_the_pulses_recorded_are_those_that_were_planned(study):
         assert peaks == pytest.approx([p.amplitude_nm for p in plan])
 
 
-def test_both_methods_find_a_clean_load(study, tmp_path):
+def test_both_methods_find_a_clean_load(study):
     truth = json.loads((study / "ground_truth.json").read_text())["participants"]["case-1"]["load"]
     analysis = jointz.analyze(study, method="recommended", resamples=20)
     (cell,) = analysis.cells
@@ -98,18 +83,16 @@ def test_both_methods_find_a_clean_load(study, tmp_path):
 
 def test_single_pulses_are_written(study, tmp_path, jointz):
     assert jointz("analyze", study, "--out", tmp_path / "r", "--resamples", "20").code == 0
-    table = pd.read_csv(tmp_path / "r" / "single_pulses.csv")
-    assert len(table) == 16
-    assert "report.html" in {p.name for p in (tmp_path / "r").iterdir()}
+    assert len(pd.read_csv(tmp_path / "r" / "single_pulses.csv")) == 16
+    assert (tmp_path / "r" / "report.html").is_file()
 
 
-def test_the_same_seed_writes_the_same_logs(tmp_path):
-    protocol = short(trials=1, duration_s=12.0)
+def test_the_same_seed_writes_the_same_logs(short_bench, tmp_path):
+    protocol = short_bench(trials=1)
     made = [jointz.run(protocol, out=tmp_path / name, seed=4).study for name in ("a", "b")]
-    logs = [sorted(s.glob("sessions/*/logs/*.jzlog")) for s in made]
-    assert len(logs[0]) == 2
-    for one, other in zip(*logs, strict=True):
-        assert one.read_bytes() == other.read_bytes()
+    one, other = ([f.read_bytes() for f in sorted(s.glob("**/*.jzlog"))] for s in made)
+    assert len(one) == 2
+    assert one == other
 
 
 def test_a_motor_that_turns_all_the_way_is_recorded(tmp_path):
@@ -130,44 +113,9 @@ def test_a_motor_that_turns_all_the_way_is_recorded(tmp_path):
 # --- trials that end badly -----------------------------------------------------------------------
 
 
-class Spy:
-    """Keeps every command to the actuator of a bench, with the tick's time."""
-
-    def __init__(self, rig):
-        self.commands = []
-        opened = rig.open
-
-        def spying(condition, *, worn, segment, clock):
-            devices = opened(condition, worn=worn, segment=segment, clock=clock)
-            command, stop = devices.actuator.command_torque, devices.actuator.stop
-
-            def command_torque(torque_nm):
-                self.commands.append((clock.now_ns() * 1e-9, torque_nm))
-                command(torque_nm)
-
-            def stopped():
-                self.commands.append((clock.now_ns() * 1e-9, "stop"))
-                stop()
-
-            devices.actuator.command_torque = command_torque
-            devices.actuator.stop = stopped
-            return devices
-
-        rig.open = spying
-
-
-def bench_session(tmp_path, protocol=None, progress=lambda *_told: None):
-    protocol = protocol or short(trials=1)
-    rig = open_rig(rig_settings(protocol, "sim", "nominal", 1), 0)
-    made = Session(
-        SessionPlan(protocol, 1, tmp_path),
-        rig,
-        clocks=VirtualClock,
-        operator=NoOperator(),
-        progress=progress,
-        real_time=False,
-    )
-    return rig, Spy(rig), made
+@pytest.fixture
+def bench(spied_session, short_bench, tmp_path):
+    return spied_session(short_bench(trials=1), tmp_path, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -180,53 +128,41 @@ def bench_session(tmp_path, protocol=None, progress=lambda *_told: None):
         ("positioner", "silence", 0.0, "sensor_stale"),
     ],
 )
-def test_a_bench_trips_and_its_torque_is_off(tmp_path, device, kind, value, code):
-    rig, spy, session = bench_session(tmp_path)
-    rig.inject.order(device, kind, from_s=6.0, value=value)
+def test_a_bench_trips_and_its_torque_is_off(bench, device, kind, value, code):
+    bench.rig.inject.order(device, kind, from_s=6.0, value=value)
     with pytest.raises(SafetyStop, match=code):
-        session.run()
-    assert spy.commands[-1][1] == "stop"
-    late = [c for t, c in spy.commands if t > 6.0 + 25 * PERIOD_S]
-    assert set(late) <= {0.0, "stop"}
-    records = read_log(tmp_path / "logs" / "A-unperturbed-0.jzlog").records
-    assert records["flags"][-1] & Flag.TRIPPED
-    assert records["sent_torque"][-1] == 0.0
+        bench.run()
+    bench.assert_stopped(6.0, within_ticks=25)
+    ticks = bench.records("A-unperturbed")
+    assert ticks["flags"][-1] & Flag.TRIPPED
+    assert ticks["sent_torque"][-1] == 0.0
 
 
-def test_a_bench_that_loses_a_device_stops(tmp_path):
-    rig, spy, session = bench_session(tmp_path)
-    rig.inject.order("torque", "disconnect", from_s=6.0)
+def test_a_bench_that_loses_a_device_stops(bench):
+    bench.rig.inject.order("torque", "disconnect", from_s=6.0)
     with pytest.raises(DeviceError):
-        session.run()
-    assert spy.commands[-1][1] == "stop"
+        bench.run()
+    assert bench.commands[-1][1] == "stop"
 
 
-def test_a_stop_fades_the_torque_of_a_bench(tmp_path):
-    _, spy, session = bench_session(
-        tmp_path, progress=lambda _n, done, *_rest: session.request_stop() if done == 8 else None
+def test_a_stop_fades_the_torque_of_a_bench_and_the_trial_is_done_again_whole(bench, spied_session):
+    session = bench.session(
+        progress=lambda _name, done, *_rest: session.request_stop() if done == 8 else None
     )
     with pytest.raises(KeyboardInterrupt):
         session.run()
-    sent = np.array([c for t, c in spy.commands if t > 7.9 and c != "stop"])
+    sent = np.array([c for t, c in bench.commands if t > 7.9 and c != "stop"])
     assert sent[0] > 20.0
-    assert sent[-1] == 0.0 or spy.commands[-1][1] == "stop"
+    assert sent[-1] == 0.0 or bench.commands[-1][1] == "stop"
     # 90 N*m in the fade time of 0.2 s: no step.
     assert np.abs(np.diff(sent)).max() < 1.0
-    assert read_journal(tmp_path / "journal.jsonl")[-1]["event"] == "stopped"
+    assert bench.event_names()[-1] == "stopped"
 
-
-def test_a_trial_that_was_broken_off_is_done_again_whole(tmp_path):
-    _, _, session = bench_session(
-        tmp_path, progress=lambda _n, done, *_rest: session.request_stop() if done == 5 else None
-    )
-    with pytest.raises(KeyboardInterrupt):
-        session.run()
-    _, _, again = bench_session(tmp_path)
+    again = spied_session(bench.protocol, bench.folder, seed=1)
     again.run()
-    events = read_journal(tmp_path / "journal.jsonl")
-    done = [e["condition"] for e in events if e["event"] == "condition_completed"]
+    done = [e["condition"] for e in again.events() if e["event"] == "condition_completed"]
     assert done == ["A-unperturbed", "A-perturbed"]
-    logs = sorted(p.name for p in (tmp_path / "logs").iterdir())
+    logs = sorted(p.name for p in (bench.folder / "logs").iterdir())
     assert logs == ["A-perturbed-0.jzlog", "A-unperturbed-0.jzlog", "A-unperturbed-1.jzlog"]
 
 

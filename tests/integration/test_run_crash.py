@@ -1,5 +1,6 @@
 """Nothing recorded is lost: kill, full disk, resume; every planned pulse counts once."""
 
+import itertools
 import json
 import os
 import resource
@@ -12,27 +13,17 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.experiment.journal import read_journal
-from jointz.experiment.recorder import Recorder
-from jointz.io.protocols import load_protocol
-from jointz.io.session_log import read_log
-from jointz.sim.devices import SimulatedActuator
+from jointz.experiment.files.journal import read_journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.io.log_reader import read_log
+from jointz.sim.simulated_devices import SimulatedActuator
 
 KILLS = 20
 
 
 @pytest.fixture(scope="module")
-def protocol():
-    """The walking protocol with a few strides and 3 pulses a point."""
-    whole = load_protocol("walking")
-    conditions = []
-    for condition in whole.conditions:
-        if condition.perturbations is None:
-            conditions.append(condition.model_copy(update={"strides": 6}))
-        else:
-            few = condition.perturbations.model_copy(update={"count_per_point": 3})
-            conditions.append(condition.model_copy(update={"perturbations": few}))
-    return whole.model_copy(update={"conditions": tuple(conditions), "participants": 1})
+def protocol(short_walking):
+    return short_walking(count_per_point=3)
 
 
 def run(protocol, out, **options):
@@ -58,26 +49,18 @@ def in_child(work):
     return os.waitpid(child, 0)[1]
 
 
-def killed_at(protocol, out, tick, monkeypatch):
+def killed_at(protocol, out, tick):
     """Run until the log has taken so many ticks, then be killed; False where it ended before."""
-    write = Recorder.write
-    left = [tick]
+    write, ticks = Recorder.write, itertools.count(1)
 
     def counted(self, *records):
         write(self, *records)
-        left[0] -= 1
-        if left[0] == 0:
+        if next(ticks) == tick:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    monkeypatch.setattr(Recorder, "write", counted)
-    status = in_child(lambda: run(protocol, out, resume=True))
-    monkeypatch.setattr(Recorder, "write", write)
-    return os.WIFSIGNALED(status)
-
-
-def ticks_on_disk(out):
-    logs = (out / "sessions" / "S01" / "logs").glob("*.jzlog")
-    return sum(int((read_log(log).records["part"] == 0).sum()) for log in logs)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Recorder, "write", counted)
+        return os.WIFSIGNALED(in_child(lambda: run(protocol, out, resume=True)))
 
 
 def completed(out):
@@ -85,17 +68,17 @@ def completed(out):
     return [e["pulse"] for e in events if e["event"] == "pulse_completed"]
 
 
-def test_twenty_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path, monkeypatch):
+def test_twenty_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path):
     out, rng = tmp_path / "study", np.random.default_rng(11)
-    before, kills = 0, 0
-    while kills < KILLS:
+    before = 0
+    for kills in range(KILLS):
         tick = int(rng.integers(1, 8000))
-        if not killed_at(protocol, out, tick, monkeypatch):
+        if not killed_at(protocol, out, tick):
             pytest.fail(f"the run ended after {kills} kills: make it longer")
-        kills += 1
-        found = ticks_on_disk(out)
-        assert found == before + tick
-        before = found
+        logs = (out / "sessions" / "S01" / "logs").glob("*.jzlog")
+        on_disk = sum(int((read_log(log).records["part"] == 0).sum()) for log in logs)
+        assert on_disk == before + tick
+        before = on_disk
         assert not (out / "study.toml").exists()
         numbers = completed(out)
         assert len(numbers) == len(set(numbers))
@@ -144,24 +127,17 @@ def test_a_full_disk_stops_the_run_safely_and_resume_completes_it(protocol, tmp_
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         size = 1_000_000  # bytes that a file may take: enough for all but the pulses
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-        commands = []
-        stop = SimulatedActuator.stop
-
-        def stopped(self):
-            commands.append("stop")
-            stop(self)
-
-        SimulatedActuator.stop = stopped
+        commands, stop = [], SimulatedActuator.stop
+        SimulatedActuator.stop = lambda self: (commands.append("stop"), stop(self))
         try:
             run(protocol, out)
         except WriteError as exc:
-            notes = exc.__notes__
-            told.write_text(json.dumps({"message": str(exc), "notes": notes, "commands": commands}))
+            told.write_text(json.dumps([str(exc), exc.__notes__, commands]))
 
     assert in_child(work) == 0
-    said = json.loads(told.read_text())
-    assert "perturbed-0.jzlog: cannot be written (" in said["message"]
-    assert said["notes"] == ["The devices were stopped.", "It was participant 1 (seed 5)."]
-    assert "stop" in said["commands"]
+    message, notes, commands = json.loads(told.read_text())
+    assert "perturbed-0.jzlog: cannot be written (" in message
+    assert notes == ["The devices were stopped.", "It was participant 1 (seed 5)."]
+    assert "stop" in commands
     made = run(protocol, out, resume=True)
     assert set(made.report.to_frame()["completed"]) == {3}

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from jointz.experiment.journal import read_journal
-from jointz.io.protocols import protocol_text
+from jointz.experiment.files.journal import read_journal
 
 pytestmark = [pytest.mark.alone, pytest.mark.usefixtures("terminal_signals")]
 
@@ -22,19 +21,9 @@ TIMEOUT_S = 120.0
 
 
 @pytest.fixture(scope="module")
-def protocol_file(tmp_path_factory):
+def protocol_file(walking_file):
     """Two participants who walk for a while: a minute of the loop unless they are stopped."""
-    text = protocol_text("walking")
-    for old, new in (
-        ("participants = 10", "participants = 2"),
-        ("strides = 60", "strides = 4"),
-        ("count_per_point = 50", "count_per_point = 300"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    file = tmp_path_factory.mktemp("protocol") / "long.toml"
-    file.write_text(text)
-    return file
+    return walking_file(strides=4, pulses=300)
 
 
 _STARTED: list[subprocess.Popen[str]] = []
@@ -102,31 +91,23 @@ def assert_group_gone(process):
     wait_until(lambda: not group_of(process), "end of all processes")
 
 
-def signal_parent(process, number):
-    process.send_signal(number)
-
-
-def signal_group(process, number):
-    os.killpg(process.pid, number)
-
-
 @pytest.mark.parametrize(
-    ("to", "number"),
+    ("send", "number"),
     [
-        (signal_parent, signal.SIGINT),
-        (signal_parent, signal.SIGHUP),
-        (signal_group, signal.SIGINT),
-        (signal_group, signal.SIGTERM),
+        pytest.param(os.kill, signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(os.kill, signal.SIGHUP, marks=pytest.mark.slow),
+        (os.killpg, signal.SIGINT),
+        pytest.param(os.killpg, signal.SIGTERM, marks=pytest.mark.slow),
     ],
 )
-def test_a_signal_stops_every_worker(protocol_file, tmp_path, to, number):
+def test_a_signal_stops_every_worker(protocol_file, tmp_path, send, number):
     out = tmp_path / "study"
     running = start(protocol_file, out, "--workers", "2")
     wait_for("pulse_started", out, "S01", "S02")
-    to(running, number)
-    said = running.communicate(timeout=TIMEOUT_S)[1]
+    send(running.pid, number)
+    words = running.communicate(timeout=TIMEOUT_S)[1]
     assert running.returncode == STOPPED
-    assert said == (
+    assert words == (
         "jointz: Stopped. What was recorded is kept; the same arguments with --resume go on.\n"
     )
     for participant in ("S01", "S02"):
@@ -134,18 +115,24 @@ def test_a_signal_stops_every_worker(protocol_file, tmp_path, to, number):
     assert_group_gone(running)
 
 
-@pytest.mark.parametrize("moment", ["study", "one worker", "two workers", "sessions"])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "study",
+        pytest.param("one worker", marks=pytest.mark.slow),
+        pytest.param("sessions", marks=pytest.mark.slow),
+    ],
+)
 def test_ctrl_c_while_workers_start_shows_no_traceback(protocol_file, tmp_path, moment):
     out = tmp_path / "study"
     running = start(protocol_file, out, "--workers", "2")
     reached = {
         "study": out.exists,
         "one worker": lambda: workers_of(running),
-        "two workers": lambda: len(workers_of(running)) == 2,
         "sessions": (out / "sessions").exists,
     }
     wait_until(reached[moment], moment)
-    signal_group(running, signal.SIGINT)
+    os.killpg(running.pid, signal.SIGINT)
     said = running.communicate(timeout=TIMEOUT_S)[1]
     assert running.returncode == STOPPED
     assert said.startswith("jointz: Stopped.")
@@ -175,7 +162,7 @@ def test_a_second_run_of_a_study_is_refused(protocol_file, tmp_path):
         assert told["error"] == "OutputError"
         assert "another process is running this" in told["message"]
     finally:
-        signal_group(first, signal.SIGINT)
+        os.killpg(first.pid, signal.SIGINT)
         first.communicate(timeout=TIMEOUT_S)
     assert first.returncode == STOPPED
 

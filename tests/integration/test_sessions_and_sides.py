@@ -6,19 +6,19 @@ import pandas as pd
 import pytest
 
 import jointz
+from jointz.analysis.analyze import analyze
+from jointz.analysis.page.details_tables import details_frame, models_frame
+from jointz.analysis.page.report_page import render_report
+from jointz.analysis.paper.methods_text import methods_text
+from jointz.analysis.paper.paper_tables import paper_tables
+from jointz.analysis.results_folder import write_results
+from jointz.analysis.simulate_study import simulate_study
+from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
-from jointz.io.study import open_study
-from jointz.report.details import details_frame, models_frame
-from jointz.report.methods_text import methods_text
-from jointz.report.page import render_report
-from jointz.report.tables import paper_tables
+from jointz.explorer.reestimation import EstimationRequest, reestimate, with_new_estimates
+from jointz.explorer.results_files import open_results
+from jointz.io.study_reader import open_study
 from jointz.sim.direct_walk import WalkPlan
-from jointz.workflows.analysis import analyze
-from jointz.workflows.comparison import compare_results
-from jointz.workflows.exploration import open_results
-from jointz.workflows.exploration_estimates import Wanted, estimate_again, with_again
-from jointz.workflows.results_folder import write_results
-from jointz.workflows.simulated_study import simulate_study
 
 KEYS = ["participant", "session", "side"]
 VALUES = ["timing_point", "parameter", "value", "ci_low", "ci_high", "vaf_pct", "n_used", "status"]
@@ -138,9 +138,9 @@ def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
 
     found = open_results(tmp_path / "results", study=study)
     assert found.labels == tuple(f"S0{k}, {s}" for k in (1, 2) for s in of_half.values())
-    again = estimate_again(open_study(study), "S01", Wanted.of(found.analysed))
+    again = reestimate(open_study(study), "S01", EstimationRequest.of(found.analysed))
     assert len(again.traces) == sum(p.participant == "S01" for p in both.pulses)
-    now = with_again(found.analysed, open_study(study), {"S01": again.result})
+    now = with_new_estimates(found.analysed, open_study(study), {"S01": again.result})
     pd.testing.assert_frame_equal(now.to_frame(), both.to_frame())
     pd.testing.assert_frame_equal(now.population_frame(), both.population_frame())
 

@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from jointz import phase_curve
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.recording import build_recording
-from jointz.core.study import Calibrated, PerturbationsSpec
+from jointz.core.study import Calibrated
 from jointz.devices.interface import Stretch
-from jointz.identify.participant import analyze_participant
-from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.sim.descriptions import exoskeleton
+from jointz.results.study_analysis import StudyAnalysis
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
@@ -21,7 +17,7 @@ POINTS = {"ICO": 1.0, **TIMING_POINTS, "TSW": 93.5}
 PLAN = WalkPlan(per_point=38, timing_points=POINTS)
 
 
-def held(person):
+def held(analyze_walk, person):
     """Return whether analysis and curve are not wrong in K and B at TSW, (2, 2); lag known."""
     rig = SimulatedRig(draw_person(person, seed=93), preset("nominal"), grid=QUICK_GRID)
     walked = walk_directly(rig, "perturbed", plan=PLAN)
@@ -33,28 +29,8 @@ def held(person):
         shape=PLAN.pulse,
     )
     lag = Calibrated(value=true["instruments"]["angle_lag_s"], sd=0.0005)
-    recording = build_recording(
-        walked.time_s,
-        dict(walked.channels),
-        units={"contact": "1"},
-        contact_kind="contact",
-        condition="perturbed",
-        file="walk.nc",
-    )
-    asked = ParticipantSettings(
-        walking=True,
-        perturbations=PerturbationsSpec(timing_points=POINTS),
-        group_edges=(),
-        torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
-        n_resamples=10,
-        seed=0,
-        mass_kg=rig.person.mass_kg,
-    )
-    columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
     known = rig.calibration.model_copy(update={"angle_lag_s": lag})
-    given = RecordingInput(recording, known, walked.pulses[columns])
-    result = analyze_participant("S01", [given], asked)
+    result = analyze_walk(rig, walked, PLAN, known)
     cells = tuple(result.cells["recommended"])
     curve = phase_curve(StudyAnalysis(cells, models=result.models))
     alone = next(c for c in cells if c.timing_point == "TSW")
@@ -64,7 +40,7 @@ def held(person):
         points = [p for p in curve.band(name, "S01").points if p.timing_point == "TSW"]
         rows.append(
             (
-                not parameter.stands or parameter.ci_low < value < parameter.ci_high,
+                not parameter.available or parameter.ci_low < value < parameter.ci_high,
                 # Refused, or covered.
                 all(p.ci_low < value < p.ci_high for p in points),
             )
@@ -73,7 +49,7 @@ def held(person):
 
 
 @pytest.mark.slow
-def test_on_a_rise_values_are_withheld_and_the_curve_covers_the_truth():
-    rows = np.array([held(person) for person in range(10)])
+def test_on_a_rise_values_are_withheld_and_the_curve_covers_the_truth(analyze_walk):
+    rows = np.array([held(analyze_walk, person) for person in range(10)])
     # 8 of 10 is the lower end of the 99 % band about 95 %.
     assert (rows.sum(axis=0) >= 8).all()

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.joint_fit import JointFit
+from jointz.results.series.joint_fit import JointFit
+from jointz.results.study_analysis import StudyAnalysis
 
 HERE = Path(__file__).parent
 TRUTH = {
@@ -76,11 +76,11 @@ def test_the_stored_analysis_still_has_its_responses_pulses_and_means(analysis):
     assert analysis.provenance["jointz"] == "0.1.0"
 
 
-@pytest.mark.parametrize(("case", "name"), [(case, name) for case in TRUTH for name in TRUTH[case]])
-def test_the_stored_analysis_is_near_the_truth(analysis, case, name):
-    (cell,) = [c for c in analysis.cells if c.participant == case]
-
-    assert cell.parameter(name).value == pytest.approx(TRUTH[case][name], rel=RELATIVE)
+def test_the_stored_results_are_near_the_truth(analysis, fit):
+    for result in (*analysis.cells, fit):
+        case = getattr(result, "participant", "soft")
+        for name, truth in TRUTH.get(case, {}).items():
+            assert result.parameter(name).value == pytest.approx(truth, rel=RELATIVE)
 
 
 def test_the_stored_fit_still_holds_its_numbers(fit):
@@ -93,11 +93,6 @@ def test_the_stored_fit_still_holds_its_numbers(fit):
     assert fit.covariance[0][0] == 9.946191315434822e-07
     assert (fit.estimator, fit.status, fit.n_samples) == ("admittance", "ok", 950)
     assert len(fit.series.measured) == len(fit.series.modelled) == 950
-
-
-@pytest.mark.parametrize("name", TRUTH["soft"])
-def test_the_stored_fit_is_near_the_truth(fit, name):
-    assert fit.parameter(name).value == pytest.approx(TRUTH["soft"][name], rel=RELATIVE)
 
 
 @pytest.mark.parametrize(
@@ -119,8 +114,3 @@ def as_far_as(old, new):
     if isinstance(old, list) and len(old) == len(new):
         return [as_far_as(*pair) for pair in zip(old, new, strict=True)]
     return new
-
-
-@pytest.mark.parametrize("name", ["study_analysis_1.json", "joint_fit_1.json"])
-def test_stored_results_are_small(name):
-    assert (HERE / name).stat().st_size < 60_000

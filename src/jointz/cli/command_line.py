@@ -8,37 +8,39 @@ from typing import Annotated, Any
 import typer
 
 from jointz import __version__
-from jointz.cli.analyze import analyze
-from jointz.cli.calibrate import calibrate
-from jointz.cli.collect import collect
-from jointz.cli.compare import compare
-from jointz.cli.console import (
-    EXIT_BAD_INPUT,
-    EXIT_DEVICE,
-    EXIT_NOTHING_STANDS,
-    emit,
-    emit_error,
-)
-from jointz.cli.console_page import console
-from jointz.cli.convert import convert
-from jointz.cli.demo import demo
-from jointz.cli.explore import explore
-from jointz.cli.identify import identify
-from jointz.cli.inspect import inspect
-from jointz.cli.main import EXIT_STOPPED, note_command
-from jointz.cli.protocols import protocols
-from jointz.cli.reproduce import reproduce
-from jointz.cli.run import run as run_experiment
-from jointz.cli.stream import stream as stream_session
+from jointz.analysis.command import analyze
+from jointz.calibration.command import calibrate
+from jointz.collections.command import collect
+from jointz.comparison.command import compare
+from jointz.console.command import console
+from jointz.conversion.command import convert
 from jointz.core.errors import (
     DeviceError,
     EngineError,
+    EstimationError,
     JointzError,
     WorkerLostError,
     WriteError,
 )
+from jointz.demo.command import demo
 from jointz.experiment.stop_signals import is_stop_noted
-from jointz.io.memory_limit import VARIABLE
+from jointz.explorer.command import explore
+from jointz.identification.command import identify
+from jointz.inspection.command import inspect
+from jointz.io.formats.memory_limit import VARIABLE
+from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
+from jointz.reproduction.command import reproduce
+from jointz.session.command import run as run_experiment
+from jointz.session.protocols_command import protocols
+from jointz.session.stream_command import stream as stream_session
+from jointz.terminal.exit_status import EXIT_STOPPED, note_command
+from jointz.terminal.output import (
+    EXIT_BAD_INPUT,
+    EXIT_DEVICE,
+    EXIT_NO_ESTIMATE,
+    emit,
+    emit_error,
+)
 
 _EXIT_BUG = 70
 
@@ -100,6 +102,7 @@ def _jointz(
     note_command(context.invoked_subcommand)
     if memory_limit:
         os.environ[VARIABLE] = memory_limit  # workers inherit it
+        checked_memory_limit()
 
 
 def run_command_line() -> int:
@@ -126,7 +129,7 @@ def run_command_line() -> int:
 
 def _report(exc: Exception) -> int:
     """Print what went wrong and return the exit status of it."""
-    kind, status = type(exc).__name__, EXIT_NOTHING_STANDS
+    kind, status = type(exc).__name__, EXIT_NO_ESTIMATE
     if isinstance(exc, JointzError):
         message, status = _with_notes(exc, str(exc)), _exit_of(exc)
     elif isinstance(exc, MemoryError):
@@ -151,6 +154,6 @@ def _with_notes(exc: Exception, what: str) -> str:
 def _exit_of(exc: JointzError) -> int:
     if isinstance(exc, DeviceError):
         return EXIT_DEVICE
-    if isinstance(exc, (WriteError, EngineError, WorkerLostError)):
-        return EXIT_NOTHING_STANDS  # the input is not to blame
+    if isinstance(exc, (WriteError, EngineError, WorkerLostError, EstimationError)):
+        return EXIT_NO_ESTIMATE  # the input is not to blame
     return EXIT_BAD_INPUT

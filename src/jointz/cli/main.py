@@ -4,21 +4,7 @@ import os
 import sys
 
 from jointz.experiment.stop_signals import end_listening, listen_for_stops
-
-STILL_THERE = "What was recorded is kept; the same arguments with --resume go on."
-EXIT_STOPPED = 130
-#: Commands that leave something else behind than nothing.
-_LEFT_BEHIND = {
-    "run": STILL_THERE,
-    "console": "The page was not open yet, and no session was begun.",
-}
-_command = ""
-
-
-def note_command(name: str | None) -> None:
-    """Take note of the command that was parsed, for what is said when it is stopped."""
-    global _command
-    _command = name or ""
+from jointz.terminal.exit_status import EXIT_STOPPED, last_words
 
 
 def run() -> None:
@@ -49,14 +35,13 @@ def run() -> None:
         # Python takes an interrupt that went through an exec of text for one that nobody caught,
         # and would kill itself by SIGINT in the end: the next eval of text makes it forget that.
         eval("None")
-        left = _LEFT_BEHIND.get(_command, "Nothing half-written was left behind.")
-        _report_stop(f"Stopped. {left}")
+        _report_stop(f"Stopped. {last_words()}")
     sys.exit(status)
 
 
 def _report_stop(message: str) -> None:
     if "--json" in sys.argv:
-        from jointz.cli.console import emit_error
+        from jointz.terminal.output import emit_error
 
         emit_error("KeyboardInterrupt", message)
     sys.stderr.write(f"jointz: {message}\n")

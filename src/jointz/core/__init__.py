@@ -1,1 +1,1 @@
-"""The vocabulary of the house: recordings, studies, gait phases, results, errors."""
+"""Recordings, studies, protocols, gait phases, codes, errors and limits, which all floors share."""

@@ -1,4 +1,4 @@
-"""What a file of any format holds: groups of signals, each with its own clock, and events.
+"""Content of a file of any format: groups of signals, each with its own clock, and events.
 
 A study's recording (:mod:`jointz.core.recording`) has one clock and SI units; a file of a
 laboratory has what its maker put there: markers at 100 Hz, analog channels at 1000 Hz, units as
@@ -13,54 +13,30 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
-    """One column of samples, as it stands in the file.
+    """One column of samples, as it stands in the file."""
 
-    Parameters
-    ----------
-    name : str
-        As the file spells it; unique in its group.
-    values : (n,) array
-        float64, NaN where a sample is missing; or str objects, "" where one is missing.
-    unit : str
-        As the file states it, "" where it states none.
-    description : str
-        What the file says of it.
-    column : str
-        What a study calls it where that is not its name; said by the reader of a file, and no
-        part of the content.
-    """
-
-    name: str
+    name: str  # as the file spells it; unique in its group
+    # float64, NaN where a sample is missing; or str objects, "" where one is missing
     values: np.ndarray
-    unit: str = ""
-    description: str = ""
+    unit: str = ""  # as the file states it, "" where it states none
+    description: str = ""  # what the file says of it
+    # what a study calls it where that is not its name; said by the reader of a file, and no part of
+    # the content
     column: str = ""
 
     def __post_init__(self) -> None:
-        """Check shape and kind.
-
-        Raises
-        ------
-        ValueError
-            When it is not one column of float64 or of str objects.
-        """
+        """Check shape and kind."""
         if self.values.ndim != 1 or self.values.dtype.kind not in ("f", "O"):
             message = f"signal '{self.name}': expected one column of float64 or of str objects"
             raise ValueError(message)
 
     @property
     def is_text(self) -> bool:
-        """Whether it holds text."""
+        """Whether the samples are text."""
         return self.values.dtype.kind == "O"
 
     def equals(self, other: "Signal") -> bool:
-        """Return whether another says the same, sample for sample; NaN equals NaN.
-
-        Parameters
-        ----------
-        other : Signal
-            The other.
-        """
+        """Return whether another signal is the same, sample for sample; NaN equals NaN."""
         same_words = (self.name, self.unit, self.description) == (
             other.name,
             other.unit,
@@ -73,42 +49,21 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignalGroup:
-    """Signals that were sampled together.
+    """Signals that were sampled together."""
 
-    Parameters
-    ----------
-    name : str
-        Unique in its acquisition, such as ``points`` or ``analogs``; "" for the only group.
-    signals : tuple of Signal
-        All of one length.
-    rate_hz : float or None
-        Of a uniform clock; None where ``time_s`` holds the stamps or nothing is known.
-    start_s : float
-        Time of the first sample on a uniform clock.
-    time_s : (n,) float64 array or None
-        Time stamps, where the file has them.
-    time_column : str
-        What a study calls the column of its clock, where there is one and that is known.
-    time_unit_stated : bool
-        Whether the file says the unit of its time stamps; else they are taken for seconds.
-    """
-
-    name: str
-    signals: tuple[Signal, ...]
+    name: str  # unique in its acquisition, such as ``points`` or ``analogs``; "" for the only group
+    signals: tuple[Signal, ...]  # all of one length
+    # of a uniform clock; None where ``time_s`` holds the stamps or nothing is known
     rate_hz: float | None = None
-    start_s: float = 0.0
-    time_s: np.ndarray | None = None
+    start_s: float = 0.0  # time of the first sample on a uniform clock
+    time_s: np.ndarray | None = None  # time stamps, where the file has them
+    # what a study calls the column of its clock, where there is one and that is known
     time_column: str = ""
+    # whether the file says the unit of its time stamps; else they are taken for seconds
     time_unit_stated: bool = True
 
     def __post_init__(self) -> None:
-        """Check that lengths and names go together.
-
-        Raises
-        ------
-        ValueError
-            When signals and stamps differ in length, names repeat, or there are two clocks.
-        """
+        """Check that lengths and names go together."""
         lengths = {len(signal.values) for signal in self.signals}
         if self.time_s is not None:
             lengths.add(len(self.time_s))
@@ -135,22 +90,20 @@ class SignalGroup:
         return self.start_s + np.arange(self.n_samples) / self.rate_hz
 
     def equals(self, other: "SignalGroup") -> bool:
-        """Return whether another holds the same, sample for sample.
-
-        Parameters
-        ----------
-        other : SignalGroup
-            The other.
-        """
+        """Return whether the other has the same content, sample for sample."""
         same_clock = (self.name, self.rate_hz, self.start_s) == (
             other.name,
             other.rate_hz,
             other.start_s,
         )
-        mine, theirs = self.time_s, other.time_s
-        if not same_clock or (mine is None) != (theirs is None):
+        stamps, other_stamps = self.time_s, other.time_s
+        if not same_clock or (stamps is None) != (other_stamps is None):
             return False
-        if mine is not None and theirs is not None and not np.array_equal(mine, theirs):
+        if (
+            stamps is not None
+            and other_stamps is not None
+            and not np.array_equal(stamps, other_stamps)
+        ):
             return False
         return len(self.signals) == len(other.signals) and all(
             a.equals(b) for a, b in zip(self.signals, other.signals, strict=True)
@@ -159,69 +112,38 @@ class SignalGroup:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened at a time.
+    """Something that happened at a time."""
 
-    Parameters
-    ----------
-    time_s : float
-        On the clock of the file.
-    label : str
-        What.
-    duration_s : float
-        How long; 0 for a moment, NaN where nobody knows.
-    """
-
-    time_s: float
+    time_s: float  # on the clock of the file
     label: str
-    duration_s: float = 0.0
+    duration_s: float = 0.0  # how long; 0 for a moment, NaN where nobody knows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Acquisition:
-    """All that a file holds.
+    """The content of a file."""
 
-    Parameters
-    ----------
-    groups : tuple of SignalGroup
-        In the order of the file.
-    events : tuple of Event
-        In order of time.
-    metadata : mapping of str to str
-        What else the file says, by dotted names: ``subject.name``, ``device.serial``.
-    """
-
-    groups: tuple[SignalGroup, ...]
-    events: tuple[Event, ...] = ()
+    groups: tuple[SignalGroup, ...]  # in the order of the file
+    events: tuple[Event, ...] = ()  # in order of time
+    # what else the file says, by dotted names: ``subject.name``, ``device.serial``
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that the groups' names differ.
-
-        Raises
-        ------
-        ValueError
-            When two groups have one name.
-        """
+        """Check that the groups' names differ."""
         names = [group.name for group in self.groups]
         if len(set(names)) < len(names):
             raise ValueError(f"more than one group of one name: {names}")
 
     def equals(self, other: "Acquisition") -> bool:
-        """Return whether another holds the same, sample for sample.
-
-        Parameters
-        ----------
-        other : Acquisition
-            The other.
-        """
+        """Return whether the other has the same content, sample for sample."""
         return (
             len(self.groups) == len(other.groups)
             and all(a.equals(b) for a, b in zip(self.groups, other.groups, strict=True))
-            and list(map(_told, self.events)) == list(map(_told, other.events))
+            and list(map(_comparable, self.events)) == list(map(_comparable, other.events))
             and dict(self.metadata) == dict(other.metadata)
         )
 
 
-def _told(event: Event) -> tuple[float, str, float | None]:
-    """Return an event for comparison: an unknown duration equals another."""
+def _comparable(event: Event) -> tuple[float, str, float | None]:
+    """Return an event as a comparable tuple; two unknown durations are equal."""
     return event.time_s, event.label, None if np.isnan(event.duration_s) else event.duration_s

@@ -21,6 +21,11 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+#: Column of a single record -> SI unit; an acceleration is no channel of a study.
+RECORD_UNITS: Mapping[str, str] = MappingProxyType(
+    {**{n: units[0] for n, units in CHANNEL_UNITS.items()}, "acceleration": "rad/s^2"}
+)
+
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
 CONTACT_KINDS = ("contact", "voltage", "pulse")
@@ -91,17 +96,6 @@ PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
 
 
 def is_turned(stated: str | None, positive: str | None, *, on_device: bool) -> bool:
-    """Tell whether the sign of a channel is opposite to the study's.
-
-    Parameters
-    ----------
-    stated : str or None
-        What is positive in the channel, where that was said.
-    positive : str or None
-        What is positive in the study.
-    on_device : bool
-        Whether it is a torque on the device; one that is positive the other way, too, is turned
-        twice, that is, not at all.
-    """
+    """Tell whether the sign of a channel is opposite to the study's."""
     against = stated not in (None, positive)
     return against != on_device

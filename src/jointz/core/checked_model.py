@@ -1,4 +1,4 @@
-"""A base for files that people edit: every inconsistency reported at once, at its own key."""
+"""Base of the models of edited files: all inconsistencies are reported at once, each at its key."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -8,37 +8,21 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 INCONSISTENT = "inconsistent"
+#: Of edited files: "17" is no torque and true is no count; lists of TOML stand for tuples.
+STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something in a file that cannot be.
+    """A value of a file that is wrong."""
 
-    Parameters
-    ----------
-    key : tuple of str and int
-        Path of the key, from the model that found it; entries of lists count from 0.
-    message : str
-        What was expected, what was found, what to do.
-    """
-
+    # path of the key, from the model that found it; entries of lists count from 0
     key: tuple[str | int, ...]
-    message: str
+    message: str  # what was expected, what was found, what to do
 
 
 def place_of(key: tuple[str | int, ...]) -> str:
-    """Return the path of a key as people read it: entries of lists count from 1.
-
-    Parameters
-    ----------
-    key : tuple of str and int
-        As :class:`Problem` has it.
-
-    Examples
-    --------
-    >>> place_of(("conditions", 0, "torque_nm"))
-    'conditions[1].torque_nm'
-    """
+    """Return the path of a key as people read it: entries of lists count from 1."""
     return "".join(f"[{part + 1}]" if isinstance(part, int) else f".{part}" for part in key)[1:]
 
 
@@ -48,11 +32,10 @@ Check = Callable[[], Iterable[Problem]]
 class CheckedModel(BaseModel):
     """A strict, frozen model whose checks name the key that each problem belongs to."""
 
-    # strict: "17" is no torque and true is no count; lists of TOML stand for tuples all the same.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = STRICT
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the fields; each check stands without the others."""
+        """Return the checks of relations between fields; each runs without the others."""
         return ()
 
     @model_validator(mode="after")

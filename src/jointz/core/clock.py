@@ -1,4 +1,4 @@
-"""Time, handed in: the machine's own or a virtual one that only moves when it is waited for.
+"""Clocks: the machine's own, and a virtual one that advances only when something waits for it.
 
 Everything that needs time takes a :class:`Clock`; minutes of walking pass in
 milliseconds under a virtual one, and the same code runs in real time under the
@@ -13,25 +13,19 @@ _SPIN_NS = 150_000
 
 
 class Clock(Protocol):
-    """What tells the time and waits; monotonic nanoseconds."""
+    """A clock: tells the time and waits, in monotonic nanoseconds."""
 
     def now_ns(self) -> int:
         """Return the time, ns."""
         ...
 
     def wait_until_ns(self, deadline_ns: int) -> None:
-        """Return when the time is ``deadline_ns`` or later, at once where it has passed.
-
-        Parameters
-        ----------
-        deadline_ns : int
-            When to return, ns.
-        """
+        """Return when the time is ``deadline_ns`` or later, at once where it has passed."""
         ...
 
 
 class VirtualClock:
-    """A clock that stands still until somebody waits for it.
+    """A clock that advances only when something waits for it.
 
     Parameters
     ----------
@@ -72,11 +66,6 @@ class RealClock:
 
     Waits by sleeping until shortly before the deadline and by looking at the
     clock for the rest: sleep alone ends 50 to 150 us late.
-
-    Parameters
-    ----------
-    spin_ns : int
-        How long before the deadline sleep ends, ns; 0 sleeps all the way.
     """
 
     __slots__ = ("_spin_ns",)
@@ -87,13 +76,7 @@ class RealClock:
     now_ns = staticmethod(time.perf_counter_ns)
 
     def wait_until_ns(self, deadline_ns: int) -> None:
-        """Sleep, then spin, until the deadline.
-
-        Parameters
-        ----------
-        deadline_ns : int
-            When to return, ns.
-        """
+        """Sleep, then spin, until the deadline."""
         now_ns = time.perf_counter_ns
         rest = deadline_ns - now_ns() - self._spin_ns
         if rest > 0:

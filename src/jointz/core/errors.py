@@ -1,4 +1,4 @@
-"""Every error jointz raises.
+"""Exceptions of jointz.
 
     JointzError
     ├── DataError (ValueError)      input that cannot be trusted; exit status 2
@@ -7,15 +7,15 @@
     │   ├── DeviceFileError         a device.toml, with all its problems
     │   ├── EntryError              an entry.toml and its files, with all their problems
     │   ├── TooLargeError           a file that unpacks to more than the memory limit
-    │   └── UnitError               a unit that cannot be read or does not fit
-    ├── DeviceError                 a device that cannot go on; exit status 3
+    │   └── UnitError               a unit that is unknown or does not fit
+    ├── EstimationError             a fit without an estimate; exit status 1
+    ├── OutputError                 an output path that must not be used; exit status 2
+    │   └── WriteError              the system refused to write; exit status 1
+    ├── DeviceError                 a device that failed or refused a command; exit status 3
     │   ├── NotConnectedError       it does not answer
     │   └── SafetyStop              the safety gate ended the trial
-    ├── WorkerLostError             a process that worked for this one was killed; exit status 1
-    ├── EngineError                 what does the tasks of a job cannot go on; exit status 1
-    ├── EstimationError             a single fit that has no answer
-    └── OutputError                 a place to write to that may not be used; exit status 2
-        └── WriteError              the system did not let it be written; exit status 1
+    ├── WorkerLostError             a worker process was killed; exit status 1
+    └── EngineError                 the engine that runs the tasks failed; exit status 1
 
 A message says where, what was expected, what was found and what to do.
 """
@@ -25,14 +25,17 @@ from typing import Any
 
 
 class JointzError(Exception):
-    """Base of all errors that jointz raises on purpose."""
+    """Base of all errors that jointz raises on purpose; catch it to handle any of them."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Come whole out of a worker process, whatever ``__init__`` asks for."""
-        return _revived, (type(self), self.args, self.__dict__)
+        """Support pickling, so that a worker process can hand its error to the caller."""
+        # The default calls ``__init__`` with ``args``, which hold the message only.
+        return _restore_error, (type(self), self.args, self.__dict__)
 
 
-def _revived(kind: type[JointzError], args: tuple[Any, ...], state: dict[str, Any]) -> JointzError:
+def _restore_error(
+    kind: type[JointzError], args: tuple[Any, ...], state: dict[str, Any]
+) -> JointzError:
     error = kind.__new__(kind, *args)
     error.__dict__.update(state)
     return error
@@ -46,7 +49,7 @@ class DataError(JointzError, ValueError):
     message : str
         Where, what was expected, what was found, what to do.
     path : str, optional
-        The file the trouble is in.
+        The file with the error.
     channel : str, optional
         The channel or column.
     row : int, optional
@@ -68,15 +71,7 @@ class DataError(JointzError, ValueError):
 
 
 class _ProblemsError(DataError):
-    """One or more problems, all of them in one message.
-
-    Parameters
-    ----------
-    where : str
-        The file or folder the problems belong to.
-    problems : sequence of str
-        One sentence a problem.
-    """
+    """All problems of one file, in one message; ``problems`` has a sentence each."""
 
     def __init__(self, where: str, problems: Sequence[str]) -> None:
         self.problems = tuple(problems)
@@ -86,19 +81,19 @@ class _ProblemsError(DataError):
 
 
 class StudyError(_ProblemsError):
-    """One or more problems of a study."""
+    """One or more problems of a study; ``problems`` has a sentence each."""
 
 
 class ProtocolError(_ProblemsError):
-    """One or more problems of a protocol."""
+    """One or more problems of a protocol; ``problems`` has a sentence each."""
 
 
 class DeviceFileError(_ProblemsError):
-    """One or more problems of a ``device.toml``."""
+    """One or more problems of a ``device.toml``; ``problems`` has a sentence each."""
 
 
 class EntryError(_ProblemsError):
-    """One or more problems of an ``entry.toml`` or of the files that it names."""
+    """One or more problems of an ``entry.toml`` or its files; ``problems`` has a sentence each."""
 
 
 class TooLargeError(DataError):
@@ -106,11 +101,11 @@ class TooLargeError(DataError):
 
 
 class UnitError(DataError):
-    """A unit that cannot be read, or that measures something else."""
+    """A unit that is unknown or does not fit, such as kg for an angle."""
 
 
 class EstimationError(JointzError):
-    """A fit that has no answer; ``code`` says why.
+    """A fit without an estimate.
 
     Parameters
     ----------
@@ -126,11 +121,11 @@ class EstimationError(JointzError):
 
 
 class OutputError(JointzError):
-    """A place to write to that exists or that may not be replaced."""
+    """An output path that must not be used, such as a file that exists already."""
 
 
 class WriteError(OutputError):
-    """The system did not let something be written: disk full, permission, name too long.
+    """The system refused to write: disk full, no permission, name too long.
 
     Parameters
     ----------
@@ -147,12 +142,12 @@ class WriteError(OutputError):
 
 
 class DeviceError(JointzError):
-    """A device that cannot go on.
+    """A device that failed or refused a command.
 
     Parameters
     ----------
     device : str
-        Which.
+        Name of the device.
     message : str
         What happened, and what to do.
     """
@@ -172,7 +167,7 @@ class SafetyStop(DeviceError):  # noqa: N818 - it states the event
     Parameters
     ----------
     code : str
-        A stable code from :class:`jointz.core.trips.Trip`.
+        A stable code from :class:`jointz.core.codes.Trip`.
     message : str
         Which limit, the value, and what to do.
     """
@@ -183,8 +178,8 @@ class SafetyStop(DeviceError):  # noqa: N818 - it states the event
 
 
 class WorkerLostError(JointzError):
-    """A process that worked for this one was killed."""
+    """A worker process was killed."""
 
 
 class EngineError(JointzError):
-    """What does the tasks of a job cannot go on: no task is to blame, nor is the input."""
+    """The engine that runs the tasks failed; neither a task nor the input is to blame."""

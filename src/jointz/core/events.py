@@ -1,79 +1,47 @@
-"""What happened in a recording: strides, pulses, and what was left out."""
+"""Events of a recording: strides, pulses, gaps, with the reasons for exclusion."""
 
 from dataclasses import dataclass
 
-from jointz.core.person_estimates import row_label
+
+def row_label(participant: str, session: str = "", side: str = "") -> str:
+    """Return what tables and figures call a participant's session and side."""
+    return ", ".join(filter(None, (participant, session, side)))
 
 
 @dataclass(frozen=True, slots=True)
 class StrideRecord:
-    """A stride, from one heel strike to the next.
+    """A stride, from one heel strike to the next."""
 
-    Parameters
-    ----------
-    participant, recording, condition : str
-        Where it was found.
-    start_s, duration_s : float, s
-        The heel strike that begins it and its length.
-    code : str
-        ``""`` for an accepted stride, else a code of
-        :class:`jointz.core.codes.Exclusion`.
-    detail : str
-        More about the code.
-    session, side : str
-        Of the recording; "" where the study does not state them, and on a bench.
-    """
-
-    participant: str
+    participant: str  # where it was found
     recording: str
     condition: str
-    start_s: float
-    duration_s: float
+    start_s: float  # s: the heel strike that begins it and its length
+    duration_s: float  # s
+    # ``""`` for an accepted stride, else a code of :class:`jointz.core.codes.Exclusion`
     code: str = ""
-    detail: str = ""
-    session: str = ""
+    detail: str = ""  # more about the code
+    session: str = ""  # of the recording; "" where the study does not state them, and on a bench
     side: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class PulseRecord:
-    """A perturbation pulse and what became of it.
+    """A perturbation pulse, used or excluded."""
 
-    Parameters
-    ----------
-    participant, recording : str
-        Where it was found.
-    onset_s : float, s
-        Commanded onset; of a step of the angle where its speed begins.
-    duration_s : float or None, s
-        Commanded length, where it is known.
-    amplitude : float or None
-        N*m, or rad for steps of the angle and pulses of a reference that is an angle; signed.
-    timing_point : str
-        Timing point, case, trial or group.
-    target_pct, measured_pct : float or None
-        Planned and measured onset, % of the gait cycle. The measured one is the time since the
-        heel strike over the duration of the same stride; None outside accepted strides.
-    code : str
-        ``""`` for a pulse used, else a code of
-        :class:`jointz.core.codes.Exclusion`.
-    detail : str
-        More about the code.
-    session, side : str
-        Of the recording; "" where the study does not state them, and on a bench.
-    """
-
-    participant: str
+    participant: str  # where it was found
     recording: str
-    onset_s: float
-    duration_s: float | None
+    onset_s: float  # s: commanded onset; of a step of the angle where its speed begins
+    duration_s: float | None  # s: commanded length, where it is known
+    # N*m, or rad for steps of the angle and pulses of a reference that is an angle; signed
     amplitude: float | None
-    timing_point: str
+    timing_point: str  # timing point, case, trial or group
+    # planned and measured onset, % of the gait cycle. The measured one is the time since the heel
+    # strike over the duration of the same stride; None outside accepted strides
     target_pct: float | None = None
     measured_pct: float | None = None
-    code: str = ""
-    detail: str = ""
-    session: str = ""
+    code: str = ""  # ``""`` for a pulse used, else a code of :class:`jointz.core.codes.Exclusion`
+    detail: str = ""  # more about the code
+    session: str = ""  # of the recording; "" where the study does not state them, and on a bench
     side: str = ""
 
     @property
@@ -84,74 +52,40 @@ class PulseRecord:
 
 @dataclass(frozen=True, slots=True)
 class GapRecord:
-    """A hole in the time stamps of a recording.
+    """A hole in the time stamps of a recording."""
 
-    Parameters
-    ----------
-    participant, recording : str
-        Where it was found.
-    start_s, duration_s : float, s
-        The last sample before the hole and the time to the next.
-    """
-
-    participant: str
+    participant: str  # where it was found
     recording: str
-    start_s: float
-    duration_s: float
+    start_s: float  # s: the last sample before the hole and the time to the next
+    duration_s: float  # s
 
 
 @dataclass(frozen=True, slots=True)
 class SamplingRecord:
-    """How fast a recording was sampled.
-
-    Parameters
-    ----------
-    participant, recording, condition : str
-        Which recording.
-    rate_hz : float
-        Samples a second, from its time stamps.
-    """
+    """The sampling rate of a recording."""
 
     participant: str
     recording: str
     condition: str
-    rate_hz: float
+    rate_hz: float  # samples a second, from its time stamps
 
 
 @dataclass(frozen=True, slots=True)
 class PulseEstimate:
-    """Impedance from one pulse on a bench by itself (2.2.3).
+    """Impedance estimated from a single pulse on a bench (2.2.3)."""
 
-    Parameters
-    ----------
-    participant, timing_point : str
-        Load, and case or reference.
-    recording, trial : str
-        Where it was found.
-    onset_s : float, s
-        Commanded onset.
-    sign : int
-        +1 or -1, of its torque.
-    direction : str
-        ``with`` or ``against`` the reference at its onset; ``""`` where that is not recorded.
-    stiffness, damping, inertia : float
-        N*m/rad, N*m*s/rad, kg*m^2; the intrinsic impedance is not subtracted.
-    vaf_pct : float
-        Variance accounted for (2.7), %.
-    method : str
-        ``dissertation``: least squares without bounds on the response; ``pulse_likelihood``:
-        errors in variables on the raw signals.
-    """
-
-    participant: str
+    participant: str  # load, and case or reference
     timing_point: str
-    recording: str
+    recording: str  # where it was found
     trial: str
-    onset_s: float
-    sign: int
+    onset_s: float  # s: commanded onset
+    sign: int  # +1 or -1, of its torque
+    # ``with`` or ``against`` the reference at its onset; ``""`` where that is not recorded
     direction: str
-    stiffness: float
+    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2; the intrinsic impedance is not subtracted
     damping: float
     inertia: float
-    vaf_pct: float
+    vaf_pct: float  # variance accounted for (2.7), %
+    # ``dissertation``: least squares without bounds on the response; ``pulse_likelihood``: errors
+    # in variables on the raw signals
     method: str = "dissertation"

@@ -33,28 +33,7 @@ ALL_POINTS = "all"
 
 
 def phase_name(gait_pct: float) -> str:
-    """Name the gait phase at a percentage of the cycle.
-
-    Parameters
-    ----------
-    gait_pct : float
-        % of the gait cycle; values outside 0..100 are wrapped.
-
-    Returns
-    -------
-    str
-        One of ``ICO`` .. ``TSW``.
-
-    Raises
-    ------
-    ValueError
-        For NaN or infinity.
-
-    Examples
-    --------
-    >>> phase_name(7.0)
-    'LRE'
-    """
+    """Name the gait phase at a percentage of the cycle."""
     if not isfinite(gait_pct):
         raise ValueError(f"gait_pct: expected a number, got {gait_pct}.")
     wrapped = gait_pct % 100.0 % 100.0  # -1e-20 % 100.0 is 100.0
@@ -62,58 +41,22 @@ def phase_name(gait_pct: float) -> str:
 
 
 def nearest_timing_point(gait_pct: float, timing_points: Mapping[str, float]) -> str:
-    """Name the timing point nearest on the circle of the gait cycle.
-
-    Parameters
-    ----------
-    gait_pct : float
-        % of the gait cycle.
-    timing_points : mapping of str to float
-        Timing point -> % of the gait cycle.
-
-    Examples
-    --------
-    >>> nearest_timing_point(97.0, {"ICO": 1.0, "MSW": 81.0})
-    'ICO'
-    """
+    """Name the timing point nearest on the circle of the gait cycle."""
     return min(timing_points, key=lambda name: abs(phase_difference(gait_pct, timing_points[name])))
 
 
 def phase_difference(first: _Phase, second: float) -> _Phase:
-    """Return first minus second on the circle of the gait cycle, -50 to 50 %.
-
-    Examples
-    --------
-    >>> phase_difference(1.0, 99.0)
-    2.0
-    """
+    """Return first minus second on the circle of the gait cycle, -50 to 50 %."""
     return (first - second + 50.0) % 100.0 - 50.0
 
 
 def circular_mean_pct(phases: Iterable[float]) -> float:
-    """Return the mean of phases of the gait cycle, where 99 and 1 % lie side by side.
-
-    Parameters
-    ----------
-    phases : iterable of float, %
-        At least one.
-
-    Examples
-    --------
-    >>> round(circular_mean_pct([99.0, 3.0]), 6)
-    1.0
-    """
+    """Return the mean of phases of the gait cycle, where 99 and 1 % lie side by side."""
     angles = np.asarray(list(phases)) * 2 * np.pi / 100.0
     return float(np.angle(np.exp(1j * angles).mean()) * 100.0 / (2 * np.pi) % 100.0)
 
 
 def mean_phase(phases: Iterable[float | None]) -> float | None:
-    """Return the circular mean of the known phases in %, None if there is none.
-
-    Parameters
-    ----------
-    phases : iterable of float or None, %
-        Of the gait cycle.
-    """
+    """Return the circular mean of the known phases in %, None if there is none."""
     known = [p for p in phases if p is not None]
     return circular_mean_pct(known) if known else None

@@ -16,7 +16,7 @@ DUTY_WINDOW_S = 10.0
 
 
 class SafetyLimits(CheckedModel):
-    """What must not be exceeded, by request (clamped) or by measurement (tripped).
+    """Limits on requests, which are clamped, and on measurements, which trip the gate.
 
     Torque, its rate and current bound what is sent to the device. Posture,
     velocity, temperature and the age of samples are measured. A pulse's count
@@ -37,7 +37,7 @@ class SafetyLimits(CheckedModel):
     fade_s: Moment
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the limits."""
+        """Return the checks between limits."""
         return (lambda: _posture_problems(self.angle_min_rad, self.angle_max_rad),)
 
 
@@ -58,44 +58,20 @@ class LimitsOverride(CheckedModel):
     fade_s: Positive | None = None
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds between the limits."""
+        """Return the checks between limits."""
         return (lambda: _posture_problems(self.angle_min_rad, self.angle_max_rad),)
 
 
 def tightened(limits: SafetyLimits, override: LimitsOverride) -> SafetyLimits:
-    """Return a device's limits with those that a protocol tightens.
-
-    Parameters
-    ----------
-    limits : SafetyLimits
-        The device's own.
-    override : LimitsOverride
-        The protocol's.
-
-    Raises
-    ------
-    ProtocolError
-        Naming every limit that the protocol would loosen, and a range of angles that
-        the device does not have.
-
-    Examples
-    --------
-    >>> own = SafetyLimits(
-    ...     torque_nm=30.0, torque_rate_nm_s=4000.0, current_a=30.0, angle_min_rad=-0.2,
-    ...     angle_max_rad=1.9, velocity_rad_s=12.0, temperature_c=80.0, sensor_age_s=0.02,
-    ...     pulse_count=1000, pulse_duty=0.3, consecutive_overruns=5, fade_s=0.05,
-    ... )
-    >>> tightened(own, LimitsOverride(torque_nm=20.0)).torque_nm
-    20.0
-    """
-    given = override.model_dump(exclude_none=True)
+    """Return a device's limits with those that a protocol tightens."""
+    values = override.model_dump(exclude_none=True)
     problems = [
         f"safety.{name}: {value:g} is looser than the device's own {getattr(limits, name):g}. "
         "A protocol can only tighten a limit."
-        for name, value in given.items()
+        for name, value in values.items()
         if _looser(name, value, getattr(limits, name))
     ]
-    together = {**limits.model_dump(), **given}
+    together = {**limits.model_dump(), **values}
     problems += [
         f"safety.{p.key[0]}: {p.message} The device's own range is {limits.angle_min_rad:g} to "
         f"{limits.angle_max_rad:g} rad."
@@ -106,8 +82,8 @@ def tightened(limits: SafetyLimits, override: LimitsOverride) -> SafetyLimits:
     return SafetyLimits.model_validate(together)
 
 
-def _looser(name: str, value: float, own: float) -> bool:
-    return value < own if name == "angle_min_rad" else value > own
+def _looser(name: str, value: float, device_limit: float) -> bool:
+    return value < device_limit if name == "angle_min_rad" else value > device_limit
 
 
 def _posture_problems(lowest: float | None, highest: float | None) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""Tables that results hold: columns of a known kind, and their way through JSON."""
+"""Tables of results: typed columns, to and from JSON."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,18 +14,10 @@ Kind = Literal["text", "number", "count"]
 def typed_table(
     rows: Iterable[Mapping[Any, Any]] | pd.DataFrame, kinds: Mapping[str, Kind]
 ) -> pd.DataFrame:
-    """Return rows as a table whose columns have their kind even where it is empty.
-
-    Parameters
-    ----------
-    rows : iterable of mapping, or pandas.DataFrame
-        The rows; what they have not is empty.
-    kinds : mapping of str to str
-        Column -> kind, in their order.
-    """
-    given = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows))
-    columns = {name: _typed(given.get(name), kind, given.index) for name, kind in kinds.items()}
-    return pd.DataFrame(columns, index=given.index).reset_index(drop=True)
+    """Return rows as a table with typed columns, also without rows."""
+    table = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows))
+    columns = {name: _typed(table.get(name), kind, table.index) for name, kind in kinds.items()}
+    return pd.DataFrame(columns, index=table.index).reset_index(drop=True)
 
 
 def _typed(column: pd.Series | None, kind: Kind, index: pd.Index) -> pd.Series:
@@ -37,15 +29,10 @@ def _typed(column: pd.Series | None, kind: Kind, index: pd.Index) -> pd.Series:
 
 
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return a table's rows as plain values, None where there is none: ready for JSON.
+    """Return a table's rows as plain values for JSON, None for missing ones.
 
     JSON has no infinite number: such a one is the text ``inf`` or ``-inf``, which
     :func:`typed_table` reads as the number again.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        The table.
     """
     rows = table.astype(object).where(table.notna(), None).to_dict("records")
     return [{str(name): _plain(value) for name, value in row.items()} for row in rows]

@@ -1,4 +1,4 @@
-"""Where a result came from: versions, hashes, settings, time."""
+"""Provenance of results: versions and time."""
 
 import platform
 from datetime import UTC, datetime
@@ -20,7 +20,7 @@ def software() -> dict[str, Any]:
 
 @cache  # reading what is installed takes as long as many a fit
 def own_version() -> str:
-    """Return the version of jointz, for results of which many are made."""
+    """Return the version of jointz, cached for results made in large numbers."""
     return _version("jointz")
 
 

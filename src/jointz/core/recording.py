@@ -1,4 +1,4 @@
-"""A recording in memory: an ``xarray.Dataset`` that was validated once.
+"""Recording in memory: an ``xarray.Dataset``, validated once.
 
 Schema
 ------
@@ -106,23 +106,7 @@ def build_recording(
 
 
 def validate_recording(recording: xr.Dataset) -> xr.Dataset:
-    """Check a recording against the schema and return it unchanged.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-
-    Returns
-    -------
-    xarray.Dataset
-        The same object.
-
-    Raises
-    ------
-    DataError
-        Naming every problem and the row of the first bad time stamp.
-    """
+    """Check a recording against the schema and return it unchanged."""
     where = str(recording.attrs.get("file") or "recording")
     problems = _time_problems(recording) + _channel_problems(recording)
     if problems:
@@ -131,26 +115,15 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
 
 
 def history_of(recording: xr.Dataset) -> list[dict[str, Any]]:
-    """Return the processing history of a recording.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-    """
+    """Return the processing history of a recording."""
     entries: list[dict[str, Any]] = json.loads(recording.attrs.get("history", "[]"))
     return entries
 
 
 def deflection(recording: xr.Dataset) -> np.ndarray:
-    """Return the angle of a bench, (n,) rad, against its far side where that was recorded.
+    """Return the deflection of a bench, (n,) rad: angle minus that of the far side, if recorded.
 
     That is the channel ``position`` in rad; in another unit it is one of the user's own.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        Of a bench.
     """
     angle = recording["angle"].to_numpy()
     if "position" not in recording or recording["position"].attrs.get("units") != "rad":
@@ -159,23 +132,7 @@ def deflection(recording: xr.Dataset) -> np.ndarray:
 
 
 def damage_of(recording: xr.Dataset) -> np.ndarray:
-    """Return the stretches whose records were damaged and left out, by the recording's history.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-
-    Returns
-    -------
-    (k, 2) float, s
-        The last sample before each stretch and the first after it.
-
-    Raises
-    ------
-    DataError
-        When the history holds something else there.
-    """
+    """Return the damaged stretches (n, 2), s, that the recording's history lists as left out."""
     holes = [hole for step in history_of(recording) for hole in step.get("damaged_s", ())]
     try:
         return np.array(holes, dtype=float).reshape(-1, 2)
@@ -189,31 +146,13 @@ def damage_of(recording: xr.Dataset) -> np.ndarray:
 
 
 def damage_near(damage_s: np.ndarray, begin_s: float, end_s: float) -> str:
-    """Return which damaged stretch reaches into a time, in words; "" for none.
-
-    Parameters
-    ----------
-    damage_s : (k, 2) float, s
-        Of :func:`damage_of`.
-    begin_s, end_s : float, s
-        The time.
-    """
+    """Return the first damaged stretch that overlaps a time range, in words; "" for none."""
     near = damage_s[(damage_s[:, 0] <= end_s) & (damage_s[:, 1] >= begin_s)]
     return f"damaged from {near[0, 0]:.3f} to {near[0, 1]:.3f} s" if near.size else ""
 
 
 def with_history(recording: xr.Dataset, step: str, **arguments: Any) -> xr.Dataset:
-    """Return the recording with one more entry in its history.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording; it is not modified.
-    step : str
-        Name of the function applied.
-    **arguments : Any
-        Its settings; must be JSON-serialisable.
-    """
+    """Return the recording with one more entry in its history."""
     entries = [*history_of(recording), {"step": step, **arguments}]
     return recording.assign_attrs(history=json.dumps(entries))
 
@@ -222,8 +161,8 @@ def _time_problems(recording: xr.Dataset) -> list[str]:
     if "time" not in recording.coords:
         return ["it has no coordinate 'time'."]
     if recording["time"].dims != ("time",) or recording["time"].dtype.kind != "f":
-        found = f"{recording['time'].dtype} over {recording['time'].dims}"
-        return [f"its coordinate 'time' holds {found}, expected float64 seconds over ('time',)."]
+        kind = f"{recording['time'].dtype} over {recording['time'].dims}"
+        return [f"its coordinate 'time' holds {kind}, expected float64 seconds over ('time',)."]
     time = recording["time"].to_numpy()
     first_row = int(recording.attrs.get("first_row", 1))
     if time.size < 2:

@@ -1,4 +1,4 @@
-"""The crash-safe log of a session: its records, byte by byte.
+"""Format of the crash-safe log of a session: header and records.
 
 A log is a header and then records of one size, each with a CRC-32 of itself,
 written one tick at a time. What was written before a crash can be read; a record
@@ -44,20 +44,6 @@ class Layout:
     """The records of one kind of session: their fields, in the order of their bytes.
 
     What stands first is aligned without padding; the checksum comes last.
-
-    Parameters
-    ----------
-    name : str
-        ``walking``, ``bench`` or ``bench-contact``.
-    fields : tuple of Field
-        One of them is ``slot`` and one is ``part``.
-
-    Attributes
-    ----------
-    dtype : numpy.dtype
-        Of records as an array; its last field is ``crc``.
-    record_bytes : int
-        Size of a record.
     """
 
     __slots__ = ("_body", "dtype", "fields", "name", "record_bytes")
@@ -72,24 +58,12 @@ class Layout:
         )
 
     def pack(self, values: tuple[float, ...]) -> bytes:
-        """Return a record with its checksum.
-
-        Parameters
-        ----------
-        values : tuple
-            One number a field.
-        """
+        """Return a record with its checksum."""
         body = self._body.pack(*values)
         return body + _CHECK.pack(zlib.crc32(body))
 
     def encode_header(self, header: Mapping[str, Any]) -> bytes:
-        """Return both copies of a log's header.
-
-        Parameters
-        ----------
-        header : mapping
-            What the log is of; version, layout and fields are added.
-        """
+        """Return both copies of a log's header."""
         full = {
             "jointz_log": VERSION,
             "layout": self.name,
@@ -177,24 +151,12 @@ LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH, BENCH_CONTACT)}
 
 
 class LogHeader(NamedTuple):
-    """The header of a log.
+    """The header of a log."""
 
-    Parameters
-    ----------
-    values : dict
-        What stands in it.
-    layout : Layout
-        Of the records.
-    size_bytes : int
-        Of all copies: the records begin behind them.
-    damaged_copy : str
-        ``first`` or ``second`` where that copy is damaged, "" where none is.
-    """
-
-    values: dict[str, Any]
-    layout: Layout
-    size_bytes: int
-    damaged_copy: str
+    values: dict[str, Any]  # what stands in it
+    layout: Layout  # of the records
+    size_bytes: int  # of all copies: the records begin behind them
+    damaged_copy: str  # ``first`` or ``second`` where that copy is damaged, "" where none is
 
 
 _HEADER_BEGINS = re.compile(rb'\{"jointz_log"')
@@ -202,18 +164,7 @@ _LONGEST_HEADER_BYTES = 1_000_000
 
 
 def decode_header(content: bytes) -> LogHeader:
-    """Return the header of a log, from the copy whose checksum fits.
-
-    Parameters
-    ----------
-    content : bytes
-        A file, or its beginning.
-
-    Raises
-    ------
-    ValueError
-        When it is no log's, or of a version that is not read here.
-    """
+    """Return the header of a log, from the copy whose checksum fits."""
     text, size_bytes, damaged = _intact_copy(content)
     try:
         values = json.loads(text)
@@ -233,15 +184,15 @@ def decode_header(content: bytes) -> LogHeader:
 
 
 def _intact_copy(content: bytes) -> tuple[bytes, int, str]:
-    """Return the header's text, where the records begin, and which copy is damaged."""
-    for found in _HEADER_BEGINS.finditer(content, 0, _LONGEST_HEADER_BYTES):
-        line, end, _ = content[found.start() : _LONGEST_HEADER_BYTES].partition(b"\n")
+    """Return the header's text, the offset of the records, and the damaged copy's name."""
+    for match in _HEADER_BEGINS.finditer(content, 0, _LONGEST_HEADER_BYTES):
+        line, end, _ = content[match.start() : _LONGEST_HEADER_BYTES].partition(b"\n")
         text = checked_text(line)
         if text is None:
             continue
         size = len(line + end)
-        if found.start() > 0:
-            return text, found.start() + size, "first"
+        if match.start() > 0:
+            return text, match.start() + size, "first"
         second = content[size : 2 * size]
         return text, min(2 * size, len(content)), "second" if second != line + end else ""
     line, end, _ = content[:_LONGEST_HEADER_BYTES].partition(b"\n")

@@ -1,7 +1,7 @@
-"""The study as people write it: the models behind ``study.toml``.
+"""Models of ``study.toml``.
 
 Only shape and vocabulary are checked here; units, files and columns are
-checked where they are read (:mod:`jointz.io.study`).
+checked where they are read (:mod:`jointz.io.study_reader`).
 """
 
 import re
@@ -11,9 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_validator
 
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+from jointz.core.checked_model import STRICT
 from jointz.core.gait_phases import ALL_POINTS
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
@@ -37,18 +38,7 @@ def _text(value: Any) -> Any:
 
 
 def name_problem(name: str) -> str:
-    """Return why a name may not stand in a table, "" where it may.
-
-    Parameters
-    ----------
-    name : str
-        Of a participant, session, timing point, file or the like.
-
-    Examples
-    --------
-    >>> name_problem("S01"), name_problem("=1+1")
-    ('', "must not begin with '=' (spreadsheets run it as a formula)")
-    """
+    """Return the reason why a name is not allowed in a table, "" if it is."""
     if _CONTROL.search(name):
         return "must not hold control characters"
     formula = _FORMULA.search(name)
@@ -99,12 +89,11 @@ SchemaVersion = Annotated[Literal[1], BeforeValidator(_version)]
 
 
 class _Model(BaseModel):
-    # strict: "72" is no mass and true is no rate; lists of TOML stand for tuples all the same.
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    model_config = STRICT
 
 
 class ChannelSpec(_Model):
-    """Where one channel stands in a file, and how it is to be read."""
+    """Column of one channel in a file, with unit, kind and direction."""
 
     column: Column
     unit: str | None = None
@@ -121,7 +110,7 @@ class Calibrated(_Model):
 
 
 class CalibrationSpec(_Model):
-    """What is known about the instruments; every entry carries its sd.
+    """Calibration of the instruments; every entry has its sd.
 
     ``angle_zero_rad`` is what the record shows at the joint's true zero, ``angle_per_torque``
     (rad/(N*m)) what it shows per torque on a joint that stands still. A footswitch that gives
@@ -176,7 +165,7 @@ class CalibrationSpec(_Model):
 
     @property
     def contact_levels_v(self) -> tuple[float, float] | None:
-        """A footswitch is off below the first and on from the second, V; None: not known."""
+        """Levels of the footswitch, V: off below the first, on from the second; None if unknown."""
         if self.contact_threshold_v is None or self.contact_release_v is None:
             return None
         return self.contact_release_v.value, self.contact_threshold_v.value
@@ -191,12 +180,12 @@ class CalibrationSpec(_Model):
         """
         if other is None:
             return self
-        given = {name: getattr(other, name) for name in other.model_fields_set}
-        return self.model_copy(update=given)
+        values = {name: getattr(other, name) for name in other.model_fields_set}
+        return self.model_copy(update=values)
 
 
 class TorqueModelSpec(_Model):
-    """Torque out of current (equations 3.1 to 3.3 and 4.1).
+    """Model of torque from current (equations 3.1 to 3.3 and 4.1).
 
     Velocity and acceleration are those of the output, after the gear.
     """
@@ -211,12 +200,12 @@ class TorqueModelSpec(_Model):
 
     @property
     def torque_per_ampere(self) -> float:
-        """Size of the torque at the output of one ampere, N*m/A."""
+        """Magnitude of the output torque per ampere, N*m/A."""
         return abs(self.gear_ratio * self.torque_constant)
 
 
 class DeviceSpec(_Model):
-    """What hangs on the moving segment, beyond the place where torque is measured.
+    """Mass on the moving segment, beyond the place where torque is measured.
 
     ``centre_m`` is the distance of its centre of mass from the joint.
     """
@@ -278,7 +267,7 @@ class GroupSpec(_Model):
 
 
 class PerturbationsSpec(_Model):
-    """How pulses are found, grouped and compared with an unperturbed baseline."""
+    """Settings for finding pulses, grouping them, and their baseline."""
 
     timing_points: dict[TableName, float] | None = None
     source: Literal["command", "table", "reference", "angle"] | None = None
@@ -298,7 +287,7 @@ class PerturbationsSpec(_Model):
 
 
 class FilesSpec(_Model):
-    """How text files are laid out."""
+    """Layout of text files."""
 
     delimiter: str | None = Field(default=None, min_length=1)
     decimal: Literal[".", ","] = "."
@@ -307,7 +296,7 @@ class FilesSpec(_Model):
 
 
 class StudySpec(_Model):
-    """The whole of a ``study.toml``, schema version 1.
+    """A ``study.toml``, schema version 1.
 
     ``subjects`` tells people from loads where a bench measured: a load is no sample of anything.
     """
@@ -336,33 +325,20 @@ class StudySpec(_Model):
 
     @property
     def of_people(self) -> bool:
-        """Whether those measured are people, over whom means mean something."""
+        """Whether people were measured (means over loads have no meaning)."""
         return self.kind == "walking" or self.subjects == "people"
 
     @property
     def moments_only(self) -> bool:
-        """Whether people walked and nobody wore a device: torque is then the joint's moment."""
+        """Whether people walked without a device: torque is then the joint's moment."""
         return self.kind == "walking" and all(r.condition == "no_device" for r in self.recordings)
 
     def participant(self, participant_id: str) -> ParticipantSpec:
-        """Return the participant with this id.
-
-        Parameters
-        ----------
-        participant_id : str
-            The id.
-        """
+        """Return the participant with this id."""
         return next(p for p in self.participants if p.id == participant_id)
 
     def calibration_of(self, recording: RecordingSpec) -> CalibrationSpec:
-        """Return what is known of the instruments in one recording.
-
-        Parameters
-        ----------
-        recording : RecordingSpec
-            The recording; its own entries stand over its participant's, and
-            these over the study's.
-        """
+        """Return the calibration that applies to one recording."""
         person = self.participant(recording.participant)
         return self.calibration.overridden_by(person.calibration).overridden_by(
             recording.calibration
@@ -371,50 +347,24 @@ class StudySpec(_Model):
 
 @dataclass(frozen=True, slots=True)
 class UserExclusion:
-    """A line of the user's ``exclusions.csv``.
+    """A line of the user's ``exclusions.csv``."""
 
-    Parameters
-    ----------
-    participant, recording : str
-        Whose, and which file as the study names it.
-    onset_s : float, s
-        Onset of the pulse or heel strike of the stride.
-    action : str
-        ``exclude`` or ``restore``.
-    reason : str
-        The user's own words.
-    """
-
-    participant: str
+    participant: str  # whose, and which file as the study names it
     recording: str
-    onset_s: float
-    action: str
-    reason: str
+    onset_s: float  # s: onset of the pulse or heel strike of the stride
+    action: str  # ``exclude`` or ``restore``
+    reason: str  # the user's own words
 
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study that was opened and checked.
+    """A study that was opened and checked."""
 
-    Parameters
-    ----------
-    root : pathlib.Path
-        The folder of ``study.toml``.
-    spec : StudySpec
-        What it says.
-    sha256 : str
-        Hash of ``study.toml``.
-    units : mapping of str to tuple
-        Channel -> (SI unit, factor, offset): ``si = factor * value + offset``.
-    group_edges : tuple of float
-        Edges of the groups in SI, empty where there are none.
-    user_exclusions : tuple of UserExclusion
-        The user's own exclusions.
-    """
-
-    root: Path
-    spec: StudySpec
-    sha256: str
+    root: Path  # the folder of ``study.toml``
+    spec: StudySpec  # what it says
+    sha256: str  # hash of ``study.toml``
+    # channel -> (SI unit, factor, offset): ``si = factor * value + offset``
     units: Mapping[str, tuple[str, float, float]]
-    group_edges: tuple[float, ...] = ()
+    group_edges: tuple[float, ...] = ()  # edges of the groups in SI, empty where there are none
+    # the user's own exclusions
     user_exclusions: tuple[UserExclusion, ...] = field(default_factory=tuple)

@@ -1,4 +1,4 @@
-"""What changes with the speed of walking."""
+"""Effects of walking speed."""
 
 from math import sqrt
 
@@ -11,26 +11,9 @@ SLOWEST_M_S, FASTEST_M_S = 0.3, 2.2
 def stride_time_ratio(speed_m_s: float) -> float:
     """Return the stride time at a speed over that at 1.2 m/s.
 
-    Parameters
-    ----------
-    speed_m_s : float, m/s
-        Above 0.
-
-    Returns
-    -------
-    float
-        Exactly 1 at 1.2 m/s.
-
-    Notes
-    -----
     Adults keep the walk ratio, step length over step rate, nearly constant (Bogen et al. 2018,
     Gait & Posture 61, 479, doi 10.1016/j.gaitpost.2018.02.019). Speed is the product of the two,
     so the stride time goes with speed to the power -1/2. Misleads in very slow walking, where the
     walk ratio grows and strides are longer in time than this.
-
-    Examples
-    --------
-    >>> stride_time_ratio(1.2), stride_time_ratio(0.3)
-    (1.0, 2.0)
     """
     return sqrt(REFERENCE_SPEED_M_S / speed_m_s)

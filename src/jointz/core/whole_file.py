@@ -1,4 +1,4 @@
-"""A file that is there whole or not at all."""
+"""Atomic writing of files: whole or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -10,20 +10,7 @@ from jointz.core.errors import WriteError
 
 @contextmanager
 def whole_file(file: Path, todo: str = "Make room.") -> Iterator[Path]:
-    """Give a name to write under; the file gets its own when the block has ended well.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The file; one that exists is replaced.
-    todo : str
-        What to do where the system does not let it be written.
-
-    Raises
-    ------
-    WriteError
-        When the system does not let it be written.
-    """
+    """Yield a temporary path; the file gets its name when the block ends without an error."""
     partial = file.with_name(f".{file.name}.{os.getpid()}.partial")
     try:
         try:

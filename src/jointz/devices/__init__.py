@@ -1,1 +1,1 @@
-"""What a device is, and drivers of real ones."""
+"""Interface of devices, and drivers of real ones."""

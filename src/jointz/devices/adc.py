@@ -21,7 +21,6 @@ the better choice.
 """
 
 import contextlib
-import importlib
 from collections import deque
 from math import nan, sqrt
 from typing import Any
@@ -29,12 +28,17 @@ from typing import Any
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import ADS1115_RATES, Ads1115Spec
-from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import (
+    ACTIVE,
+    INACTIVE,
+    UNCONFIGURED,
+    DriverBase,
+    channel_unit,
+    load_library,
+)
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import SensorDescription, SensorSample
 from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
-
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 
 _CONVERSION, _CONFIG = 0x00, 0x01
 _INPUTS = ("0-1", "0-3", "1-3", "2-3", "0", "1", "2", "3")
@@ -52,26 +56,10 @@ _KEPT_S = 2.0
 _LOOK_S = 0.25
 
 
-class Ads1115Sensor(Lived):
+class Ads1115Sensor(DriverBase):
     """One input of an ADS1115 as a sensor of an experiment; see the module for its timing.
 
     A value at the end of the range is NaN for an angle: what lies beyond is not known.
-
-    Parameters
-    ----------
-    spec : Ads1115Spec
-        Bus, address, input, gain and offset.
-    channel : str
-        What it measures: ``angle``, ``contact``, ...
-    clock : Clock
-        The host's; it stamps the samples.
-    repeat : callable
-        Runs the sampling.
-
-    Attributes
-    ----------
-    dropped : int
-        Samples that nobody read within two seconds, and readings that the bus did not give.
     """
 
     def __init__(
@@ -103,7 +91,7 @@ class Ads1115Sensor(Lived):
 
     @property
     def lag_s(self) -> float:
-        """How old a value is when it is stamped, on average, s."""
+        """Mean age of a value when it is stamped, s."""
         return 1.0 / self._rate_hz
 
     @property
@@ -112,66 +100,52 @@ class Ads1115Sensor(Lived):
         return 1.0 / (self._rate_hz * sqrt(12.0))
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
-        contact = self._channel == "contact"
+        """Return the description of the sensor, in any state."""
+        unit, kind = channel_unit(self._channel, self._spec.kind)
         return SensorDescription(
             name=f"{self._name}, input {self._spec.input}",
             model="ADS1115 through smbus2 (driver never tried on hardware)",
             serial=self._spec.serial,
             channel=self._channel,
-            unit=self._unit(),
+            unit=unit,
             sample_rate_hz=self._spec.sample_rate_hz,
-            kind=self._spec.kind if contact else "",
+            kind=kind,
         )
 
     def configure(self) -> None:
-        """Connect and set the chip up; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the bus or the chip does not answer.
-        DeviceError
-            When smbus2 is not installed, or something else is at the address.
-        """
-        self._require(_UNCONFIGURED)
-        library = _smbus2(self._name)
-        wanted = self._config()
+        """Connect and set the chip up; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
+        library = load_library("smbus2", device=self._name, extra="adc")
+        config = self._config()
         try:
             self._bus = library.SMBus(self._spec.bus)
             self._bus.write_i2c_block_data(
-                self._spec.address, _CONFIG, list(wanted.to_bytes(2, "big"))
+                self._spec.address, _CONFIG, list(config.to_bytes(2, "big"))
             )
-            found = self._register(_CONFIG)
+            register = self._register(_CONFIG)
         except OSError as exc:
-            self._let_go_of_bus()
+            self._release()
             raise NotConnectedError(
                 self._name,
                 f"does not answer ({exc}). Check the wiring and the address (i2cdetect -y "
                 f"{self._spec.bus}), that I2C is switched on and the user is in the group i2c.",
             ) from exc
-        if (found ^ wanted) & _WRITTEN:
-            self._let_go_of_bus()
+        if (register ^ config) & _WRITTEN:
+            self._release()
             raise DeviceError(
                 self._name,
-                f"expected {wanted:#06x} in its register, found {found:#06x}: no ADS1115, or "
+                f"expected {config:#06x} in its register, found {register:#06x}: no ADS1115, or "
                 "another program sets it too.",
             )
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
-        self._require(_INACTIVE)
+        """Begin to sample; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         self._queue.clear()
         self._failures = 0
         self._sampled_ns = self._now_ns()
-        self._state = _ACTIVE
+        self._state = ACTIVE
         self._sampling = self._repeat(self._take, 1.0 / self._spec.sample_rate_hz)
 
     def stop(self) -> None:
@@ -179,26 +153,11 @@ class Ads1115Sensor(Lived):
         if self._sampling is not None:
             self._sampling.cancel()
             self._sampling = None
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
-        self._let_go_of_bus()
+        super().stop()
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the chip stopped to answer.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Return all samples queued since the last read, oldest first."""
+        self._require(ACTIVE)
         if self._failures >= self._most_failures:
             raise NotConnectedError(
                 self._name, f"stopped to answer ({self._failure}). Check the wiring."
@@ -216,7 +175,7 @@ class Ads1115Sensor(Lived):
 
     def _take(self) -> None:
         """Read the newest conversion and queue it."""
-        if self._state is not _ACTIVE:
+        if self._state is not ACTIVE:
             return
         try:
             self._look_at_settings()
@@ -235,13 +194,7 @@ class Ads1115Sensor(Lived):
         self._queue.append(SensorSample((before_ns + now_ns) // 2, now_ns, self._value(counts)))
 
     def _look_at_settings(self) -> None:
-        """See now and then that the chip still converts: without settings its value stands still.
-
-        Raises
-        ------
-        OSError
-            When it was restarted; also at every reading after that.
-        """
+        """Check now and then that the chip still converts."""
         self._until_look -= 1
         if self._until_look > 0:
             return
@@ -278,22 +231,11 @@ class Ads1115Sensor(Lived):
         high, low = self._bus.read_i2c_block_data(self._spec.address, pointer, 2)
         return int(high) << 8 | int(low)
 
-    def _unit(self) -> str:
-        if self._channel != "contact":
-            return "rad"
-        return "V" if self._spec.kind == "voltage" else "1"
-
-    def _let_go_of_bus(self) -> None:
+    def _release(self) -> None:
         bus, self._bus = self._bus, None
         if bus is not None:
             with contextlib.suppress(OSError):
                 bus.close()
 
 
-def _smbus2(name: str) -> Any:
-    try:
-        return importlib.import_module("smbus2")
-    except ImportError as exc:
-        raise DeviceError(
-            name, 'smbus2 is not installed. Install it: pip install "jointz[adc]".'
-        ) from exc
+DRIVER = Driver(Ads1115Spec, Ads1115Sensor, package="smbus2")

@@ -6,12 +6,12 @@ done here: these models take what :mod:`tomllib` makes of it. Drivers, and the l
 need, are imported when the devices are opened.
 """
 
-import importlib
 import reprlib
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, PlainValidator, SerializeAsAny, ValidationError, ValidationInfo
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
 from jointz.core.clock import Clock
@@ -19,20 +19,20 @@ from jointz.core.errors import DeviceFileError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import CalibrationSpec, DeviceSpec, Name, TorqueModelSpec
 from jointz.devices.dephy_units import WindingSpec
-from jointz.devices.interface import Actuator, Devices, Sensor
+from jointz.devices.drivers import DriverSettings, driver_names, load_driver
+from jointz.devices.interface import Actuator, Devices
 
 #: The ADS1115 converts so often a second; its oscillator is 10 % wide, so that this many
 #: can be read without reading one twice.
 ADS1115_RATES = (8, 16, 32, 64, 128, 250, 475, 860)
 ADS1115_FASTEST_HZ = 774.0
-_OSL_MODULE = "jointz.devices.opensourceleg"
 
 Positive = Annotated[float, Field(gt=0)]
 Text = Annotated[str, Field(min_length=1)]
 ContactKind = Literal["contact", "voltage"]
 
 
-class DephySpec(CheckedModel):
+class DephySpec(DriverSettings):
     """A Dephy ActPack: ``driver = "dephy"``.
 
     ``direction`` is 1 where the motor of a right device turns in the study's positive
@@ -84,7 +84,7 @@ class DephySpec(CheckedModel):
             )
 
 
-class Ads1115Spec(CheckedModel):
+class Ads1115Spec(DriverSettings):
     """One input of an ADS1115 on an I2C bus: ``driver = "ads1115"``.
 
     ``value = gain_per_v * (volts - offset_v)``, rad for an angle. A contact is the voltage
@@ -134,7 +134,7 @@ class Ads1115Spec(CheckedModel):
             yield Problem(("gain_per_v",), "expected a number that is not 0, got 0.")
 
 
-class LslSpec(CheckedModel):
+class LslSpec(DriverSettings):
     """One channel of a stream of Lab Streaming Layer: ``driver = "lsl"``.
 
     ``value = gain * (received - offset)``, rad for an angle.
@@ -159,19 +159,22 @@ class LslSpec(CheckedModel):
             yield Problem(("gain",), "expected a number that is not 0, got 0.")
 
 
-class OpenSourceLegSpec(BaseModel):
-    """An actuator or a sensor of opensourceleg: ``driver = "opensourceleg"``.
+def _driver_settings(raw: object, info: ValidationInfo) -> DriverSettings | None:
+    """Return the settings of a section, checked by the driver that it names."""
+    if raw is None or isinstance(raw, DriverSettings):
+        return raw
+    if not isinstance(raw, Mapping):
+        raise PydanticKnownError("model_attributes_type")
+    section, driver = str(info.field_name), raw.get("driver")
+    names = driver_names(section)
+    if driver not in names:
+        got = "missing" if driver is None else f"got {driver!r}"
+        message = f"expected one of {', '.join(names)}; {got}."
+        raise PydanticCustomError("driver", "{told}", {"told": message})
+    return load_driver(section, driver).settings.model_validate(dict(raw))
 
-    Its other keys are checked by :mod:`jointz.devices.opensourceleg` when it is opened.
-    """
 
-    model_config = ConfigDict(extra="allow", frozen=True, strict=True)
-
-    driver: Literal["opensourceleg"]
-
-
-ActuatorSpec = Annotated[DephySpec | OpenSourceLegSpec, Field(discriminator="driver")]
-SensorSpec = Annotated[Ads1115Spec | LslSpec | OpenSourceLegSpec, Field(discriminator="driver")]
+Section = Annotated[SerializeAsAny[DriverSettings] | None, PlainValidator(_driver_settings)]
 
 
 class WearerSpec(CheckedModel):
@@ -188,9 +191,9 @@ class DeviceFile(CheckedModel):
     ``device`` is what hangs on the moving segment beyond the measured torque, as in a study.
     """
 
-    actuator: ActuatorSpec | None = None
-    angle: SensorSpec | None = None
-    contact: SensorSpec | None = None
+    actuator: Section = None
+    angle: Section = None
+    contact: Section = None
     calibration: CalibrationSpec = CalibrationSpec()
     device: DeviceSpec | None = None
     participants: tuple[WearerSpec, ...] = Field(default=(), strict=False)
@@ -200,7 +203,7 @@ class DeviceFile(CheckedModel):
         devices = self._something_is_there, self._a_chip_for_each, self._angle_has_a_gain
         return *devices, self._each_is_another
 
-    def sections(self) -> dict[str, ActuatorSpec | SensorSpec]:
+    def sections(self) -> dict[str, DriverSettings]:
         """Return what the file names of actuator, angle and contact."""
         named = {"actuator": self.actuator, "angle": self.angle, "contact": self.contact}
         return {name: spec for name, spec in named.items() if spec is not None}
@@ -232,26 +235,7 @@ class DeviceFile(CheckedModel):
 
 
 def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> DeviceFile:
-    """Check what a ``device.toml`` says.
-
-    Parameters
-    ----------
-    raw : mapping
-        As parsed.
-    where : str
-        The file, for messages.
-
-    Raises
-    ------
-    DeviceFileError
-        Naming every problem.
-
-    Examples
-    --------
-    >>> device_file({"angle": {"driver": "lsl", "stream": "Gonio", "sample_rate_hz": 500}}).angle
-    ... # doctest: +ELLIPSIS
-    LslSpec(driver='lsl', stream='Gonio', ...)
-    """
+    """Check what a ``device.toml`` says."""
     try:
         return DeviceFile.model_validate(dict(raw))
     except ValidationError as exc:
@@ -259,94 +243,28 @@ def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> Device
         raise DeviceFileError(where, problems) from exc
 
 
-def open_devices(
-    config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
-) -> Devices:
-    """Return the devices that a file names, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    config : DeviceFile or mapping
-        What the file says.
-    clock : Clock
-        The host's.
-    before : Actuator, optional
-        What was opened of this file before, to go on with what it knew of its heat.
-
-    Raises
-    ------
-    DeviceFileError
-        When a mapping is no such file.
-    NotConnectedError
-        When the library of a driver is not installed.
-    """
-    checked = config if isinstance(config, DeviceFile) else device_file(config)
-    return Devices(
-        angle=_sensor(checked.angle, "angle", clock),
-        contact=_sensor(checked.contact, "contact", clock),
-        actuator=_actuator(checked.actuator, clock, before),
-    )
-
-
-def _actuator(
-    spec: DephySpec | OpenSourceLegSpec | None, clock: Clock, before: Actuator | None
-) -> Actuator | None:
-    if spec is None:
-        return None
-    if isinstance(spec, DephySpec):
-        from jointz.devices.dephy import DephyActPack
-
-        same = before if isinstance(before, DephyActPack) else None
-        return DephyActPack(spec, clock=clock, before=same)
-    made: Actuator = importlib.import_module(_OSL_MODULE).open_actuator(_keys(spec), clock=clock)
-    return made
-
-
-def _sensor(
-    spec: Ads1115Spec | LslSpec | OpenSourceLegSpec | None, channel: str, clock: Clock
-) -> Sensor | None:
-    if spec is None:
-        return None
-    if isinstance(spec, Ads1115Spec):
-        from jointz.devices.adc import Ads1115Sensor
-
-        return Ads1115Sensor(spec, channel, clock=clock)
-    if isinstance(spec, LslSpec):
-        from jointz.devices.lsl import LslSensor
-
-        return LslSensor(spec, channel, clock=clock)
-    module = importlib.import_module(_OSL_MODULE)
-    made: Sensor = module.open_sensor(_keys(spec), channel, clock=clock)
-    return made
-
-
-def _keys(spec: OpenSourceLegSpec) -> dict[str, Any]:
-    return dict(spec.model_extra or {})
-
-
-# --- sentences ---------------------------------------------------------------------------------
-
-_DRIVERS = {
-    "actuator": ("dephy", "opensourceleg"),
-    "angle": ("ads1115", "lsl", "opensourceleg"),
-    "contact": ("ads1115", "lsl", "opensourceleg"),
-}
-
-
 def _sentence(error: Mapping[str, Any]) -> str:
-    location = tuple(error["loc"])
-    section = location[0] if location else ""
-    drivers = _DRIVERS.get(str(section), ())
-    if len(location) > 1 and location[1] in drivers:  # pydantic puts the driver between the keys
-        location = (section, *location[2:])
-    place, kind, shown = place_of(location), error["type"], reprlib.repr(error["input"])
-    if kind.startswith("union_tag"):
-        got = error["input"].get("driver") if isinstance(error["input"], Mapping) else None
-        told = "missing" if got is None else f"got {got!r}"
-        return f"{place}.driver: expected one of {', '.join(drivers)}; {told}."
+    place, kind, shown = place_of(tuple(error["loc"])), error["type"], reprlib.repr(error["input"])
     if kind == "extra_forbidden":
         return f"{place}: unknown key. Remove it, or look at its spelling."
     if kind == "missing":
         return f"{place}: missing; it is required."
-    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
-    return f"{place}: {told}" if kind == "inconsistent" else f"{place}: {told}; got {shown}."
+    message = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    if kind == "driver":
+        return f"{place}.driver: {message}"
+    return f"{place}: {message}" if kind == "inconsistent" else f"{place}: {message}; got {shown}."
+
+
+def open_devices(
+    config: DeviceFile | Mapping[str, Any], *, clock: Clock, before: Actuator | None = None
+) -> Devices:
+    """Return the devices that a file names, ``UNCONFIGURED``."""
+    file = config if isinstance(config, DeviceFile) else device_file(config)
+    devices = {}
+    for section, settings in file.sections().items():
+        driver = load_driver(section, settings.driver)
+        if section == "actuator":
+            devices[section] = driver.open(settings, clock=clock, before=before)
+        else:
+            devices[section] = driver.open(settings, section, clock=clock)
+    return Devices(**devices)

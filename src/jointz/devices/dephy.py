@@ -21,25 +21,33 @@ the motor: ``zero_counts`` has to be found anew after every power-up.
 """
 
 import contextlib
+import io
 import logging
+import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isfinite
+from types import MappingProxyType
 from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import DephySpec
-from jointz.devices.dephy_library import flexsea_device, flexsea_kept_quiet
-from jointz.devices.dephy_samples import FAULT_NAMES, Samples
-from jointz.devices.dephy_units import Units, Winding
-from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
-from jointz.devices.lifecycle import Lived
+from jointz.devices.dephy_units import DeviceClock, Units, Winding
+from jointz.devices.driver_base import (
+    ACTIVE,
+    FAULT,
+    FINALISED,
+    INACTIVE,
+    UNCONFIGURED,
+    DriverBase,
+    load_library,
+)
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import Actuator, ActuatorDescription, ActuatorSample
 from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
 
 _LOG = logging.getLogger(__name__)
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
 
 #: The least that flexsea takes, ms; the device waits for five of them.
 HEARTBEAT_MS = 50
@@ -54,21 +62,10 @@ _LOCK_S = 0.02
 _LIBRARY_ERRORS = (RuntimeError, OSError, ValueError, AssertionError, AttributeError, TypeError)
 
 
-class DephyActPack(Lived):
+class DephyActPack(DriverBase):
     """A Dephy ActPack as an actuator of an experiment; see the module for what guards the wearer.
 
     Friction is not compensated here: the experiment does it before the safety gate.
-
-    Parameters
-    ----------
-    spec : DephySpec
-        Port, firmware, side, torque model, limits.
-    clock : Clock
-        The host's.
-    repeat : callable
-        Runs the watchdog of the commands.
-    before : DephyActPack, optional
-        The same actuator in the condition before: its winding has not cooled at once.
     """
 
     def __init__(
@@ -77,7 +74,7 @@ class DephyActPack(Lived):
         *,
         clock: Clock,
         repeat: Repeat = RepeatingThread,
-        before: "DephyActPack | None" = None,
+        before: Actuator | None = None,
     ) -> None:
         super().__init__(f"Dephy ActPack at {spec.port}")
         sign = spec.direction if spec.side == "right" else -spec.direction
@@ -87,7 +84,8 @@ class DephyActPack(Lived):
         self._repeat = repeat
         self._units = Units(gear_ratio=model.gear_ratio, sign=sign, zero_counts=spec.zero_counts)
         self._torque_per_ampere = model.gear_ratio * model.torque_constant
-        self._winding = Winding(spec.winding) if before is None else before._cooled(clock)
+        known = before._cooled(clock) if isinstance(before, DephyActPack) else None
+        self._winding = known or Winding(spec.winding)
         self._samples = Samples(self._name, self._units, self._winding)
         self._device: Any = None
         self._watchdog: Repeating | None = None
@@ -111,7 +109,7 @@ class DephyActPack(Lived):
         return _version(self._spec.firmware) >= _HEARTBEAT_FIRMWARE
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself; in any state."""
+        """Return the description of the actuator, in any state."""
         spec = self._spec
         guard = (
             f"heartbeat {HEARTBEAT_MS} ms"
@@ -131,16 +129,8 @@ class DephyActPack(Lived):
         )
 
     def configure(self) -> None:
-        """Connect; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not answer, or flexsea's compiled library cannot be had.
-        DeviceError
-            When flexsea is not installed, or the device is not the one that was described.
-        """
-        self._require(_UNCONFIGURED)
+        """Connect; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
         if not self.has_heartbeat:
             _LOG.warning(
                 "%s: firmware %s has no heartbeat (9.1 has): when program or cable die the motor "
@@ -148,7 +138,7 @@ class DephyActPack(Lived):
                 self._name,
                 self._spec.firmware,
             )
-        device_class = flexsea_device(self._name)
+        device_class = load_library("flexsea.device", device=self._name, extra="dephy").Device
         with flexsea_kept_quiet():
             try:
                 device = device_class(
@@ -172,19 +162,11 @@ class DephyActPack(Lived):
                 ) from exc
         self._device = device
         self._check_side(device)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample and to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not take it.
-        DeviceError
-            When it is not ``INACTIVE``, or does not send what is needed.
-        """
-        self._require(_INACTIVE)
+        """Begin to sample and to obey; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         device, spec = self._device, self._spec
         kp, ki, ff = spec.current_gains
         try:
@@ -203,7 +185,7 @@ class DephyActPack(Lived):
         self._commanded_ns = self._sampled_ns = self._now_ns()
         self._relaxed = True
         self._samples.begin()
-        self._state = _ACTIVE
+        self._state = ACTIVE
         self._watchdog = self._repeat(self._relax_when_forgotten, spec.command_timeout_s / _LOOKS)
 
     def stop(self) -> None:
@@ -211,15 +193,11 @@ class DephyActPack(Lived):
         if self._watchdog is not None:
             self._watchdog.cancel()
             self._watchdog = None
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-        if self._device is not None and self._state is not _FINALISED:
+        super().stop()
+        if self._device is not None and self._state is not FINALISED:
             self._let_go()
 
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         device, self._device = self._device, None
         if device is None:
             return
@@ -228,16 +206,8 @@ class DephyActPack(Lived):
                 getattr(device, step)()
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone, or was silent for a second.
-        DeviceError
-            When it is not ``ACTIVE`` or ``FAULT``, or sends other fields than an ActPack.
-        """
-        self._require(_ACTIVE, _FAULT)
+        """Return all samples queued since the last read, oldest first."""
+        self._require(ACTIVE, FAULT)
         try:
             queued = self._queued()
         except _LIBRARY_ERRORS as exc:
@@ -251,8 +221,8 @@ class DephyActPack(Lived):
             )
         take = self._samples.take
         samples = [s for data in queued if (s := take(data, host_ns)) is not None]
-        if self._state is _ACTIVE and any(sample.faults for sample in samples):
-            self._state = _FAULT
+        if self._state is ACTIVE and any(sample.faults for sample in samples):
+            self._state = FAULT
             self._let_go()
         return samples
 
@@ -261,20 +231,8 @@ class DephyActPack(Lived):
 
         Current by equation 4.1 without friction and inertia, clamped to the limit of this
         device, and to less the warmer the winding is.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``, or the torque is no number.
         """
-        self._require(_ACTIVE)
+        self._require(ACTIVE)
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
         largest = self._spec.limits.current_a * self._winding.share
@@ -299,22 +257,22 @@ class DephyActPack(Lived):
         """Send zero current when no command came for too long; called by the watchdog."""
         # One look earlier than the timeout: by then it has to be done.
         after_ns = self._spec.command_timeout_s * 1e9 * (1.0 - 1.0 / _LOOKS)
-        held = self._sending.acquire(timeout=_LOCK_S)
+        locked = self._sending.acquire(timeout=_LOCK_S)
         try:
             forgotten = self._now_ns() - self._commanded_ns >= after_ns
-            if self._state is _ACTIVE and not self._relaxed and forgotten:
+            if self._state is ACTIVE and not self._relaxed and forgotten:
                 self._relaxed = True
                 self._device.command_motor_current(0)
         except _LIBRARY_ERRORS:
             self._relaxed = False  # again at the next look
         finally:
-            if held:
+            if locked:
                 self._sending.release()
 
     def _let_go(self) -> None:
         """Send zero current and switch the motor's controller off."""
         # A call that hangs holds the lock; zero torque does not wait for it.
-        held = self._sending.acquire(timeout=_LOCK_S)
+        locked = self._sending.acquire(timeout=_LOCK_S)
         try:
             self._device.command_motor_current(0)
             self._device.stop_motor()
@@ -324,7 +282,7 @@ class DephyActPack(Lived):
             _LOG.error("%s: could not be stopped (%s). Switch its power off.", self._name, exc)
         finally:
             self._relaxed = True
-            if held:
+            if locked:
                 self._sending.release()
 
     # --- what is received ----------------------------------------------------------------------
@@ -367,3 +325,113 @@ class DephyActPack(Lived):
 
 def _version(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in text.split("."))
+
+
+DRIVER = Driver(DephySpec, DephyActPack, package="flexsea")
+
+
+I2T, TOO_HOT, CLOCK, GARBAGE = 1, 2, 4, 8
+FAULT_NAMES: Mapping[int, str] = MappingProxyType(
+    {
+        I2T: "average current (I2t) limit of the firmware",
+        TOO_HOT: "winding (estimated) or case too hot",
+        CLOCK: "the device's clock went back: it was restarted",
+        GARBAGE: "values that cannot be",
+    }
+)
+#: Bit of ``status_ex``. Single bits flip on the way: two samples in a row make a fault.
+_STATUS_I2T = 0b10
+_BELIEVED = {I2T: 2, CLOCK: 2, GARBAGE: 3}
+_FIELDS = ("state_time", "mot_ang", "mot_vel", "mot_cur", "batt_volt", "temperature", "status_ex")
+#: mA, mV, degrees Celsius: beyond these a field is garbage.
+_MOST_MA, _MOST_MV, _COLDEST_C, _HOTTEST_C = 80_000, 100_000, -30, 200
+
+
+class Samples:
+    """Makes samples of what flexsea gives, and watches over clock, winding and faults."""
+
+    def __init__(self, name: str, units: Units, winding: Winding) -> None:
+        self._name = name
+        self._units = units
+        self._winding = winding
+        self._clock = DeviceClock()
+        self._in_a_row = dict.fromkeys(_BELIEVED, 0)
+        self.dropped = 0
+
+    def begin(self) -> None:
+        """Reset the counts of faults before another activation."""
+        self._in_a_row = dict.fromkeys(_BELIEVED, 0)
+
+    def take(self, data: Mapping[str, int], host_ns: int) -> ActuatorSample | None:
+        """Return a sample in SI; None where it is the one before again, or garbage for once."""
+        try:
+            stamp, counts, deg_s, milliamperes, millivolts, case_c, status = [
+                data[name] for name in _FIELDS
+            ]
+        except KeyError as exc:
+            raise DeviceError(
+                self._name,
+                f"expected the fields {', '.join(_FIELDS)}; {exc} is missing. Is it an ActPack, "
+                "and is firmware what it runs?",
+            ) from exc
+        sane = (
+            -_MOST_MA <= milliamperes <= _MOST_MA
+            and 0 <= millivolts <= _MOST_MV
+            and _COLDEST_C <= case_c <= _HOTTEST_C
+        )
+        elapsed_ms = self._clock.elapsed_ms(stamp, host_ns) if sane else 0
+        faults = self._believed(GARBAGE, seen=not sane)
+        faults |= self._believed(CLOCK, seen=elapsed_ms is None)
+        if not elapsed_ms and not faults:
+            self.dropped += 1
+            return None
+        units, winding = self._units, self._winding
+        current = units.current(milliamperes)
+        if sane and elapsed_ms:
+            winding.warm(current, case_c, elapsed_s=1e-3 * elapsed_ms)
+        faults |= self._believed(I2T, seen=bool(status & _STATUS_I2T))
+        return ActuatorSample(
+            device_time_ns=self._clock.time_ns,
+            host_time_ns=host_ns,
+            angle=units.angle(counts),
+            velocity=units.velocity(deg_s),
+            current=current,
+            voltage=1e-3 * millivolts,
+            temperature_c=winding.temperature_c,
+            faults=faults | (TOO_HOT if winding.too_hot else 0),
+        )
+
+    def _believed(self, fault: int, *, seen: bool) -> int:
+        """Return the fault's bit once it was seen often enough in a row."""
+        count = self._in_a_row[fault] + 1 if seen else 0
+        self._in_a_row[fault] = count
+        return fault if count >= _BELIEVED[fault] else 0
+
+
+@contextlib.contextmanager
+def traceback_limit_kept() -> Iterator[None]:
+    """Undo that flexsea sets ``sys.tracebacklimit = 0`` for the whole program.
+
+    Every error would lose where it came from.
+    """
+    missing = object()
+    limit = getattr(sys, "tracebacklimit", missing)
+    try:
+        yield
+    finally:
+        if limit is not missing:
+            sys.tracebacklimit = limit  # type: ignore[assignment]
+        elif hasattr(sys, "tracebacklimit"):
+            del sys.tracebacklimit
+
+
+@contextlib.contextmanager
+def flexsea_kept_quiet() -> Iterator[None]:
+    """Keep its prints out of stdout, which belongs to ``--json``, and restore tracebacks."""
+    said = io.StringIO()
+    try:
+        with traceback_limit_kept(), contextlib.redirect_stdout(said):
+            yield
+    finally:
+        if text := said.getvalue().strip():
+            _LOG.debug("flexsea: %s", text)

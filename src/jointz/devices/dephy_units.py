@@ -1,4 +1,4 @@
-"""From the integers of a Dephy actuator to SI and back, its clock, and its winding."""
+"""Units, clock and winding temperature of a Dephy actuator."""
 
 from math import expm1, pi
 from typing import Annotated
@@ -19,26 +19,7 @@ _MOST_GROWTH = 50.0
 
 
 class Units:
-    """Units and directions of one actuator: its integers, before the gear, and the joint's SI.
-
-    Parameters
-    ----------
-    gear_ratio : float
-        Turns of the motor for one of the output.
-    sign : int
-        1 where the motor turns in the study's positive direction, -1 where it does not.
-        Angle, velocity and current turn together, and friction with the velocity.
-    zero_counts : int
-        Of the encoder, where the joint's angle is 0.
-
-    Examples
-    --------
-    >>> left = Units(gear_ratio=8.0, sign=-1, zero_counts=16_384)
-    >>> round(left.angle(0), 4), round(left.velocity(360), 4), left.current(-1500)
-    (0.7854, -0.7854, 1.5)
-    >>> left.milliamperes(1.5)
-    -1500
-    """
+    """Units and directions of one actuator: its integers, before the gear, and the joint's SI."""
 
     __slots__ = ("_per_count", "_per_deg", "_sign", "_zero")
 
@@ -49,43 +30,19 @@ class Units:
         self._per_deg = sign * _RAD_PER_DEG / gear_ratio
 
     def angle(self, counts: int) -> float:
-        """Return the angle of the output, rad.
-
-        Parameters
-        ----------
-        counts : int
-            ``mot_ang``.
-        """
+        """Return the angle of the output, rad."""
         return self._per_count * (counts - self._zero)
 
     def velocity(self, deg_s: int) -> float:
-        """Return the velocity of the output, rad/s.
-
-        Parameters
-        ----------
-        deg_s : int, deg/s
-            ``mot_vel``, of the motor.
-        """
+        """Return the velocity of the output, rad/s."""
         return self._per_deg * deg_s
 
     def current(self, milliamperes: int) -> float:
-        """Return the motor current in the study's direction, A.
-
-        Parameters
-        ----------
-        milliamperes : int, mA
-            ``mot_cur``.
-        """
+        """Return the motor current in the study's direction, A."""
         return self._sign * 1e-3 * milliamperes
 
     def milliamperes(self, current: float) -> int:
-        """Return what to command, mA.
-
-        Parameters
-        ----------
-        current : float, A
-            In the study's direction.
-        """
+        """Return what to command, mA."""
         return self._sign * round(1e3 * current)
 
 
@@ -94,14 +51,6 @@ class DeviceClock:
 
     A stamp that went back, or ran ahead of the host by more than a second, is no time of
     the same clock: the device was restarted, or the sample is garbage.
-
-    Examples
-    --------
-    >>> clock = DeviceClock()
-    >>> clock.elapsed_ms(2**32 - 1, 0), clock.elapsed_ms(1, 2_000_000)
-    (1, 2)
-    >>> clock.time_ns
-    4294967297000000
     """
 
     __slots__ = ("_host_ns", "_stamp", "time_ns")
@@ -112,20 +61,7 @@ class DeviceClock:
         self.time_ns = 0
 
     def elapsed_ms(self, stamp_ms: int, host_ns: int) -> int | None:
-        """Take a stamp and return the ms since the one before, 0 for the same one again.
-
-        Parameters
-        ----------
-        stamp_ms : int, ms
-            ``state_time``, signed or not.
-        host_ns : int, ns
-            Now.
-
-        Returns
-        -------
-        int or None
-            1 for the first. None where the stamp is no time of this clock; it is left out then.
-        """
+        """Process a stamp and return the ms since the previous one, 0 if it repeats."""
         stamp = stamp_ms % _WRAP_MS
         if self._stamp is None:
             self._stamp, self._host_ns, self.time_ns = stamp, host_ns, stamp * 1_000_000
@@ -181,26 +117,6 @@ class Winding:
     Each step is exact for a current and a case that stay as they are. At first the winding is
     taken to be as warm as the case, which is too cold where a warm actuator is taken up again
     after a restart of the program: wait five minutes then.
-
-    Parameters
-    ----------
-    spec : WindingSpec
-        Of the motor.
-
-    Attributes
-    ----------
-    temperature_c, case_c : float, degrees Celsius
-        Of the winding, estimated, and of the case, as last measured.
-
-    Examples
-    --------
-    >>> winding = Winding(WindingSpec(resistance_per_k=0.0))
-    >>> winding.warm(10.0, 30.0, elapsed_s=0.0)
-    >>> winding.warm(10.0, 30.0, elapsed_s=1e6)
-    >>> round(winding.temperature_c, 3)
-    70.232
-    >>> round(winding.share, 3)
-    0.994
     """
 
     __slots__ = ("_spec", "_started", "case_c", "temperature_c")
@@ -211,17 +127,7 @@ class Winding:
         self.temperature_c = self.case_c = 25.0
 
     def warm(self, current: float, case_c: float, *, elapsed_s: float) -> None:
-        """Take a sample.
-
-        Parameters
-        ----------
-        current : float, A
-            Since the sample before.
-        case_c : float, degrees Celsius
-            Measured.
-        elapsed_s : float, s
-            Since the sample before.
-        """
+        """Process a sample."""
         spec = self._spec
         if not self._started:
             self._started, self.temperature_c = True, case_c
@@ -236,13 +142,7 @@ class Winding:
         self.temperature_c += flow / spec.capacitance_j_k * over_s
 
     def rest(self, elapsed_s: float) -> None:
-        """Cool down without current; before the first sample nothing is known to be warm.
-
-        Parameters
-        ----------
-        elapsed_s : float, s
-            Since the last sample.
-        """
+        """Cool down without current; before the first sample nothing is known to be warm."""
         if self._started:
             self.warm(0.0, self.case_c, elapsed_s=elapsed_s)
 

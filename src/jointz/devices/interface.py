@@ -1,4 +1,4 @@
-"""What an experiment asks of a device: small protocols that every driver implements.
+"""Interface of devices: small protocols that every driver implements.
 
 A device walks through a lifecycle::
 
@@ -22,7 +22,7 @@ from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 
 
 class Lifecycle(Enum):
-    """Where a device is in its life."""
+    """States of a device in its lifecycle."""
 
     UNCONFIGURED = "unconfigured"
     INACTIVE = "inactive"
@@ -32,77 +32,43 @@ class Lifecycle(Enum):
 
 
 class ActuatorSample(NamedTuple):
-    """What an actuator measured at one time.
+    """One sample of an actuator."""
 
-    Parameters
-    ----------
-    device_time_ns, host_time_ns : int, ns
-        By the device's clock when measured, and by the host's when it arrived.
-    angle, velocity : float, rad, rad/s
-        Of the output, after the gear.
-    current, voltage : float, A, V
-        Motor current (q axis) and supply.
-    temperature_c : float, degrees Celsius
-        Of the winding, or the nearest to it that is measured.
-    faults : int
-        Bits set by the device itself, 0 when all is well.
-    """
-
+    # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
     host_time_ns: int
-    angle: float
-    velocity: float
-    current: float
-    voltage: float
-    temperature_c: float
-    faults: int
+    angle: float  # rad, of the output, after the gear
+    velocity: float  # rad/s, of the output
+    current: float  # A, motor current (q axis)
+    voltage: float  # V, supply
+    temperature_c: float  # degrees Celsius: of the winding, or the nearest to it that is measured
+    faults: int  # bits set by the device itself, 0 when all is well
 
 
 class SensorSample(NamedTuple):
-    """What a sensor measured at one time.
+    """One sample of a sensor."""
 
-    Parameters
-    ----------
-    device_time_ns, host_time_ns : int, ns
-        By the device's clock when measured, and by the host's when it arrived.
-    value : float
-        In the unit that the sensor declares.
-    """
-
+    # ns: by the device's clock when measured, and by the host's when it arrived
     device_time_ns: int
     host_time_ns: int
-    value: float
+    value: float  # in the unit that the sensor declares
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorDescription:
-    """What an actuator says about itself.
+    """Description of an actuator."""
 
-    Parameters
-    ----------
-    name, model, serial, firmware : str
-        Which device it is.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    command_timeout_s : float, s
-        Without a command for so long it goes to zero torque by itself.
-    limits : SafetyLimits
-        What it may be asked for, and what it must not reach; a protocol can only tighten them.
-    torque_model : TorqueModelSpec
-        Equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration.
-    fault_names : mapping of int to str
-        Bit -> what it means.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
     firmware: str
-    sample_rate_hz: float
-    command_timeout_s: float
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    command_timeout_s: float  # s: without a command for so long it goes to zero torque by itself
+    # what it may be asked for, and what it must not reach; a protocol can only tighten them
     limits: SafetyLimits
+    # equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration
     torque_model: TorqueModelSpec
-    fault_names: Mapping[int, str]
+    fault_names: Mapping[int, str]  # bit -> what it means
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -116,29 +82,15 @@ class ActuatorDescription:
 
 @dataclass(frozen=True, slots=True)
 class SensorDescription:
-    """What a sensor says about itself.
+    """Description of a sensor."""
 
-    Parameters
-    ----------
-    name, model, serial : str
-        Which device it is.
-    channel : str
-        The canonical channel it measures: ``angle``, ``contact``, ...
-    unit : str
-        SI unit of its samples, ``1`` for a contact.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    kind : str
-        For a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
-    channel: str
-    unit: str
-    sample_rate_hz: float
-    kind: str = ""
+    channel: str  # the canonical channel it measures: ``angle``, ``contact``, ...
+    unit: str  # SI unit of its samples, ``1`` for a contact
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    kind: str = ""  # for a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -151,27 +103,15 @@ class Device(Protocol):
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
+        """State of the device in its lifecycle."""
         ...
 
     def configure(self) -> None:
-        """Connect and set up; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device does not answer.
-        """
+        """Connect and set up; afterwards ``INACTIVE``."""
         ...
 
     def activate(self) -> None:
-        """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When the device is not ``INACTIVE``.
-        """
+        """Begin to sample and, for an actuator, to obey; afterwards ``ACTIVE``."""
         ...
 
     def stop(self) -> None:
@@ -194,36 +134,15 @@ class Actuator(Device, Protocol):
     """A device that puts torque on the joint."""
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself; in any state."""
+        """Return the description of the actuator, in any state."""
         ...
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first; empty when none came.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE`` or ``FAULT``.
-        """
+        """Return all samples queued since the last read, oldest first; empty when none came."""
         ...
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint, held until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted torque, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Command a torque on the joint, held until the next command or the command timeout."""
         ...
 
 
@@ -232,52 +151,30 @@ class Sensor(Device, Protocol):
     """A device that only measures."""
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         ...
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first; empty when none came.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all samples queued since the last read, oldest first; empty when none came."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class PositionerDescription:
-    """What a motor that moves the far side of a bench says about itself.
+    """Description of a motor that moves the far side of a bench."""
 
-    Parameters
-    ----------
-    name, model, serial : str
-        Which device it is.
-    channel : str
-        What its angle is: ``position`` of the far side, or ``motor_angle`` of a
-        series-elastic actuator, before its spring.
-    sample_rate_hz : float, Hz
-        How many samples it queues a second.
-    command_timeout_s : float, s
-        Without a command for so long it stops moving by itself.
-    angle_min_rad, angle_max_rad : float, rad
-        Where it may be sent; infinite where it may turn for ever.
-    velocity_rad_s : float, rad/s
-        How fast.
-    """
-
-    name: str
+    name: str  # which device it is
     model: str
     serial: str
+    # what its angle is: ``position`` of the far side, or ``motor_angle`` of a series-elastic
+    # actuator, before its spring
     channel: str
-    sample_rate_hz: float
-    command_timeout_s: float
+    sample_rate_hz: float  # Hz: how many samples it queues a second
+    command_timeout_s: float  # s: without a command for so long it stops moving by itself
+    # where it may be sent; infinite where it may turn for ever
     angle_min_rad: float
     angle_max_rad: float
-    velocity_rad_s: float
+    velocity_rad_s: float  # how fast
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -292,67 +189,35 @@ class Positioner(Device, Protocol):
     """
 
     def describe(self) -> PositionerDescription:
-        """Return what the positioner says about itself; in any state."""
+        """Return the description of the positioner, in any state."""
         ...
 
     def read(self) -> list[SensorSample]:
-        """Return all angles (rad) queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Return all angles (rad) queued since the last read, oldest first."""
         ...
 
     def command_position(self, angle_rad: float) -> None:
-        """Ask for an angle of the output, held until the next command.
-
-        Parameters
-        ----------
-        angle_rad : float, rad
-            Wanted angle, positive in the study's direction.
-
-        Raises
-        ------
-        NotConnectedError
-            When the device is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Command an angle of the output, held until the next command."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """The devices of one condition of an experiment; None for what there is not.
+    """The devices of one condition of an experiment; None for what there is not."""
 
-    Parameters
-    ----------
-    angle : Sensor, optional
-        Goniometer of a wearer, encoder at the output of a bench. Without it the
-        actuator's own angle is the joint's.
-    contact : Sensor, optional
-        Footswitch.
-    actuator : Actuator, optional
-        None where the participant does not wear the device.
-    torque : Sensor, optional
-        Of a bench: torque sensor, or the deflection of a spring read as torque.
-    positioner : Positioner, optional
-        Of a bench: what moves the far side. A series-elastic actuator under position
-        control is its own.
-    """
-
+    # goniometer of a wearer, encoder at the output of a bench. Without it the actuator's own angle
+    # is the joint's
     angle: Sensor | None = None
-    contact: Sensor | None = None
-    actuator: Actuator | None = None
+    contact: Sensor | None = None  # footswitch
+    actuator: Actuator | None = None  # none where the participant does not wear the device
+    # of a bench: torque sensor, or the deflection of a spring read as torque
     torque: Sensor | None = None
+    # of a bench: what moves the far side. A series-elastic actuator under position control is its
+    # own
     positioner: Positioner | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the devices say about themselves, as plain values."""
+        """Return the descriptions of the devices as plain values."""
         devices = {name: getattr(self, name) for name in self.__slots__}
         return {
             name: None if device is None else device.describe().to_dict()
@@ -371,18 +236,10 @@ class Devices:
 
 @dataclass(frozen=True, slots=True)
 class Wearer:
-    """Who wears the devices.
+    """The participant."""
 
-    Parameters
-    ----------
-    id : str
-        Name in the study.
-    mass_kg, height_m : float, optional
-        Body.
-    """
-
-    id: str
-    mass_kg: float | None = None
+    id: str  # name in the study
+    mass_kg: float | None = None  # body
     height_m: float | None = None
 
 
@@ -409,33 +266,21 @@ class Rig(Protocol):
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it."""
+        """The participant."""
         ...
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What is known about the instruments of this wearer."""
+        """Calibration of this participant's instruments."""
         ...
 
     @property
     def device(self) -> DeviceSpec | None:
-        """What hangs on the moving segment beyond the measured torque; None where unknown."""
+        """The mass on the moving segment beyond the measured torque; None if unknown."""
         ...
 
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
-
-        Parameters
-        ----------
-        condition : str
-            Name of the protocol's condition.
-        worn : bool
-            Whether the participant wears the actuator; without it there is none.
-        segment : int
-            0 at first; one more for every time the condition was taken up again.
-        clock : Clock
-            The host's clock, for host times.
-        """
+        """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition."""
         ...
 
     def notes(self) -> Mapping[str, Any]:

@@ -20,11 +20,9 @@ from typing import Any
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import LslSpec
-from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
-
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, channel_unit
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import SensorDescription, SensorSample
 
 #: What nobody fetched for so long is thrown away by liblsl.
 _BUFFER_S = 2  # of markers: 200
@@ -41,25 +39,8 @@ _DRIFT = 1e-3
 LIBRARY_ERRORS = (RuntimeError, OSError)
 
 
-class LslSensor(Lived):
-    """One channel of a stream as a sensor of an experiment; see the module for its timing.
-
-    Parameters
-    ----------
-    spec : LslSpec
-        Which stream and channel, gain and offset.
-    channel : str
-        What it measures: ``angle``, ``contact``, ...
-    clock : Clock
-        The host's.
-
-    Attributes
-    ----------
-    dropped : int
-        Samples left out, because their stamps did not rise or they came too late.
-    offset_s : float, s
-        What was last added to the sender's stamps.
-    """
+class LslSensor(DriverBase):
+    """One channel of a stream as a sensor of an experiment; see the module for its timing."""
 
     def __init__(self, spec: LslSpec, channel: str, *, clock: Clock) -> None:
         super().__init__(f"LSL stream {spec.stream}")
@@ -73,30 +54,22 @@ class LslSensor(Lived):
         self.offset_s = 0.0
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         spec = self._spec
-        contact = self._channel == "contact"
+        unit, kind = channel_unit(self._channel, spec.kind)
         return SensorDescription(
             name=f"{self._name}, channel {spec.index}",
             model="Lab Streaming Layer (never tried with an amplifier or over a network)",
             serial=spec.source_id,
             channel=self._channel,
-            unit="rad" if not contact else "V" if spec.kind == "voltage" else "1",
+            unit=unit,
             sample_rate_hz=spec.sample_rate_hz,
-            kind=spec.kind if contact else "",
+            kind=kind,
         )
 
     def configure(self) -> None:
-        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When no such stream is on the network, or its sender does not answer.
-        DeviceError
-            When pylsl is not installed, or the stream is not what was described.
-        """
-        self._require(_UNCONFIGURED)
+        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
         spec = self._spec
         inlet = open_inlet(
             self._name,
@@ -106,52 +79,28 @@ class LslSensor(Lived):
         )
         self.offset_s = inlet.time_correction(0.0)
         self._inlet = inlet
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone.
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
-        self._require(_INACTIVE)
+        """Begin to sample; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         try:
             self._inlet.flush()
         except LIBRARY_ERRORS as exc:
             raise self._gone(exc) from exc
         self._received_ns = self._now_ns()
         self._fastest = None
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
-    def stop(self) -> None:
-        """Sample no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         inlet, self._inlet = self._inlet, None
         if inlet is not None:
             with contextlib.suppress(*LIBRARY_ERRORS):
                 inlet.close_stream()
 
     def read(self) -> list[SensorSample]:
-        """Return all samples that arrived since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone, or was silent for a second.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Return all samples that arrived since the last read, oldest first."""
+        self._require(ACTIVE)
         received: list[tuple[float, float]] = []
         index = self._spec.index
         try:
@@ -226,42 +175,23 @@ class LslSensor(Lived):
 def open_inlet(
     name: str, stream: tuple[str, str], *, timeout_s: float, check: Callable[[Any], None]
 ) -> Any:
-    """Find a stream and connect to it, its clock measured; return the inlet of pylsl.
-
-    Parameters
-    ----------
-    name : str
-        Of who wants it, for messages.
-    stream : tuple of str
-        Property and value by which it is known: ``name`` or ``source_id``.
-    timeout_s : float, s
-        How long to look.
-    check : callable
-        Given the description of the stream; raises when it is another than was wanted.
-
-    Raises
-    ------
-    NotConnectedError
-        When no such stream is on the network, or its sender does not answer.
-    DeviceError
-        When pylsl is not installed, several streams answer, or ``check`` says so.
-    """
+    """Find a stream and connect to it, its clock measured; return the inlet of pylsl."""
     library = load_pylsl(name)
     key, wanted = stream
     try:
-        found = library.resolve_byprop(key, wanted, 1, timeout_s)
-        if not found:
+        streams = library.resolve_byprop(key, wanted, 1, timeout_s)
+        if not streams:
             raise NotConnectedError(
                 name,
                 f"no stream whose {key} is {wanted!r} within {timeout_s:g} s. Start its sender, "
                 "and let multicast through the firewall (UDP 16571).",
             )
-        if len(found) > 1:
-            ids = ", ".join(repr(one.source_id()) for one in found)
-            raise DeviceError(name, f"{len(found)} streams answer. Give source_id: one of {ids}.")
-        check(found[0])
+        if len(streams) > 1:
+            ids = ", ".join(repr(one.source_id()) for one in streams)
+            raise DeviceError(name, f"{len(streams)} streams answer. Give source_id: one of {ids}.")
+        check(streams[0])
         # A stream that is recovered in silence would leave a gap that nobody hears of.
-        inlet = library.StreamInlet(found[0], max_buflen=_BUFFER_S, recover=False)
+        inlet = library.StreamInlet(streams[0], max_buflen=_BUFFER_S, recover=False)
         inlet.open_stream(timeout_s)
         inlet.time_correction(timeout_s)  # the first takes a second, all others no time
     except LIBRARY_ERRORS as exc:
@@ -274,21 +204,13 @@ def _gone(name: str, exc: Exception) -> NotConnectedError:
 
 
 def load_pylsl(name: str) -> Any:
-    """Return the module pylsl.
-
-    Parameters
-    ----------
-    name : str
-        Of what needs it, for the message.
-
-    Raises
-    ------
-    DeviceError
-        When pylsl, or the library liblsl below it, is not installed.
-    """
+    """Return the module pylsl."""
     try:
         return importlib.import_module("pylsl")
     except (ImportError, *LIBRARY_ERRORS) as exc:  # without liblsl pylsl raises a RuntimeError
         raise DeviceError(
             name, f'pylsl is not installed ({exc}). Install it: pip install "jointz[lsl]".'
         ) from exc
+
+
+DRIVER = Driver(LslSpec, LslSensor, package="pylsl")

@@ -7,43 +7,23 @@ import contextlib
 from typing import Any, NamedTuple
 
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Lifecycle
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase
 from jointz.devices.lsl import LIBRARY_ERRORS, load_pylsl, open_inlet
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 _MOST_MARKERS = 256
 
 
 class Marker(NamedTuple):
-    """A marker and its time.
+    """A marker and its time."""
 
-    Parameters
-    ----------
-    time_ns : int, ns
-        By LSL's clock of this computer, which on Linux is that of
-        :class:`jointz.core.clock.RealClock`.
-    text : str
-        What was sent.
-    """
-
+    # ns: by LSL's clock of this computer, which on Linux is that of
+    # :class:`jointz.core.clock.RealClock`
     time_ns: int
-    text: str
+    text: str  # what was sent
 
 
-class LslMarkers(Lived):
-    """A stream of markers; it comes when it comes and is no sensor.
-
-    Parameters
-    ----------
-    stream : str
-        Its name.
-    source_id : str
-        Which sender, where several send under this name.
-    timeout_s : float, s
-        How long to look for it.
-    """
+class LslMarkers(DriverBase):
+    """A stream of markers; it comes when it comes and is no sensor."""
 
     def __init__(self, stream: str, *, source_id: str = "", timeout_s: float = 5.0) -> None:
         super().__init__(f"LSL markers {stream}")
@@ -52,55 +32,25 @@ class LslMarkers(Lived):
         self._inlet: Any = None
 
     def configure(self) -> None:
-        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When no such stream is on the network.
-        DeviceError
-            When pylsl is not installed, or it is no stream of markers.
-        """
-        self._require(_UNCONFIGURED)
+        """Find the stream and connect, which takes a second; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
         self._inlet = open_inlet(
             self._name, self._known_by, timeout_s=self._timeout_s, check=self._check
         )
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to listen; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``, or its sender is gone.
-        """
-        self._require(_INACTIVE)
+        """Begin to listen; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         self._pulled()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[Marker]:
-        """Return the markers since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sender is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Return the markers since the last read, oldest first."""
+        self._require(ACTIVE)
         return self._pulled()
 
-    def stop(self) -> None:
-        """Listen no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         inlet, self._inlet = self._inlet, None
         if inlet is not None:
             with contextlib.suppress(*LIBRARY_ERRORS):

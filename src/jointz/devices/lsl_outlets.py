@@ -24,18 +24,6 @@ class SessionOutlets:
     description gives label and unit; NaN and -1 stand where a device had no sample. It is
     irregular: a tick has as many samples as its fastest device. The stream of markers is named
     ``NAME markers``; each is a JSON object with ``event``.
-
-    Parameters
-    ----------
-    clock : Clock
-        The one by which times are given.
-    name : str
-        Of the streams.
-
-    Raises
-    ------
-    DeviceError
-        When pylsl is not installed.
     """
 
     def __init__(self, *, clock: Clock, name: str = "jointz") -> None:
@@ -52,30 +40,14 @@ class SessionOutlets:
         return self._name, f"{self._name} markers"
 
     def offer(self, layout: Layout) -> None:
-        """Make the stream of the channels of a log, where it is not there yet.
-
-        Parameters
-        ----------
-        layout : Layout
-            Of the log.
-        """
+        """Create the stream of the channels of a log, if it does not exist yet."""
         if layout.name not in self._samples:
             self._samples[layout.name] = self._outlet(
                 self._name, "jointz", len(layout.fields), "double64", layout
             )
 
     def send(self, layout: Layout, records: np.ndarray, times_ns: np.ndarray) -> None:
-        """Send records of a log.
-
-        Parameters
-        ----------
-        layout : Layout
-            Of the log.
-        records : (n,) structured array
-            In their order.
-        times_ns : (n,) int, ns
-            When each is said to have been, by the clock.
-        """
+        """Send records of a log."""
         self.offer(layout)
         outlet = self._samples[layout.name]
         stamps = times_ns * 1e-9 + self._shift_s
@@ -84,15 +56,7 @@ class SessionOutlets:
             outlet.push_sample([float(value) for value in row], stamp)
 
     def mark(self, marker: str, time_ns: int) -> None:
-        """Send a marker.
-
-        Parameters
-        ----------
-        marker : str
-            JSON with ``event``.
-        time_ns : int, ns
-            When, by the clock.
-        """
+        """Send a marker."""
         self._markers.push_sample([marker], time_ns * 1e-9 + self._shift_s)
 
     def _outlet(

@@ -22,8 +22,10 @@ What to know before torque comes near a person:
 
 import json
 import logging
+import threading
+import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
 from types import MappingProxyType
@@ -32,9 +34,9 @@ from weakref import WeakValueDictionary
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError
-from jointz.devices.interface import ActuatorDescription, ActuatorSample, Lifecycle
-from jointz.devices.lifecycle import Lived
-from jointz.devices.opensourceleg_output import LOOK_S, TorqueOutput
+from jointz.devices.driver_base import ACTIVE, FAULT, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.devices.drivers import Driver
+from jointz.devices.interface import Actuator, ActuatorDescription, ActuatorSample, Lifecycle
 from jointz.devices.opensourceleg_polling import (
     NEVER_TRIED,
     QUEUE_LENGTH,
@@ -51,7 +53,6 @@ from jointz.devices.opensourceleg_setup import (
     SensorKeys,
     check_port,
     check_usable,
-    checked_keys,
     profile_of,
 )
 from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
@@ -68,37 +69,17 @@ _FAULT_NAMES = MappingProxyType(
         _HANG: "a call of opensourceleg hung for longer than the command timeout",
     }
 )
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FAULT, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FAULT, Lifecycle.FINALISED
 _log = logging.getLogger(__name__)
 #: One sensor for all channels that name it, for as long as one of them is there.
 _sources: WeakValueDictionary[str, OpenSourceLegSource] = WeakValueDictionary()
 
 
-class OpenSourceLegActuator(Lived):
+class OpenSourceLegActuator(DriverBase):
     """An actuator of opensourceleg (a subclass of its ``ActuatorBase``) as ours.
 
     A thread updates it and writes the commands; reading and commanding never wait for it. A zero
     that it is late with is written by a watchdog. It was never tried on hardware, and has no
     heartbeat: see the module.
-
-    Parameters
-    ----------
-    actuator : opensourceleg.actuators.base.ActuatorBase
-        Not started.
-    setup : ActuatorSetup
-        Calibration, limits and mounting.
-    clock : Clock
-        The host's.
-    polling : callable
-        Makes the polling: a thread, unless a test brings its own.
-    repeat : callable
-        Runs the watchdog.
-
-    Raises
-    ------
-    DeviceError
-        When the actuator cannot be used so: gear ratio, unknown units, coroutines.
     """
 
     def __init__(
@@ -136,9 +117,9 @@ class OpenSourceLegActuator(Lived):
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
-        faulty = self._faults and self._state in (_ACTIVE, _INACTIVE)
-        return _FAULT if faulty else self._state
+        """State of the device in its lifecycle."""
+        faulty = self._faults and self._state in (ACTIVE, INACTIVE)
+        return FAULT if faulty else self._state
 
     @property
     def stop_confirmed(self) -> bool:
@@ -160,66 +141,33 @@ class OpenSourceLegActuator(Lived):
         )
 
     def configure(self) -> None:
-        """Start the library's actuator, in its current or torque mode, at zero torque.
-
-        Raises
-        ------
-        NotConnectedError
-            When it does not start.
-        """
-        self._require(_UNCONFIGURED)
+        """Start the library's actuator, in its current or torque mode, at zero torque."""
+        self._require(UNCONFIGURED)
         check_port(self._device.library, self._name)
         _log.warning("%s: firmware %s.", self._name, NO_HEARTBEAT)
         self._device.begin(self._enter_mode, self._poll)
         self._watchdog = self._repeat(self._output.look, LOOK_S)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to queue samples and to obey; afterwards ``ACTIVE``, also after a hang.
-
-        Raises
-        ------
-        NotConnectedError
-            When the actuator is lost.
-        """
-        self._require(_INACTIVE)
+        """Begin to queue samples and to obey; afterwards ``ACTIVE``, also after a hang."""
+        self._require(INACTIVE)
         self._faults &= ~_HANG
         self._check_sound()
         self._wanted = (0.0, 0)
         self._queue.clear()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[ActuatorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised.
-        DeviceError
-            When the actuator is neither ``ACTIVE`` nor in ``FAULT``.
-        """
-        if self.state is not _FAULT:
-            self._require(_ACTIVE)
+        """Return all samples queued since the last read, oldest first."""
+        if self.state is not FAULT:
+            self._require(ACTIVE)
         self._device.check()
         return drained(self._queue)
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint until the next command or the command timeout.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted; clamped to the limits of torque and current. Friction is not compensated.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised.
-        DeviceError
-            When the actuator is not ``ACTIVE`` or the torque is not finite.
-        """
-        self._require(_ACTIVE)
+        """Command a torque on the joint until the next command or the command timeout."""
+        self._require(ACTIVE)
         self._check_sound()
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
@@ -231,16 +179,13 @@ class OpenSourceLegActuator(Lived):
 
         It takes up to 40 ms if the library hangs.
         """
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
+        super().stop()
         self._wanted = (0.0, 0)
         self._device.wake()
         self._output.settle()
 
-    def close(self) -> None:
-        """Stop, end the thread and let the actuator go; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
+        """End the thread and release the actuator."""
         is_let_go = self._device.end(lambda: self._output.write(0.0))
         if self._watchdog is not None and (is_let_go or self.stop_confirmed):
             self._watchdog.cancel()  # else it goes on sending zero
@@ -266,13 +211,13 @@ class OpenSourceLegActuator(Lived):
     def _target_nm(self) -> float:
         """Return the torque that holds now, N*m; a polling thread that is late is a fault."""
         now_ns, (torque_nm, asked_ns) = self._device.clock.now_ns(), self._wanted
-        if torque_nm and self._state is _ACTIVE and now_ns - self._polled_ns > self._late_ns:
+        if torque_nm and self._state is ACTIVE and now_ns - self._polled_ns > self._late_ns:
             self._faults |= _HANG
-        held = now_ns - asked_ns <= self._timeout_ns
-        return torque_nm if held and self.state is _ACTIVE else 0.0
+        in_time = now_ns - asked_ns <= self._timeout_ns
+        return torque_nm if in_time and self.state is ACTIVE else 0.0
 
     def _may_be_on(self) -> bool:
-        """Tell whether a torque is asked for, and the polling thread could take it back."""
+        """Return whether a torque is commanded that the polling thread can still take back."""
         return self._device.failure is None and self._target_nm() != 0.0
 
     def _poll(self, due: bool) -> None:  # noqa: FBT001 - a Poll
@@ -304,7 +249,7 @@ class OpenSourceLegActuator(Lived):
             self._output.write(0.0)  # before the log, which may take its time
             if not is_known:
                 _log.error("%s: in fault (%s), at zero torque.", self._name, _names_of(fault))
-        if (self._is_new() or fault) and self._state is _ACTIVE:
+        if (self._is_new() or fault) and self._state is ACTIVE:
             self._queue.append(self._sample())
 
     def _write(self, torque_nm: float) -> None:
@@ -318,7 +263,7 @@ class OpenSourceLegActuator(Lived):
             library.set_motor_current(torque_nm / self._constant / self._profile.ampere)
 
     def _is_new(self) -> bool:
-        """Tell a measurement from the one before, where the library lets one."""
+        """Return whether the measurement is new, as far as the library shows it."""
         library, before = self._device.library, self._seen
         message = getattr(library, "_motor_state_async", None)  # TMotor: one object a message
         if message is not None:
@@ -347,54 +292,116 @@ def _names_of(faults: int) -> str:
     return ", ".join(name for bit, name in _FAULT_NAMES.items() if bit & faults)
 
 
-def open_actuator(keys: Mapping[str, Any], *, clock: Clock) -> OpenSourceLegActuator:
-    """Return the actuator of a ``device.toml``, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    keys : mapping of str to object
-        Of its section, as :class:`~jointz.devices.opensourceleg_setup.ActuatorKeys` has them.
-    clock : Clock
-        The host's.
-
-    Raises
-    ------
-    DataError
-        Naming every problem of the keys.
-    DeviceError
-        When opensourceleg is not installed, has no such class, or the actuator cannot be used.
-    """
-    spec = checked_keys(ActuatorKeys, keys, "actuator")
-    return OpenSourceLegActuator(made(spec.device, spec.arguments), spec.setup, clock=clock)
+def open_actuator(
+    keys: ActuatorKeys, *, clock: Clock, before: Actuator | None = None
+) -> OpenSourceLegActuator:
+    """Return the actuator of a ``device.toml``, ``UNCONFIGURED``."""
+    del before
+    return OpenSourceLegActuator(made(keys.device, keys.arguments), keys.setup, clock=clock)
 
 
-def open_sensor(keys: Mapping[str, Any], channel: str, *, clock: Clock) -> OpenSourceLegSensor:
-    """Return a sensor of a ``device.toml``, ``UNCONFIGURED``.
-
-    Parameters
-    ----------
-    keys : mapping of str to object
-        Of its section, as :class:`~jointz.devices.opensourceleg_setup.SensorKeys` has them.
-    channel : str
-        ``angle`` or ``contact``.
-    clock : Clock
-        The host's.
-
-    Raises
-    ------
-    DataError
-        Naming every problem of the keys.
-    DeviceError
-        When opensourceleg is not installed or has no such class.
-    """
-    spec = checked_keys(SensorKeys, keys, channel)
+def open_sensor(keys: SensorKeys, channel: str, *, clock: Clock) -> OpenSourceLegSensor:
+    """Return a sensor of a ``device.toml``, ``UNCONFIGURED``."""
     shared = json.dumps(
-        [spec.device, spec.arguments, spec.sample_rate_hz, id(clock)], sort_keys=True, default=str
+        [keys.device, keys.arguments, keys.sample_rate_hz, id(clock)], sort_keys=True, default=str
     )
     source = _sources.get(shared)
     if source is None:
         source = OpenSourceLegSource(
-            made(spec.device, spec.arguments), clock=clock, sample_rate_hz=spec.sample_rate_hz
+            made(keys.device, keys.arguments), clock=clock, sample_rate_hz=keys.sample_rate_hz
         )
         _sources[shared] = source
-    return OpenSourceLegSensor(source, spec.reading(channel))
+    return OpenSourceLegSensor(source, keys.reading(channel))
+
+
+ACTUATOR_DRIVER = Driver(ActuatorKeys, open_actuator, package="opensourceleg")
+SENSOR_DRIVER = Driver(SensorKeys, open_sensor, package="opensourceleg")
+
+
+#: How often the watchdog looks, s.
+LOOK_S = 0.005
+#: How long the polling thread may be late with a zero before another thread writes it, s.
+_LATE_S = 0.02
+#: A zero that is not confirmed after so many looks is reported.
+_REPORT_LOOKS = 10
+#: How long a thread goes on writing zero before another one replaces it, s: it may hang.
+_ATTEMPT_S = 1.0
+
+
+class TorqueOutput:
+    """Writes torques, and knows whether the last of them was a zero that the library took.
+
+    Only the polling thread writes other torques than zero.
+    """
+
+    def __init__(
+        self, name: str, write: Callable[[float], None], may_be_on: Callable[[], bool]
+    ) -> None:
+        self._name, self._write, self._may_be_on = name, write, may_be_on
+        self._begun = self._ended = self._zeroed = 0  # writes other than zero; the last undone
+        self._late_looks = 0
+        self._attempt = threading.Thread()
+        self._attempted_s = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        """True if the library took a zero after the last other torque."""
+        return self._zeroed == self._begun
+
+    def write(self, torque_nm: float) -> None:
+        """Write a torque, N*m; what the library raises is raised."""
+        if torque_nm:
+            self._begun += 1
+            try:
+                self._write(torque_nm)
+            finally:
+                self._ended = self._begun
+            return
+        begun = self._begun
+        was_idle = self._ended == begun  # else a torque may still arrive after the zero
+        self._write(0.0)
+        if was_idle and begun == self._begun:
+            self._zeroed = begun
+
+    def settle(self) -> None:
+        """Wait a moment for the zero, written by this call where the polling thread is late."""
+        if not self._is_zero_within(_LATE_S):
+            self._attempt_zero()
+            self._is_zero_within(_LATE_S)
+
+    def look(self) -> None:
+        """Write the zero that the polling thread is late with; called by the watchdog."""
+        if self._may_be_on() or self.is_zero:
+            self._late_looks = 0
+            return
+        self._late_looks += 1
+        if self._late_looks * LOOK_S >= _LATE_S:
+            self._attempt_zero()
+        if self._late_looks == _REPORT_LOOKS:
+            _log.error(
+                "%s: did not confirm zero torque. Use the emergency stop; zero is sent again and "
+                "again.",
+                self._name,
+            )
+
+    def _is_zero_within(self, patience_s: float) -> bool:
+        until_s = time.perf_counter() + patience_s
+        while not self.is_zero and time.perf_counter() < until_s:
+            time.sleep(0.0005)
+        return self.is_zero
+
+    def _attempt_zero(self) -> None:
+        """Start a thread that writes zero until it is confirmed, and another one a second later."""
+        now_s = time.perf_counter()
+        if not self._attempt.is_alive() or now_s - self._attempted_s > _ATTEMPT_S:
+            thread = threading.Thread(target=self._zero, name=f"zero {self._name}", daemon=True)
+            with suppress(RuntimeError):  # no thread can be had now; the next look tries again
+                thread.start()
+                self._attempt, self._attempted_s = thread, now_s
+
+    def _zero(self) -> None:
+        until_s = time.perf_counter() + _ATTEMPT_S
+        while not (self.is_zero or self._may_be_on()) and time.perf_counter() < until_s:
+            with suppress(Exception):  # what a bus raises
+                self.write(0.0)
+            time.sleep(LOOK_S)

@@ -77,8 +77,8 @@ def _class() -> type:
     base = _library("actuators.base").ActuatorBase
     # What it can never do says so itself, instead of asking for a mode that there is not.
     needed = {n: m for n, m in base._METHOD_REQUIRED_MODES.items() if n in _TAKEN}
-    told = {"__doc__": as_opensourceleg.__doc__, "_METHOD_REQUIRED_MODES": needed}
-    return type("JointzActuator", (_Face, base), told)
+    described = {"__doc__": as_opensourceleg.__doc__, "_METHOD_REQUIRED_MODES": needed}
+    return type("JointzActuator", (_Face, base), described)
 
 
 def _library(module: str) -> Any:
@@ -93,12 +93,12 @@ def _library(module: str) -> Any:
 
 
 def _let_go(actuator: Any) -> None:
-    """Leave a mode: no torque in the next."""
+    """Leave a mode, so that the next begins without torque."""
     actuator._hold(0.0)
 
 
 class _Face:
-    """What ``JointzActuator`` adds to opensourceleg's ``ActuatorBase``."""
+    """Methods that ``JointzActuator`` adds to opensourceleg's ``ActuatorBase``."""
 
     # of ActuatorBase
     gear_ratio: float
@@ -109,17 +109,17 @@ class _Face:
     _is_streaming: bool
 
     def __init__(self, actuator: Actuator, *, tag: str | None, clock: Clock) -> None:
-        base, told = _library("actuators.base"), actuator.describe()
-        self._ours, self._clock, self._limits = actuator, clock, told.limits
-        self._constant = told.torque_model.torque_constant
+        base, described = _library("actuators.base"), actuator.describe()
+        self._ours, self._clock, self._limits = actuator, clock, described.limits
+        self._constant = described.torque_model.torque_constant
         self._held_nm = 0.0
         self._modes = base.CONTROL_MODES
         mode = base.ControlModeConfig(entry_callback=_let_go, exit_callback=_let_go)
         self._configs = base.CONTROL_MODE_CONFIGS(IDLE=mode, CURRENT=mode, TORQUE=mode)
-        hottest_c = told.limits.temperature_c
+        hottest_c = described.limits.temperature_c
         super().__init__(  # type: ignore[call-arg]
-            tag=tag or told.name,
-            gear_ratio=told.torque_model.gear_ratio,
+            tag=tag or described.name,
+            gear_ratio=described.torque_model.gear_ratio,
             motor_constants=base.MOTOR_CONSTANTS(
                 MOTOR_COUNT_PER_REV=tau,  # there are no counts: one is a radian
                 NM_PER_AMP=abs(self._constant),
@@ -128,7 +128,7 @@ class _Face:
                 WINDING_SOFT_LIMIT=0.9 * hottest_c,
                 CASE_SOFT_LIMIT=0.85 * hottest_c,
             ),
-            frequency=round(told.sample_rate_hz),
+            frequency=round(described.sample_rate_hz),
         )
 
     def __repr__(self) -> str:
@@ -176,13 +176,13 @@ class _Face:
         self.set_control_mode(self._modes.IDLE)
 
     def update(self) -> None:
-        """Take the newest sample and ask for the torque again: here it holds until changed."""
+        """Read the newest sample and repeat the torque command: it holds until changed."""
         samples = self._ours.read()
         if samples:
             self._data = samples[-1]
         if self._data is not None and self._data.faults:
-            told = self._ours.describe().fault_names
-            names = [name for bit, name in told.items() if bit & self._data.faults]
+            described = self._ours.describe().fault_names
+            names = [name for bit, name in described.items() if bit & self._data.faults]
             raise DeviceError(self._name, f"is in fault: {', '.join(names) or self._data.faults}.")
         self._ours.command_torque(self._held_nm)
 
@@ -213,7 +213,7 @@ class _Face:
     # --- commands --------------------------------------------------------------------------
 
     def _hold(self, torque_nm: float) -> None:
-        """Ask for a torque on the joint, within the limits, until it is changed."""
+        """Command a torque on the joint, within the limits, until it is changed."""
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
         limits, ratio = self._limits, self.gear_ratio * abs(self._constant)
@@ -223,15 +223,15 @@ class _Face:
             self._ours.command_torque(self._held_nm)
 
     def set_output_torque(self, value: float) -> None:
-        """Ask for a torque on the joint, N*m."""
+        """Command a torque on the joint, N*m."""
         self._hold(value)
 
     def set_motor_torque(self, value: float) -> None:
-        """Ask for a torque before the gear, N*m."""
+        """Command a torque before the gear, N*m."""
         self._hold(value * self.gear_ratio)
 
     def set_motor_current(self, value: float) -> None:
-        """Ask for a motor current, mA: for the torque that it gives without friction."""
+        """Command a motor current, mA: the torque that it gives without friction."""
         self._hold(value * 1e-3 * self._constant * self.gear_ratio)
 
     def set_current_gains(
@@ -295,12 +295,12 @@ class _Face:
 
     @property
     def motor_torque(self) -> float:
-        """Of the current, before the gear and without friction, N*m."""
+        """Torque of the current before the gear, without friction, N*m."""
         return self._sample.current * self._constant
 
     @property
     def output_torque(self) -> float:
-        """Of the current, after the gear and without friction, N*m."""
+        """Torque of the current after the gear, without friction, N*m."""
         return self.motor_torque * self.gear_ratio
 
     @property

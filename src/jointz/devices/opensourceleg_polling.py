@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeVar
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.dephy_library import traceback_limit_kept
+from jointz.devices.dephy import traceback_limit_kept
 
 NEVER_TRIED = "this adapter was never tried on hardware"
 #: Samples that wait to be read; the oldest are dropped: two seconds at 1000 Hz.
@@ -35,7 +35,7 @@ Poll = Callable[[bool], None]
 
 
 class Polling(Protocol):
-    """What calls a poll at its rate; tests hand in one that a virtual clock drives."""
+    """Calls a poll at its rate; tests pass one that a virtual clock drives."""
 
     def begin(self) -> None:
         """Call from now on."""
@@ -51,17 +51,7 @@ class Polling(Protocol):
 
 
 class PollingThread:
-    """A thread that polls on an absolute grid of the machine's clock.
-
-    Parameters
-    ----------
-    name : str
-        Of the device.
-    poll : callable
-        Called with True when a sample is due, with False when it was only woken.
-    sample_rate_hz : float, Hz
-        Of the samples.
-    """
+    """A thread that polls on an absolute grid of the machine's clock."""
 
     def __init__(self, name: str, poll: Poll, sample_rate_hz: float) -> None:
         self._poll = poll
@@ -75,7 +65,7 @@ class PollingThread:
         self._thread.start()
 
     def wake(self) -> None:
-        """Let the thread poll soon, without a sample."""
+        """Wake the thread to poll soon, without a sample."""
         self._woken.set()
 
     def end(self) -> bool:
@@ -105,26 +95,7 @@ PollingOf = Callable[[str, Poll, float], Polling]
 
 
 class PolledDevice:
-    """An opensourceleg object that a polling owns from ``configure`` to ``close``.
-
-    Parameters
-    ----------
-    library : object
-        Actuator or sensor of opensourceleg, not started.
-    name : str
-        For messages.
-    sample_rate_hz : float, Hz
-        How often it is updated.
-    clock : Clock
-        The host's; the samples carry its time.
-    polling : callable
-        Makes the polling.
-
-    Attributes
-    ----------
-    failure : Exception or None
-        What the library raised; nothing is called any more.
-    """
+    """An opensourceleg object that a polling owns from ``configure`` to ``close``."""
 
     def __init__(
         self,
@@ -145,20 +116,7 @@ class PolledDevice:
         self._letting_go: threading.Thread | None = None
 
     def begin(self, begun: Callable[[], None], poll: Poll) -> None:
-        """Start the library's object and poll it.
-
-        Parameters
-        ----------
-        begun : callable
-            Sets the object up, once it is started.
-        poll : callable
-            Called at the rate.
-
-        Raises
-        ------
-        NotConnectedError
-            When the object cannot be started or set up.
-        """
+        """Start the library's object and poll it."""
         try:
             self.library.start()
             begun()
@@ -185,18 +143,7 @@ class PolledDevice:
             self._polling.wake()
 
     def end(self, last: Callable[[], None] = lambda: None) -> bool:
-        """End the polling and let the library's object go; never raises.
-
-        Parameters
-        ----------
-        last : callable
-            Called before the object is stopped, whether or not the polling has ended.
-
-        Returns
-        -------
-        bool
-            Whether the object is let go; False where it hangs.
-        """
+        """End the polling and let the library's object go; never raises."""
         if self._polling is None:
             return self._letting_go is None or not self._letting_go.is_alive()
         ended = self._polling.end()
@@ -207,13 +154,7 @@ class PolledDevice:
         return not self._letting_go.is_alive()
 
     def check(self) -> None:
-        """Raise when the library raised.
-
-        Raises
-        ------
-        NotConnectedError
-            Saying what.
-        """
+        """Raise when the library raised."""
         if self.failure is not None:
             raise NotConnectedError(
                 self.name,
@@ -227,20 +168,7 @@ class PolledDevice:
 
 
 def made(kind: str, arguments: Mapping[str, Any]) -> Any:
-    """Return a new object of opensourceleg; its library is imported here.
-
-    Parameters
-    ----------
-    kind : str
-        Module and class, as ``opensourceleg.sensors.encoder:AS5048B``.
-    arguments : mapping of str to object
-        For the class.
-
-    Raises
-    ------
-    DeviceError
-        When a library is missing, there is no such class, or it refuses the arguments.
-    """
+    """Return a new object of opensourceleg; its library is imported here."""
     module, _, name = kind.partition(":")
     if module.split(".")[0] != "opensourceleg" or not name:
         raise DeviceError(
@@ -276,32 +204,10 @@ SampleT = TypeVar("SampleT")
 
 
 def drained(queue: deque[SampleT]) -> list[SampleT]:
-    """Take everything out of a queue that another thread fills, oldest first.
-
-    Parameters
-    ----------
-    queue : collections.deque
-        Empty afterwards, but for what came in the meantime.
-
-    Examples
-    --------
-    >>> drained(deque([1, 2]))
-    [1, 2]
-    """
+    """Empty a queue that another thread fills, oldest first."""
     return [queue.popleft() for _ in range(len(queue))]
 
 
 def told(exc: Exception) -> str:
-    """Return an exception in a few words.
-
-    Parameters
-    ----------
-    exc : Exception
-        Of a library.
-
-    Examples
-    --------
-    >>> told(OSError("no such device"))
-    'OSError: no such device'
-    """
+    """Return an exception in a few words."""
     return f"{type(exc).__name__}: {exc}"

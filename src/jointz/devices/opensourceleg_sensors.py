@@ -14,8 +14,8 @@ from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.devices.interface import SensorDescription, SensorSample
 from jointz.devices.opensourceleg_polling import (
     NEVER_TRIED,
     QUEUE_LENGTH,
@@ -26,8 +26,6 @@ from jointz.devices.opensourceleg_polling import (
 )
 from jointz.devices.opensourceleg_setup import Reading
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 #: A library whose update does not return raises nothing; without a sample for so long it is gone.
 _SILENCE_NS = 1_000_000_000
 
@@ -36,28 +34,6 @@ class OpenSourceLegSource:
     """A sensor of opensourceleg with a thread of its own, for one or more channels.
 
     The first channel that is configured starts it, the last that is closed stops it.
-
-    Parameters
-    ----------
-    sensor : opensourceleg.sensors.base.SensorBase
-        Not started.
-    clock : Clock
-        The host's.
-    sample_rate_hz : float, Hz
-        How often it is updated. The sensor must be as fast: a new update is read as a new
-        measurement.
-    polling : callable
-        Makes the polling: a thread, unless a test brings its own.
-
-    Attributes
-    ----------
-    device : PolledDevice
-        The sensor and its polling.
-
-    Raises
-    ------
-    DeviceError
-        When the sensor is offline.
     """
 
     def __init__(
@@ -78,31 +54,14 @@ class OpenSourceLegSource:
         self._open: list[OpenSourceLegSensor] = []
 
     def join(self, sensor: "OpenSourceLegSensor") -> None:
-        """Start the library's sensor for the first channel.
-
-        Parameters
-        ----------
-        sensor : OpenSourceLegSensor
-            The channel.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library's sensor does not start.
-        """
+        """Start the library's sensor for the first channel."""
         self.device.check()
         if not self._open:
             self.device.begin(lambda: None, self._poll)
         self._open = [*self._open, sensor]  # a new list: the thread may be in the old one
 
     def leave(self, sensor: "OpenSourceLegSensor") -> None:
-        """Stop the library's sensor after the last channel; never raises.
-
-        Parameters
-        ----------
-        sensor : OpenSourceLegSensor
-            The channel.
-        """
+        """Stop the library's sensor after the last channel; never raises."""
         self._open = [one for one in self._open if one is not sensor]
         if not self._open:
             self.device.end()
@@ -115,16 +74,8 @@ class OpenSourceLegSource:
                 sensor.take(now_ns)
 
 
-class OpenSourceLegSensor(Lived):
-    """One channel of a sensor of opensourceleg as our sensor; never tried on hardware.
-
-    Parameters
-    ----------
-    source : OpenSourceLegSource
-        The sensor, shared by its channels.
-    reading : Reading
-        What of it, and in which unit.
-    """
+class OpenSourceLegSensor(DriverBase):
+    """One channel of a sensor of opensourceleg as our sensor; never tried on hardware."""
 
     def __init__(self, source: OpenSourceLegSource, reading: Reading) -> None:
         super().__init__(f"{source.device.name} {reading.channel}")
@@ -145,42 +96,22 @@ class OpenSourceLegSensor(Lived):
         )
 
     def configure(self) -> None:
-        """Start the library's sensor; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When it does not start.
-        """
-        self._require(_UNCONFIGURED)
+        """Start the library's sensor; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
         self._source.join(self)
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
     def activate(self) -> None:
-        """Begin to queue samples; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the sensor is lost.
-        """
-        self._require(_INACTIVE)
+        """Begin to queue samples; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         self._device.check()
         self._queue.clear()
         self._sampled_ns = self._device.clock.now_ns()
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[SensorSample]:
-        """Return all samples queued since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the library raised, or gave nothing for a second.
-        DeviceError
-            When the sensor is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Return all samples queued since the last read, oldest first."""
+        self._require(ACTIVE)
         self._device.check()
         samples, now_ns = drained(self._queue), self._device.clock.now_ns()
         if samples:
@@ -191,25 +122,11 @@ class OpenSourceLegSensor(Lived):
             )
         return samples
 
-    def stop(self) -> None:
-        """Go to ``INACTIVE``; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
-
-    def close(self) -> None:
-        """Stop and leave the library's sensor; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         self._source.leave(self)
 
     def take(self, now_ns: int) -> None:
-        """Queue what the library's sensor says, while ``ACTIVE``; called by the source.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            When its update returned.
-        """
-        if self._state is _ACTIVE:
+        """Queue what the library's sensor says, while ``ACTIVE``; called by the source."""
+        if self._state is ACTIVE:
             value = self._reading.of(self._device.library)
             self._queue.append(SensorSample(now_ns, now_ns, value))

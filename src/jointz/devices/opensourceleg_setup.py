@@ -1,17 +1,19 @@
-"""What a lab says about its opensourceleg devices, and whether they can be used so."""
+"""Settings of opensourceleg devices, and checks that they can be used."""
 
 import inspect
 import os
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from jointz.core.checked_model import CheckedModel, place_of
-from jointz.core.errors import DataError, DeviceError, NotConnectedError
+from jointz.core.checked_model import CheckedModel
+from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
+from jointz.devices.driver_base import channel_unit
+from jointz.devices.drivers import DriverSettings
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -61,7 +63,7 @@ class ActuatorSetup(CheckedModel):
     profile: Profile | None = None
 
 
-class ActuatorKeys(ActuatorSetup):
+class ActuatorKeys(ActuatorSetup, DriverSettings):
     """An actuator in a ``device.toml``: its class, what that is made with, and the setup.
 
     ``device`` is module and class, as ``opensourceleg.actuators.dephy:DephyActuator``;
@@ -96,19 +98,13 @@ class Reading(CheckedModel):
     kind: Literal["", "contact", "voltage", "pulse"] = ""
 
     def of(self, library: object) -> float:
-        """Return the value in the channel's unit.
-
-        Parameters
-        ----------
-        library : object
-            Sensor of opensourceleg, updated.
-        """
+        """Return the value in the channel's unit."""
         value: Any = getattr(library, self.attribute)
         raw = float(value if self.index is None else value[self.index])
         return self.gain * raw + self.offset
 
 
-class SensorKeys(CheckedModel):
+class SensorKeys(DriverSettings):
     """A sensor in a ``device.toml``: its class, what that is made with, and the reading.
 
     ``device`` and ``arguments`` as an actuator has them; two channels with the same of both
@@ -126,66 +122,21 @@ class SensorKeys(CheckedModel):
     kind: Literal["contact", "voltage", "pulse"] = "voltage"
 
     def reading(self, channel: str) -> Reading:
-        """Return how the channel is read.
-
-        Parameters
-        ----------
-        channel : str
-            ``angle`` or ``contact``.
-        """
-        contact = channel == "contact"
-        voltage = contact and self.kind == "voltage"
+        """Return how the channel is read."""
+        unit, kind = channel_unit(channel, self.kind)
         return Reading(
             channel=channel,
-            unit="V" if voltage else "1" if contact else "rad",
+            unit=unit,
             attribute=self.attribute,
             index=self.index,
             gain=self.gain,
             offset=self.offset,
-            kind=self.kind if contact else "",
+            kind=kind,
         )
 
 
-KeysT = TypeVar("KeysT", bound=CheckedModel)
-
-
-def checked_keys(model: type[KeysT], keys: Mapping[str, Any], section: str) -> KeysT:
-    """Return the keys of a section of a ``device.toml``, checked.
-
-    Parameters
-    ----------
-    model : type
-        What they should be.
-    keys : mapping of str to object
-        As parsed, without ``driver``.
-    section : str
-        For messages.
-
-    Raises
-    ------
-    DataError
-        Naming every problem.
-    """
-    try:
-        return model.model_validate(dict(keys))
-    except ValidationError as exc:
-        problems = [f"  - {place_of((section, *e['loc']))}: {e['msg']}." for e in exc.errors()]
-        raise DataError("\n".join(["device.toml:", *problems])) from exc
-
-
 def profile_of(actuator: object) -> Profile:
-    """Return the profile of an actuator's class.
-
-    Parameters
-    ----------
-    actuator : object
-        Of opensourceleg.
-
-    Raises
-    ------
-    DeviceError
-        When neither the class nor one that it inherits from is known.
-    """
+    """Return the profile of an actuator's class."""
     for cls in type(actuator).__mro__:
         if cls.__name__ in PROFILES:
             return PROFILES[cls.__name__]
@@ -197,20 +148,7 @@ def profile_of(actuator: object) -> Profile:
 
 
 def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
-    """Raise where an actuator cannot be used as it is set up.
-
-    Parameters
-    ----------
-    actuator : opensourceleg.actuators.base.ActuatorBase
-        Not started.
-    setup : ActuatorSetup
-        Of it.
-
-    Raises
-    ------
-    DeviceError
-        Coroutines, offline mode, another gear ratio, no torque constant.
-    """
+    """Raise where an actuator cannot be used as it is set up."""
     name, model = str(actuator.tag), setup.torque_model
     if inspect.iscoroutinefunction(actuator.update):
         raise DeviceError(
@@ -229,20 +167,7 @@ def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
 
 
 def check_port(actuator: object, name: str) -> None:
-    """Raise where opensourceleg would end the whole process: at a port it cannot open.
-
-    Parameters
-    ----------
-    actuator : object
-        Of opensourceleg, not started.
-    name : str
-        For messages.
-
-    Raises
-    ------
-    NotConnectedError
-        When it has a port that cannot be read and written.
-    """
+    """Raise where opensourceleg would end the whole process: at a port it cannot open."""
     port = getattr(actuator, "port", None)
     if isinstance(port, str) and port.startswith("/") and not os.access(port, os.R_OK | os.W_OK):
         raise NotConnectedError(

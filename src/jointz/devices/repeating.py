@@ -1,4 +1,4 @@
-"""Something done again and again beside the loop: a thread that sleeps in between."""
+"""Threads that repeat a task beside the loop."""
 
 import threading
 import time
@@ -9,10 +9,10 @@ Task = Callable[[], None]
 
 
 class Repeating(Protocol):
-    """Something that is being done again and again."""
+    """A task that is being repeated."""
 
     def cancel(self) -> None:
-        """Do it no more; never blocks, may be called twice."""
+        """Stop repeating; never blocks, may be called twice."""
         ...
 
 
@@ -25,13 +25,6 @@ class RepeatingThread:
 
     A thread of Python waits its turn: expect it 0.1 ms late, and up to 5 ms where another
     thread computes without a pause.
-
-    Parameters
-    ----------
-    task : callable
-        What to do; it must not raise.
-    period_s : float, s
-        How often.
     """
 
     def __init__(self, task: Task, period_s: float) -> None:
@@ -41,7 +34,7 @@ class RepeatingThread:
         threading.Thread(target=self._run, daemon=True, name="jointz device").start()
 
     def cancel(self) -> None:
-        """Do it no more; never blocks, may be called twice."""
+        """Stop repeating; never blocks, may be called twice."""
         self._cancelled.set()
 
     def _run(self) -> None:

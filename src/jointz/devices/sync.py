@@ -10,18 +10,15 @@ marker of Lab Streaming Layer with the time between which the line was set, some
 """
 
 import contextlib
-import importlib
 import json
 from collections.abc import Callable
 from typing import Any, Protocol
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.devices.interface import Device, Lifecycle, SensorDescription, SensorSample
-from jointz.devices.lifecycle import Lived
+from jointz.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, load_library
+from jointz.devices.interface import Device, SensorDescription, SensorSample
 
-_UNCONFIGURED, _INACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE
-_ACTIVE, _FINALISED = Lifecycle.ACTIVE, Lifecycle.FINALISED
 #: Edges that the kernel keeps for who does not fetch them.
 _KEPT_EDGES = 1024
 #: No more samples than of so long are made at a time.
@@ -32,24 +29,11 @@ class DigitalOutput(Device, Protocol):
     """A line that is set high or low."""
 
     def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
-        """Set the line.
-
-        Parameters
-        ----------
-        high : bool
-            Whether to set it high.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
+        """Set the line."""
         ...
 
 
-class _Line(Lived):
+class _Line(DriverBase):
     """A line of a chip, in or out."""
 
     def __init__(self, chip: str, line: int) -> None:
@@ -59,17 +43,9 @@ class _Line(Lived):
         self._request: Any = None
 
     def configure(self) -> None:
-        """Take the line; afterwards ``INACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When there is no such line, or another program has it.
-        DeviceError
-            When gpiod is not installed.
-        """
-        self._require(_UNCONFIGURED)
-        library = _gpiod(self._name)
+        """Request the line; afterwards ``INACTIVE``."""
+        self._require(UNCONFIGURED)
+        library = load_library("gpiod", device=self._name, extra="gpio")
         try:
             self._request = library.request_lines(
                 self._chip,
@@ -81,21 +57,13 @@ class _Line(Lived):
             raise NotConnectedError(
                 self._name, f"cannot be taken ({exc}). Is it free, and the user in group gpio?"
             ) from exc
-        self._state = _INACTIVE
+        self._state = INACTIVE
 
-    def close(self) -> None:
-        """Stop and let go; afterwards ``FINALISED``. May be called twice; never raises."""
-        self.stop()
-        self._state = _FINALISED
+    def _release(self) -> None:
         request, self._request = self._request, None
         if request is not None:
             with contextlib.suppress(OSError):
                 request.release()
-
-    def stop(self) -> None:
-        """Do no more; never raises, never blocks."""
-        if self._state is _ACTIVE:
-            self._state = _INACTIVE
 
     def _settings(self, library: Any) -> Any:
         raise NotImplementedError
@@ -106,22 +74,6 @@ class SyncInput(_Line):
 
     Samples stand on a grid of ``sample_rate_hz``; the level at each is that after the last edge
     before it, by the kernel's stamps. The edges themselves are in :attr:`edges`.
-
-    Parameters
-    ----------
-    chip : str
-        ``/dev/gpiochip0``.
-    line : int
-        Its number on the chip.
-    clock : Clock
-        The host's, which has to be the kernel's monotonic one.
-    sample_rate_hz : float, Hz
-        Of the samples.
-
-    Attributes
-    ----------
-    edges : list of (int, int)
-        Time (ns) and level after each edge of the last read.
     """
 
     def __init__(
@@ -136,7 +88,7 @@ class SyncInput(_Line):
         self.edges: list[tuple[int, int]] = []
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself; in any state."""
+        """Return the description of the sensor, in any state."""
         return SensorDescription(
             name=self._name,
             model="digital line through gpiod (driver never tried on hardware)",
@@ -147,32 +99,16 @@ class SyncInput(_Line):
         )
 
     def activate(self) -> None:
-        """Begin to sample; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
-        self._require(_INACTIVE)
+        """Begin to sample; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
         self._fetched()
         self._level = self._asked(lambda: int(bool(self._request.get_value(self._line))))
         self._next_ns = self._now_ns() // self._period_ns * self._period_ns + self._period_ns
-        self._state = _ACTIVE
+        self._state = ACTIVE
 
     def read(self) -> list[SensorSample]:
-        """Return all samples since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Return all samples since the last read, oldest first."""
+        self._require(ACTIVE)
         self.edges = self._fetched()
         now_ns, at = self._now_ns(), 0
         self._next_ns = max(self._next_ns, now_ns - round(_LONGEST_S * 1e9))
@@ -216,54 +152,27 @@ class SyncInput(_Line):
 
 
 class SyncOutput(_Line):
-    """A line that goes out; low unless it is set high.
-
-    Parameters
-    ----------
-    chip : str
-        ``/dev/gpiochip0``.
-    line : int
-        Its number on the chip.
-    """
+    """A line that goes out; low unless it is set high."""
 
     def __init__(self, chip: str, line: int) -> None:
         super().__init__(chip, line)
         self._library: Any = None
 
     def activate(self) -> None:
-        """Begin to obey; afterwards ``ACTIVE``.
-
-        Raises
-        ------
-        DeviceError
-            When it is not ``INACTIVE``.
-        """
-        self._require(_INACTIVE)
-        self._state = _ACTIVE
+        """Begin to obey; afterwards ``ACTIVE``."""
+        self._require(INACTIVE)
+        self._state = ACTIVE
 
     def stop(self) -> None:
         """Set the line low and go to ``INACTIVE``; never raises, never blocks."""
-        if self._state is _ACTIVE:
+        if self._state is ACTIVE:
             with contextlib.suppress(DeviceError):
                 self.set_high(False)
         super().stop()
 
     def set_high(self, high: bool) -> None:  # noqa: FBT001 - it is the level
-        """Set the line.
-
-        Parameters
-        ----------
-        high : bool
-            Whether to set it high.
-
-        Raises
-        ------
-        NotConnectedError
-            When the line is gone.
-        DeviceError
-            When it is not ``ACTIVE``.
-        """
-        self._require(_ACTIVE)
+        """Set the line."""
+        self._require(ACTIVE)
         value = self._library.line.Value
         try:
             self._request.set_value(self._line, value.ACTIVE if high else value.INACTIVE)
@@ -287,38 +196,13 @@ def send_pulse(
     """Send one pulse, and a marker of when it rose.
 
     It waits for ``width_s``: never call it in the loop of an experiment.
-
-    Parameters
-    ----------
-    output : DigitalOutput
-        The line, ``ACTIVE``.
-    mark : callable
-        Given the marker (JSON) and its time by the clock (ns).
-    clock : Clock
-        The host's.
-    width_s : float, s
-        How long it is high.
-
-    Raises
-    ------
-    DeviceError
-        When the line cannot be set.
     """
     before_ns = clock.now_ns()
     output.set_high(True)
     after_ns = clock.now_ns()
     try:
-        told = json.dumps({"event": "sync", "uncertain_ns": after_ns - before_ns})
-        mark(told, (before_ns + after_ns) // 2)
+        marker = json.dumps({"event": "sync", "uncertain_ns": after_ns - before_ns})
+        mark(marker, (before_ns + after_ns) // 2)
         clock.wait_until_ns(after_ns + round(width_s * 1e9))
     finally:
         output.set_high(False)
-
-
-def _gpiod(name: str) -> Any:
-    try:
-        return importlib.import_module("gpiod")
-    except ImportError as exc:
-        raise DeviceError(
-            name, 'gpiod is not installed. Install it: pip install "jointz[gpio]".'
-        ) from exc

@@ -7,10 +7,10 @@ Neither asks anything of the loop.
 import time
 from collections.abc import Callable
 
-from jointz.core.protocol import WithoutConsole
+from jointz.core.protocols.protocol import WithoutConsole
 from jointz.experiment.control_box import Command, ControlBox, Order
-from jointz.experiment.journal import Journal
-from jointz.experiment.trial_setup import AnyTrial
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.trial_kinds import AnyTrial
 
 #: A page that gives no sign of life for so long is lost.
 LOST_AFTER_NS = 3_000_000_000
@@ -21,19 +21,7 @@ Tick = Callable[[int, int, int], bool]
 
 
 class ConsoleLink:
-    """Obeys a page, between conditions and in the loop.
-
-    Parameters
-    ----------
-    box : ControlBox
-        Where the page leaves its commands.
-    journal : Journal
-        Of the session.
-    request_stop : callable
-        Ends the trial that is on.
-    without_console : str
-        ``go_on`` or ``stop``: what the protocol wants when the page is lost.
-    """
+    """Obeys a page, between conditions and in the loop."""
 
     def __init__(
         self,
@@ -52,20 +40,7 @@ class ConsoleLink:
         self._refused, self._told_ns = 0, 0
 
     def await_start(self, condition: str, text: str) -> None:
-        """Write down what is to be done and return when the page says that it is.
-
-        Parameters
-        ----------
-        condition : str
-            The trial that is to begin.
-        text : str
-            The protocol's words.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            When a stop was asked for instead.
-        """
+        """Write down what is to be done and return when the page says that it is."""
         self._condition = condition
         self._write("prompted", text=text)
         while not self._box.stop_asked:
@@ -81,15 +56,7 @@ class ConsoleLink:
         raise KeyboardInterrupt
 
     def attended(self, trial: AnyTrial, condition: str) -> Tick:
-        """Return the tick of a trial with a look at the page before it.
-
-        Parameters
-        ----------
-        trial : AnyTrial
-            Which.
-        condition : str
-            Its name.
-        """
+        """Return the tick of a trial with a look at the page before it."""
         self._condition = condition
 
         def tick(slot: int, host_ns: int, skipped: int) -> bool:
@@ -113,9 +80,9 @@ class ConsoleLink:
     def _obey(self, command: Command, trial: AnyTrial, slot: int, host_ns: int) -> None:
         if command.order in (Order.PAUSE, Order.GO_ON):
             done = trial.pause(on=command.order is Order.PAUSE)
-            told = {Order.PAUSE: "paused", Order.GO_ON: "went_on"}[command.order]
+            answer = {Order.PAUSE: "paused", Order.GO_ON: "went_on"}[command.order]
             if done:
-                self._write(told, slot=slot, host_ns=host_ns)
+                self._write(answer, slot=slot, host_ns=host_ns)
                 return
         self._note_or_refuse(command, "not in this trial", slot=slot)
 
@@ -126,7 +93,7 @@ class ConsoleLink:
             self._write("control_refused", slot=slot, order=command.order.name.lower(), reason=why)
 
     def _check_life(self, slot: int, host_ns: int) -> None:
-        """Take note when the page has died; before its first sign of life nobody waits for it."""
+        """Record when the page is lost or back; before its first sign of life it cannot be lost."""
         beat_ns = self._box.beat_ns
         lost = beat_ns > 0 and time.monotonic_ns() - beat_ns > LOST_AFTER_NS
         if lost == self._lost:

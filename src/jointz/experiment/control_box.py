@@ -1,4 +1,4 @@
-"""Where an operator's page leaves its commands: a small file that both processes hold in memory.
+"""Commands of an operator's page, in a small file that both processes hold in memory.
 
 The loop looks at it once a tick without a call to the system; whoever writes cannot make it
 wait. Nothing in it can ask for torque: the vocabulary holds what starts, holds up and ends.
@@ -33,7 +33,7 @@ LONGEST_TEXT_BYTES = _ENTRY_BYTES - _HEAD.size
 
 
 class Order(IntEnum):
-    """What a page can ask for beside a stop."""
+    """Commands of a page besides a stop."""
 
     START = 1
     PAUSE = 2
@@ -42,33 +42,14 @@ class Order(IntEnum):
 
 
 class Command(NamedTuple):
-    """One command.
+    """One command."""
 
-    Parameters
-    ----------
-    order : Order
-        What is asked for.
-    text : str
-        Of a note.
-    """
-
-    order: Order
-    text: str = ""
+    order: Order  # what is asked for
+    text: str = ""  # of a note
 
 
 class ControlBox:
-    """The side of the session: made with it, read at every tick.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file, there until the box closes; one that a killed session left is replaced.
-
-    Raises
-    ------
-    WriteError
-        When the disk does not take it.
-    """
+    """The session's side: created with the session, read at every tick."""
 
     __slots__ = ("_file", "_map", "_path", "_taken", "refused")
 
@@ -108,8 +89,6 @@ class ControlBox:
     def take(self) -> Command | None:
         """Return the oldest command that was not taken yet, None where there is none.
 
-        Notes
-        -----
         What cannot be read is counted in ``refused`` and left out: a torn or forged entry, an
         unknown code, entries that were written over before they were taken.
         """
@@ -141,18 +120,7 @@ class ControlBox:
 
 
 class ControlSender:
-    """The side of the page.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The file that the session made.
-
-    Raises
-    ------
-    DataError
-        When it is not there, or something else.
-    """
+    """The page's side."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -167,33 +135,20 @@ class ControlSender:
         self._map = mmap.mmap(self._file.fileno(), _SIZE)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._map.close()
         self._file.close()
 
     def stop(self) -> None:
-        """Ask for a stop; it cannot be taken back."""
+        """Request a stop; it cannot be taken back."""
         self._map[_STOP_AT] = 1
 
     def beat(self) -> None:
-        """Give a sign of life."""
+        """Send a sign of life."""
         _NUMBER.pack_into(self._map, _BEAT_AT, time.monotonic_ns())
 
     def send(self, order: Order, text: str = "") -> None:
-        """Leave a command.
-
-        Parameters
-        ----------
-        order : Order
-            What is asked for.
-        text : str
-            Of a note.
-
-        Raises
-        ------
-        DataError
-            When the text is too long.
-        """
+        """Send a command."""
         data = text.encode()
         if len(data) > LONGEST_TEXT_BYTES:
             raise DataError(

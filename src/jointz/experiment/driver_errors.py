@@ -1,4 +1,4 @@
-"""Whose error it is: a device's, where it came out of its driver."""
+"""Turns errors that come out of a driver into errors of its device."""
 
 import traceback
 from collections.abc import Iterator, Mapping
@@ -13,16 +13,6 @@ def drivers_answer_for(drivers: Mapping[str, object]) -> Iterator[None]:
 
     Drivers raise what their bus and their libraries raise. Looking for the driver in the
     traceback costs the loop nothing, which a check around every call would.
-
-    Parameters
-    ----------
-    drivers : mapping of str to object
-        Every driver by its name for messages; it may grow in the block.
-
-    Raises
-    ------
-    DeviceError
-        In place of an error, other than jointz's own, that a driver let through.
     """
     try:
         yield

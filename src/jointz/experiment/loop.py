@@ -13,16 +13,10 @@ _PRIORITY = 49  # of 1..99 under SCHED_FIFO: just below the threads of interrupt
 
 @dataclass(frozen=True, slots=True)
 class LoopCounts:
-    """What a loop did.
+    """Counts of a loop."""
 
-    Parameters
-    ----------
-    ticks, missed_slots : int
-        Slots that were served and slots that were skipped because a tick took too long.
-    """
-
-    ticks: int
-    missed_slots: int
+    ticks: int  # slots that were served
+    missed_slots: int  # slots that were skipped because a tick took too long
 
 
 class ControlLoop:
@@ -31,13 +25,6 @@ class ControlLoop:
     Slot ``k`` is due at ``k`` periods of the clock and lasts a period; a tick may
     begin late within it. Slots that passed altogether are skipped and counted,
     never caught up: lateness does not add up and the mean rate is kept.
-
-    Parameters
-    ----------
-    clock : Clock
-        Real or virtual.
-    period_ns : int, ns
-        From slot to slot.
     """
 
     def __init__(self, clock: Clock, period_ns: int) -> None:
@@ -45,19 +32,7 @@ class ControlLoop:
         self._period_ns = period_ns
 
     def run(self, tick: Callable[[int, int, int], bool]) -> LoopCounts:
-        """Run until a tick returns False.
-
-        Parameters
-        ----------
-        tick : callable
-            Called with the slot's number, the time (ns) and how many slots were
-            skipped just before.
-
-        Returns
-        -------
-        LoopCounts
-            How many ticks, how many missed.
-        """
+        """Run until a tick returns False."""
         now_ns, wait_until_ns = self._clock.now_ns, self._clock.wait_until_ns
         period_ns = self._period_ns
         expected = -(-now_ns() // period_ns)
@@ -77,13 +52,7 @@ class ControlLoop:
 
 @contextmanager
 def undisturbed() -> Iterator[str]:
-    """Keep the garbage collector and, where permitted, the scheduler out of the loop.
-
-    Yields
-    ------
-    str
-        ``SCHED_FIFO`` where it was permitted, else ``SCHED_OTHER``.
-    """
+    """Keep the garbage collector and, where permitted, the scheduler out of the loop."""
     collecting = gc.isenabled()
     gc.collect()
     gc.freeze()
@@ -99,7 +68,7 @@ def undisturbed() -> Iterator[str]:
 
 @contextmanager
 def _before_others() -> Iterator[str]:
-    """Ask the scheduler for the loop's priority, and give it back."""
+    """Request the loop's priority from the scheduler, and restore the previous one."""
     if not hasattr(os, "sched_setscheduler"):  # a Mac, Windows: nobody to ask
         yield "SCHED_OTHER"
         return

@@ -4,58 +4,27 @@ Made once from the protocol and a seed, and written down: what was planned can
 be compared with what was done, and an interrupted session goes on with the rest.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.protocol import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedPulse:
-    """A pulse of the plan.
+    """A pulse of the plan."""
 
-    Parameters
-    ----------
-    number : int
-        Its place in the plan, from 1.
-    timing_point : str
-        Where in the gait cycle.
-    gait_pct : float, % of the gait cycle
-        The same as a number.
-    amplitude_nm : float, N*m
-        Signed height; 0 for a sham.
-    gap_strides : int
-        Strides since the pulse before it.
-    """
-
-    number: int
-    timing_point: str
-    gait_pct: float
-    amplitude_nm: float
-    gap_strides: int
+    number: int  # its place in the plan, from 1
+    timing_point: str  # where in the gait cycle
+    gait_pct: float  # % of the gait cycle: the same as a number
+    amplitude_nm: float  # N*m: signed height; 0 for a sham
+    gap_strides: int  # strides since the pulse before it
 
     @property
     def sham(self) -> bool:
         """Whether nothing is to be felt."""
         return self.amplitude_nm == 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the pulse as plain values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> "PlannedPulse":
-        """Return the pulse that :meth:`to_dict` wrote.
-
-        Parameters
-        ----------
-        values : mapping
-            What it returned.
-        """
-        return cls(**values)
 
 
 def make_plan(
@@ -70,31 +39,6 @@ def make_plan(
     every other round turns the directions of the one before, which are drawn for each
     timing point: nobody can tell them in advance. A round of shams is one of all
     timing points, too.
-
-    Parameters
-    ----------
-    perturbations : PerturbationPlan
-        Timing points, counts, gaps, order.
-    pulse : PulseSpec
-        Amplitude and direction.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    tuple of PlannedPulse
-        In the order in which they are to fire.
-
-    Examples
-    --------
-    >>> from jointz.core.protocol import PerturbationPlan, PulseSpec
-    >>> perturbations = PerturbationPlan(
-    ...     timing_points={"LRE": 7.0, "MSW": 81.0}, count_per_point=2, gap_strides=(3, 7)
-    ... )
-    >>> pulse = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
-    >>> plan = make_plan(perturbations, pulse, np.random.default_rng(1))
-    >>> sorted(p.timing_point for p in plan[:2])
-    ['LRE', 'MSW']
     """
     points = perturbations.timing_points or {}
     order = ordered_pulses(perturbations, pulse, rng)
@@ -109,22 +53,7 @@ def make_plan(
 def ordered_pulses(
     perturbations: PerturbationPlan, pulse: PulseSpec, rng: np.random.Generator
 ) -> list[tuple[str, float]]:
-    """Return timing point and signed amplitude of every pulse, in their order.
-
-    Parameters
-    ----------
-    perturbations : PerturbationPlan
-        Timing points, counts, order.
-    pulse : PulseSpec
-        Amplitude and direction.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Returns
-    -------
-    list of tuple
-        Timing point ("" where the plan has none) and N*m; 0 N*m is a sham.
-    """
+    """Return timing point and signed amplitude of every pulse, in their order."""
     points = list(perturbations.timing_points or {"": 0.0})
     count = perturbations.count_per_point or perturbations.count or 0
     cyclic = perturbations.order == "cyclic"
@@ -165,9 +94,9 @@ def _amplitudes(
 def _spread_shams(
     amplitudes: list[list[float]], shams: int, rng: np.random.Generator
 ) -> list[list[float]]:
-    """Put as many rounds of shams at random places."""
+    """Insert rounds of shams at random places."""
     if not shams:
         return amplitudes
     places = rng.permutation(len(amplitudes) + shams) < shams
-    rest = iter(amplitudes)
-    return [[0.0] * len(amplitudes[0]) if sham else next(rest) for sham in places]
+    remaining = iter(amplitudes)
+    return [[0.0] * len(amplitudes[0]) if sham else next(remaining) for sham in places]

@@ -1,10 +1,10 @@
 """Fires the pulses of the plan and writes down what became of each."""
 
+from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
-from jointz.core.protocol import PulseSpec
-from jointz.core.trips import Trip
-from jointz.experiment.gait_watch import GaitWatch
-from jointz.experiment.journal import Journal
+from jointz.core.protocols.protocol import PulseSpec
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
 from jointz.experiment.torque import Trapezoid
@@ -14,30 +14,7 @@ _MOST_BROKEN_OFF = 10
 
 
 class PulseRunner:
-    """One pulse at a time, from its timing point to its end.
-
-    Parameters
-    ----------
-    condition, segment : str, int
-        Which stretch it is, for the journal.
-    pulse : PulseSpec
-        The shape.
-    scheduler : Scheduler
-        Of the pulses still to be done.
-    journal : Journal
-        Told of every start, end, miss and abort.
-    period_ns : int, ns
-        Of the loop: a pulse fires at the tick nearest to its timing point.
-
-    Attributes
-    ----------
-    active : PlannedPulse or None
-        The pulse that is on.
-    aborted : bool
-        Whether it is being faded out instead of counted.
-    completed : int
-        Pulses done by this runner.
-    """
+    """Runs one pulse at a time, from its timing point to its end."""
 
     __slots__ = (
         "_broken_off",
@@ -87,43 +64,24 @@ class PulseRunner:
         return self.active is None and not self._scheduler.queue
 
     def stride(self) -> None:
-        """Take note of an accepted stride; while paused it counts towards no gap."""
+        """Count an accepted stride; while paused it counts towards no gap."""
         self._counted = not self._paused
         if self._counted:
             self._missed(self._scheduler.stride(), "timing point passed")
 
     def retract_stride(self) -> None:
-        """Take note that the last accepted stride was none."""
+        """Take back the last accepted stride, which was none."""
         if self._counted:
             self._scheduler.retract_stride()
 
     def pause(self, *, on: bool) -> None:
-        """Begin no more pulses, or go on; a pulse that is on is done to its end.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to pause.
-        """
+        """Begin no more pulses, or go on; a pulse that is on is done to its end."""
         self._paused = on
         if on:
             self._missed(self._scheduler.miss(), "paused")
 
     def torque(self, slot: int, slot_ns: int, watch: GaitWatch) -> float:
-        """Return the perturbation torque that the plan wants now, N*m.
-
-        Parameters
-        ----------
-        slot, slot_ns : int
-            Number and time (ns) of the tick.
-        watch : GaitWatch
-            What is known of the gait.
-
-        Raises
-        ------
-        SafetyStop
-            When many pulses in a row were broken off, at the end of the last one's time.
-        """
+        """Return the perturbation torque that the plan wants now, N*m."""
         self._slot, steady = slot, watch.steady
         if self._was_steady and not steady:
             self._missed(self._scheduler.miss(), "gait not steady")
@@ -140,13 +98,7 @@ class PulseRunner:
         return self._value(slot_ns)
 
     def abort(self, why: str) -> None:
-        """Count the pulse that is on as not done; its torque is faded by the safety gate.
-
-        Parameters
-        ----------
-        why : str
-            For the journal.
-        """
+        """Count the pulse that is on as not done; its torque is faded by the safety gate."""
         if self.active is None or self.aborted:
             return
         self.aborted, self._why = True, why

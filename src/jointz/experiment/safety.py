@@ -8,14 +8,14 @@ Three reactions, from mild to hard:
   steady again: the wearer is well, a step would disturb more than a ramp;
 - anything measured out of bounds, and any request that is no number, **trips**: the
   torque of that very tick is zero, and of every tick after it. All codes of
-  :class:`jointz.core.trips.Trip` do the same, so nothing has to be decided in a trip.
+  :class:`jointz.core.codes.Trip` do the same, so nothing has to be decided in a trip.
 """
 
 from math import inf, isfinite, nan
 
+from jointz.core.codes import Trip
 from jointz.core.limits import DUTY_WINDOW_S, SafetyLimits
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import ActuatorSample
 
 _CLAMPED, _FADING, _TRIPPED = int(Flag.CLAMPED), int(Flag.FADING), int(Flag.TRIPPED)
@@ -138,8 +138,8 @@ class SafetyGate:
         self._overran = True
         self._overruns += missed_slots
         if self._overruns >= self._limits.consecutive_overruns:
-            told = f"{self._overruns} slots in a row, limit {self._limits.consecutive_overruns}"
-            self.trip(Trip.OVERRUN, told)
+            text = f"{self._overruns} slots in a row, limit {self._limits.consecutive_overruns}"
+            self.trip(Trip.OVERRUN, text)
 
     def check(
         self,
@@ -187,7 +187,7 @@ class SafetyGate:
         return self._sent
 
     def _check_sample(self, sample: ActuatorSample) -> None:
-        """Check what the actuator says by itself."""
+        """Check the values that the actuator measured."""
         limits = self._limits
         if sample.faults:
             self.trip(Trip.DEVICE_FAULT, f"bits {sample.faults:#x}")
@@ -199,12 +199,12 @@ class SafetyGate:
         if speed > limits.velocity_rad_s:
             self.trip(Trip.VELOCITY, f"{speed:.1f} rad/s, limit {limits.velocity_rad_s:g} rad/s")
         if sample.temperature_c > limits.temperature_c:
-            told = f"{sample.temperature_c:.0f} degC, limit {limits.temperature_c:g} degC"
-            self.trip(Trip.TEMPERATURE, told)
+            text = f"{sample.temperature_c:.0f} degC, limit {limits.temperature_c:g} degC"
+            self.trip(Trip.TEMPERATURE, text)
         self._moving = speed > _MOVING_RAD_S
 
     def _held(self) -> float:
-        """Send nothing before every sensor has given a sample."""
+        """Send zero torque before every sensor has given a sample."""
         self._waited += 1
         if self._waited > self._most_waited:
             self.trip(Trip.SENSOR_STALE, f"a sensor gave no sample in the first {_START_S:g} s")
@@ -223,8 +223,8 @@ class SafetyGate:
             else:
                 self.trip(Trip.SENSOR_NOT_FINITE, "goniometer")
         if age_s > limits.sensor_age_s:
-            told = f"the stalest is {age_s:.3f} s old, limit {limits.sensor_age_s:g} s"
-            self.trip(Trip.SENSOR_STALE, told)
+            text = f"the stalest is {age_s:.3f} s old, limit {limits.sensor_age_s:g} s"
+            self.trip(Trip.SENSOR_STALE, text)
         if angle != self._goniometer:
             self._goniometer, self._repeated_ticks = angle, 0
         elif self._moving:

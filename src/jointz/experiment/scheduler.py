@@ -1,8 +1,9 @@
-"""What is to be done with the plan while a participant walks."""
+"""Schedule of the planned pulses while a participant walks."""
 
 from collections import deque
 from collections.abc import Iterable
 
+from jointz.core.protocols.protocol import PerturbationPlan
 from jointz.experiment.plan import PlannedPulse
 
 #: A pulse whose timing point has passed by more than this is missed, % of the cycle; a slow
@@ -17,20 +18,6 @@ class Scheduler:
     and fires in that stride when the phase reaches its timing point. Where the
     phase is unknown then, the pulse is missed and goes to the end of the queue. A
     gap is never shorter than planned; a missed pulse makes the next one longer.
-
-    Parameters
-    ----------
-    pulses : iterable of PlannedPulse
-        Those still to be done, in order.
-    warm_up_strides : int
-        Accepted strides before the first.
-    late_pct : float, % of the cycle
-        How far past its timing point a pulse may still begin.
-
-    Attributes
-    ----------
-    queue : collections.deque of PlannedPulse
-        What is still to be done.
     """
 
     __slots__ = ("_due", "_late_pct", "_since", "queue")
@@ -38,24 +25,18 @@ class Scheduler:
     def __init__(
         self,
         pulses: Iterable[PlannedPulse],
+        plan: PerturbationPlan,
         *,
-        warm_up_strides: int,
         late_pct: float = LATE_PCT,
     ) -> None:
         self._late_pct = late_pct
         self.queue = deque(pulses)
         self._due = False
         # The first gap counts from the end of the warm-up.
-        self._since = -warm_up_strides
+        self._since = -plan.warm_up_strides
 
     def stride(self) -> PlannedPulse | None:
-        """Take note of an accepted stride.
-
-        Returns
-        -------
-        PlannedPulse or None
-            A pulse that was due in the stride and did not fire: it is missed.
-        """
+        """Count an accepted stride."""
         missed = self.miss() if self._due else None
         self._since += 1
         self._due = bool(self.queue) and self._since >= self.queue[0].gap_strides
@@ -67,13 +48,7 @@ class Scheduler:
         self._due = self._due and self._since >= self.queue[0].gap_strides
 
     def pulse_at(self, phase_pct: float) -> PlannedPulse | None:
-        """Return the pulse that begins now, if any.
-
-        Parameters
-        ----------
-        phase_pct : float, %
-            Phase of the gait cycle, known.
-        """
+        """Return the pulse that begins now, if any."""
         if not self._due:
             return None
         late = phase_pct - self.queue[0].gait_pct
@@ -84,7 +59,7 @@ class Scheduler:
         return self.queue.popleft()
 
     def miss(self) -> PlannedPulse | None:
-        """Put the pulse that is due back to the end of the queue and return it."""
+        """Move the pulse that is due to the end of the queue and return it."""
         if not self._due:
             return None
         self._due = False
@@ -93,11 +68,5 @@ class Scheduler:
         return missed
 
     def requeue(self, pulse: PlannedPulse) -> None:
-        """Put a pulse that was broken off to the end of the queue.
-
-        Parameters
-        ----------
-        pulse : PlannedPulse
-            The pulse.
-        """
+        """Append a pulse that was broken off to the queue."""
         self.queue.append(pulse)

@@ -14,9 +14,9 @@ stretch with the pulses that the journal does not count as done.
 
 import time
 import zlib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -25,18 +25,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from jointz.core.clock import Clock
-from jointz.core.device_limits import limits_on_device
 from jointz.core.errors import DeviceError, SafetyStop, WriteError
-from jointz.core.protocol import ConditionSpec
-from jointz.core.protocol import Protocol as ProtocolSpec
+from jointz.core.protocols.device_limits import limits_on_device
+from jointz.core.protocols.protocol import ConditionSpec
+from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
-from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Device, Devices, Rig
-from jointz.experiment.bench_plan import TimedPulse, make_bench_plan
 from jointz.experiment.console_link import ConsoleLink
 from jointz.experiment.control_box import ControlBox
 from jointz.experiment.driver_errors import drivers_answer_for
-from jointz.experiment.journal import (
+from jointz.experiment.files.journal import (
     Event,
     Journal,
     is_completed,
@@ -46,22 +44,19 @@ from jointz.experiment.journal import (
     segments_begun,
     write_salvaged,
 )
-from jointz.experiment.loop import ControlLoop, undisturbed
-from jointz.experiment.plan import PlannedPulse, make_plan
-from jointz.experiment.recorder import Recorder
-from jointz.experiment.safety import SafetyGate
-from jointz.experiment.session_files import (
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.files.session_files import (
     CONTROL_FILE,
     JOURNAL_FILE,
-    bench_plan_of,
     keep_description,
     keep_plan,
     log_path,
-    plan_of,
 )
+from jointz.experiment.files.whole_files import make_folder
+from jointz.experiment.loop import ControlLoop, undisturbed
+from jointz.experiment.safety import SafetyGate
 from jointz.experiment.stop_signals import signals_held
-from jointz.experiment.trial_setup import AnyTrial, TrialSetup, bench_trial, walking_trial
-from jointz.experiment.whole_files import make_folder
+from jointz.experiment.trial_kinds import AnyTrial, TrialSetup, trial_kind
 
 #: Called with the trial and how far it is: of walking accepted strides, completed pulses and
 #: planned pulses; of a bench trial seconds done, the same again and seconds in all.
@@ -69,36 +64,20 @@ Progress = Callable[[str, int, int, int], None]
 
 
 class Operator(Protocol):
-    """Who runs the experiment."""
+    """The operator of the experiment."""
 
     def prompt(self, text: str) -> None:
-        """Show what is to be done before a condition and return when it is.
-
-        Parameters
-        ----------
-        text : str
-            The protocol's words.
-        """
+        """Show what is to be done before a condition and return when it is."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SessionPlan:
-    """What a session is to do.
+    """Protocol, seed and folder of a session."""
 
-    Parameters
-    ----------
-    protocol : Protocol
-        Of the experiment.
-    seed : int
-        Of the plan.
-    folder : pathlib.Path
-        Where the session is kept.
-    """
-
-    protocol: ProtocolSpec
-    seed: int
-    folder: Path
+    protocol: ProtocolSpec  # of the experiment
+    seed: int  # of the plan
+    folder: Path  # where the session is kept
 
     @property
     def period_ns(self) -> int:
@@ -106,37 +85,13 @@ class SessionPlan:
         return round(1e9 / self.protocol.rates.control_hz)
 
     def stream(self, wearer: str, purpose: str) -> np.random.Generator:
-        """Return the random numbers of one purpose of a wearer; nothing else draws from them.
-
-        Parameters
-        ----------
-        wearer, purpose : str
-            Whose, and what they are for; "" is the plan of all conditions.
-        """
+        """Return the random numbers of one purpose of a wearer; nothing else draws from them."""
         key = (zlib.crc32(wearer.encode()), *((zlib.crc32(purpose.encode()),) if purpose else ()))
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
 class Session:
-    """Runs what is still to be done of a session.
-
-    Parameters
-    ----------
-    plan : SessionPlan
-        What to do.
-    rig : Rig
-        The participant and the devices.
-    clocks : callable
-        Makes the clock of a stretch.
-    operator : Operator
-        Asked before every condition.
-    progress : callable
-        Told after every accepted stride.
-    real_time : bool
-        Whether to keep the machine's scheduler and garbage collector out of the loop.
-    attended : bool
-        Whether an operator's page starts, pauses and stops instead of the operator.
-    """
+    """Runs what is still to be done of a session."""
 
     def __init__(
         self,
@@ -150,6 +105,7 @@ class Session:
         attended: bool = False,
     ) -> None:
         self._plan = plan
+        self._kind = trial_kind(plan.protocol)
         self._rig = rig
         self._clocks = clocks
         self._operator = operator
@@ -161,30 +117,14 @@ class Session:
         self._stop_requested = False
 
     def request_stop(self) -> None:
-        """End the session soon, fading out a pulse that is on.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            When no trial is running, so that nothing is to be faded out.
-        """
+        """End the session soon, fading out a pulse that is on."""
         self._stop_requested = True
         if self._trial is None:
             raise KeyboardInterrupt
         self._trial.request_stop()
 
     def run(self) -> None:
-        """Run all conditions that are not done yet.
-
-        Raises
-        ------
-        DeviceError
-            When a device failed or the safety gate tripped.
-        OutputError
-            When the disk does not take the records.
-        KeyboardInterrupt
-            When a stop was requested.
-        """
+        """Run all conditions that are not done yet."""
         folder = self._plan.folder
         make_folder(folder / "logs")
         with Journal(folder / JOURNAL_FILE) as journal, self._linked(journal):
@@ -192,12 +132,14 @@ class Session:
                 self._write_down_once(journal)
             for condition in self._plan.protocol.conditions:
                 events = read_journal(folder / JOURNAL_FILE)
-                left = [name for name in condition.trial_names if not is_completed(events, name)]
-                if left and self._link is not None:
-                    self._link.await_start(left[0], condition.prompt)
-                elif left:
+                open_trials = [
+                    name for name in condition.trial_names if not is_completed(events, name)
+                ]
+                if open_trials and self._link is not None:
+                    self._link.await_start(open_trials[0], condition.prompt)
+                elif open_trials:
                     self._operator.prompt(condition.prompt)
-                for name in left:
+                for name in open_trials:
                     self._run_trial_of(condition, name, events, journal)
 
     @contextmanager
@@ -232,27 +174,21 @@ class Session:
 
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""
-        plan, wearer = self._plan, self._rig.wearer.id
-        pulse, walking = plan.protocol.pulse, plan.protocol.kind == "walking"
-        rng = plan.stream(wearer, "")
-        plans = {}
-        for condition in plan.protocol.conditions:
-            if condition.perturbations is None or pulse is None:
-                continue
-            for name in condition.trial_names:
-                made: Sequence[TimedPulse | PlannedPulse] = (
-                    make_plan(condition.perturbations, pulse, rng)
-                    if walking
-                    else make_bench_plan(condition, pulse, rng)
-                )
-                plans[name] = [one.to_dict() for one in made]
-        return plans
+        protocol, rng = self._plan.protocol, self._plan.stream(self._rig.wearer.id, "")
+        pulse = protocol.pulse
+        if pulse is None:
+            return {}
+        return {
+            name: [asdict(planned) for planned in self._kind.make_plan(condition, pulse, rng)]
+            for condition in protocol.conditions
+            if condition.perturbations is not None
+            for name in condition.trial_names
+        }
 
     def _run_trial_of(
         self, condition: ConditionSpec, name: str, events: list[Event], journal: Journal
     ) -> None:
         segment, clock = segments_begun(events, name), self._clocks()
-        walking = self._plan.protocol.kind == "walking"
         drivers: dict[str, object] = {"rig": self._rig}
         note = partial(self._note, journal, condition=name, segment=segment)
         with ExitStack() as stack:
@@ -262,13 +198,16 @@ class Session:
             drivers |= devices.named()
             for device in devices.all():
                 stack.push(partial(_close, device))
-            gate = self._gate(devices, self._felt(events, name) if walking else 0)
+            pulses = self._kind.read_plan(self._plan.folder).get(name, ())
+            shams = {pulse.number for pulse in pulses if pulse.amplitude_nm == 0.0}
+            felt = sum(number not in shams for number in pulses_begun(events, name))
+            gate = self._gate(devices, pulses_before=felt)
             note("segment_started")
             recorder = stack.enter_context(
                 Recorder(
                     log_path(self._plan.folder, name, segment),
                     self._header(condition, name, segment, devices),
-                    _layout(devices, walking=walking),
+                    self._kind.layout(devices),
                 )
             )
             setup = TrialSetup(
@@ -280,9 +219,13 @@ class Session:
                 gate=gate,
                 recorder=recorder,
                 clock=clock,
+                journal=journal,
+                pulses=pulses,
+                done=pulses_done(events, name),
+                rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
                 contact_levels_v=self._rig.calibration.contact_levels_v,
             )
-            trial = (self._walking if walking else self._bench)(setup, events, journal)
+            trial = self._kind.trial(setup, partial(self._progress, name))
             self._run_trial(trial, setup, note)
             # How long the log is then: one that is found shorter has lost something.
             note("condition_completed", log_bytes=recorder.size_bytes)
@@ -291,27 +234,6 @@ class Session:
         """Write an event down, with the time of day where the time is a real one."""
         moment = {"time_ns": time.time_ns()} if self._real_time else {}
         journal.write(event, **details, **moment)
-
-    def _bench(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
-        del events, journal  # a trial on a bench is done again from its beginning
-        return bench_trial(
-            setup,
-            bench_plan_of(self._plan.folder).get(setup.name, ()),
-            rng=self._plan.stream(self._rig.wearer.id, f"references of {setup.name}"),
-            progress=lambda done, total: self._progress(setup.name, done, done, total),
-        )
-
-    def _walking(self, setup: TrialSetup, events: list[Event], journal: Journal) -> AnyTrial:
-        pulses = plan_of(self._plan.folder).get(setup.name, ())
-        done = pulses_done(events, setup.name)
-        return walking_trial(
-            setup,
-            [pulse for pulse in pulses if pulse.number not in done],
-            journal=journal,
-            progress=lambda strides, completed: self._progress(
-                setup.name, strides, len(done) + completed, len(pulses)
-            ),
-        )
 
     def _run_trial(self, trial: AnyTrial, setup: TrialSetup, note: Callable[..., None]) -> None:
         """Run the loop; whatever happens, the devices are stopped first of all."""
@@ -340,12 +262,7 @@ class Session:
         if self._stop_requested:
             raise KeyboardInterrupt
 
-    def _felt(self, events: list[Event], name: str) -> int:
-        """Return how many pulses the wearer felt in earlier stretches of a condition."""
-        shams = {p.number for p in plan_of(self._plan.folder).get(name, ()) if p.sham}
-        return sum(number not in shams for number in pulses_begun(events, name))
-
-    def _gate(self, devices: Devices, pulses_before: int) -> SafetyGate | None:
+    def _gate(self, devices: Devices, *, pulses_before: int) -> SafetyGate | None:
         if devices.actuator is None:
             return None
         described = devices.actuator.describe()
@@ -370,13 +287,6 @@ class Session:
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
-
-
-def _layout(devices: Devices, *, walking: bool) -> Layout:
-    """Return what the records of a log look like."""
-    if walking:
-        return WALKING
-    return BENCH if devices.contact is None else BENCH_CONTACT
 
 
 def _confirm_stop(note: Callable[..., None], not_stopped: Collection[str]) -> None:

@@ -53,20 +53,20 @@ def _ignore_stops() -> None:
 
 
 def end_listening() -> bool:
-    """Let no signal interrupt from now on, and return whether one came since they are heard."""
+    """Stop listening to signals and return whether one came since listening began."""
     global _noted, _over
-    came, _noted, _over = _noted, False, True
-    return came
+    received, _noted, _over = _noted, False, True
+    return received
 
 
 def acknowledge_stop() -> None:
-    """Take note that the work ends by itself: the stop does not come again."""
+    """Acknowledge a stop: the work ends by itself and the signal is not repeated."""
     global _acknowledged, _first_s
     _acknowledged, _first_s = True, _first_s or time.monotonic()
 
 
 def is_stop_noted() -> bool:
-    """Tell whether a signal came."""
+    """Return whether a signal came."""
     return _noted
 
 
@@ -132,8 +132,6 @@ def _insist(number: signal.Signals) -> None:
 def signals_held() -> Iterator[None]:
     """Let the signals wait until the end of the block; a process that is started in it inherits it.
 
-    Notes
-    -----
     In a run by the main thread, in which Python handles signals, whichever thread of a driver or
     a progress bar the system gives them to. Where signals cannot wait, they do not.
     """
@@ -156,15 +154,15 @@ def _handled_later() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # Python handles none here
         return
-    came: set[int] = set()
+    received: set[int] = set()
 
     def keep(number: int, frame: FrameType | None) -> None:
         del frame
-        came.add(number)
+        received.add(number)
 
-    found = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    current = {number: signal.getsignal(number) for number in STOP_SIGNALS}
     # What is ignored stays so; what no Python code has set could not be set again.
-    handlers = {n: one for n, one in found.items() if one not in (signal.SIG_IGN, None)}
+    handlers = {n: one for n, one in current.items() if one not in (signal.SIG_IGN, None)}
     try:
         for number in handlers:
             signal.signal(number, keep)
@@ -173,5 +171,5 @@ def _handled_later() -> Iterator[None]:
         # Ctrl-C last: where it comes again now, the others are as they were.
         for number, handler in reversed(handlers.items()):
             signal.signal(number, handler)
-        for late in sorted(came):
+        for late in sorted(received):
             signal.raise_signal(late)  # it waits for the mask like any other

@@ -1,4 +1,4 @@
-"""What the devices measured, tick by tick."""
+"""Samples of all devices, tick by tick."""
 
 from jointz.core.session_log import NO_SAMPLE
 from jointz.devices.interface import ActuatorSample, Devices, SensorSample
@@ -6,79 +6,46 @@ from jointz.devices.interface import ActuatorSample, Devices, SensorSample
 _NAN = float("nan")
 NO_ACTUATOR_SAMPLE = ActuatorSample(NO_SAMPLE, NO_SAMPLE, _NAN, _NAN, _NAN, _NAN, _NAN, 0)
 NO_SENSOR_SAMPLE = SensorSample(NO_SAMPLE, NO_SAMPLE, _NAN)
+_NAMES = ("actuator", "angle", "torque", "positioner", "contact")
 
 
 class Streams:
-    """All samples that the devices queued since the tick before.
+    """Samples that the devices queued since the tick before; empty where there is no device."""
 
-    Parameters
-    ----------
-    devices : Devices
-        Active.
-
-    Attributes
-    ----------
-    actuator, angle, contact : list
-        The samples of this tick, oldest first; empty where none came.
-    newest_actuator, newest_angle : ActuatorSample, SensorSample
-        The last that came at all.
-    """
-
-    __slots__ = (
-        "_actuator_ns",
-        "_angle_ns",
-        "_contact_ns",
-        "_read_actuator",
-        "_read_angle",
-        "_read_contact",
-        "actuator",
-        "angle",
-        "contact",
-        "newest_actuator",
-        "newest_angle",
-    )
+    __slots__ = (*_NAMES, "_last_ns", "_reads", "newest_actuator", "newest_angle")
 
     def __init__(self, devices: Devices) -> None:
-        if devices.angle is None or devices.contact is None:
-            raise ValueError("expected devices with a goniometer and a footswitch.")
-        self._read_actuator = devices.actuator.read if devices.actuator else None
-        self._read_angle = devices.angle.read
-        self._read_contact = devices.contact.read
-        self._actuator_ns = self._angle_ns = self._contact_ns = -1
+        present = [(n, device) for n in _NAMES if (device := getattr(devices, n)) is not None]
+        self._reads = [(name, device.read) for name, device in present]
+        #: When each device last gave a sample, -1 before the first.
+        self._last_ns = dict.fromkeys((name for name, _ in present), -1)
         self.actuator: list[ActuatorSample] = []
         self.angle: list[SensorSample] = []
+        self.torque: list[SensorSample] = []
+        self.positioner: list[SensorSample] = []
         self.contact: list[SensorSample] = []
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
 
     def read(self, slot_ns: int) -> float:
-        """Read all devices and return how old the stalest of them is, s; infinite at first.
-
-        Parameters
-        ----------
-        slot_ns : int, ns
-            Time of the tick.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        """
-        if self._read_actuator is None:
-            self._actuator_ns = slot_ns
-        else:
-            self.actuator = self._read_actuator()
-            if self.actuator:
-                self.newest_actuator = self.actuator[-1]
-                self._actuator_ns = slot_ns
-        self.angle = self._read_angle()
+        """Read all devices and return how old the stalest of them is, s; infinite at first."""
+        last_ns = self._last_ns
+        for name, read in self._reads:
+            samples = read()
+            setattr(self, name, samples)
+            if samples:
+                last_ns[name] = slot_ns
+        if self.actuator:
+            self.newest_actuator = self.actuator[-1]
         if self.angle:
             self.newest_angle = self.angle[-1]
-            self._angle_ns = slot_ns
-        self.contact = self._read_contact()
-        if self.contact:
-            self._contact_ns = slot_ns
-        oldest_ns = min(self._actuator_ns, self._angle_ns, self._contact_ns)
+        oldest_ns = min(last_ns.values())
         if oldest_ns == slot_ns:
             return 0.0
         return (slot_ns - oldest_ns) * 1e-9 if oldest_ns >= 0 else float("inf")
+
+    @property
+    def parts(self) -> int:
+        """Records of this tick: one for each sample of the device that had most, at least one."""
+        counts = len(self.actuator), len(self.angle), len(self.contact)
+        return max(1, *counts, len(self.torque), len(self.positioner))

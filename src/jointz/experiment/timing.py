@@ -1,4 +1,4 @@
-"""How well the loop kept its time, from what the log says of every tick."""
+"""Timing of the loop, from the ticks of a log."""
 
 from typing import Any
 
@@ -10,23 +10,7 @@ _QUANTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 
 
 def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
-    """Summarise lateness, period error and work of the ticks.
-
-    Parameters
-    ----------
-    records : (n,) structured array
-        Of a log.
-    period_ns : int, ns
-        Of the loop.
-
-    Returns
-    -------
-    dict
-        ``ticks``, ``missed_slots``, ``clamped_ticks`` (less torque was let through than
-        was asked for), ``mean_rate_hz`` and, in us, quantiles p50, p99, p99_9 and max of
-        ``lateness_us`` (after the slot), ``period_error_us`` (size, from tick to tick)
-        and ``busy_us`` (work of a tick).
-    """
+    """Summarise lateness, period error and work of the ticks."""
     ticks = records[records["part"] == 0]
     if ticks.size < 2:
         return {"ticks": int(ticks.size), "missed_slots": 0, "clamped_ticks": 0}
@@ -46,7 +30,7 @@ def timing_report(records: np.ndarray, period_ns: int) -> dict[str, Any]:
 
 
 def _clamped(ticks: np.ndarray) -> np.ndarray:
-    """Tell which ticks sent less than was asked for; before the first samples nothing is asked."""
+    """Return which ticks sent less than was requested; before the first samples nothing is."""
     asked = ticks["requested_torque"]  # no number before the actuator's first sample
     differs = np.isfinite(asked) & (asked != ticks["sent_torque"])
     return np.asarray(differs & ((ticks["flags"] & Flag.CLAMPED) != 0))

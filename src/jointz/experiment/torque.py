@@ -2,7 +2,7 @@
 
 from math import exp, pi, tanh
 
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.core.study import TorqueModelSpec
 
 #: Friction turns its sign smoothly over this velocity: a step would make the motor chatter.
@@ -19,13 +19,6 @@ class AppliedTorque:
     Equation 4.1 with the acceleration from the differentiated and low-passed
     velocity. Good enough to act on; for estimates torque is computed again from
     the record, without delay.
-
-    Parameters
-    ----------
-    model : TorqueModelSpec
-        As calibrated.
-    sample_period_s : float, s
-        Of the samples.
     """
 
     __slots__ = ("_acceleration", "_constant", "_model", "_rate_hz", "_share", "_velocity")
@@ -39,15 +32,7 @@ class AppliedTorque:
         self._acceleration = 0.0
 
     def update(self, current: float, velocity: float) -> float:
-        """Take a sample and return the torque on the joint, N*m.
-
-        Parameters
-        ----------
-        current : float, A
-            Motor current.
-        velocity : float, rad/s
-            Of the output.
-        """
+        """Process a sample and return the torque on the joint, N*m."""
         model = self._model
         if self._velocity is not None:
             raw = (velocity - self._velocity) * self._rate_hz
@@ -65,13 +50,7 @@ class AppliedTorque:
 
 
 class ZeroTorque:
-    """Zero-torque control: compensates the friction that the wearer would feel.
-
-    Parameters
-    ----------
-    model : TorqueModelSpec
-        As calibrated.
-    """
+    """Zero-torque control: compensates the friction that the wearer would feel."""
 
     __slots__ = ("_coulomb", "_per_torque", "_viscous")
 
@@ -82,27 +61,13 @@ class ZeroTorque:
         self._per_torque = _COMPENSATED * model.gear_friction / abs(gain)
 
     def request(self, torque_nm: float, velocity: float) -> float:
-        """Return what to ask of the motor so that the joint feels a torque.
-
-        Parameters
-        ----------
-        torque_nm : float, N*m
-            Wanted on the joint, 0 between pulses.
-        velocity : float, rad/s
-            Of the output.
-        """
+        """Return what to ask of the motor so that the joint feels a torque."""
         friction = self._coulomb + self._per_torque * abs(torque_nm)
         return torque_nm + friction * tanh(velocity / _SMOOTH_RAD_S) + self._viscous * velocity
 
 
 class Trapezoid:
-    """A pulse of torque over the time since its onset.
-
-    Parameters
-    ----------
-    pulse : PulseSpec
-        Its parts; the amplitude comes from the plan.
-    """
+    """A pulse of torque over the time since its onset."""
 
     __slots__ = ("_down_from_ns", "_ramp_down_ns", "_ramp_up_ns", "duration_ns")
 
@@ -113,13 +78,7 @@ class Trapezoid:
         self.duration_ns = round(pulse.duration_s * 1e9)
 
     def share(self, elapsed_ns: int) -> float:
-        """Return the share of the amplitude, 0..1.
-
-        Parameters
-        ----------
-        elapsed_ns : int, ns
-            Since the onset.
-        """
+        """Return the share of the amplitude, 0..1."""
         if elapsed_ns < 0 or elapsed_ns >= self.duration_ns:
             return 0.0
         if elapsed_ns < self._ramp_up_ns:

@@ -1,17 +1,17 @@
-"""One uninterrupted stretch of a walking condition: what happens at every tick."""
+"""One uninterrupted stretch of a walking condition, tick by tick."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from jointz.core.clock import Clock
+from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
-from jointz.core.protocol import GaitSpec
+from jointz.core.protocols.protocol import GaitSpec
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import Devices
-from jointz.experiment.gait_watch import CONTACT_LEVELS, GaitWatch
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.gait.gait_watch import CONTACT_LEVELS, GaitWatch
 from jointz.experiment.pulse_runner import PulseRunner
-from jointz.experiment.recorder import Recorder
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
 from jointz.experiment.torque import AppliedTorque, ZeroTorque
@@ -24,41 +24,22 @@ COOL_DOWN_STRIDES = 5
 _NO_STRIDE_NS = 20_000_000_000
 
 #: Called after every accepted stride with strides and completed pulses.
-TrialProgress = Callable[[int, int], None]
+StrideCallback = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What a trial is to walk.
+    """Settings of a walking trial."""
 
-    Parameters
-    ----------
-    gait : GaitSpec
-        Of the protocol.
-    period_ns : int, ns
-        Of the loop.
-    strides : int
-        Accepted strides; with pulses, the last pulse and a few more decide.
-    contact_levels : tuple of float
-        Of the footswitch, off and on, in its own unit.
-    """
-
-    gait: GaitSpec
-    period_ns: int
-    strides: int
+    gait: GaitSpec  # of the protocol
+    period_ns: int  # ns: of the loop
+    strides: int  # accepted strides; with pulses, the last pulse and a few more decide
+    # of the footswitch, off and on, in its own unit
     contact_levels: tuple[float, float] = CONTACT_LEVELS
 
 
 class Motor:
-    """The actuator of a trial with everything between a wanted torque and its command.
-
-    Parameters
-    ----------
-    devices : Devices
-        With an actuator.
-    gate : SafetyGate
-        The last stage before the device.
-    """
+    """The actuator of a trial with everything between a wanted torque and its command."""
 
     __slots__ = ("applied", "command_torque", "gate", "stop", "zero_torque")
 
@@ -80,23 +61,6 @@ class Trial:
 
     Every decision is taken on the time of the tick's slot, so that the same
     samples make the same trial under a real and under a virtual clock.
-
-    Parameters
-    ----------
-    course : Course
-        Gait, period, length.
-    devices : Devices
-        Active.
-    motor : Motor or None
-        None where the participant does not wear the device.
-    pulses : PulseRunner or None
-        None in a condition without pulses.
-    recorder : Recorder
-        The log.
-    clock : Clock
-        For the work a tick took.
-    progress : callable
-        Told after every accepted stride.
     """
 
     def __init__(
@@ -108,8 +72,10 @@ class Trial:
         pulses: PulseRunner | None,
         recorder: Recorder,
         clock: Clock,
-        progress: TrialProgress,
+        progress: StrideCallback,
     ) -> None:
+        if devices.angle is None or devices.contact is None:
+            raise ValueError("expected devices with a goniometer and a footswitch.")
         self._period_ns = course.period_ns
         self._streams = Streams(devices)
         self._watch = GaitWatch(course.gait, course.contact_levels)
@@ -136,43 +102,14 @@ class Trial:
         self._stopping = True
 
     def pause(self, *, on: bool) -> bool:
-        """Begin no more pulses while the participant walks on, or go on with them.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to pause.
-
-        Returns
-        -------
-        bool
-            False where there are no pulses to pause.
-        """
+        """Begin no more pulses while the participant walks on, or go on with them."""
         if self._pulses is None:
             return False
         self._pulses.pause(on=on)
         return True
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
-        """Do everything that is to be done in one slot.
-
-        Parameters
-        ----------
-        slot, host_ns, skipped : int
-            Number of the slot, time (ns), slots skipped just before.
-
-        Returns
-        -------
-        bool
-            False when the trial is over or the safety gate has tripped.
-
-        Raises
-        ------
-        DeviceError
-            When a device is gone.
-        OSError
-            When the log or the journal cannot be written.
-        """
+        """Read, decide, command and record in one slot."""
         if self._first_slot < 0:
             self._first_slot = slot
         slot -= self._first_slot
@@ -231,7 +168,7 @@ class Trial:
         return "too much of the time under pulses" if self._watch.steady else "gait not steady"
 
     def _after_stride(self) -> bool:
-        """Take note of an accepted stride; False when it was the last that is needed."""
+        """Count an accepted stride; False if it was the last that is needed."""
         pulses, strides = self._pulses, self.strides
         if pulses is None:
             self._progress(strides, 0)
@@ -251,10 +188,8 @@ class Trial:
             )
 
     def _record(self, slot: int, host_ns: int) -> None:
-        streams = self._streams
-        counts = len(streams.actuator), len(streams.angle), len(streams.contact)
-        parts = max(1, *counts)
-        self._recorder.write(*[self._part(slot, host_ns, i) for i in range(parts)])
+        parts = range(self._streams.parts)
+        self._recorder.write(*[self._part(slot, host_ns, part) for part in parts])
 
     def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""

@@ -1,4 +1,4 @@
-"""Heel strikes out of footswitches, vertical forces and stride counters.
+"""Detection of heel strikes in footswitches, vertical forces and stride counters.
 
 Every detector is a Schmitt trigger with a refractory time. Its thresholds are
 calibrated in two stages: coarse levels of the whole record first, then the
@@ -48,28 +48,17 @@ _BLOCK_S = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeelStrikes:
-    """Heel strikes of one foot.
+    """Heel strikes of one foot."""
 
-    Parameters
-    ----------
-    time_s : (n,) float, s
-        Heel strikes, increasing.
-    rejected_s : (m,) float, s
-        Rises that are no strikes: bounces, drop-outs of the contact, brief false
-        contacts, and rises inside the refractory time.
-    low, high : float
-        Thresholds of the trigger, in units of the signal; of a voltage, at the
-        middle of its drift. NaN where the signal never switches and for a
-        stride counter.
-    method : str
-        ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``.
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  # heel strikes, increasing
+    # rises that are no strikes: bounces, drop-outs of the contact, brief false contacts, and rises
+    # inside the refractory time
     rejected_s: np.ndarray
+    # thresholds of the trigger, in units of the signal; of a voltage, at the middle of its drift.
+    # NaN where the signal never switches and for a stride counter
     low: float
     high: float
-    method: str
+    method: str  # ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``
 
 
 def find_heel_strikes(
@@ -80,26 +69,6 @@ def find_heel_strikes(
     The channel ``contact`` is used where it exists, else
     ``ground_reaction_force``, else ``cycle``. A contact whose kind is not
     declared is read as ``contact`` where it has two values, else as ``voltage``.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        A recording (:mod:`jointz.core.recording`); it is not modified.
-    levels_v : tuple of float, optional, V
-        Calibrated thresholds of a footswitch that gives volts, lower and upper; those of other
-        channels, and by default its own, are found in the record.
-
-    Returns
-    -------
-    HeelStrikes
-        None are found in a channel that never switches; that is no error.
-
-    Raises
-    ------
-    EstimationError
-        Code ``no_heel_strikes``, where the recording has none of the channels.
-    DataError
-        When the load of a vertical force is negative.
     """
     where = recording.attrs.get("file") or "recording"
     time = recording["time"].to_numpy()
@@ -125,16 +94,11 @@ def find_heel_strikes(
 
 
 def is_unclean_switch(recording: xr.Dataset) -> bool:
-    """Tell whether a channel that is declared as a switch of two levels does not rest at two.
+    """Return whether a declared two-level switch does not rest at two levels.
 
     Every seventh of its samples or more lies away from both: a voltage that drifts or rises
     slowly. Edges of a few samples, bounces, missing samples and levels other than 0 and 1 are no
     sign of that.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        A recording; False where it has no ``contact`` of that kind.
     """
     if "contact" not in recording or recording.attrs.get("contact_kind") != "contact":
         return False
@@ -156,19 +120,6 @@ def strikes_from_contact(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
     The strike is the first sample of each contact. Drop-outs shorter than 0.05 s or
     0.3 of the median swing make none, nor do lone contacts shorter than 0.1 of the
     median stance.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    signal : (n,) float
-        The contact; NaN where missing.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 5, 0.01)
-    >>> strikes_from_contact(t, np.mod(t + 0.5, 1.1) < 0.7).time_s.round(2).tolist()
-    [0.6, 1.7, 2.8, 3.9]
     """
     t, x = _finite(time, signal)
     if t.size < 2:
@@ -185,15 +136,6 @@ def strikes_from_voltage(
     are; drift is followed by the middle between the 5th and 95th percentile of
     5 s blocks that switch. The strike is the interpolated crossing of the lower
     threshold; bounces are treated as in a contact.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    signal : (n,) float
-        The voltage, any gain (positive) and offset; NaN where missing.
-    levels_v : tuple of float, optional, V
-        Thresholds, lower and upper, at the middle of the drift; found in the record by default.
     """
     t, x = _finite(time, signal)
     if t.size < 2:
@@ -211,13 +153,6 @@ def strikes_from_pulse(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
 
     Levels are the median and the typical peak of 2.5 s blocks, as the pulses may
     fill less than 1 % of the record. The strike is the first sample of the pulse.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    signal : (n,) float
-        The pulses, upward; NaN where missing.
     """
     t, x = _finite(time, signal)
     if t.size < 2:
@@ -234,18 +169,6 @@ def strikes_from_force(time: np.ndarray, force: np.ndarray) -> HeelStrikes:
     level, as in ground reaction force studies; it counts only where the force
     goes on to 50 N or 5 % of the load, whichever is more, so that noise at toe-off
     and in swing makes none.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    force : (n,) float, N
-        Vertical force; NaN where missing.
-
-    Raises
-    ------
-    DataError
-        When the load is negative.
     """
     t, x = _finite(time, force)
     if t.size < 2:
@@ -268,15 +191,7 @@ def strikes_from_force(time: np.ndarray, force: np.ndarray) -> HeelStrikes:
 
 
 def strikes_from_cycle(time: np.ndarray, cycle: np.ndarray) -> HeelStrikes:
-    """Find heel strikes where a stride number changes.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    cycle : (n,) float
-        Number of the stride; NaN where missing.
-    """
+    """Find heel strikes where a stride number changes."""
     t, x = _finite(time, cycle)
     if t.size < 2:
         return _none("cycle")
@@ -318,7 +233,7 @@ def _coarse_levels(x: np.ndarray) -> tuple[float, float]:
 
 
 def _thinned(x: np.ndarray) -> np.ndarray:
-    """Return at most so many samples, evenly spread: a level needs no more."""
+    """Return at most ``_LEVEL_SAMPLES`` samples, evenly spread."""
     return x[:: 1 + x.size // _LEVEL_SAMPLES]
 
 
@@ -348,7 +263,7 @@ def _block_count(t: np.ndarray, block_s: float) -> int:
 
 
 def _without_drift(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Subtract the slow wander of the middle between the levels, keeping its median."""
+    """Subtract the drift of the middle between the levels, keeping its median."""
     blocks = _block_count(t, _BLOCK_S)
     ends = np.array([np.percentile(b, [5, 95]) for b in np.array_split(x, blocks)])
     centre = np.array([b.mean() for b in np.array_split(t, blocks)])
@@ -397,7 +312,7 @@ def _trigger(
 
 
 def _debounced(t: np.ndarray, rise: np.ndarray, fall: np.ndarray) -> np.ndarray:
-    """Tell which rises begin a contact that is neither chatter, a blip, nor after a drop-out.
+    """Return which rises begin a contact, and are not chatter, a blip or the end of a drop-out.
 
     In this order: contacts apart by no more than chatter become one; contacts that
     are short against stance and against the low runs around them go; contacts apart
@@ -448,7 +363,7 @@ def _select(
 def _outside_refractory(
     time_s: np.ndarray, kept: np.ndarray, *, wait_s: float, expected: float
 ) -> np.ndarray:
-    """Return the rises that stand: of two closer than ``wait_s``, as a rule the first.
+    """Return the indices of accepted rises: of two closer than ``wait_s``, as a rule the first.
 
     The second stands, debounced or not, where the first came early and the second
     in time, by the median of the last five intervals: the first was a false contact.

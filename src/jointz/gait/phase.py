@@ -14,25 +14,14 @@ _OLDEST = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phase:
-    """Predicted phase of the gait cycle at given times.
+    """Predicted phase of the gait cycle at given times."""
 
-    Parameters
-    ----------
-    pct : (n,) float, % of the gait cycle
-        0 at heel strike; NaN where nothing is known. It is also given where
-        ``code`` says that it must not be trusted, so that what is left out can
-        still be counted at its timing point.
-    elapsed_s : (n,) float, s
-        Time since the last heel strike that is not a false one.
-    mean_stride_s : (n,) float, s
-        Mean of the last three accepted strides.
-    code : tuple of str
-        ``""``, ``no_recent_strides``, ``spurious_strike`` or ``missing_strike``.
-    """
-
+    # 0 at heel strike; NaN where nothing is known. It is also given where ``code`` says that it
+    # must not be trusted, so that what is left out can still be counted at its timing point
     pct: np.ndarray
-    elapsed_s: np.ndarray
-    mean_stride_s: np.ndarray
+    elapsed_s: np.ndarray  # time since the last heel strike that is not a false one
+    mean_stride_s: np.ndarray  # mean of the last three accepted strides
+    # ``""``, ``no_recent_strides``, ``spurious_strike`` or ``missing_strike``
     code: tuple[str, ...]
 
 
@@ -50,26 +39,6 @@ def gait_phase(t: np.ndarray, strides: Strides) -> Phase:
       runs on from the last strike that is not false;
     - ``missing_strike``: more than 1.33 mean strides have passed, so a strike
       was due and is missing.
-
-    Parameters
-    ----------
-    t : (n,) float, s
-        Times, in any order.
-    strides : Strides
-        The recording's strides.
-
-    Returns
-    -------
-    Phase
-        Phase, what it was made of, and whether it may be trusted.
-
-    Examples
-    --------
-    >>> from jointz.gait.strides import find_strides
-    >>> strides = find_strides(np.arange(6.0), np.empty((0, 2)))
-    >>> phase = gait_phase(np.array([1.5, 4.25]), strides)
-    >>> phase.pct.tolist(), phase.code
-    ([nan, 25.0], ('no_recent_strides', ''))
     """
     t = np.atleast_1d(np.asarray(t, dtype=float))
     mean, recent = _mean_stride(t, strides)
@@ -89,54 +58,19 @@ def gait_phase(t: np.ndarray, strides: Strides) -> Phase:
 
 
 def stride_containing(t: np.ndarray, strides: Strides) -> np.ndarray:
-    """Return the index of the stride that holds each time.
-
-    Parameters
-    ----------
-    t : (n,) float, s
-        Times, in any order.
-    strides : Strides
-        The recording's strides.
-
-    Returns
-    -------
-    (n,) int
-        Index into the strides, accepted or not; -1 outside all of them. A
-        stride holds the heel strike that begins it, not the one that ends it.
-    """
+    """Return the index of the stride that holds each time."""
     index = np.searchsorted(strides.strike_s, np.atleast_1d(t), side="right") - 1
     return np.where(index < strides.start_s.size, index, -1)
 
 
 def measured_phase(t: np.ndarray, strides: Strides) -> np.ndarray:
-    """Return the phase of each time within its stride as it happened, % of the gait cycle.
-
-    Parameters
-    ----------
-    t : (n,) float, s
-        Times, in any order.
-    strides : Strides
-        The recording's strides.
-
-    Returns
-    -------
-    (n,) float
-        Time since the heel strike that began the stride over the stride's duration up to the
-        next heel strike; NaN outside accepted strides, such as before a gap.
-
-    Examples
-    --------
-    >>> from jointz.gait.strides import find_strides
-    >>> strides = find_strides(np.array([0.0, 1.0, 2.25]), np.empty((0, 2)))
-    >>> measured_phase(np.array([0.5, 1.5, 2.5]), strides).tolist()
-    [50.0, 40.0, nan]
-    """
+    """Return the measured phase of each time within its stride, % of the gait cycle."""
     index = stride_containing(t, strides)
     inside = index >= 0
     inside[inside] = strides.accepted[index[inside]]
     pct = np.full(index.shape, np.nan)
-    held = index[inside]
-    pct[inside] = 100.0 * (t[inside] - strides.start_s[held]) / strides.duration_s[held]
+    stride = index[inside]
+    pct[inside] = 100.0 * (t[inside] - strides.start_s[stride]) / strides.duration_s[stride]
     return pct
 
 

@@ -1,4 +1,4 @@
-"""Sampling rates that strides and pulses make likely."""
+"""Plausible sampling rates, from strides and pulses."""
 
 from contextlib import suppress
 
@@ -40,32 +40,32 @@ def median_stride_s(recording: xr.Dataset) -> float | None:
 
 def rates_of_strides(recording: xr.Dataset) -> dict[float, float]:
     """Return usual rates in Hz, likeliest first, each with the median stride in s that it gives."""
-    found = {
+    stride_of_rate = {
         hz: stride for hz in USUAL_HZ[::4] if (stride := median_stride_s(_at_rate(recording, hz)))
     }
-    if not found:
+    if not stride_of_rate:
         return {}
-    best = min(found, key=lambda hz: _unusual(found[hz]))
-    strides = {float(hz): found[best] * best / hz for hz in USUAL_HZ}
+    best = min(stride_of_rate, key=lambda hz: _unusual(stride_of_rate[hz]))
+    strides = {float(hz): stride_of_rate[best] * best / hz for hz in USUAL_HZ}
     ordered = sorted(strides, key=lambda hz: _unusual(strides[hz]))
     likely = [hz for hz in ordered if _LIKELY_S[0] <= strides[hz] <= _LIKELY_S[1]]
     return {hz: strides[hz] for hz in likely[:_MOST_NAMED]}
 
 
 def told_rates(rates: dict[float, float]) -> str:
-    """Return rates with their strides in words."""
+    """Return rates with their median strides, as text."""
     return " or ".join(f"{hz:g} Hz (strides of {stride:.2f} s)" for hz, stride in rates.items())
 
 
 def is_walking_stride(stride_s: float) -> bool:
-    """Tell whether people walk with such a median stride."""
+    """Return whether a median stride is one of walking."""
     return SHORTEST_S <= stride_s <= LONGEST_S
 
 
 def scale_of_onsets(
     recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float, stamped: bool
 ) -> float | None:
-    """Return the factor at which pulses begin at their onsets, None where they do as they are.
+    """Return the factor that aligns pulses with their onsets, None if aligned or unclear.
 
     Stamps of a recorder can be in another unit than their onsets; without stamps a usual rate can
     be the right one. Pulses bend the command, else the torque. Chance makes no factor convincing,

@@ -1,4 +1,4 @@
-"""Strides between heel strikes, and which of them can be believed."""
+"""Strides between heel strikes, accepted or rejected."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -21,28 +21,14 @@ _GAP_SHARE = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Strides:
-    """Consecutive strides, each from one heel strike to the next.
+    """Consecutive strides, each from one heel strike to the next."""
 
-    Parameters
-    ----------
-    start_s, duration_s : (n,) float, s
-        The heel strike that begins each stride, and its length.
-    accepted : (n,) bool
-        Strides that can be believed; ``code`` is ``""`` there.
-    touches_gap : (n,) bool
-        A hole in the time stamps, of any length, lies inside.
-    code : tuple of str
-        ``""``, or a code of :class:`jointz.core.codes.Exclusion`.
-    detail : tuple of str
-        More about the code, and about holes in accepted strides.
-    """
-
-    start_s: np.ndarray
+    start_s: np.ndarray  # the heel strike that begins each stride, and its length
     duration_s: np.ndarray
-    accepted: np.ndarray
-    touches_gap: np.ndarray
-    code: tuple[str, ...]
-    detail: tuple[str, ...]
+    accepted: np.ndarray  # strides that can be believed; ``code`` is ``""`` there
+    touches_gap: np.ndarray  # a hole in the time stamps, of any length, lies inside
+    code: tuple[str, ...]  # ``""``, or a code of :class:`jointz.core.codes.Exclusion`
+    detail: tuple[str, ...]  # more about the code, and about holes in accepted strides
 
     @property
     def strike_s(self) -> np.ndarray:
@@ -60,7 +46,7 @@ class Strides:
 def find_strides(
     strike_s: np.ndarray, gaps: np.ndarray, *, gap_tolerance_s: float | None = None
 ) -> Strides:
-    """Cut a recording into strides and say which can be believed.
+    """Cut a recording into strides and accept or reject each.
 
     A stride is accepted when it lasts 0.75 to 1.33 times the median of the last
     five accepted strides (at the start: the median of all intervals counts as
@@ -70,31 +56,6 @@ def find_strides(
     moves nor restarts the band. After five rejected strides in a row that lie
     within 0.75 to 1.33 of their own median, the cadence has changed for good:
     the band restarts at that median, and the five stay rejected.
-
-    Parameters
-    ----------
-    strike_s : (n,) float, s
-        Heel strikes, increasing.
-    gaps : (k, 2) float, s
-        Start and end of holes, in order (:func:`jointz.gait.timestamps.find_gaps`).
-    gap_tolerance_s : float, s, optional
-        Holes shorter than this leave a stride accepted, with ``touches_gap``
-        set; by default 0.15 of the expected stride.
-
-    Returns
-    -------
-    Strides
-        One stride between every two consecutive strikes.
-
-    Raises
-    ------
-    DataError
-        When the strikes do not increase.
-
-    Examples
-    --------
-    >>> find_strides(np.array([0.0, 1.1, 2.2, 3.3, 5.5, 6.6]), np.empty((0, 2))).code
-    ('', '', '', 'missing_strike', '')
     """
     strike_s = np.asarray(strike_s, dtype=float)
     duration = np.diff(strike_s)
@@ -173,7 +134,7 @@ def _by_duration(length: float, expected: float) -> tuple[str, str]:
 
 
 def _longest_gap(strike_s: np.ndarray, gaps: np.ndarray) -> np.ndarray:
-    """Return the longest hole that reaches into each stride, 0 without one."""
+    """Return the longest gap that overlaps each stride, 0 without one."""
     length = gaps[:, 1] - gaps[:, 0]
     first = np.searchsorted(gaps[:, 1], strike_s[:-1], side="right")
     after = np.searchsorted(gaps[:, 0], strike_s[1:], side="left")

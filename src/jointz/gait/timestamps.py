@@ -1,4 +1,4 @@
-"""Time stamps of a recording: rate, holes, unbroken stretches, uniform grids.
+"""Time stamps of a recording: rate, gaps, unbroken stretches, uniform grids.
 
 The nominal rate of a recording is never assumed; everything here follows from
 the time stamps that were logged. Jittered stamps are resampled linearly, not
@@ -19,23 +19,7 @@ _HABIT_COUNT = 10
 
 
 def rate_hz(time: np.ndarray) -> float:
-    """Return the sampling rate: from the mean step of an even clock, else the median one.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps, at least two.
-
-    Returns
-    -------
-    float
-        Samples a second, Hz.
-
-    Examples
-    --------
-    >>> round(rate_hz(np.array([0.0, 0.01, 0.02, 0.5, 0.51])))
-    100
-    """
+    """Return the sampling rate: from the mean step of an even clock, else the median one."""
     steps = np.diff(time)
     if _even(steps, 1.0 + 2 * _JITTER):
         return steps.size / float(time[-1] - time[0])  # no digit lost to rounded stamps
@@ -43,22 +27,12 @@ def rate_hz(time: np.ndarray) -> float:
 
 
 def longest_step_s(time: np.ndarray) -> float:
-    """Return the longest step between samples that is not a hole.
+    """Return the longest step between samples that is not a gap.
 
     It is 1.75 median steps. A clock that rounds its stamps (900 Hz written in
     whole milliseconds) or alternates short and long periods has long steps that
     are no holes: where more than one step in twenty, and at least ten, are long,
     1.75 of these are allowed.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps, at least two.
-
-    Returns
-    -------
-    float
-        The longest step of an unbroken recording, s.
     """
     steps = np.diff(time)
     if _even(steps, _GAP_STEPS):
@@ -76,23 +50,7 @@ def _even(steps: np.ndarray, ratio: float) -> bool:
 
 
 def find_gaps(time: np.ndarray) -> np.ndarray:
-    """Find the holes in the time stamps.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-
-    Returns
-    -------
-    (k, 2) float, s
-        The last sample before each hole and the first after it.
-
-    Examples
-    --------
-    >>> find_gaps(np.array([0.0, 1.0, 2.0, 5.0, 6.0]))
-    array([[2., 5.]])
-    """
+    """Return the gaps in the time stamps, (n, 2): last sample before and first after, s."""
     if len(time) < 2:
         return np.empty((0, 2))
     steps = np.diff(time)
@@ -103,26 +61,7 @@ def find_gaps(time: np.ndarray) -> np.ndarray:
 
 
 def stretches(time: np.ndarray, finite: np.ndarray) -> list[slice]:
-    """Cut a recording into its longest unbroken stretches.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    finite : (n,) bool
-        Where every channel of interest has a number.
-
-    Returns
-    -------
-    list of slice
-        Maximal runs of samples without a hole and without a missing sample; a
-        run may be a single sample.
-
-    Examples
-    --------
-    >>> stretches(np.arange(5.0), np.array([True, True, False, True, True]))
-    [slice(0, 2, None), slice(3, 5, None)]
-    """
+    """Cut a recording into its longest unbroken stretches."""
     if len(time) > 1 and finite.all() and _even(np.diff(time), _GAP_STEPS):
         return [slice(0, len(time))]
     good = np.flatnonzero(finite)
@@ -142,18 +81,6 @@ def is_uniform(time: np.ndarray, *, step_s: float | None = None) -> bool:
 
     A clock that drifts by more than a sample against an even one is not uniform,
     however even its single steps are.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    step_s : float, s, optional
-        The expected step; by default the median one.
-
-    Returns
-    -------
-    bool
-        False where the stamps jitter, or where there is a hole.
     """
     if len(time) < 2:
         return True
@@ -173,30 +100,6 @@ def resample_stretch(
     A stretch whose steps are all within 2 % of the wanted one is returned as it
     is. Linear interpolation low-passes white noise a little and never
     overshoots; a spline through jittered stamps does (SCIENCE.md, section 4).
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps of one stretch (see :func:`stretches`).
-    values : (..., n) float
-        Signals at these times.
-    step_s : float, s, optional
-        Step of the grid; by default the stretch's median. Give the recording's
-        where several stretches must share one rate.
-
-    Returns
-    -------
-    time : (m,) float, s
-        Uniform times, from the first stamp to the last grid point not after
-        the last stamp.
-    values : (..., m) float
-        Signals at the uniform times.
-
-    Examples
-    --------
-    >>> t, x = resample_stretch(np.array([0.0, 1.0, 2.2, 3.0]), np.array([0.0, 1.0, 2.2, 3.0]))
-    >>> x.tolist()
-    [0.0, 1.0, 2.0, 3.0]
     """
     if len(time) < 2 or is_uniform(time, step_s=step_s):
         return time, values

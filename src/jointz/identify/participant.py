@@ -1,10 +1,9 @@
-"""One participant's recordings to impedance at every timing point."""
+"""Impedance of one participant at every timing point, from the participant's recordings."""
 
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 from jointz.core.codes import Exclusion
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import (
     GapRecord,
     PulseEstimate,
@@ -12,16 +11,11 @@ from jointz.core.events import (
     SamplingRecord,
     StrideRecord,
 )
-from jointz.core.participant_model import ParticipantModel
 from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
-from jointz.identify.bench.bench_cells import FullRecordEstimator
-from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.over_cycle.stride_curves import StrideCurves, stride_curves
-from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -29,86 +23,48 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
-from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.results.estimates import CellEstimate
+from jointz.results.participant_model import ParticipantModel
 
 
 @dataclass(frozen=True, slots=True)
 class ParticipantResult:
-    """Everything found in one participant's recordings.
+    """Estimates from one participant's recordings, and what was used and left out."""
 
-    Parameters
-    ----------
-    cells : mapping of str to tuple of CellEstimate
-        Method -> cells.
-    single : tuple of PulseEstimate
-        Pulses of a bench, each by itself.
-    pulses, strides, gaps : tuple
-        Every one found.
-    models : tuple of ParticipantModel
-        What the recommended method found about joint and sensor, of every session and side.
-    evidence : tuple of Evidence
-        What it explained, and by what.
-    curves : tuple of StrideCurves
-        Strides of somebody who was never perturbed, where a moment was recorded.
-    sampling : tuple of SamplingRecord
-        How fast each recording was sampled.
-    unclean_switches : tuple of str
-        Recordings whose footswitch, declared as one of two levels, does not rest at two.
-    units : tuple of (str, str)
-        Session and side of the perturbed recordings; "" where the study does not state them, and
-        on a bench.
-    """
-
-    cells: Mapping[str, tuple[CellEstimate, ...]]
-    single: tuple[PulseEstimate, ...]
+    cells: Mapping[str, tuple[CellEstimate, ...]]  # by method
+    single: tuple[PulseEstimate, ...]  # pulses of a bench, each estimated by itself
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
+    # joint and sensor of every session and side, by the recommended method
     models: tuple[ParticipantModel, ...] = ()
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[Evidence, ...] = ()  # the responses and what explains them, likewise
+    # strides of a participant who was never perturbed, if a moment was recorded
     curves: tuple[StrideCurves, ...] = ()
     sampling: tuple[SamplingRecord, ...] = ()
+    # recordings whose footswitch, declared as one of two levels, does not rest at two
     unclean_switches: tuple[str, ...] = ()
+    # session and side of the perturbed recordings; "" if the study does not state them, and on a
+    # bench
     units: tuple[Unit, ...] = ()
 
 
 def analyze_participant(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> ParticipantResult:
-    """Estimate a participant's impedance by session, side and timing point or group.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What to do.
-
-    Returns
-    -------
-    ParticipantResult
-        Estimates of every method, and every pulse, stride and gap.
-
-    Raises
-    ------
-    DataError
-        When a recording cannot be used as the study describes it.
-    """
+    """Estimate a participant's impedance by session, side and timing point or group."""
     parts: list[ParticipantResult] = []
-    known: set[int] = set()
-    for unit, group in recording_groups(recordings, walking=settings.walking):
-        parts.append(_analyze_group(participant, unit, group, settings, known))
-        known |= set(map(id, group))
+    reported: set[int] = set()
+    for unit, group in recording_groups(recordings, settings.kind):
+        parts.append(_analyze_group(participant, unit, group, settings, reported))
+        reported |= set(map(id, group))
     return ParticipantResult(
         cells={m: tuple(c for p in parts for c in p.cells[m]) for m in settings.methods},
         **{
-            name: tuple(one for part in parts for one in getattr(part, name))
-            for name in ParticipantResult.__slots__
-            if name != "cells"
+            field.name: tuple(row for part in parts for row in getattr(part, field.name))
+            for field in fields(ParticipantResult)
+            if field.name != "cells"
         },
     )
 
@@ -118,42 +74,34 @@ def _analyze_group(
     unit: Unit | None,
     recordings: Sequence[RecordingInput],
     settings: ParticipantSettings,
-    known: Container[int],
+    reported: Container[int],
 ) -> ParticipantResult:
-    """Estimate a session and side; strides of recordings known by another one are not repeated."""
+    """Estimate a session and side; recordings that another group has reported are not repeated."""
     sources = prepare_sources(recordings, settings)
-    new = [s for s, given in zip(sources, recordings, strict=True) if id(given) not in known]
-    cells: dict[str, tuple[CellEstimate, ...]] = {}
-    pulses: dict[str, list[PulseRecord]] = {}
-    single: tuple[PulseEstimate, ...] = ()
-    model: ParticipantModel | None = None
-    evidence: Evidence | None = None
-    for name in settings.methods:
-        estimator = _estimator(name, participant, sources, settings)
-        candidates = assign_pulses(
-            participant,
-            sources,
-            settings,
-            baseline=estimator.baseline,
-            alone=name == RECOMMENDED,
-        )
-        cells[name], pulses[name] = estimator.run(candidates)
-        single = single or estimator.single
-        if isinstance(estimator, WalkingEstimator):
-            model, evidence = estimator.model, estimator.evidence
+    new = [s for s, given in zip(sources, recordings, strict=True) if id(given) not in reported]
+    data = ParticipantData(participant, sources)
+    estimates = {name: METHODS[name].estimate(data, settings) for name in settings.methods}
     session, side = unit or ("", "")
+    models = [e.model for e in estimates.values() if e.model is not None]
+    evidence = [e.evidence for e in estimates.values() if e.evidence is not None]
     return ParticipantResult(
         cells={
-            name: tuple(replace(c, session=session, side=side) for c in own)
-            for name, own in cells.items()
+            name: tuple(replace(c, session=session, side=side) for c in e.cells)
+            for name, e in estimates.items()
         },
-        single=single,
-        pulses=tuple(replace(p, session=session, side=side) for p in pulses[settings.methods[0]]),
-        strides=tuple(_stride_records(participant, new, settings)),
-        gaps=tuple(_gap_records(participant, new)),
-        models=() if model is None else (replace(model, session=session, side=side),),
-        evidence=() if evidence is None else (replace(evidence, session=session, side=side),),
-        curves=stride_curves(participant, sources) if settings.walking else (),
+        single=next((e.single for e in estimates.values() if e.single), ()),
+        pulses=tuple(
+            replace(p, session=session, side=side) for p in estimates[settings.methods[0]].pulses
+        ),
+        strides=tuple(r for source in new for r in _stride_records(participant, source, settings)),
+        gaps=tuple(
+            GapRecord(participant, source.given.file, float(a), float(b - a))
+            for source in new
+            for a, b in find_gaps(source.given.recording["time"].to_numpy())
+        ),
+        models=tuple(replace(m, session=session, side=side) for m in models),
+        evidence=tuple(replace(e, session=session, side=side) for e in evidence),
+        curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
         sampling=tuple(
             SamplingRecord(
                 participant,
@@ -170,67 +118,33 @@ def _analyze_group(
     )
 
 
-def _estimator(
-    name: str, participant: str, sources: Sequence[Source], settings: ParticipantSettings
-) -> CellEstimator | FullRecordEstimator | WalkingEstimator:
-    if name == FULL_RECORD:
-        return FullRecordEstimator(participant, sources, settings)
-    if name == RECOMMENDED:
-        return WalkingEstimator(participant, sources, settings)
-    return CellEstimator(participant, METHODS[name], sources, settings)
-
-
 def _stride_records(
-    participant: str, sources: Sequence[Source], settings: ParticipantSettings
-) -> list[StrideRecord]:
-    records = []
-    for source in sources:
-        strides = source.strides
-        if strides is None:
-            continue
-        damage_s = damage_of(source.given.recording)
-        session, side = unit_of(source.given) if settings.walking else ("", "")
-        for k in range(strides.start_s.size):
-            start_s = float(strides.start_s[k])
-            code, detail = strides.code[k], strides.detail[k]
-            if not code:
-                undisturbed = bool(source.undisturbed[k])
-                code, own = _own_code(source, start_s, undisturbed=undisturbed, settings=settings)
-                detail = own or detail
-            elif code == Exclusion.GAP:
-                spoilt = damage_near(damage_s, start_s, start_s + float(strides.duration_s[k]))
-                code, detail = (Exclusion.DAMAGED_LOG.value, spoilt) if spoilt else (code, detail)
-            records.append(
-                StrideRecord(
-                    participant=participant,
-                    recording=source.given.file,
-                    condition=source.given.condition,
-                    start_s=start_s,
-                    duration_s=float(strides.duration_s[k]),
-                    code=code,
-                    detail=detail,
-                    session=session,
-                    side=side,
-                )
-            )
-    return records
-
-
-def _gap_records(participant: str, sources: Sequence[Source]) -> list[GapRecord]:
-    return [
-        GapRecord(participant, source.given.file, float(a), float(b - a))
-        for source in sources
-        for a, b in find_gaps(source.given.recording["time"].to_numpy())
-    ]
-
-
-def _own_code(
-    source: Source, start_s: float, *, undisturbed: bool, settings: ParticipantSettings
-) -> tuple[str, str]:
-    """Return why a stride of good length is not used, in the user's words too; "" where it is."""
-    line = settings.left_out_by(source.given.file, start_s)
-    if line is not None:
-        return Exclusion.USER.value, line.reason
-    if source.given.condition == "unperturbed" and not undisturbed:
-        return Exclusion.PULSE_IN_STRIDE.value, ""
-    return "", ""
+    participant: str, source: Source, settings: ParticipantSettings
+) -> Iterator[StrideRecord]:
+    strides = source.strides
+    if strides is None:
+        return
+    damage_s = damage_of(source.given.recording)
+    session, side = unit_of(source.given) if settings.kind.by_side else ("", "")
+    for k, (start, duration) in enumerate(zip(strides.start_s, strides.duration_s, strict=True)):
+        start_s, duration_s = float(start), float(duration)
+        code, detail = strides.code[k], strides.detail[k]
+        if not code and (line := settings.left_out_by(source.given.file, start_s)) is not None:
+            code, detail = Exclusion.USER.value, line.reason or detail
+        elif not code and source.given.condition == "unperturbed" and not source.undisturbed[k]:
+            code = Exclusion.PULSE_IN_STRIDE.value
+        elif code == Exclusion.GAP and (
+            damage := damage_near(damage_s, start_s, start_s + duration_s)
+        ):
+            code, detail = Exclusion.DAMAGED_LOG.value, damage
+        yield StrideRecord(
+            participant=participant,
+            recording=source.given.file,
+            condition=source.given.condition,
+            start_s=start_s,
+            duration_s=duration_s,
+            code=code,
+            detail=detail,
+            session=session,
+            side=side,
+        )

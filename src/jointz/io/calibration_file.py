@@ -39,51 +39,18 @@ class _File(CheckedModel):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFile:
-    """What a calibration file says.
+    """Content of a calibration file."""
 
-    Parameters
-    ----------
-    common : CalibrationSpec
-        Entries for everybody.
-    participants : mapping of str to CalibrationSpec
-        Participant -> entries of their own.
-    """
-
-    common: CalibrationSpec
-    participants: Mapping[str, CalibrationSpec]
+    common: CalibrationSpec  # entries for everybody
+    participants: Mapping[str, CalibrationSpec]  # participant -> entries of their own
 
     def of(self, participant: str) -> CalibrationSpec:
-        """Return what is known for a participant: their own entries over those for everybody.
-
-        Parameters
-        ----------
-        participant : str
-            The id; one that the file does not name has the entries for everybody.
-        """
+        """Return what is known for a participant: their own entries over those for everybody."""
         return self.common.overridden_by(self.participants.get(participant))
 
 
 def read_calibration(path: str | os.PathLike[str]) -> CalibrationFile:
-    """Read a calibration file.
-
-    Parameters
-    ----------
-    path : path
-        The file: a table ``[calibration]`` and ``[[participants]]`` with ``id`` and
-        ``calibration``, as in a study; either may be missing.
-
-    Returns
-    -------
-    CalibrationFile
-        The entries.
-
-    Raises
-    ------
-    DataError
-        When there is no such file.
-    StudyError
-        With every problem found.
-    """
+    """Read a calibration file."""
     file = Path(path)
     if not file.is_file():
         raise DataError(
@@ -95,43 +62,23 @@ def read_calibration(path: str | os.PathLike[str]) -> CalibrationFile:
 def _checked(where: str, text: bytes) -> CalibrationFile:
     raw = parse_toml(where, text, error=StudyError)
     try:
-        found = _File.model_validate(raw)
+        content = _File.model_validate(raw)
     except ValidationError as exc:
         raise StudyError(where, shape_problems(exc, _File, raw)) from exc
-    ids = [person.id for person in found.participants]
+    ids = [person.id for person in content.participants]
     twice = sorted({i for i in ids if ids.count(i) > 1})
     if twice:
         raise StudyError(where, [f"participants: {', '.join(twice)} is named more than once."])
-    return CalibrationFile(found.calibration, {p.id: p.calibration for p in found.participants})
+    return CalibrationFile(content.calibration, {p.id: p.calibration for p in content.participants})
 
 
 def calibration_toml(calibrations: Mapping[str, CalibrationSpec], *, earlier: str = "") -> str:
-    """Return the text of a calibration file.
-
-    Parameters
-    ----------
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries.
-    earlier : str
-        Text of a file to add them to: entries of the same name are replaced, all else stays.
-
-    Raises
-    ------
-    StudyError
-        When ``earlier`` is no calibration file, or is written in a way that cannot be added to.
-
-    Examples
-    --------
-    >>> from jointz.core.study import Calibrated
-    >>> known = CalibrationSpec(angle_lag_s=Calibrated(value=0.0065, sd=0.0005))
-    >>> print(calibration_toml({"S01": known}).splitlines()[-1])
-    calibration = { angle_lag_s = { value = 0.0065, sd = 0.0005 } }
-    """
+    """Return the text of a calibration file."""
     text = earlier or f"{_HEAD}jointz_calibration = 1\n"
-    there = _checked("calibration file", text.encode()).participants
+    participants = _checked("calibration file", text.encode()).participants
     newline = _newline(text)
     for participant in calibrations:
-        if participant not in there:
+        if participant not in participants:
             lines = ["", "[[participants]]", f"id = {written_text(participant)}"]
             lines += ["calibration = {}", ""]
             text += ("" if text.endswith("\n") else newline) + newline.join(lines)
@@ -139,31 +86,13 @@ def calibration_toml(calibrations: Mapping[str, CalibrationSpec], *, earlier: st
 
 
 def into_study(text: str, calibrations: Mapping[str, CalibrationSpec]) -> str:
-    """Return the text of a ``study.toml`` with entries of its participants' calibrations put in.
-
-    Parameters
-    ----------
-    text : str
-        What the file holds.
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries; those of the same name are replaced, others stay.
-
-    Returns
-    -------
-    str
-        The same text, comments and order kept, but for ``calibration = { ... }`` of these
-        participants.
-
-    Raises
-    ------
-    StudyError
-        When a participant is not there, or a calibration is written in another way than as
-        ``calibration = { ... }`` of a ``[[participants]]``.
-    """
+    """Return the text of a ``study.toml`` with entries of its participants' calibrations put in."""
     raw = parse_toml("study.toml", text.encode(), error=StudyError)
-    given = {name: known for name, known in calibrations.items() if _entries(known)}
+    entries = {
+        name: calibration for name, calibration in calibrations.items() if _entries(calibration)
+    }
     people = _people(raw)
-    problems = _missing(given, people)
+    problems = _missing(entries, people)
     blocks = _blocks(text)
     if len(blocks) != len(people):
         problems.append(
@@ -175,61 +104,27 @@ def into_study(text: str, calibrations: Mapping[str, CalibrationSpec]) -> str:
     edits = []
     for person, block in zip(people, blocks, strict=True):
         name = str(person["id"])
-        if name in given:
-            edits.append(_edit(text, block, _merged(person, given[name]), name))
+        if name in entries:
+            edits.append(_edit(text, block, _merged(person, entries[name]), name))
     changed = text
     for start, end, new in sorted(edits, reverse=True):
         changed = changed[:start] + new + changed[end:]
-    _check(changed, raw, given)
+    _check(changed, raw, entries)
     return changed
 
 
 def write_into_study(folder: Path, calibrations: Mapping[str, CalibrationSpec]) -> Path:
-    """Put entries into the ``study.toml`` of a folder, whole or not at all.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of the study.
-    calibrations : mapping of str to CalibrationSpec
-        Participant -> entries.
-
-    Returns
-    -------
-    pathlib.Path
-        The file that keeps what ``study.toml`` held before: ``study.toml.before-calibration``, or
-        with a number behind it where that is there already.
-
-    Raises
-    ------
-    DataError
-        When there is no ``study.toml``, or it is no UTF-8.
-    StudyError
-        When it cannot be edited; it is left as it was.
-    WriteError
-        When the system does not let it be written.
-    """
+    """Put entries into the ``study.toml`` of a folder, whole or not at all."""
     file = folder / "study.toml"
     before = file_text(file)
     after = into_study(before, calibrations)
-    kept = _kept(file, before)
+    backup = _kept(file, before)
     write_text(file, after)
-    return kept
+    return backup
 
 
 def file_text(file: Path) -> str:
-    """Return what a text file holds, its ends of lines as they are.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        When it cannot be read.
-    """
+    """Return what a text file holds, its ends of lines as they are."""
     try:
         return file.read_bytes().decode("utf-8")
     except (OSError, UnicodeDecodeError) as exc:
@@ -240,20 +135,7 @@ def file_text(file: Path) -> str:
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a text file whole or not at all, its ends of lines as they are.
-
-    Parameters
-    ----------
-    file : pathlib.Path
-        The file; one that exists is replaced.
-    text : str
-        What it is to hold.
-
-    Raises
-    ------
-    WriteError
-        When the system does not let it be written.
-    """
+    """Write a text file whole or not at all, its ends of lines as they are."""
     with whole_file(file, "Name a place that can be written.") as partial:
         partial.write_bytes(text.encode("utf-8"))
 
@@ -261,16 +143,16 @@ def write_text(file: Path, text: str) -> None:
 def _kept(file: Path, text: str) -> Path:
     """Write down what a file held, under a name that nothing has."""
     numbered = (f"-{number}" if number > 1 else "" for number in count(1))
-    for kept in (file.with_name(f"{file.name}.{_KEPT}{number}") for number in numbered):
+    for backup in (file.with_name(f"{file.name}.{_KEPT}{number}") for number in numbered):
         try:
-            with kept.open("xb") as stream:
+            with backup.open("xb") as stream:
                 stream.write(text.encode("utf-8"))
         except FileExistsError:
             continue
         except OSError as exc:
-            raise WriteError(str(kept), exc, "Make the study's folder writable.") from exc
+            raise WriteError(str(backup), exc, "Make the study's folder writable.") from exc
         break
-    return kept
+    return backup
 
 
 # --- the text ----------------------------------------------------------------------------------
@@ -282,11 +164,11 @@ def _people(raw: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return people if fine else []
 
 
-def _missing(given: Mapping[str, Any], people: Sequence[Mapping[str, Any]]) -> list[str]:
+def _missing(entries: Mapping[str, Any], people: Sequence[Mapping[str, Any]]) -> list[str]:
     ids = [str(person["id"]) for person in people]
     return [
         f"participants: '{name}' was calibrated but is not there; found {', '.join(ids) or 'none'}."
-        for name in given
+        for name in entries
         if name not in ids
     ]
 
@@ -332,25 +214,25 @@ def _edit(
     return line_end + 1, line_end + 1, written + newline
 
 
-def _merged(person: Mapping[str, Any], known: CalibrationSpec) -> dict[str, Any]:
-    return {**person.get("calibration", {}), **_entries(known)}
+def _merged(person: Mapping[str, Any], calibration: CalibrationSpec) -> dict[str, Any]:
+    return {**person.get("calibration", {}), **_entries(calibration)}
 
 
-def _entries(known: CalibrationSpec) -> dict[str, Any]:
-    return known.model_dump(exclude_none=True)
+def _entries(calibration: CalibrationSpec) -> dict[str, Any]:
+    return calibration.model_dump(exclude_none=True)
 
 
 def _newline(text: str) -> str:
     return "\r\n" if "\r\n" in text else "\n"
 
 
-def _check(text: str, before: Mapping[str, Any], given: Mapping[str, CalibrationSpec]) -> None:
+def _check(text: str, before: Mapping[str, Any], entries: Mapping[str, CalibrationSpec]) -> None:
     """Refuse an edit after which the file says anything else than before and the entries."""
     expected = {
         **before,
         "participants": [
-            {**person, "calibration": _merged(person, given[str(person["id"])])}
-            if str(person["id"]) in given
+            {**person, "calibration": _merged(person, entries[str(person["id"])])}
+            if str(person["id"]) in entries
             else person
             for person in _people(before)
         ],

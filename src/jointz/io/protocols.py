@@ -6,14 +6,13 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from types import MappingProxyType
 
 from pydantic import ValidationError
 
-from jointz.core.errors import DataError, ProtocolError
-from jointz.core.protocol import Protocol
-from jointz.io.toml_problems import all_problems, parse_toml
+from jointz.core.errors import ProtocolError
+from jointz.core.protocols.protocol import Protocol
+from jointz.io.toml_problems import all_problems, file_content, parse_toml
 
 _SUFFIX = ".toml"
 
@@ -89,12 +88,7 @@ def _content(name_or_path: str | os.PathLike[str]) -> bytes:
     name = os.fspath(name_or_path)
     if isinstance(name_or_path, str) and name in builtin_protocols():
         return (files("jointz.io") / "protocols_builtin" / f"{name}{_SUFFIX}").read_bytes()
-    if not os.path.isfile(name):  # unlike Path.is_file it holds for names no system takes
-        raise DataError(_unknown(name), path=name)
-    try:
-        return Path(name).read_bytes()
-    except OSError as exc:
-        raise DataError(f"{name}: cannot be read ({exc.strerror}).", path=name) from exc
+    return file_content(name, absent=_unknown(name))
 
 
 def _unknown(name: str) -> str:

@@ -1,6 +1,7 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,16 +19,46 @@ from jointz.core.channels import (
 from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
-from jointz.io.delimited import is_number
-from jointz.io.registry import LARGEST_SAMPLE, RawTable, check_samples, read_table
-from jointz.io.study import channel_unit, named_as_written, needed_channels
-from jointz.io.units import conversion
-
-Unit = tuple[str, float, float]
+from jointz.core.units import conversion
+from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
+from jointz.io.formats.registry import read_table
+from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
+from jointz.io.text.column_names import known_unit_in_name
+from jointz.io.text.delimited import is_number
 
 _FULL_TURN_RAD = 2 * np.pi
 _RATE_TOLERANCE = 0.05
 _PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StudyRecording:
+    """One recording of a study.
+
+    Parameters
+    ----------
+    study : Study
+        The opened study.
+    spec : RecordingSpec
+        What ``study.toml`` says about the recording: ``participant``, ``condition``, ``session``,
+        ``side``, ``file``.
+    """
+
+    study: Study
+    spec: RecordingSpec
+
+    def read(self) -> tuple[xr.Dataset, ...]:
+        """Read the samples: one dataset a condition and trial, see :func:`read_recording`."""
+        return read_recording(self.study, self.spec)
+
+    def read_pulses(self) -> pd.DataFrame | None:
+        """Read the pulse table; None without one."""
+        return read_pulse_table(self.study, self.spec)
+
+    def __repr__(self) -> str:
+        spec = self.spec
+        cell = (spec.participant, spec.condition, spec.session, spec.side)
+        return f"<recording {spec.file!r}: {', '.join(filter(None, cell))}>"
 
 
 def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]:
@@ -56,13 +87,15 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
+    # Columns count from 0 where one of them says so, be it one that this recording does not need.
+    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     with named_as_written(study.root, entry.file) as path:
         table = read_table(
             path,
             numeric=[columns[n] for n in numeric],
             labels=[columns[n] for n in labels],
             files=spec.files,
-            from_zero=_counts_from_zero(spec),
+            from_zero=any(channel.column in zeros for channel in spec.channels.values()),
         )
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
@@ -75,26 +108,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
 
 
 def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
-    """Read the pulse table of a recording, None where it has none.
-
-    Parameters
-    ----------
-    study : Study
-        The opened study.
-    entry : RecordingSpec
-        One of its recordings.
-
-    Returns
-    -------
-    pandas.DataFrame or None
-        ``onset_s``, ``duration_s``, ``amplitude_nm`` (NaN where not given) and
-        ``timing_point`` ("" where not given).
-
-    Raises
-    ------
-    DataError
-        For a missing ``onset_s``, unknown columns or cells that are no numbers.
-    """
+    """Read the pulse table of a recording, None where it has none."""
     if entry.perturbations is None:
         return None
     with named_as_written(study.root, entry.perturbations) as path:
@@ -105,11 +119,10 @@ def _pulse_table(path: Path) -> pd.DataFrame:
     table = _text_table(path)
     unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
     if "onset_s" not in table.columns or unknown:
-        raise DataError(
-            f"{path.name}: a pulse table has the columns {', '.join(_PULSE_COLUMNS)} "
-            f"(onset_s is required), got {', '.join(map(str, table.columns))}. "
-            f"{_todo(table, 'Correct the header.')}",
-            path=str(path),
+        raise file_error(
+            path,
+            f"a pulse table has the columns {', '.join(_PULSE_COLUMNS)} (onset_s is required), "
+            f"got {', '.join(map(str, table.columns))}. {_todo(table, 'Correct the header.')}",
         )
     pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
     for name in ("duration_s", "amplitude_nm"):
@@ -143,7 +156,7 @@ def _check_name(path: Path, column: str, name: str, *, row: int | None = None) -
 
 
 def _todo(table: pd.DataFrame, usual: str) -> str:
-    """Say what to do about a pulse table that has other signs between its columns."""
+    """Return the advice for a pulse table that has other signs between its columns."""
     header = str(table.columns[0])
     if len(table.columns) == 1 and (";" in header or "\t" in header):
         return "Put commas between the columns, and points into numbers: [files] is not for it."
@@ -162,10 +175,10 @@ def _text_table(path: Path) -> pd.DataFrame:
             skip_blank_lines=False,  # they count as rows
         )
     except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
-        raise DataError(
-            f"{path.name}: not a readable pulse table ({str(exc).strip()}). Correct it, or export "
-            "it again, as plain text that is not compressed.",
-            path=str(path),
+        raise file_error(
+            path,
+            f"not a readable pulse table ({str(exc).strip()}). Correct it, or export it again, "
+            "as plain text that is not compressed.",
         ) from exc
     if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
         raise DataError(
@@ -185,20 +198,13 @@ def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> n
     bad = ~(np.abs(values) <= LARGEST_SAMPLE) & (required | (text != "").to_numpy())
     if bad.any():
         row = int(text.index[bad][0])
-        raise DataError(
-            f"{path.name}, row {row}, column '{name}': expected a number, found "
-            f"'{text.loc[row]}'. Correct the cell.",
-            path=str(path),
-            channel=name,
+        raise file_error(
+            path,
+            f"expected a number, found '{text.loc[row]}'. Correct the cell.",
             row=row,
+            channel=name,
         )
     return values
-
-
-def _counts_from_zero(spec: StudySpec) -> bool:
-    """Tell whether columns are counted from 0, be it by one that this recording does not need."""
-    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
-    return any(channel.column in zeros for channel in spec.channels.values())
 
 
 def _in_si(
@@ -208,7 +214,7 @@ def _in_si(
     spec = study.spec
     column = str(spec.channels[name].column)
     si_unit, factor, offset = study.units[name]
-    stated = table.units.get(column)
+    stated = _unit_of_file(table, column)
     if stated and name != "contact":
         si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
     values = np.asarray(table.columns[column], dtype=float)
@@ -218,13 +224,18 @@ def _in_si(
     return (values if same else factor * values + offset), si_unit
 
 
+def _unit_of_file(table: RawTable, column: str) -> str:
+    """Return the unit that a file states for a column, also in brackets after its name."""
+    return table.units.get(column) or known_unit_in_name(column)
+
+
 def _agreed(
     spec: StudySpec, entry: RecordingSpec, name: str, stated: str, *, declared: Unit
 ) -> Unit:
     """Settle the unit a file states against the one the study declares."""
-    own = spec.channels[name].unit
+    declared_unit = spec.channels[name].unit
     try:
-        if own is None:
+        if declared_unit is None:
             return channel_unit(name, stated)
         from_file = conversion(stated, declared[0])
     except UnitError as exc:
@@ -232,7 +243,7 @@ def _agreed(
     if not np.allclose(from_file, declared[1:], rtol=1e-9, atol=0.0):
         raise UnitError(
             f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
-            f"{own!r}. Correct one of them.",
+            f"{declared_unit!r}. Correct one of them.",
             channel=name,
         )
     return (declared[0], *from_file)
@@ -272,7 +283,10 @@ def _piece(
     if "cycle" in labels:
         data["cycle"] = pd.factorize(labels["cycle"][rows])[0].astype(float)
     time = _time(spec, entry, channels, rows)
-    contact = spec.channels.get("contact")
+    contact, trial = spec.channels.get("contact"), ""
+    if "trial" in labels:
+        value = str(labels["trial"][rows][0])
+        trial = (spec.channels["trial"].values or {}).get(value, value)  # noqa: PD011 - a field
     recording = build_recording(
         time,
         data,
@@ -283,7 +297,7 @@ def _piece(
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
         file=entry.file,
         session=entry.session or "",
-        trial=_trial(spec, str(labels["trial"][rows][0])) if "trial" in labels else "",
+        trial=trial,
         side=entry.side or "",
         joint=spec.joint,
         positive=spec.positive,
@@ -315,11 +329,6 @@ def _time(
     return time
 
 
-def _trial(spec: StudySpec, value: str) -> str:
-    names = spec.channels["trial"].values or {}  # noqa: PD011 - a field, not a frame
-    return names.get(value, value)
-
-
 def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:
     mapping = spec.channels["condition"].values or {}  # noqa: PD011 - a field, not a frame
     name = CONDITIONS.get(mapping.get(value, value).lower())
@@ -343,7 +352,8 @@ def _reading_step(
         "file": entry.file,
         "sha256": table.sha256,
         "units": {
-            n: c.unit or table.units.get(str(c.column)) or si_units[n] for n, c in channels.items()
+            n: c.unit or _unit_of_file(table, str(c.column)) or si_units[n]
+            for n, c in channels.items()
         },
         "turned": [name for name in channels if _turned(name, study.spec)],
     }

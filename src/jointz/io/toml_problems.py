@@ -1,14 +1,16 @@
-"""Everything that is wrong with a TOML file, in sentences that begin with the key's full path."""
+"""Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import DeviceFileError, EntryError, ProtocolError, StudyError
+from jointz.core.errors import DataError, DeviceFileError, EntryError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
 
@@ -30,23 +32,23 @@ _EXPECTED = {
 }
 
 
+def file_content(name: str, *, absent: str) -> bytes:
+    """Return the bytes of a file; ``absent`` is the message where there is none."""
+    if not os.path.isfile(name):  # unlike Path.is_file it holds for names no system takes
+        raise DataError(absent, path=name)
+    try:
+        return Path(name).read_bytes()
+    except OSError as exc:
+        raise DataError(f"{name}: cannot be read ({exc.strerror}).", path=name) from exc
+
+
 def parse_toml(
     where: str,
     text: bytes,
     *,
     error: type[StudyError] | type[ProtocolError] | type[DeviceFileError] | type[EntryError],
 ) -> dict[str, Any]:
-    """Parse a TOML file.
-
-    Parameters
-    ----------
-    where : str
-        The file, for the message.
-    text : bytes
-        What it holds, UTF-8.
-    error : type
-        Raised when it is not valid.
-    """
+    """Parse a TOML file."""
     try:
         raw = tomllib.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as exc:
@@ -59,17 +61,7 @@ def parse_toml(
 def shape_problems(
     error: ValidationError, model: type[BaseModel], raw: Mapping[str, Any]
 ) -> list[str]:
-    """Return what pydantic refused, a sentence each.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        What it raised.
-    model : type
-        The model of the whole file.
-    raw : mapping
-        The file.
-    """
+    """Return what pydantic refused, a sentence each."""
     return [
         _sentence(dict(e), model, raw)
         for e in error.errors()
@@ -80,19 +72,9 @@ def shape_problems(
 def all_problems(
     error: ValidationError, model: type[CheckedModel], raw: Mapping[str, Any]
 ) -> list[str]:
-    """Return what pydantic refused and every inconsistency among what can be read.
-
-    Parameters
-    ----------
-    error : pydantic.ValidationError
-        What it raised.
-    model : type
-        The model of the whole file.
-    raw : mapping
-        The file.
-    """
-    found = _inconsistencies(_draft(model, raw), ())
-    return [*shape_problems(error, model, raw), *dict.fromkeys(found)]
+    """Return what pydantic refused and every inconsistency among what can be read."""
+    problems = _inconsistencies(_draft(model, raw), ())
+    return [*shape_problems(error, model, raw), *dict.fromkeys(problems)]
 
 
 def _holds_huge_integer(value: Any) -> bool:
@@ -129,8 +111,8 @@ def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str
         if isinstance(error["input"], str):
             return f"{place}: expected text that is not empty; got {shown}."
         return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
-    told = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
-    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else told
+    text = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else text
     return f"{place}: {message}; got {shown}."
 
 

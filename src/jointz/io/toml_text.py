@@ -10,19 +10,11 @@ _QUOTES = ('"""', "'''", '"', "'")
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A header or a key with its value, as it stands in a text.
+    """A header or a key with its value, as it stands in a text."""
 
-    Parameters
-    ----------
-    start, end : int
-        Of its characters, blanks, comment and end of line left out.
-    text : str
-        What stands there.
-    """
-
-    start: int
+    start: int  # of its characters, blanks, comment and end of line left out
     end: int
-    text: str
+    text: str  # what stands there
 
     @property
     def is_header(self) -> bool:
@@ -31,19 +23,7 @@ class Statement:
 
 
 def statements(text: str) -> Iterator[Statement]:
-    r"""Yield the statements of a valid TOML text, in order.
-
-    Parameters
-    ----------
-    text : str
-        The text; quoted brackets, lists over several lines and comments are seen for what they
-        are.
-
-    Examples
-    --------
-    >>> [s.text for s in statements('a = "[x]"  # no header\n[b]\nc = [\n  1,\n]\n')]
-    ['a = "[x]"', '[b]', 'c = [\n  1,\n]']
-    """
+    r"""Yield the statements of a valid TOML text, in order."""
     at = start = end = depth = 0
     while at < len(text):
         letter = text[at]
@@ -65,8 +45,8 @@ def statements(text: str) -> Iterator[Statement]:
 
 
 def _statement(text: str, start: int, end: int) -> Statement:
-    found = text[start:end].lstrip("\ufeff \t\r\n")
-    return Statement(end - len(found), end, found)
+    content = text[start:end].lstrip("\ufeff \t\r\n")
+    return Statement(end - len(content), end, content)
 
 
 def _behind_text(text: str, at: int) -> int:
@@ -83,69 +63,29 @@ def _behind_text(text: str, at: int) -> int:
 
 
 def written_key(name: str) -> str:
-    """Return a key as it is written, quoted where it must be.
-
-    Parameters
-    ----------
-    name : str
-        The key.
-    """
+    """Return a key as it is written, quoted where it must be."""
     plain = name.replace("_", "a").replace("-", "a").isalnum() and name.isascii()
     return name if plain else written_text(name)
 
 
 def written_text(value: str) -> str:
-    """Return a text as it is written; JSON's escapes are a part of TOML's.
-
-    Parameters
-    ----------
-    value : str
-        The text.
-    """
+    """Return a text as it is written; JSON's escapes are a part of TOML's."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def written_comment(text: str) -> str:
-    r"""Return a text as it may stand behind ``#``: one line, without control characters.
-
-    Parameters
-    ----------
-    text : str
-        The text, such as the name of a column.
-
-    Examples
-    --------
-    >>> written_comment("Note\n(mm)")
-    'Note (mm)'
-    """
+    r"""Return a text as it may stand behind ``#``: one line, without control characters."""
     return "".join(" " if letter < " " or letter == "\x7f" else letter for letter in text)
 
 
 def written_table(values: Mapping[str, Any]) -> str:
-    """Return an inline table of numbers, texts and inline tables.
-
-    Parameters
-    ----------
-    values : mapping
-        Key -> value; numbers become floats.
-
-    Examples
-    --------
-    >>> written_table({"angle_gain": {"value": 1, "sd": 0.02}})
-    '{ angle_gain = { value = 1.0, sd = 0.02 } }'
-    """
+    """Return an inline table of numbers, texts and inline tables."""
     parts = (f"{written_key(name)} = {written_value(value)}" for name, value in values.items())
     return "{ " + ", ".join(parts) + " }"
 
 
 def written_value(value: Any) -> str:
-    """Return a value as it is written.
-
-    Parameters
-    ----------
-    value : object
-        A mapping becomes an inline table, a number a float, all else a text.
-    """
+    """Return a value as it is written."""
     if isinstance(value, Mapping):
         return written_table(value)
     return repr(float(value)) if isinstance(value, int | float) else written_text(str(value))

@@ -20,45 +20,10 @@ MOST_BLOCKS = 60
 def block_sandwich(scores: np.ndarray, bread: np.ndarray, n_blocks: int) -> np.ndarray:
     """Return the covariance of the root of estimating equations by batch means.
 
-    With scores ``psi_t = z_t r_t`` summed over consecutive blocks to ``g_b``
-    and bread ``A = sum z_t x_t'``, the covariance is
-    ``A^-1 (sum_b g_b g_b') A^-T n_b / (n_b - 1)``. Use Student's t with
-    ``n_blocks - 1`` degrees of freedom; with p parameters and few blocks,
-    ``n_blocks - p`` in both places.
-
-    Parameters
-    ----------
-    scores : (n, p) float
-        Instrument (or regressor) times residual, in the order of time.
-    bread : (p, p) float
-        Sum of instrument times regressor.
-    n_blocks : int
-        Number of blocks; their lengths differ by one sample at most.
-
-    Returns
-    -------
-    (p, p) float
-        Covariance of the p parameters.
-
-    Raises
-    ------
-    ValueError
-        When shapes disagree, ``n_blocks`` does not lie between 2 and n, or the
-        bread is singular.
-
-    Notes
-    -----
-    Heteroskedasticity and autocorrelation robust: Liang and Zeger 1986,
-    doi:10.1093/biomet/73.1.13, with blocks of time as clusters.
-
-    Examples
-    --------
-    The mean of four numbers, each its own block, has the usual variance:
-
-    >>> x = np.array([1.0, 2.0, 3.0, 4.0])
-    >>> cov = block_sandwich((x - x.mean())[:, None], np.array([[4.0]]), 4)
-    >>> bool(np.isclose(cov[0, 0], x.var(ddof=1) / 4))
-    True
+    ``scores`` (n, p): instrument times residual z_t r_t in the order of time; ``bread`` (p, p): A =
+    sum z_t x_t'. With sums g_b of the scores over n_b blocks it is A^-1 (sum g_b g_b') A^-T n_b /
+    (n_b - 1), for Student's t with n_b - 1 degrees of freedom (n_b - p in both places with few
+    blocks). Liang and Zeger 1986, doi:10.1093/biomet/73.1.13, blocks of time as clusters.
     """
     scores = np.asarray(scores, dtype=float)
     bread = np.asarray(bread, dtype=float)
@@ -83,21 +48,8 @@ def block_sandwich(scores: np.ndarray, bread: np.ndarray, n_blocks: int) -> np.n
 def autocorrelation(x: np.ndarray) -> np.ndarray:
     """Return the autocorrelation of a signal about its mean, one at lag zero.
 
-    Parameters
-    ----------
-    x : (n,) float
-        The signal.
-
-    Returns
-    -------
-    (n,) float
-        Lags 0 to n - 1, biased (divided by n at every lag); zero throughout
-        for a constant.
-
-    Examples
-    --------
-    >>> autocorrelation(np.array([1.0, -1.0, 1.0, -1.0])).round(3).tolist()
-    [1.0, -0.75, 0.5, -0.25]
+    ``x`` (n,). Returns (n,): lags 0 to n - 1, biased (divided by n at every lag); zero for a
+    constant.
     """
     centred = np.asarray(x, dtype=float) - np.mean(x)
     power = float(centred @ centred)
@@ -112,25 +64,8 @@ def autocorrelation(x: np.ndarray) -> np.ndarray:
 def correlation_time(residual: np.ndarray, *, rate_hz: float) -> float:
     """Return the integral correlation time of a signal, in s.
 
-    The autocorrelation of the centred signal is summed from lag zero (half
-    weight) to its first crossing of zero.
-
-    Parameters
-    ----------
-    residual : (n,) float
-        The signal.
-    rate_hz : float
-        Sampling rate.
-
-    Returns
-    -------
-    float
-        s; zero for a signal that is zero.
-
-    Examples
-    --------
-    >>> round(correlation_time(np.array([1.0, -1.0, 1.0, -1.0]), rate_hz=1.0), 3)
-    0.5
+    ``residual`` (n,). The autocorrelation is summed from lag zero (half weight) to its first
+    crossing of zero; 0 for a signal that is zero.
     """
     correlation = autocorrelation(residual)
     if correlation[0] == 0:
@@ -143,25 +78,8 @@ def correlation_time(residual: np.ndarray, *, rate_hz: float) -> float:
 def count_blocks(duration_s: float, *, correlation_time_s: float) -> int:
     """Return how many blocks a record makes; 0 where it is too short for an interval.
 
-    A block lasts at least one second and ten correlation times, and there are
-    10 to 60 of them. In a short record the second gives way, the ten
-    correlation times do not.
-
-    Parameters
-    ----------
-    duration_s : float
-        Length of the record.
-    correlation_time_s : float
-        Of the residuals, from :func:`correlation_time`.
-
-    Examples
-    --------
-    >>> count_blocks(30.0, correlation_time_s=0.02)
-    30
-    >>> count_blocks(5.0, correlation_time_s=0.02)
-    10
-    >>> count_blocks(5.0, correlation_time_s=0.2)
-    0
+    10 to 60 blocks, each of at least one second and ten correlation times of the residuals. In a
+    short record the second gives way, the ten correlation times do not.
     """
     independent_s = CORRELATION_TIMES_PER_BLOCK * correlation_time_s
     if duration_s < FEWEST_BLOCKS * independent_s:

@@ -12,16 +12,9 @@ _PENALTIES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 class BlockedRidge:
     """A linear prediction and how far it was off on rows it had not seen.
 
-    Parameters
-    ----------
-    centre, scale : (p,) float
-        Features are taken minus centre, over scale.
-    coefficients : (p + 1, q) float
-        Constant first.
-    left_out : (n, q) float
-        Targets minus their prediction from the other blocks.
-    penalty : float
-        The one that predicted best.
+    ``centre``, ``scale`` (p,): of the features; ``coefficients`` (p + 1, q): the constant first;
+    ``left_out`` (n, q): targets minus their prediction from the other blocks; ``penalty``: the one
+    that predicted best.
     """
 
     centre: np.ndarray
@@ -33,10 +26,7 @@ class BlockedRidge:
     def predict(self, features: np.ndarray) -> np.ndarray:
         """Return the prediction, (m, q).
 
-        Parameters
-        ----------
-        features : (m, p) float
-            As those it was fitted to.
+        ``features`` (m, p).
         """
         return np.asarray(_designed(features, self.centre, self.scale) @ self.coefficients)
 
@@ -51,42 +41,11 @@ def fit_blocked_ridge(
 ) -> BlockedRidge:
     """Fit targets by ridge regression; the penalty is the one that predicts best.
 
-    Parameters
-    ----------
-    features : (n, p) float
-        Regressors; a constant is added and not penalised.
-    targets : (n, q) float
-        What to predict.
-    blocks : (n,) int
-        Rows with the same number are left out together, so that alike neighbours do not
-        vouch for each other.
-    penalties : sequence of float
-        To choose from; in units of the features' variance.
-    judged : slice
-        Targets that the penalty is judged by.
-
-    Returns
-    -------
-    BlockedRidge
-        The prediction, with its errors on rows left out.
-
-    Raises
-    ------
-    ValueError
-        When shapes differ or there are fewer than two blocks.
-
-    Notes
-    -----
-    A penalty is judged by the median over rows of the squared error: a few rows from a false
-    step do not choose it. Every block's fit is that of all rows with the block's products taken
-    out, so that the cost hardly grows with the number of blocks.
-
-    Examples
-    --------
-    >>> x = np.linspace(-1.0, 1.0, 40)[:, None]
-    >>> ridge = fit_blocked_ridge(x, 1.0 + 2.0 * x, np.arange(40) // 4)
-    >>> ridge.predict(np.array([[0.5]])).round(3)
-    array([[2.]])
+    ``features`` (n, p), ``targets`` (n, q): a constant is added and not penalised. ``blocks`` (n,):
+    rows with the same number are left out together, so that similar neighbours do not vouch for
+    each other. ``penalties`` are in units of the features' variance; ``judged`` are the targets
+    they are judged by, by the median over rows of the squared error: a few rows from a false step
+    do not choose.
     """
     n = len(features)
     names = np.unique(blocks)

@@ -30,14 +30,8 @@ _REORDER = {"reassoc", "contract"}  # lets sums run in vector registers; NaN kee
 class BootstrapFits:
     """Fits of the resampled averages, one row a resample.
 
-    Parameters
-    ----------
-    bounded : (R, 3) float64
-        K, B, J >= 0 in N*m/rad, N*m*s/rad, kg*m^2; NaN where singular.
-    unbounded : (R, 3) float64
-        The same without bounds.
-    active : (R,) uint8
-        Bit i is set where parameter i is held at zero; 0 where singular.
+    ``bounded``, ``unbounded`` (R, 3): K, B, J in N*m/rad, N*m*s/rad, kg*m^2, with and without
+    bounds; NaN where singular. ``active`` (R,): bit i is set where parameter i is held at zero.
     """
 
     bounded: np.ndarray
@@ -48,24 +42,9 @@ class BootstrapFits:
 def normal_equations(averages: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the sums of products that a fit needs, in one pass.
 
-    Parameters
-    ----------
-    averages : (R, 4, T) float
-        Angle, velocity, acceleration, torque; rad, rad/s, rad/s^2, N*m.
-
-    Returns
-    -------
-    gram : (R, 3, 3) float64
-        Products of angle, velocity and acceleration with one another.
-    moment : (R, 3) float64
-        Their products with torque.
-    power : (R,) float64
-        Sum of torque squared.
-
-    Raises
-    ------
-    ValueError
-        When the array does not have four channels.
+    ``averages`` (R, 4, T): angle, velocity, acceleration, torque; rad, rad/s, rad/s^2, N*m. Returns
+    ``gram`` (R, 3, 3): products of angle, velocity and acceleration with one another; ``moment``
+    (R, 3): their products with torque; ``power`` (R,): sum of torque squared.
     """
     values = np.ascontiguousarray(averages, dtype=np.float64)
     _check_channels("normal_equations: averages", values)
@@ -80,38 +59,11 @@ def nonnegative_least_squares(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Minimise ``||X b - y||^2`` over ``b >= 0`` exactly, by its active sets.
 
-    Parameters
-    ----------
-    gram : (R, 3, 3) float
-        ``X' X``.
-    moment : (R, 3) float
-        ``X' y``.
-
-    Returns
-    -------
-    solution : (R, 3) float64
-        The minimiser; NaN where ``X`` is singular (see :data:`SINGULAR_SHARE`),
-        whichever parameters would be held: data that cannot tell three
-        parameters apart decide none of them.
-    active : (R,) uint8
-        Bit i is set where parameter i is held at zero; 0 where singular.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not belong together.
-
-    Notes
-    -----
-    Each set has one candidate: least squares in the free parameters. The
-    minimiser is the candidate whose free parameters and whose gradients at the
-    held ones are all >= 0 (Karush-Kuhn-Tucker). Where rounding leaves none, at
-    a tie of two sets, the candidate nearest to it is taken and clipped.
-
-    Examples
-    --------
-    >>> nonnegative_least_squares(np.eye(3)[None], np.array([[1.0, -2.0, 3.0]]))
-    (array([[1., 0., 3.]]), array([2], dtype=uint8))
+    ``gram`` (R, 3, 3): X'X; ``moment`` (R, 3): X'y. Returns ``solution`` (R, 3), NaN where X is
+    singular (:data:`SINGULAR_SHARE`), and ``active`` (R,): bit i is set where parameter i is held
+    at zero. The minimiser is the candidate whose free parameters and whose gradients at the held
+    ones are all >= 0 (Karush, Kuhn and Tucker); where rounding leaves none, the nearest one,
+    clipped.
     """
     gram, moment = _checked_system("nonnegative_least_squares", gram, moment)
     fits = _empty_fits(len(gram))
@@ -122,22 +74,8 @@ def nonnegative_least_squares(
 def least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     """Minimise ``||X b - y||^2`` without bounds.
 
-    Parameters
-    ----------
-    gram : (R, 3, 3) float
-        ``X' X``.
-    moment : (R, 3) float
-        ``X' y``.
-
-    Returns
-    -------
-    (R, 3) float64
-        The minimiser; NaN where ``X`` is singular (see :data:`SINGULAR_SHARE`).
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not belong together.
+    ``gram`` (R, 3, 3): X'X; ``moment`` (R, 3): X'y. Returns (R, 3); NaN where X is singular
+    (:data:`SINGULAR_SHARE`).
     """
     gram, moment = _checked_system("least_squares", gram, moment)
     fits = _empty_fits(len(gram))
@@ -148,26 +86,9 @@ def least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
 def condition_numbers(gram: np.ndarray) -> np.ndarray:
     """Return the condition number of X with its columns scaled to unit length.
 
-    Parameters
-    ----------
-    gram : (R, 3, 3) float
-        ``X' X``.
-
-    Returns
-    -------
-    (R,) float64
-        Ratio of the largest to the smallest singular value, good up to about
-        1e7; infinite where ``X`` is singular, NaN where ``gram`` holds NaN.
-
-    Raises
-    ------
-    ValueError
-        When the shape is not (R, 3, 3).
-
-    Notes
-    -----
-    Unit columns are within sqrt(3) of the best scaling (van der Sluis, Numer.
-    Math. 14 (1969) 14, doi:10.1007/BF02165096): the units play no part.
+    ``gram`` (R, 3, 3): X'X. Returns (R,): largest over smallest singular value, good up to about
+    1e7; infinite where X is singular. Unit columns are within sqrt(3) of the best scaling (van der
+    Sluis 1969, Numer. Math. 14, 14, doi:10.1007/BF02165096).
     """
     gram = np.asarray(gram, dtype=np.float64)
     _check_gram("condition_numbers", gram)
@@ -186,34 +107,10 @@ def condition_numbers(gram: np.ndarray) -> np.ndarray:
 def bootstrap_fits(weights: np.ndarray, trials: np.ndarray) -> BootstrapFits:
     """Average the trials with each row of weights and fit K, B, J to each average.
 
-    Resamples are fitted in blocks: only the result grows with R.
-
-    Parameters
-    ----------
-    weights : (R, P) float
-        A resample's weight of each trial, as :func:`resample_weights` gives.
-    trials : (P, 4, T) float
-        Angle, velocity, acceleration, torque; rad, rad/s, rad/s^2, N*m.
-
-    Returns
-    -------
-    BootstrapFits
-        Bounded and unbounded fits, active bounds.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not belong together, or a trial is not finite: it
-        would spoil every resample, drawn or not.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> motion = rng.normal(size=(5, 3, 50))
-    >>> torque = np.einsum("c,pct->pt", [100.0, 1.0, 0.02], motion)
-    >>> trials = np.concatenate([motion, torque[:, None]], axis=1)
-    >>> np.round(bootstrap_fits(np.full((1, 5), 0.2), trials).bounded, 6)
-    array([[1.e+02, 1.e+00, 2.e-02]])
+    ``weights`` (R, P): weight of each trial in a resample (:func:`resample_weights`); ``trials``
+    (P, 4, T): angle, velocity, acceleration, torque; rad, rad/s, rad/s^2, N*m. Resamples are fitted
+    in blocks: only the result grows with R. Raises ValueError for a trial that is not finite: it
+    would spoil every resample.
     """
     weights = np.ascontiguousarray(weights, dtype=np.float64)
     trials = np.ascontiguousarray(trials, dtype=np.float64)

@@ -17,37 +17,10 @@ _FARTHEST, _HALVINGS = 10.0, 55
 def bounded_interval(value: float, sd: float, *, level: float = 0.95) -> tuple[float, float]:
     """Return the interval of a mean that is not negative.
 
-    Parameters
-    ----------
-    value : float
-        Measured; may be negative.
-    sd : float
-        Of its error, normal and positive.
-    level : float
-        Coverage.
-
-    Returns
-    -------
-    low, high : float
-        ``low`` is 0 where the bound is active: the interval is then one-sided.
-
-    Raises
-    ------
-    ValueError
-        When the sd is not positive or the level not between 0 and 1.
-
-    Notes
-    -----
-    Feldman and Cousins (1998), Physical Review D 57, 3873, section IV.B: the choice between a
-    limit and an interval is part of the construction, so that choosing costs no coverage, and
-    the interval is never empty.
-
-    Examples
-    --------
-    >>> [round(end, 2) for end in bounded_interval(0.0, 1.0)]
-    [0.0, 1.96]
-    >>> [round(end, 2) for end in bounded_interval(5.0, 1.0)]
-    [3.04, 6.96]
+    ``value`` may be negative; ``sd`` of its normal error. ``low`` is 0 where the bound is active:
+    the interval is then one-sided. Feldman and Cousins 1998, Physical Review D 57, 3873, section
+    IV.B: the choice between a limit and an interval is part of the construction, so it costs no
+    coverage.
     """
     if not sd > 0.0 or not 0.0 < level < 1.0:
         raise ValueError(

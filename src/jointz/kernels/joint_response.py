@@ -27,28 +27,12 @@ def joint_motion(
     period_s: float,
     substeps: int,
 ) -> np.ndarray:
-    r"""Return the motion of a joint from rest and its derivatives.
+    """Return the motion of a joint from rest and its derivatives.
 
-    Parameters
-    ----------
-    torque : (2, n) float, N*m
-        Torque at the samples: what is known of it, and what counts by ``share``.
-    share : float
-        Of the second row in the torque.
-    impedance : (6,) float
-        K, its slope, B, its slope, J, its slope; N*m/rad, N*m*s/rad, kg*m^2 and these per s.
-    middle_s : (3,) float, s
-        When K, B and J have the values given.
-    period_s : float, s
-        Between samples.
-    substeps : int
-        Steps from one sample to the next.
-
-    Returns
-    -------
-    ((n - 1) * substeps + 1, 8) float, rad
-        Columns: motion, then its derivatives with respect to K, slope of K, B, slope of B, J,
-        slope of J and ``share``.
+    ``torque`` (2, n) N*m at the samples, ``share`` of its second row in it; ``impedance`` (6,): K,
+    its slope, B, its slope, J, its slope, with the values at ``middle_s`` (3,). ``substeps``: steps
+    from one sample to the next. Returns ((n - 1) * substeps + 1, 8): the angle in rad, its
+    derivatives with respect to the six and to ``share``.
     """
     n = torque.shape[1]
     h = period_s / substeps
@@ -111,26 +95,10 @@ def sensed(
 ) -> np.ndarray:
     """Return what a sensor shows of a motion that begins at rest.
 
-    Parameters
-    ----------
-    motion : (m, k) float
-        Signals at even steps, zero before the first.
-    step_s : float, s
-        Between them.
-    samples_s : (n,) float, s
-        When the sensor is read, from the first step on.
-    delay_s : float, s
-        Pure delay; may be negative, which shows the future as far as it is there.
-    lag_s : float, s
-        Time constant of a first-order lag; 0 for none.
-    resonance_hz, damping_ratio : float
-        Of a second-order low-pass of gain one before the lag, damping ratio below 1; 0 Hz for
-        none.
-
-    Returns
-    -------
-    (n, k) float
-        Signals are straight between steps, which the filters follow exactly.
+    ``motion`` (m, k): signals at even steps, zero before the first; ``samples_s`` (n,): when the
+    sensor is read. Pure delay, first-order lag, and a second-order low-pass of gain one before it,
+    each of which may be absent. Returns (n, k); signals are straight between steps, which the
+    filters follow exactly.
     """
     return np.asarray(sense(motion, step_s, samples_s, delay_s, lag_s, resonance_hz, damping_ratio))
 

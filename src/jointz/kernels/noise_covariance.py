@@ -17,27 +17,11 @@ _STRENGTHS = np.geomspace(1.0, 1e4, 25)
 
 
 def steady_covariance(sample: np.ndarray) -> np.ndarray:
-    r"""Return the covariance of an autoregressive process that changes slowly.
+    """Return the covariance of an autoregressive process that changes slowly.
 
-    Parameters
-    ----------
-    sample : (n, n) float
-        Sample covariance, of any rank.
-
-    Returns
-    -------
-    (n, n) float
-        :math:`L D L^T` with the inverse of L banded and its neighbouring rows alike.
-
-    Notes
-    -----
-    Modified Cholesky decomposition (Pourahmadi 1999, Biometrika 86, 677) with coefficients and
-    variances averaged over neighbouring times: a sample is predicted from up to 12 before it.
-
-    Examples
-    --------
-    >>> steady_covariance(np.diag([1.0, 1.0, 1.0])).round(3).tolist()
-    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    ``sample`` (n, n): of any rank. Returns L D L' with the inverse of L banded and its neighbouring
+    rows alike: modified Cholesky decomposition (Pourahmadi 1999, Biometrika 86, 677), coefficients
+    and variances averaged over neighbouring times; a sample is predicted from up to 12 before it.
     """
     root = _steady_root(sample)
     return np.asarray(root @ root.T)
@@ -65,30 +49,11 @@ def _steady_root(sample: np.ndarray) -> np.ndarray:
 
 
 def shrunk_covariance(sample: np.ndarray, count: int) -> np.ndarray:
-    r"""Return a covariance between the sample's and a steady one, by their evidence.
+    """Return a covariance between the sample's and a steady one, by their evidence.
 
-    Parameters
-    ----------
-    sample : (n, n) float
-        Sample covariance.
-    count : int
-        Independent realisations behind it.
-
-    Returns
-    -------
-    (n, n) float
-        Mean of the posterior under an inverse Wishart prior about :func:`steady_covariance`;
-        the strength of the prior is the one that makes the data likeliest.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than two realisations.
-
-    Notes
-    -----
-    Chen 1979, Journal of the Royal Statistical Society B 41, 235. The prior's mean is taken from
-    the same data; it has so few parameters that this counts little.
+    ``sample`` (n, n) from ``count`` independent realisations. Returns the mean of the posterior
+    under an inverse Wishart prior about :func:`steady_covariance`. Chen 1979, Journal of the Royal
+    Statistical Society B 41, 235.
     """
     if count < 2:
         raise ValueError(f"shrunk_covariance: expected two realisations or more, got {count}.")

@@ -15,45 +15,10 @@ def resample_weights(
 ) -> np.ndarray:
     """Return the weights with which each bootstrap resample averages the trials.
 
-    A row holds how often each trial was drawn, with replacement and as many
-    draws as there are trials, over the number of trials; ``weights @ trials``
-    are then the resampled averages.
-
-    Parameters
-    ----------
-    n_trials : int
-        Number of trials.
-    n_resamples : int
-        Number of resamples.
-    rng : numpy.random.Generator
-        Source of randomness; the same state gives the same weights.
-    block : int
-        Draw runs of so many neighbours (the last joined to the first): trials
-        in order of time may resemble their neighbours.
-
-    Returns
-    -------
-    (n_resamples, n_trials) float64
-        Weights; every row sums to one.
-
-    Raises
-    ------
-    ValueError
-        When there is no trial or the number of resamples is negative.
-
-    Notes
-    -----
-    B. Efron, "Bootstrap methods: another look at the jackknife", Ann. Statist.
-    7 (1979) 1, doi:10.1214/aos/1176344552, in its resampling-vector form; blocks
-    as in D. N. Politis and J. P. Romano, "A circular block-resampling procedure
-    for stationary data" (1992). Where the block does not divide the number of
-    trials, the last run is cut short.
-
-    Examples
-    --------
-    >>> weights = resample_weights(4, 1000, np.random.default_rng(0))
-    >>> weights.shape, bool(np.allclose(weights.sum(axis=1), 1.0))
-    ((1000, 4), True)
+    Returns (n_resamples, n_trials): how often each trial was drawn, with replacement, over the
+    number of trials; ``weights @ trials`` are the resampled averages. ``block``: draw runs of so
+    many neighbours, the last joined to the first. Efron 1979, doi:10.1214/aos/1176344552; blocks:
+    Politis and Romano 1992, A circular block-resampling procedure for stationary data.
     """
     if n_trials < 1 or n_resamples < 0:
         raise ValueError(
@@ -75,21 +40,8 @@ def resample_weights(
 def trial_products(trials: np.ndarray) -> np.ndarray:
     """Return the products of every two trials, for :func:`resampled_normal_equations`.
 
-    Parameters
-    ----------
-    trials : (P, 4, T) float
-        Angle, velocity, acceleration, torque of each trial.
-
-    Returns
-    -------
-    (P, Q, 9) float64
-        For trials i <= j the sum of their products both ways round (once for
-        i = j), for each pair of channels; zero elsewhere. Q is P rounded up.
-
-    Raises
-    ------
-    ValueError
-        When the array does not have four channels.
+    ``trials`` (P, 4, T): angle, velocity, acceleration, torque. Returns (P, Q, 9): for trials i <=
+    j the sum of their products both ways round (once for i = j), for each pair of channels.
     """
     if trials.ndim != 3 or trials.shape[1] != _N_CHANNELS:
         raise ValueError(
@@ -111,36 +63,9 @@ def resampled_normal_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal equations of weighted averages without making the averages.
 
-    A product of two averages is a quadratic form of the weights in the
-    products of the trials. With P trials of 4 x T samples it takes 9 P^2 / 2
-    multiplications a resample where averaging takes 4 P T, so it is the faster
-    one up to about as many trials as samples.
-
-    Parameters
-    ----------
-    weights : (R, P) float
-        A resample's weight of each trial.
-    products : (P, Q, 9) float
-        What :func:`trial_products` returned.
-
-    Returns
-    -------
-    gram : (R, 3, 3) float64
-        Products of average angle, velocity and acceleration with one another.
-    moment : (R, 3) float64
-        Their products with average torque.
-
-    Raises
-    ------
-    ValueError
-        When weights and products do not belong to the same trials.
-
-    Examples
-    --------
-    >>> products = trial_products(np.ones((2, 4, 5)))
-    >>> gram, moment = resampled_normal_equations(np.array([[0.5, 0.5]]), products)
-    >>> float(gram[0, 0, 2]), float(moment[0, 1])
-    (5.0, 5.0)
+    ``weights`` (R, P); ``products`` (P, Q, 9): of :func:`trial_products`. Returns ``gram`` (R, 3,
+    3) and ``moment`` (R, 3) of the averages. A product of averages is a quadratic form of the
+    weights: 9 P^2 / 2 multiplications a resample instead of 4 P T for averaging.
     """
     if weights.ndim != 2 or weights.shape[1] != len(products):
         raise ValueError(

@@ -43,20 +43,9 @@ _BEYOND = 1e9
 class Responses(NamedTuple):
     """Average responses of m timing points, in arrays of one width.
 
-    Parameters
-    ----------
-    angle : (m, N) float, rad
-        Samples of each; zero behind its end.
-    torque : (m, 2, N) float, N*m
-        Without friction, and friction.
-    weights : (m, N, N) float, rad^-2
-        Inverse covariance of the error of the angle; zero behind its end.
-    samples : (m,) int
-        Length of each.
-    period_s : (m,) float, s
-        Between samples.
-    substeps : (m,) int
-        Steps of the simulation to a sample.
+    ``angle`` (m, N) rad; ``torque`` (m, 2, N) N*m: without friction, and friction; ``weights`` (m,
+    N, N): inverse covariance of the error of the angle; ``samples`` (m,): length of each;
+    ``period_s`` (m,): between samples; ``substeps`` (m,): steps of the simulation to a sample.
     """
 
     angle: np.ndarray
@@ -70,22 +59,11 @@ class Responses(NamedTuple):
 class Frame(NamedTuple):
     """What a search holds fixed.
 
-    Parameters
-    ----------
-    mean, sd : (p,) float
-        Of every parameter before the data.
-    low, high : (p,) float
-        What the search may reach.
-    late_s : (2,) float, s
-        Mean and sd of lag and delay together before the data.
-    middle_s : (m, 3) float, s
-        When K, B and J of each point have the values given.
-    size_per_s : (m, 2) float
-        What a drift of 1 of K and of B is in N*m/rad and N*m*s/rad, over the window.
-    slope_map : (m, m) float, 1/s
-        From logarithms at all points to relative slopes at each; zero without a curve.
-    curves, resonance : bool
-        Whether K and B follow the curve; whether tissue resonates before the sensor.
+    ``mean``, ``sd``, ``low``, ``high`` (p,): priors and range of every parameter; ``late_s`` (2,):
+    mean and sd of lag and delay together before the data; ``middle_s`` (m, 3): when K, B and J of
+    each point have their values; ``size_per_s`` (m, 2): what a drift of 1 of K and of B is;
+    ``slope_map`` (m, m) 1/s: from logarithms at all points to relative slopes at each; ``curves``,
+    ``resonance``: whether K and B follow the curve, and the tissue resonates.
     """
 
     mean: np.ndarray
@@ -106,25 +84,9 @@ def point_response(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the simulated angle of a point, its derivatives, and which parameters these are of.
 
-    Parameters
-    ----------
-    i : int
-        Which point.
-    values : (p,) float
-        All parameters.
-    responses : Responses
-        For torque and samples.
-    frame : Frame
-        What is held fixed.
-
-    Returns
-    -------
-    angle : (n,) float, rad
-        As the sensor would show it.
-    derivatives : (n, q) float
-        With respect to the parameters at ``places``.
-    places : (q,) int
-        A place may occur twice: its derivatives add up.
+    ``values`` (p,): all parameters. Returns ``angle`` (n,) rad as the sensor would show it,
+    ``derivatives`` (n, q), and ``places`` (q,): the parameters they are with respect to; one may
+    occur twice, its derivatives then add up.
     """
     m, n = responses.angle.shape[0], responses.samples[i]
     first, shared = PER_POINT * i, PER_POINT * m
@@ -315,25 +277,9 @@ def search(
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Return the parameters of least cost, their cost and the curvature there.
 
-    Parameters
-    ----------
-    start : (p,) float
-        Where to begin.
-    responses : Responses
-        What is to be explained.
-    frame : Frame
-        What is held fixed.
-    passes : int
-        At most so many steps.
-
-    Returns
-    -------
-    values : (p,) float
-        Inside the range.
-    cost : float
-        Squared distance from the responses and from the priors' means, both weighted.
-    curvature : (p, p) float
-        Half the second derivative of the cost, by Gauss and Newton.
+    ``start`` (p,). Returns ``values`` (p,) inside the range; ``cost``: squared distance from the
+    responses and from the priors' means, both weighted; ``curvature`` (p, p): half the second
+    derivative of the cost, by Gauss and Newton.
     """
     values = np.clip(start, frame.low, frame.high)
     cost, curvature, descent = _evaluate(values, responses, frame)

@@ -1,4 +1,4 @@
-"""Middle and spread of numbers that a few strangers among them do not move."""
+"""Robust median and spread."""
 
 import numpy as np
 
@@ -8,20 +8,7 @@ _TO_SD = 1.4826  # of the median deviation of normal numbers
 def robust_sd(values: np.ndarray) -> np.ndarray:
     """Return the standard deviation that the median deviation from the median stands for.
 
-    Parameters
-    ----------
-    values : (n, ...) float
-        Numbers.
-
-    Returns
-    -------
-    (...) float
-        Along the first axis.
-
-    Examples
-    --------
-    >>> float(robust_sd(np.array([1.0, 2.0, 3.0, 4.0, 1000.0])))
-    1.4826
+    ``values`` (n, ...). Returns (...): 1.4826 times the median deviation along the first axis.
     """
     return robust_moments(values)[1]
 
@@ -29,20 +16,7 @@ def robust_sd(values: np.ndarray) -> np.ndarray:
 def robust_moments(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the median and the standard deviation that the median deviation stands for.
 
-    Parameters
-    ----------
-    values : (n, ...) float
-        Numbers.
-
-    Returns
-    -------
-    middle, sd : (...) float
-        Along the first axis.
-
-    Examples
-    --------
-    >>> [float(m) for m in robust_moments(np.array([1.0, 2.0, 3.0, 4.0, 1000.0]))]
-    [3.0, 1.4826]
+    ``values`` (n, ...). Returns median and standard deviation along the first axis.
     """
     # Along the last axis numbers that belong together lie together in memory.
     rows = np.ascontiguousarray(np.moveaxis(values, 0, -1))

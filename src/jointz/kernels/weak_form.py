@@ -28,11 +28,8 @@ _PASSES = 4
 class TestFunctions:
     """Smooth functions on a window that are zero, with their slopes, at its ends.
 
-    Parameters
-    ----------
-    value, slope, curvature : (m, n) float
-        One row a function, one column a sample; times the step, so that a product with
-        samples is an integral. Slope in 1/s, curvature in 1/s^2 of the value.
+    ``value``, ``slope`` (1/s), ``curvature`` (1/s^2) (m, n): a row a function, a column a sample,
+    times the step, so that a product with samples is an integral.
     """
 
     __test__ = False  # not a test of pytest's
@@ -45,36 +42,9 @@ class TestFunctions:
 def bumps(n_samples: int, *, step_s: float) -> TestFunctions:
     """Return an orthonormal set of test functions, from bumps ``(1 - s^2)^6`` of five widths.
 
-    Parameters
-    ----------
-    n_samples : int
-        Length of the window.
-    step_s : float
-        Time between samples.
-
-    Returns
-    -------
-    TestFunctions
-        The directions that the bumps span; values are orthonormal rows times the step.
-
-    Raises
-    ------
-    ValueError
-        For a window of fewer than 26 samples.
-
-    Notes
-    -----
-    Bumps that the samples are too coarse for are left out. Orthonormal by singular values, as
-    D. A. Messenger and D. M. Bortz, "Weak SINDy: Galerkin-based data-driven model selection",
-    Multiscale Model. Simul. 19 (2021) 1474, doi:10.1137/20M1343166. Sums over samples are
-    integrals to the order of the power.
-
-    Examples
-    --------
-    >>> functions = bumps(100, step_s=0.001)
-    >>> moved = functions.slope @ (0.001 * np.arange(100.0))  # of a ramp of slope one, by parts
-    >>> bool(np.allclose(moved, -functions.value.sum(axis=1), atol=1e-6))
-    True
+    Returns the directions that the bumps span, orthonormal by singular values, as Messenger and
+    Bortz 2021, Multiscale Model. Simul. 19, 1474, doi:10.1137/20M1343166. Bumps that the samples
+    are too coarse for are left out; a window has at least 26 samples.
     """
     if n_samples < FEWEST_SAMPLES:
         raise ValueError(
@@ -111,24 +81,8 @@ def weak_system(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return regressors and torque of the integrated equation.
 
-    Parameters
-    ----------
-    angle, torque : (..., n) float
-        As sampled; rad, N*m.
-    functions : TestFunctions
-        Of the same window.
-
-    Returns
-    -------
-    regressors : (..., m, 3) float
-        What K, B and J are multiplied by.
-    integrated : (..., m) float
-        What they should add up to.
-
-    Raises
-    ------
-    ValueError
-        When the samples are not those of the functions.
+    ``angle`` rad, ``torque`` N*m (..., n). Returns ``regressors`` (..., m, 3), what K, B and J are
+    multiplied by, and ``integrated`` (..., m), what they should add up to.
     """
     n = functions.value.shape[1]
     if angle.shape != torque.shape or angle.shape[-1] != n:
@@ -147,29 +101,9 @@ def whitening(
 ) -> np.ndarray:
     """Return the matrix that makes the noise of the integrated equation white.
 
-    Parameters
-    ----------
-    kbj : (3,) float
-        K, B, J: noise of the angle comes in through them.
-    functions : TestFunctions
-        The test functions.
-    noise_sd : (float, float)
-        Sd of the white noise of angle (rad) and torque (N*m).
-
-    Returns
-    -------
-    (m, m) float
-        Its product with a residual has unit covariance.
-
-    Raises
-    ------
-    ValueError
-        When there is no noise at all, or less than none.
-
-    Notes
-    -----
-    D. M. Bortz, D. A. Messenger and V. Dukic, "Direct estimation of parameters in ODE models
-    using WENDy", Bull. Math. Biol. 85 (2023) 110, doi:10.1007/s11538-023-01208-6.
+    ``kbj`` (3,): noise of the angle comes in through them; ``noise_sd``: of the white noise of
+    angle (rad) and torque (N*m). Returns (m, m): its product with a residual has unit covariance.
+    Bortz, Messenger and Dukic 2023, Bull. Math. Biol. 85, 110, doi:10.1007/s11538-023-01208-6.
     """
     if min(noise_sd) < 0.0 or max(noise_sd) <= 0.0:
         raise ValueError(f"whitening: expected noise >= 0, one of it > 0, got {noise_sd}.")
@@ -190,19 +124,8 @@ def weak_fit(
 ) -> np.ndarray:
     """Return the whitening of the generalised least squares fit to one average.
 
-    Parameters
-    ----------
-    angle, torque : (n,) float
-        As sampled; rad, N*m.
-    functions : TestFunctions
-        Of the same window.
-    noise_sd : (float, float)
-        Sd of the white noise of angle (rad) and torque (N*m).
-
-    Returns
-    -------
-    (m, m) float
-        See :func:`whitening`, at K, B, J of four reweighted passes.
+    ``angle`` rad, ``torque`` N*m (n,); ``noise_sd`` of both. Returns (m, m): :func:`whitening` at
+    K, B, J of four reweighted passes.
     """
     X, y = weak_system(angle, torque, functions)
     size = np.linalg.norm(X, axis=0)
@@ -224,25 +147,9 @@ def weak_equations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal equations of averages, what noise of the angle adds taken out.
 
-    Parameters
-    ----------
-    angles, torques : (R, n) float
-        As sampled; rad, N*m.
-    functions : TestFunctions
-        Of the same window.
-    whitener : (m, m) float
-        As :func:`weak_fit` returns it.
-    angle_sd : float, rad
-        Sd of the white noise of the angles.
-
-    Returns
-    -------
-    gram : (R, 3, 3) float
-        Products of the whitened regressors, minus what is expected of their noise: without
-        that, noise would pull K, B and J towards zero (W. A. Fuller, Measurement Error Models,
-        1987, section 2.2).
-    moment : (R, 3) float
-        Their products with the whitened torque.
+    ``angles`` rad, ``torques`` N*m (R, n); ``whitener`` (m, m): of :func:`weak_fit`. Returns
+    ``gram`` (R, 3, 3), minus what is expected of the regressors' noise, which would pull K, B and J
+    towards zero (Fuller 1987, Measurement Error Models, section 2.2), and ``moment`` (R, 3).
     """
     X, y = weak_system(angles, torques, functions)
     X, y = whitener @ X, y @ whitener.T

@@ -10,92 +10,50 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
+__all__ = ["row_mean"]
+
 Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "worth knowing"]
 
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """One printed number.
+    """One printed number."""
 
-    Parameters
-    ----------
-    value : float
-        As printed, in ``unit``.
-    sd : float or None
-        What stands after the plus-minus sign.
-    unit : str
-        As :mod:`jointz` writes units, ``%`` among them; empty for a count or a p-value.
-    source : str
-        Table, section or figure of the dissertation.
-    note : str
-        What the text says around the number, or what our audit found.
-    """
-
-    value: float
-    sd: float | None = None
+    value: float  # as printed, in ``unit``
+    sd: float | None = None  # what stands after the plus-minus sign
+    # as :mod:`jointz` writes units, ``%`` among them; empty for a count or a p-value
     unit: str = ""
-    source: str = ""
-    note: str = ""
+    source: str = ""  # table, section or figure of the dissertation
+    note: str = ""  # what the text says around the number, or what our audit found
 
 
 @dataclass(frozen=True, slots=True)
 class OtherDevice:
-    """What the dissertation prints about another device.
+    """What the dissertation prints about another device."""
 
-    Parameters
-    ----------
-    quantity : str
-        What was estimated.
-    low, high : float
-        Range of the printed error; equal for a single number.
-    unit : str
-        Of both.
-    citations : tuple of int
-        The dissertation's own citation numbers.
-    source : str
-        Section of the dissertation.
-    note : str
-        What the text says around the number.
-    """
-
-    quantity: str
-    low: float
+    quantity: str  # what was estimated
+    low: float  # range of the printed error; equal for a single number
     high: float
-    unit: str
-    citations: tuple[int, ...]
-    source: str
-    note: str = ""
+    unit: str  # of both
+    citations: tuple[int, ...]  # the dissertation's own citation numbers
+    source: str  # section of the dissertation
+    note: str = ""  # what the text says around the number
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One printed statement beside what the printed numbers give.
+    """One printed statement beside what the printed numbers give."""
 
-    Parameters
-    ----------
-    where : str
-        Table, section or figure of the dissertation.
-    what : str
-        What the statement is about.
-    printed : str
-        The statement, with its unit.
-    recomputed : str
-        What the printed tables and numbers give, with its unit; empty where nothing can be
-        computed.
-    kind : str
-        ``contradiction``: two printed numbers exclude each other; ``not possible``: no data
-        give the number; ``ambiguous``: it can be read in several ways; ``not reproduced``:
-        one value a participant and timing point does not give it; ``worth knowing``.
-    remark : str
-        What follows, and how it is settled here.
-    """
-
-    where: str
-    what: str
-    printed: str
+    where: str  # table, section or figure of the dissertation
+    what: str  # what the statement is about
+    printed: str  # the statement, with its unit
+    # what the printed tables and numbers give, with its unit; empty where nothing can be computed
     recomputed: str
+    # ``contradiction``: two printed numbers exclude each other; ``not possible``: no data give the
+    # number; ``ambiguous``: it can be read in several ways; ``not reproduced``: one value a
+    # participant and timing point does not give it; ``worth knowing``
     kind: Kind
-    remark: str
+    remark: str  # what follows, and how it is settled here
 
 
 def row_mean(row: Mapping[str, Printed]) -> float:

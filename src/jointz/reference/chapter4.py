@@ -19,6 +19,11 @@ SUBJECTS: Final = tuple(f"S{k}" for k in range(1, 11))
 #: The dissertation's numbers 1 to 6 of the timing points (4.3.2.2).
 POINT_NUMBERS: Final[Mapping[int, str]] = MappingProxyType(dict(enumerate(TIMING_POINTS, start=1)))
 
+#: Parameters of tables 4.1 to 4.3, and their names in sentences.
+PARAMETER_NAMES: Final[Mapping[str, str]] = MappingProxyType(
+    {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping", "inertia": "inertia"}
+)
+
 #: Below this an entry is 0 but for rounding: the regression ended at its bound.
 NUMERICALLY_ZERO: Final = 1e-9
 #: Below this an entry is nearly 0, in the unit of its table.
@@ -233,7 +238,7 @@ FACTOR_P_BELOW: Final[Mapping[tuple[str, str], Printed]] = MappingProxyType(
             "4.3.2.2",
             "" if (parameter, factor) == ("stiffness_per_mass", "timing_point") else _REPLICATES,
         )
-        for parameter in ("stiffness_per_mass", "damping_per_mass", "inertia")
+        for parameter in PARAMETER_NAMES
         for factor in ("timing_point", "participant")
     }
 )

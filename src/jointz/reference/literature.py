@@ -19,75 +19,36 @@ Relation = Literal["similar", "higher", "lower", "different"]
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A device or study that the dissertation compares with.
+    """A device or study that the dissertation compares with."""
 
-    Parameters
-    ----------
-    name : str
-        As the dissertation names it.
-    citations : tuple of int
-        The dissertation's own citation numbers.
-    joint : str
-        ``knee``, ``ankle`` or both, with commas.
-    approach : str
-        ``perturbation`` or ``model`` (muscle activity and inverse dynamics, no perturbation).
-    conditions : str
-        When and how impedance was estimated, as the text says.
-    source : str
-        Sections of the dissertation.
-    errors : tuple of OtherDevice
-        Printed errors of the device on known loads.
-    window : Printed or None
-        Time window of the analysis.
-    vaf : Printed or None
-        Model fit.
-    note : str
-        What the text leaves open.
-    """
-
-    name: str
-    citations: tuple[int, ...]
-    joint: str
+    name: str  # as the dissertation names it
+    citations: tuple[int, ...]  # the dissertation's own citation numbers
+    joint: str  # ``knee``, ``ankle`` or both, with commas
+    # ``perturbation`` or ``model`` (muscle activity and inverse dynamics, no perturbation)
     approach: Approach
-    conditions: str
-    source: str
-    errors: tuple[OtherDevice, ...] = ()
-    window: Printed | None = None
-    vaf: Printed | None = None
-    note: str = ""
+    conditions: str  # when and how impedance was estimated, as the text says
+    source: str  # sections of the dissertation
+    errors: tuple[OtherDevice, ...] = ()  # printed errors of the device on known loads
+    window: Printed | None = None  # time window of the analysis
+    vaf: Printed | None = None  # model fit
+    note: str = ""  # what the text leaves open
 
 
 @dataclass(frozen=True, slots=True)
 class StatedComparison:
-    """What the text says of a study's values beside the dissertation's.
+    """What the text says of a study's values beside the dissertation's."""
 
-    Parameters
-    ----------
-    study : str
-        Key of :data:`STUDIES`.
-    quantity : str
-        ``stiffness``, ``damping`` or ``inertia``.
-    timing_points : tuple of str
-        Where; empty for everywhere the study has values.
-    relation : str
-        The study's values beside the dissertation's: ``similar``, ``higher``, ``lower``,
-        ``different``.
-    factor_low, factor_high : float or None
-        Printed range of the study's value over the dissertation's.
-    source : str
-        Section of the dissertation.
-    words : str
-        How the text says it.
-    """
-
-    study: str
+    study: str  # key of :data:`STUDIES`
+    # ``stiffness``, ``damping`` or ``inertia``
     quantity: Literal["stiffness", "damping", "inertia"]
-    timing_points: tuple[str, ...]
+    timing_points: tuple[str, ...]  # where; empty for everywhere the study has values
+    # the study's values beside the dissertation's: ``similar``, ``higher``, ``lower``,
+    # ``different``
     relation: Relation
-    factor_low: float | None
+    factor_low: float | None  # printed range of the study's value over the dissertation's
     factor_high: float | None
-    source: str
-    words: str
+    source: str  # section of the dissertation
+    words: str  # how the text says it
 
 
 _ROUSE, _TUCKER_STIFFNESS, _TUCKER_INERTIA = chapter2.OTHER_DEVICES

@@ -1,1 +1,1 @@
-"""Figures, tables and the self-contained HTML report."""
+"""Style, words and templates that pages and figures share."""

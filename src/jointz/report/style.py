@@ -1,4 +1,4 @@
-"""One look for all figures, and SVG text that is the same on every run."""
+"""Style of all figures, and files of them that are the same on every run."""
 
 import io
 import re
@@ -72,7 +72,7 @@ _RC: Mapping[str, Any] = {
 
 # Two decimals of a point are 4 micrometres. Numbers below one may be scales and stay.
 _LONG_NUMBER = re.compile(r"(?<![\w.#])(-?[1-9]\d*\.\d\d)\d+")
-#: Tables of a font that are for setting text only.
+#: Tables of a font that only typesetting needs.
 _LAYOUT_TABLES: Final = ("GDEF", "GPOS", "GSUB", "MATH", "kern")
 _PROLOGUE = re.compile(r"\A.*?(?=<svg)", re.DOTALL)
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
@@ -81,7 +81,7 @@ _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Set the look of figures drawn inside, and put the user's own back."""
+    """Set the style of figures drawn inside, and restore the user's afterwards."""
     import matplotlib
 
     with matplotlib.rc_context():
@@ -92,43 +92,21 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(height_mm: float, *, width_mm: float = WIDTH_MM) -> "Figure":
-    """Return an empty figure that pyplot does not know of.
-
-    Parameters
-    ----------
-    height_mm, width_mm : float
-        Size, mm; of double-column width where nothing else is asked.
-    """
+    """Return an empty figure outside pyplot."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH))
 
 
 def width_of(figure: "Figure") -> float:
-    """Return the width of a figure, mm.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    """
+    """Return the width of a figure, mm."""
     return float(figure.get_figwidth() * _MM_PER_INCH)
 
 
 def place_axes(
     figure: "Figure", left_mm: float, top_mm: float, *, width_mm: float, height_mm: float
 ) -> "Axes":
-    """Add axes at a place counted from the figure's upper left corner.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; axes are added to it.
-    left_mm, top_mm : float
-        Upper left corner of the axes, mm.
-    width_mm, height_mm : float
-        Size of the axes, mm.
-    """
+    """Add axes at a place counted from the figure's upper left corner."""
     total = figure.get_figheight() * _MM_PER_INCH
     bottom = total - top_mm - height_mm
     across = width_of(figure)
@@ -136,20 +114,25 @@ def place_axes(
     return figure.add_axes(box)
 
 
-def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
-    """Write text at a place counted from the figure's upper left corner.
+def place_panels(
+    figure: "Figure", count: int, *, left_mm: float, top_mm: float, height_mm: float
+) -> "list[Axes]":
+    """Add up to three panels side by side, each with a margin on its left."""
+    pitch = (WIDTH_MM - 2.0) / 3
+    return [
+        place_axes(
+            figure,
+            left_mm + column * pitch,
+            top_mm,
+            width_mm=pitch - left_mm - 1.0,
+            height_mm=height_mm,
+        )
+        for column in range(count)
+    ]
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; the text is added to it.
-    left_mm, top_mm : float
-        Where, mm.
-    text : str
-        What.
-    **style : Any
-        Passed to matplotlib.
-    """
+
+def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
+    """Write text at a place counted from the figure's upper left corner."""
     total = figure.get_figheight() * _MM_PER_INCH
     figure.text(left_mm / width_of(figure), 1.0 - top_mm / total, text, **style)
 
@@ -157,17 +140,7 @@ def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **sty
 def place_legend(
     figure: "Figure", handles: "Sequence[Artist]", *, columns: int | None = None
 ) -> None:
-    """Put a legend at the top of a figure, in one row where nothing else is asked.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-    handles : sequence of matplotlib.artist.Artist
-        What to explain; their labels are shown.
-    columns : int, optional
-        Entries in a row.
-    """
+    """Put a legend at the top of a figure, by default in one row."""
     below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
     figure.legend(
         handles=handles,
@@ -182,15 +155,7 @@ def place_legend(
 
 
 def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
-    """Return a handle for :func:`place_legend`.
-
-    Parameters
-    ----------
-    label, colour : str
-        What it says, and its colour.
-    **style : Any
-        Passed to matplotlib.
-    """
+    """Return a handle for :func:`place_legend`."""
     from matplotlib.lines import Line2D
 
     small = {"markersize": 4.0, "markeredgewidth": 0.8, "linewidth": 1.0}
@@ -198,17 +163,7 @@ def legend_line(label: str, colour: str, **style: Any) -> "Line2D":
 
 
 def panel_heading(axes: "Axes", text: str, *, note: str = "", stacked: bool = False) -> None:
-    """Write a panel's name above it on the left and a note on the right.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        The panel.
-    text, note : str
-        What to write.
-    stacked : bool
-        Write the note below the name, where a panel is too narrow for both.
-    """
+    """Write a panel's name above it on the left and a note on the right."""
     above: dict[str, Any] = {
         "xycoords": "axes fraction",
         "textcoords": "offset points",
@@ -222,15 +177,7 @@ def panel_heading(axes: "Axes", text: str, *, note: str = "", stacked: bool = Fa
 
 
 def shade_phases(axes: "Axes", *, names: bool) -> None:
-    """Shade every second gait phase and write the names along the upper edge.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes over % of the gait cycle.
-    names : bool
-        Whether to write the names.
-    """
+    """Shade every second gait phase and write the names along the upper edge."""
     spans = list(PHASES.values())
     axes.broken_barh(
         [(start, end - start) for start, end in spans[::2]],
@@ -256,23 +203,7 @@ def shade_phases(axes: "Axes", *, names: bool) -> None:
 
 
 def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Join curves to one with NaN between them: one path in place of many.
-
-    Parameters
-    ----------
-    segments : iterable of ((n,) float, (n,) float)
-        Abscissae and ordinates of each curve.
-
-    Returns
-    -------
-    tuple of (m,) float arrays
-        Abscissae and ordinates; empty where there is no curve.
-
-    Examples
-    --------
-    >>> broken_line([(np.array([0.0]), np.array([1.0]))])[0]
-    array([ 0., nan])
-    """
+    """Join curves to one path, with NaN between them."""
     parts = [(np.append(x, np.nan), np.append(y, np.nan)) for x, y in segments]
     if not parts:
         return np.empty(0), np.empty(0)
@@ -280,20 +211,7 @@ def broken_line(segments: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.n
 
 
 def ticks_at(positions: np.ndarray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a path of short vertical strokes between two heights.
-
-    Parameters
-    ----------
-    positions : (n,) float
-        Abscissae.
-    low, high : float
-        Ends of every stroke.
-
-    Returns
-    -------
-    tuple of (3 n,) float arrays
-        Abscissae and ordinates with NaN between strokes.
-    """
+    """Return a path of vertical strokes between two heights."""
     return broken_line((np.array([x, x]), np.array([low, high])) for x in positions)
 
 
@@ -301,16 +219,6 @@ def to_svg(figure: "Figure") -> str:
     """Write a figure as SVG without date, prologue or outside references.
 
     Must be called inside :func:`figure_style`.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    str
-        One ``<svg>`` element; text is outlines.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -324,16 +232,6 @@ def to_pdf(figure: "Figure") -> bytes:
     """Write a figure as PDF that is the same on every run.
 
     Must be called inside :func:`figure_style`.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure.
-
-    Returns
-    -------
-    bytes
-        One page of the figure's size; fonts are embedded as TrueType.
     """
     buffer = io.BytesIO()
     nothing = dict.fromkeys(("CreationDate", "Creator", "Producer"))
@@ -344,11 +242,11 @@ def to_pdf(figure: "Figure") -> bytes:
 
 @contextmanager
 def _letters_only() -> Iterator[None]:
-    """Embed the letters of fonts without the tables for setting text.
+    """Embed the letters of fonts without the tables for typesetting.
 
-    Text in a figure is set before it is written, and to cut those tables down takes most of the
-    time of a figure. matplotlib offers no choice of tables; where fontTools has no such list any
-    more, fonts are embedded as they were before, later.
+    Text in a figure is typeset before it is written, and reducing these tables takes most of the
+    time of a figure. matplotlib offers no choice of tables; if a later fontTools has no such list,
+    fonts are embedded with all tables.
     """
     from fontTools.subset import Options
 

@@ -1,49 +1,31 @@
-"""What a report calls those who were measured: people walking or at rest, or loads on a bench."""
+"""Words for the participants of a study, and the order of their timing points."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from jointz.core.analysis import StudyAnalysis
+import numpy as np
+
 from jointz.core.codes import Failure
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.wording import format_count
+from jointz.results.estimates import CellEstimate
+from jointz.results.study_analysis import StudyAnalysis
 
 
 @dataclass(frozen=True, slots=True)
 class Subjects:
-    """Words for the columns ``participant`` and ``timing_point``.
-
-    Parameters
-    ----------
-    one, many : str
-        Who was measured.
-    point, points : str
-        At what.
-    bench : bool
-        Whether they were measured on a bench: there is no gait cycle.
-    loads : bool
-        Whether they are loads: neither people nor a joint.
-    """
+    """Words for the columns ``participant`` and ``timing_point``."""
 
     one: str = "participant"
     many: str = "participants"
     point: str = "timing point"
     points: str = "timing points"
-    bench: bool = False
-    loads: bool = False
+    bench: bool = False  # measured on a bench: there is no gait cycle
+    loads: bool = False  # loads instead of people: there is no joint either
 
     def counted(self, count: int) -> str:
-        """Return a number of them in words.
-
-        Parameters
-        ----------
-        count : int
-            How many.
-
-        Examples
-        --------
-        >>> Subjects().counted(2)
-        '2 participants'
-        """
+        """Return a number of participants in words."""
         return format_count(count, self.one, self.many)
 
 
@@ -51,46 +33,55 @@ _PEOPLE: Final = Subjects()
 _PEOPLE_IN_CASES: Final = Subjects(point="case", points="cases", bench=True)
 _PEOPLE_IN_GROUPS: Final = Subjects(point="group", points="groups", bench=True)
 _LOADS: Final = Subjects("load", "loads", "trajectory", "trajectories", bench=True, loads=True)
-_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True, loads=True)
+_LOADS_IN_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True, loads=True)
+
+
+def study_record(analysis: StudyAnalysis) -> Mapping[str, Any]:
+    """Return the study file as the provenance holds it, empty where it does not."""
+    return analysis.provenance.get("study") or {}
 
 
 def subjects(analysis: StudyAnalysis) -> Subjects:
-    """Return the words for a study.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        Its analysis.
-    """
+    """Return the words for a study."""
     if analysis.settings.get("kind") != "bench":
         return _PEOPLE
-    study = analysis.provenance.get("study") or {}
+    study = study_record(analysis)
     grouped = bool((study.get("perturbations") or {}).get("group"))
     if study.get("subjects") == "people":
         return _PEOPLE_IN_GROUPS if grouped else _PEOPLE_IN_CASES
-    return _GROUPS if grouped else _LOADS
+    return _LOADS_IN_GROUPS if grouped else _LOADS
 
 
 def nobody_perturbed(analysis: StudyAnalysis) -> bool:
-    """Tell whether there is no impedance to report because nobody was perturbed.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        The analysis.
-    """
+    """Return whether nobody was perturbed, so that there is no impedance to report."""
     statuses = {p.status for c in analysis.cells for p in c.parameters}
     return statuses == {Failure.NO_PERTURBED_RECORDING.status}
 
 
 def report_title(analysis: StudyAnalysis) -> str:
-    """Return the title of a study's report.
-
-    Parameters
-    ----------
-    analysis : StudyAnalysis
-        Its analysis.
-    """
+    """Return the title of a study's report."""
     if subjects(analysis).loads:
         return "Impedance of loads on the bench"
     return f"Impedance of the {analysis.settings.get('joint', 'joint')}"
+
+
+def shown_parameters(analysis: StudyAnalysis) -> list[str]:
+    """Return the parameters to draw: values per kg where there are any, else absolute."""
+    available = {p.name for cell in analysis.cells for p in cell.parameters if p.available}
+    choices = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
+    first = (next((name for name in names if name in available), None) for names in choices)
+    return [name for name in first if name]
+
+
+def timing_points(cells: Iterable[CellEstimate]) -> list[str]:
+    """Return timing points in the order of the gait cycle, groups in the order of the cells."""
+    onsets: dict[str, list[float]] = {}
+    for cell in cells:
+        if cell.timing_point != ALL_POINTS:
+            known = [] if cell.onset_gait_pct is None else [cell.onset_gait_pct]
+            onsets.setdefault(cell.timing_point, []).extend(known)
+    if not any(onsets.values()):
+        return list(onsets)
+    # A timing point without a measured onset has no place on the cycle and goes last.
+    place = {name: circular_mean_pct(own) if own else np.inf for name, own in onsets.items()}
+    return sorted(onsets, key=place.__getitem__)

@@ -1,14 +1,14 @@
-"""Words and numbers as people read them: names, units, significant digits, codes."""
+"""Names, numbers, units and codes as text."""
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.results.estimates import ParameterEstimate
 
 DASH: Final = "\N{EN DASH}"
 MINUS: Final = "\N{MINUS SIGN}"
@@ -23,45 +23,37 @@ PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     "inertia": ("Inertia", "J"),
 }
 
+#: What every method estimates, its symbols, and the values per kg of body mass.
+ABSOLUTE: Final = ("stiffness", "damping", "inertia")
+SYMBOLS: Final = ("K", "B", "J")
+PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
+
+_STATUS_MEANINGS: Final[Mapping[str, str]] = {
+    "ok": "the estimate and its two-sided interval are available",
+    "at_bound": "the value cannot be told from its bound; only an upper limit is available",
+    "undecided": "the data do not decide on a value, so none is given",
+}
 _METHOD_NAMES: Final[Mapping[str, str]] = {
     "full_record": "whole trials",
     "pre_pulse": "level before the pulse",
     "errors_in_variables": "errors in variables",
 }
 
-# Below this nothing in SI that a joint has is a quantity; it is rounding, such as 2e-14.
+# No quantity of a joint is this small in SI units; such numbers, as 2e-14, are rounding errors.
 _NEGLIGIBLE = 1e-9
 _SMALLEST_PLAIN = 1e-4
 _DIGITS = 3
-#: An end that is so small beside the others is as good as zero.
+#: An end that needs more digits than this beside the others is practically zero.
 _MOST_DIGITS = 6
 _ALMOST_ALL_PCT = 99.9
-#: A group by a channel, as its edges name it.
+#: Name of a group by a channel: its edges.
 _NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 _EDGES: Final = re.compile(rf"({_NUMBER})\.\.({_NUMBER})( .*)?")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def format_number(value: float | None, *, like: float | None = None, digits: int = _DIGITS) -> str:
-    """Write a number with sensible significant digits and no exponent notation.
-
-    Parameters
-    ----------
-    value : float or None
-        The number; None and NaN give a dash.
-    like : float, optional
-        The number that sets the decimals, such as the largest of an estimate
-        and its interval; ``value`` itself by default.
-    digits : int
-        Significant digits of ``like``.
-
-    Examples
-    --------
-    >>> format_number(182.349), format_number(0.05321), format_number(2e-14)
-    ('182', '0.0532', '0')
-    >>> format_number(0.5, like=182.0), format_number(2.5e-6).split()[0]
-    ('0', '2.50')
-    """
+    """Write a number with sensible significant digits and no exponent notation."""
     if value is None or not math.isfinite(value):
         return DASH
     reference = abs(value if like is None else like)
@@ -77,41 +69,17 @@ def format_number(value: float | None, *, like: float | None = None, digits: int
 
 
 def format_exact(value: float) -> str:
-    """Write a number that was set, not estimated, with the digits it has.
-
-    Parameters
-    ----------
-    value : float
-        The number.
-
-    Examples
-    --------
-    >>> format_exact(9.0), format_exact(21.5), format_exact(9.2e-5)
-    ('9', '21.5', '9.2 \N{MULTIPLICATION SIGN} 10\u207b\u2075')
-    """
+    """Write a setting, with all its digits."""
     mantissa, _, exponent = f"{value:.6g}".partition("e")
     power = f" {TIMES} 10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else ""
     return _signed(mantissa) + power
 
 
 def format_with_sd(value: float, sd: float, unit: str = "") -> str:
-    """Write a value with its standard deviation, to two digits of the latter.
-
-    Parameters
-    ----------
-    value, sd : float
-        An sd of zero is said to be none.
-    unit : str
-        Of both.
-
-    Examples
-    --------
-    >>> format_with_sd(1.0, 0.004), format_with_sd(6.5, 0.5, "ms"), format_with_sd(1.0, 0.0)
-    ('1.0000 ± 0.0040', '6.50 ± 0.50 ms', '1 (taken for exact)')
-    """
+    """Write a value with its standard deviation, which has two digits."""
     behind = f" {unit}" if unit else ""
     if sd <= 0.0:
-        return f"{format_exact(value)}{behind} (taken for exact)"
+        return f"{format_exact(value)}{behind} (taken as exact)"
     like = max(abs(value), sd)
     digits = 2 + math.floor(math.log10(like)) - math.floor(math.log10(sd))
     texts = (format_number(x, like=like, digits=digits) for x in (value, sd))
@@ -119,22 +87,7 @@ def format_with_sd(value: float, sd: float, unit: str = "") -> str:
 
 
 def format_interval(value: float | None, low: float | None, high: float | None) -> str:
-    """Write a value and its interval with the same decimals: ``3.02 [2.81, 3.24]``.
-
-    Parameters
-    ----------
-    value, low, high : float or None
-        Estimate and ends of its interval.
-
-    Examples
-    --------
-    >>> format_interval(3.0214, 2.8111, 3.2432)
-    '3.02 [2.81, 3.24]'
-    >>> format_interval(3.0214, None, None)
-    '3.02'
-    >>> format_interval(0.05121, 0.001102, 2.343)
-    '0.051 [0.001, 2.343]'
-    """
+    """Write a value and its interval with the same decimals: ``3.02 [2.81, 3.24]``."""
     if value is None or low is None or high is None:
         return format_number(value)
     like, digits = _extent(value, low, high)
@@ -145,20 +98,7 @@ def format_interval(value: float | None, low: float | None, high: float | None) 
 def format_spread(
     sd: float | None, value: float | None, low: float | None, high: float | None
 ) -> str:
-    """Write an SD with the decimals of the value and the interval that it stands beside.
-
-    Parameters
-    ----------
-    sd : float or None
-        Keeps two digits even where they have fewer decimals.
-    value, low, high : float or None
-        As :func:`format_interval` takes them.
-
-    Examples
-    --------
-    >>> format_spread(0.0301, 0.05121, 0.001102, 2.343), format_spread(0.62, 34.2, -66.0, 133.0)
-    ('0.030', '0.62')
-    """
+    """Write an SD with the decimals of its value and interval."""
     if not sd or value is None or low is None or high is None:
         return format_number(sd, like=value)
     like, digits = _extent(value, low, high)
@@ -166,11 +106,11 @@ def format_spread(
 
 
 def _extent(*numbers: float) -> tuple[float, int]:
-    """Return the largest of numbers, and the digits of it by which none but zero is shown as 0."""
+    """Return the largest number, and its digits if only zero may be shown as 0."""
     sizes = [abs(x) for x in numbers]
-    told = [x for x in sizes if x >= _NEGLIGIBLE]
+    nonzero = [x for x in sizes if x >= _NEGLIGIBLE]
     like = max(sizes)
-    needed = _places_between(like, min(told)) + 1 if told else 0
+    needed = _places_between(like, min(nonzero)) + 1 if nonzero else 0
     return like, needed if _DIGITS < needed <= _MOST_DIGITS else _DIGITS
 
 
@@ -179,19 +119,8 @@ def _places_between(large: float, small: float) -> int:
 
 
 def format_estimate(estimate: ParameterEstimate) -> str:
-    """Write an estimate as it may be read: a value, a bound, or a dash.
-
-    Parameters
-    ----------
-    estimate : ParameterEstimate
-        The estimate.
-
-    Examples
-    --------
-    >>> format_estimate(ParameterEstimate("damping", 2e-14, 0.0, 0.31, "at_bound"))
-    '0 (at most 0.310)'
-    """
-    if not estimate.stands:
+    """Write an estimate: a value with its interval, a bound with its limit, or a dash."""
+    if not estimate.available:
         return DASH
     if estimate.status == "at_bound":
         bound = format_number(estimate.ci_low if estimate.ci_low is not None else estimate.value)
@@ -201,132 +130,57 @@ def format_estimate(estimate: ParameterEstimate) -> str:
 
 
 def format_vaf(vaf_pct: float | None) -> str:
-    """Write a variance accounted for without its unit; never as 100 what is less.
-
-    Parameters
-    ----------
-    vaf_pct : float or None
-        %; None gives a dash.
-
-    Examples
-    --------
-    >>> format_vaf(98.123), format_vaf(99.9973), format_vaf(None)
-    ('98.1', '> 99.9', '\u2013')
-    """
+    """Write a variance accounted for without its unit; values below 100 are never rounded to it."""
     if vaf_pct is None:
         return DASH
     return f"> {_ALMOST_ALL_PCT}" if vaf_pct > _ALMOST_ALL_PCT else _signed(f"{vaf_pct:.1f}")
 
 
 def format_count(count: int, singular: str, plural: str | None = None) -> str:
-    """Write a count with its noun: ``1 pulse``, ``2 pulses``.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-    singular, plural : str
-        The noun; the plural is the singular with an s by default.
-
-    Examples
-    --------
-    >>> format_count(1, "pulse"), format_count(0, "person", "people")
-    ('1 pulse', '0 people')
-    """
+    """Write a count with its noun: ``1 pulse``, ``2 pulses``."""
     noun = singular if count == 1 else (plural or f"{singular}s")
     return f"{format_integer(count)} {noun}"
 
 
 def format_integer(count: int) -> str:
-    """Write an integer with narrow spaces between thousands.
-
-    Parameters
-    ----------
-    count : int
-        The integer.
-
-    Examples
-    --------
-    >>> format_integer(2832) == "2\N{NARROW NO-BREAK SPACE}832"
-    True
-    """
+    """Write an integer with narrow spaces between thousands."""
     return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
+def format_span(values: Iterable[float], write: Callable[[Any], str]) -> str:
+    """Write the smallest and the largest value, or the one value if both are written alike."""
+    known = list(values)
+    low, high = write(min(known)), write(max(known))
+    return low if low == high else f"{low} to {high}"
+
+
+def joined(texts: Sequence[str]) -> str:
+    """Join texts as a list in a sentence: ``a, b and c``."""
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
 def format_signed(value: float, *, decimals: int) -> str:
-    """Write a number with its sign, as an error is written.
-
-    Parameters
-    ----------
-    value : float
-        The number; infinite and NaN give a dash.
-    decimals : int
-        Digits after the point.
-
-    Examples
-    --------
-    >>> format_signed(1.25, decimals=1), format_signed(float("inf"), decimals=1)
-    ('+1.2', '\u2013')
-    """
+    """Write a number with its sign, as for an error."""
     return f"{value:+.{decimals}f}".replace("-", MINUS) if math.isfinite(value) else DASH
 
 
 def pretty_unit(unit: str) -> str:
-    """Write a unit with dots and superscripts.
-
-    Parameters
-    ----------
-    unit : str
-        As in ``estimates.csv``.
-
-    Examples
-    --------
-    >>> pretty_unit("kg*m^2")
-    'kg·m²'
-    """
+    """Write a unit with dots and superscripts."""
     return unit.replace("*", "·").replace("^2", "²")
 
 
 def method_name(method: str) -> str:
-    """Return a method as people say it.
-
-    Parameters
-    ----------
-    method : str
-        As ``--method`` and the column ``method`` name it.
-
-    Examples
-    --------
-    >>> method_name("matched_strides"), method_name("dissertation"), method_name("recommended")
-    ('matched strides', 'dissertation', 'recommended')
-    """
+    """Return the name of a method in words."""
     return _METHOD_NAMES.get(method, method.replace("_", " "))
 
 
 def parameter_name(parameter: str) -> str:
-    """Return the name of a parameter in words.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness_per_mass``.
-    """
+    """Return the name of a parameter in words."""
     return PARAMETERS[parameter][0]
 
 
 def point_name(timing_point: str) -> str:
-    """Return a timing point as tables name it.
-
-    Parameters
-    ----------
-    timing_point : str
-        As in ``estimates.csv``.
-
-    Examples
-    --------
-    >>> point_name("all"), point_name("LRE"), point_name("-0.45..-0.15 rad")
-    ('all points', 'LRE', '\u22120.45 to \u22120.15 rad')
-    """
+    """Return the name of a timing point for tables."""
     if timing_point == ALL_POINTS:
         return "all points"
     edges = _EDGES.fullmatch(timing_point)
@@ -337,65 +191,25 @@ def point_name(timing_point: str) -> str:
 
 
 def parameter_label(parameter: str) -> str:
-    """Return symbol and unit, for axes and column heads.
-
-    Parameters
-    ----------
-    parameter : str
-        Such as ``stiffness_per_mass``.
-
-    Examples
-    --------
-    >>> parameter_label("inertia")
-    'J (kg·m²)'
-    """
+    """Return symbol and unit, for axes and column heads."""
     return f"{PARAMETERS[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"
 
 
 def status_meaning(status: str) -> str:
-    """Explain a status of ``estimates.csv`` in one sentence.
-
-    Parameters
-    ----------
-    status : str
-        ``ok``, ``at_bound``, ``undecided`` or ``failed:CODE``.
-
-    Examples
-    --------
-    >>> status_meaning("failed:no_pulses")
-    'no pulse at this timing point'
-    """
-    known = {
-        "ok": "the estimate and its two-sided interval stand",
-        "at_bound": "the data do not tell the value from its bound: only an upper limit stands",
-        "undecided": "the data do not decide on a value, so none is given",
-    }
-    if status in known:
-        return known[status]
+    """Explain a status of ``estimates.csv`` in one sentence."""
     code = status.removeprefix("failed:")
-    return _meaning(code, lambda text: Failure(text).meaning)
+    return _STATUS_MEANINGS.get(status) or _meaning(code, Failure)
 
 
 def exclusion_meaning(code: str) -> str:
-    """Explain why a stride or a pulse was left out.
-
-    Parameters
-    ----------
-    code : str
-        A code of ``excluded.csv``.
-
-    Examples
-    --------
-    >>> exclusion_meaning("user")
-    "left out by the study's exclusions.csv"
-    """
-    return _meaning(code, lambda text: Exclusion(text).meaning)
+    """Explain why a stride or a pulse was excluded."""
+    return _meaning(code, Exclusion)
 
 
-def _meaning(code: str, look_up: Callable[[str], str]) -> str:
-    # Results of a newer version may hold codes that this one does not know.
+def _meaning(code: str, codes: type[Exclusion] | type[Failure]) -> str:
+    """Return the meaning of a code; results of a newer version may have unknown ones."""
     try:
-        return look_up(code)
+        return codes(code).meaning
     except ValueError:
         return code.replace("_", " ")
 

@@ -1,4 +1,4 @@
-"""What the simulated devices of a wearer say about themselves."""
+"""Descriptions of the simulated devices that a participant wears."""
 
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
@@ -24,13 +24,7 @@ EXOSKELETON_LIMITS = SafetyLimits(
 
 
 def exoskeleton(build: PlantBuild) -> ActuatorDescription:
-    """Describe the exoskeleton's quasi-direct-drive actuator.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of its wearer.
-    """
+    """Describe the exoskeleton's quasi-direct-drive actuator."""
     settings = build.preset.actuator
     return ActuatorDescription(
         name="actuator",
@@ -52,13 +46,7 @@ def exoskeleton(build: PlantBuild) -> ActuatorDescription:
 
 
 def goniometer(build: PlantBuild) -> SensorDescription:
-    """Describe the electrogoniometer across the knee.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of its wearer.
-    """
+    """Describe the electrogoniometer across the knee."""
     return SensorDescription(
         name="goniometer",
         model="jointz simulated electrogoniometer",
@@ -70,13 +58,7 @@ def goniometer(build: PlantBuild) -> SensorDescription:
 
 
 def footswitch(build: PlantBuild) -> SensorDescription:
-    """Describe the switch under the heel.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of its wearer.
-    """
+    """Describe the switch under the heel."""
     return SensorDescription(
         name="footswitch",
         model="jointz simulated heel switch",

@@ -14,9 +14,9 @@ from numba import njit
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.sim import plant
-from jointz.sim.footswitch import ContactMaker
+from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.plant_build import Grid, PlantBuild
@@ -75,8 +75,8 @@ class WalkPlan:
             raise DataError("WalkPlan: " + "; ".join(problems) + ".")
 
     def _problems(self) -> Iterator[str]:
-        given = {} if isinstance(self.per_point, int) else dict(self.per_point)
-        if unknown := sorted(set(given) - set(self.timing_points)):
+        per_point = {} if isinstance(self.per_point, int) else dict(self.per_point)
+        if unknown := sorted(set(per_point) - set(self.timing_points)):
             yield (
                 f"expected per_point for {', '.join(self.timing_points)}, got {', '.join(unknown)}"
             )
@@ -180,9 +180,9 @@ def walk_directly(
     -----
     A pulse fires at the first sample at or after its timing point in the true phase of its
     stride. Sample for sample the signals are those of
-    :class:`jointz.sim.running_plant.RunningPlant` for the same command. Misleads about onsets:
-    in an experiment they scatter with the stride times (docs/run.md), and heel strikes are known
-    from the footswitch only.
+    ``RunningPlant`` (:mod:`jointz.sim.benches`) for the same command. Misleads about onsets: in an
+    experiment they scatter with the stride times (docs/run.md), and heel strikes are known from
+    the footswitch only.
 
     Examples
     --------
@@ -336,8 +336,10 @@ def _advance_all(
         if sample - 1 >= ends[stride]:
             stride += 1
             state[State.PATH_KNOWN] = 0.0
-        given = command[sample - 1] if sample > 0 else 0.0
-        motor, angle = plant.advance(p, state, curves, history, gaits[stride], noise, sample, given)
+        torque_nm = command[sample - 1] if sample > 0 else 0.0
+        motor, angle = plant.advance(
+            p, state, curves, history, gaits[stride], noise, sample, torque_nm
+        )
         out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
         out[3, sample] = angle
     return out

@@ -13,7 +13,7 @@ from math import exp, pi, sqrt
 import numpy as np
 
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S
-from jointz.sim.joint import knee_angle
+from jointz.sim.knee_joint import knee_angle
 from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
 from jointz.sim.presets import GaitSettings
 
@@ -27,29 +27,15 @@ _KNEE_GROWTH_S_M = 0.15  # share of the knee curve per m/s
 
 @dataclass(frozen=True, slots=True)
 class ConditionShift:
-    """How the knee of one condition differs from the person's.
+    """Difference between the knee of one condition and the person's."""
 
-    Parameters
-    ----------
-    offset_rad, amplitude, phase_cycles : float
-        Added to the angle, share added to the curve, cycles the curve is early.
-    """
-
-    offset_rad: float = 0.0
-    amplitude: float = 0.0
-    phase_cycles: float = 0.0
+    offset_rad: float = 0.0  # added to the angle
+    amplitude: float = 0.0  # share added to the curve
+    phase_cycles: float = 0.0  # by which the curve is early
 
 
 def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShift:
-    """Draw the shift of one condition; two conditions differ by the settings' sd.
-
-    Parameters
-    ----------
-    settings : GaitSettings
-        How large.
-    rng : numpy.random.Generator
-        Of the condition.
-    """
+    """Draw the shift of one condition; two conditions differ by the settings' sd."""
     offset, amplitude, phase = (rng.standard_normal(3) / sqrt(2.0)).tolist()
     return ConditionShift(
         settings.condition_offset_sd_rad * offset,
@@ -60,18 +46,11 @@ def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShi
 
 @dataclass(frozen=True, slots=True)
 class Stride:
-    """One stride.
+    """One stride."""
 
-    Parameters
-    ----------
-    start_s, duration_s : float, s
-        Heel strike, on the device's clock, and time to the next.
-    row : (GAIT_SIZE,) float
-        Polynomial of phase and Fourier coefficients, see :class:`jointz.sim.layout.Gait`.
-    """
-
-    start_s: float
-    duration_s: float
+    start_s: float  # heel strike, on the device's clock
+    duration_s: float  # time to the next heel strike
+    # polynomial of phase and Fourier coefficients, see :class:`jointz.sim.layout.Gait`
     row: np.ndarray
 
     @property
@@ -80,13 +59,7 @@ class Stride:
         return self.start_s + self.duration_s
 
     def cycles(self, time_s: np.ndarray) -> np.ndarray:
-        """Return the phase since the heel strike, in cycles.
-
-        Parameters
-        ----------
-        time_s : (n,) float, s
-            Times within the stride.
-        """
+        """Return the phase since the heel strike, in cycles."""
         u = (time_s - self.start_s) / self.duration_s
         r = self.row
         higher = r[Gait.CUBIC] + u * (r[Gait.QUARTIC] + u * r[Gait.QUINTIC])
@@ -96,27 +69,10 @@ class Stride:
 def knee_size_at(speed_m_s: float) -> float:
     """Return the size of the knee curve at a speed of walking over that at 1.2 m/s.
 
-    Parameters
-    ----------
-    speed_m_s : float, m/s
-        Of the treadmill.
-
-    Returns
-    -------
-    float
-        Exactly 1 at 1.2 m/s.
-
-    Notes
-    -----
     That the knee bends more in faster walking is known (Fukuchi et al. 2019, Systematic Reviews
     8:153, doi 10.1186/s13643-019-1063-z); 15 % per m/s is a round number that keeps the peak
     of swing between 50 and 70 degrees. Misleads about single phases: in truth stance and swing
     do not grow by the same share.
-
-    Examples
-    --------
-    >>> knee_size_at(1.2), round(knee_size_at(0.6), 2)
-    (1.0, 0.91)
     """
     return 1.0 + _KNEE_GROWTH_S_M * (speed_m_s - REFERENCE_SPEED_M_S)
 
@@ -126,17 +82,7 @@ def make_stride(
     durations_s: tuple[float, float, float],
     curves: tuple[np.ndarray, np.ndarray],
 ) -> Stride:
-    """Return a stride that its neighbours join twice continuously differentiable.
-
-    Parameters
-    ----------
-    start_s : float, s
-        Its heel strike.
-    durations_s : (float, float, float), s
-        Of the stride before, of its own, and of the next.
-    curves : pair of (2, HARMONICS) float, rad
-        Fourier coefficients, cosines and sines, of its own and of the next.
-    """
+    """Return a stride that its neighbours join twice continuously differentiable."""
     previous_s, duration, following_s = durations_s
     row = np.zeros(GAIT_SIZE)
     first = 0.5 * (duration / previous_s + 1.0)
@@ -155,23 +101,7 @@ def make_stride(
 
 
 class GaitMotion:
-    """Generates strides in order.
-
-    Parameters
-    ----------
-    settings : GaitSettings
-        How strides differ.
-    stride_time_s : float, s
-        Mean.
-    knee_size : float
-        The knee curve over the average person's.
-    shift : ConditionShift
-        Of the condition.
-    rng : numpy.random.Generator
-        Drawn from in the order of strides, and by nobody else.
-    stumbles : mapping of int to float, optional
-        Stride -> factor of its duration.
-    """
+    """Generates strides in order."""
 
     def __init__(
         self,

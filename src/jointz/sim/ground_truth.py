@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.devices.interface import Stretch
-from jointz.sim.curves import impedance_over_cycle, leg_of
 from jointz.sim.gait_motion import GaitMotion, Stride
-from jointz.sim.joint import knee_angle, respond
+from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
+from jointz.sim.knee_joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
 from jointz.sim.plant_build import PlantBuild
 
@@ -41,32 +41,16 @@ def condition_truth(
     shape: PulseSpec | None,
     window_s: float,
 ) -> dict[str, Any]:
-    """Return heel strikes, the truth of every pulse, curves and instruments.
-
-    Parameters
-    ----------
-    build : PlantBuild
-        Of the condition.
-    motions : sequence of GaitMotion
-        Of each stretch, at its beginning.
-    stretches : sequence of Stretch
-        Offset and end of each.
-    pulses : pandas.DataFrame
-        Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``.
-    shape : PulseSpec or None
-        Ramps of the pulses; steps without it.
-    window_s : float, s
-        From the onset.
-    """
+    """Return heel strikes, the truth of every pulse, curves and instruments."""
     strikes: list[float] = []
     rows: list[dict[str, Any]] = []
     for motion, (_, offset, end_s) in zip(motions, stretches, strict=True):
-        here = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] <= offset + end_s)]
+        in_stretch = pulses[(pulses["onset_s"] >= offset) & (pulses["onset_s"] <= offset + end_s)]
         strides = _strides(motion, end_s)
         strikes += [s.start_s + offset for s in strides if 0.0 <= s.start_s <= end_s]
         rows += [
             _pulse_truth(build, strides, pulse, shape, offset_s=offset, window_s=window_s)
-            for pulse in here[here["completed"].astype(bool)].to_dict("records")
+            for pulse in in_stretch[in_stretch["completed"].astype(bool)].to_dict("records")
         ]
     return {
         "heel_strike_s": strikes,
@@ -150,22 +134,6 @@ def window_weights(
 ) -> np.ndarray:
     r"""Return how much K, B or J at every moment of the window counts in one value for it.
 
-    Parameters
-    ----------
-    motion : (n,) float
-        What the parameter is multiplied by: the deviation, its rate or its acceleration.
-    K, B, J : (n,) float, N*m/rad, N*m*s/rad, kg*m^2
-        Of the joint and what moves with it, over the window.
-    rate_hz : float, Hz
-        Sample rate of all.
-
-    Returns
-    -------
-    (n,) float
-        Weights whose sum is 1; single ones may be negative.
-
-    Notes
-    -----
     A small change :math:`\delta(t)` of the parameter moves the angle by :math:`-\int h(s, t)\,
     m(t)\,\delta(t)\,dt`, h being the joint's impulse response. Least squares on the angle with
     one value for the window, whose sensitivity is :math:`S(s) = -\int h(s, t)\,m(t)\,dt`, then
@@ -182,8 +150,8 @@ def window_weights(
     sensitivity, _ = respond(-motion, K, B, J, rate_hz=rate_hz)
     damping = (B / J)[::-1]
     stiffness = (K / J)[::-1] + np.gradient(damping, 1.0 / rate_hz)
-    heard, _ = respond(sensitivity[::-1], stiffness, damping, 1.0, rate_hz=rate_hz)
-    weights = -motion * heard[::-1] / J
+    adjoint, _ = respond(sensitivity[::-1], stiffness, damping, 1.0, rate_hz=rate_hz)
+    weights = -motion * adjoint[::-1] / J
     return np.asarray(weights / weights.sum())
 
 
@@ -201,8 +169,8 @@ def _torque(
         """Return what a ramp (or a step) of the command becomes behind the current loop."""
         return change * _lagged_ramp(np.maximum(time, 0.0), ramp_s, settings.time_constant_s)
 
-    asked = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
-    return np.asarray(float(pulse["amplitude_nm"]) * asked)
+    share = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
+    return np.asarray(float(pulse["amplitude_nm"]) * share)
 
 
 def _lagged_ramp(time: np.ndarray, ramp_s: float, lag_s: float) -> np.ndarray:

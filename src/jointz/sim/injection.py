@@ -11,51 +11,27 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True, slots=True)
 class Misbehaviour:
-    """One thing that goes wrong.
-
-    Parameters
-    ----------
-    device : {"actuator", "angle", "contact", "torque", "positioner"}
-        Which device.
-    kind : str
-        ``freeze``: samples come, their values stand still. ``silence``: no samples come.
-        ``nan``: angles or values are NaN. ``disconnect``: every call but stop and close
-        raises. ``fault``: fault bits of ``value``, and the actuator goes into fault.
-        ``heat``: ``value`` degrees are added to the temperature. ``double``: the contact
-        opens in mid-stance, between 25 and 35 % of the stride.
-    from_s, until_s : float, s
-        When, on the device's clock.
-    value : float
-        Of what needs one.
-    """
+    """One misbehaviour of a device."""
 
     device: DeviceName
+    # ``freeze``: samples come, their values stand still. ``silence``: no samples come. ``nan``:
+    # angles or values are NaN. ``disconnect``: every call but stop and close raises. ``fault``:
+    # fault bits of ``value``, and the actuator goes into fault. ``heat``: ``value`` degrees are
+    # added to the temperature. ``double``: the contact opens in mid-stance, between 25 and 35 % of
+    # the stride
     kind: Kind
-    from_s: float = 0.0
-    until_s: float = inf
-    value: float = 0.0
+    from_s: float = 0.0  # s: when, on the device's clock
+    until_s: float = inf  # s
+    value: float = 0.0  # of what needs one
 
 
 @dataclass(slots=True)
 class Injection:
-    """What is ordered from a rig; orders may be given at any time.
+    """Misbehaviour ordered from a rig; orders may be given at any time."""
 
-    Parameters
-    ----------
-    orders : list of Misbehaviour
-        Everything ordered; see :meth:`order`.
-    stumbles : dict of int to float
-        Number of a stride -> factor of its duration; ordered before the devices are opened.
-
-    Examples
-    --------
-    >>> inject = Injection()
-    >>> inject.order("angle", "freeze", from_s=30.0)
-    >>> inject.found("angle", 29_000_000_000), len(inject.found("angle", 31_000_000_000))
-    ([], 1)
-    """
-
+    # everything ordered; see :meth:`order`
     orders: list[Misbehaviour] = field(default_factory=list)
+    # number of a stride -> factor of its duration; ordered before the devices are opened
     stumbles: dict[int, float] = field(default_factory=dict)
 
     def order(
@@ -67,13 +43,7 @@ class Injection:
         until_s: float = inf,
         value: float = 0.0,
     ) -> None:
-        """Order a misbehaviour.
-
-        Parameters
-        ----------
-        device, kind, from_s, until_s, value
-            As :class:`Misbehaviour` has them.
-        """
+        """Order a misbehaviour."""
         if device not in get_args(DeviceName) or kind not in KINDS:
             raise ValueError(
                 f"expected a device of {get_args(DeviceName)} and a kind of {KINDS}; "
@@ -82,15 +52,7 @@ class Injection:
         self.orders.append(Misbehaviour(device, kind, from_s, until_s, value))
 
     def found(self, device: DeviceName, device_time_ns: int) -> list[Misbehaviour]:
-        """Return what goes wrong with a device at a time.
-
-        Parameters
-        ----------
-        device : str
-            Which.
-        device_time_ns : int, ns
-            Time of a sample.
-        """
+        """Return what goes wrong with a device at a time."""
         return [
             order
             for order in self.orders

@@ -1,4 +1,4 @@
-"""Where everything stands in the packed arrays of the compiled plant.
+"""Places of constants and state in the packed arrays of the compiled plant.
 
 The compiled step takes a few flat arrays; these are the names of their places.
 """
@@ -68,7 +68,7 @@ class Param(IntEnum):
 
 
 class State(IntEnum):
-    """What changes; up to nine of the first are integrated by Runge and Kutta's method."""
+    """State of a plant; up to nine of the first are integrated by Runge and Kutta's method."""
 
     ANGLE = 0  # deviation from the unperturbed path
     VELOCITY = 1
@@ -137,11 +137,5 @@ GAIT_SIZE = 6 + 4 * HARMONICS
 
 
 def describe(params: np.ndarray) -> dict[str, float]:
-    """Return the constants of a plant by name.
-
-    Parameters
-    ----------
-    params : (n,) float
-        Packed constants.
-    """
+    """Return the constants of a plant by name."""
     return {place.name.lower(): float(params[place]) for place in Param}

@@ -12,15 +12,7 @@ _TURN = 2.0 * math.pi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def phase_at(gait: np.ndarray, time_s: float) -> tuple[float, float, float]:
-    """Return phase (cycles since the heel strike) and its two derivatives.
-
-    Parameters
-    ----------
-    gait : (GAIT_SIZE,) float
-        The stride.
-    time_s : float, s
-        Within the stride, or a sample after it.
-    """
+    """Return phase (cycles since the heel strike) and its two derivatives."""
     per_s = gait[Gait.RATE_HZ]
     u = (time_s - gait[Gait.START_S]) * per_s
     c1, c3 = gait[Gait.LINEAR], gait[Gait.CUBIC]
@@ -33,15 +25,7 @@ def phase_at(gait: np.ndarray, time_s: float) -> tuple[float, float, float]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def path(gait: np.ndarray, time_s: float) -> tuple[float, float, float]:
-    """Return the unperturbed angle (rad), its rate and its acceleration.
-
-    Parameters
-    ----------
-    gait : (GAIT_SIZE,) float
-        The stride.
-    time_s : float, s
-        Within the stride, or a sample after it.
-    """
+    """Return the unperturbed angle (rad), its rate and its acceleration."""
     phase, rate, bend = phase_at(gait, time_s)
     cosine_1, sine_1 = math.cos(_TURN * phase), math.sin(_TURN * phase)
     cosine, sine = 1.0, 0.0

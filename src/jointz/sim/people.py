@@ -19,30 +19,16 @@ _LARGEST_ERROR = 3.0  # sd
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """A simulated person and the truth about the knee.
+    """A simulated person and the truth about the knee."""
 
-    Parameters
-    ----------
-    number : int
-        Place in the population, from 0.
-    seed : int
-        Of the population.
-    mass_kg, height_m, stride_time_s : float
-        Body, and mean stride time at 1.2 m/s.
-    stiffness_per_mass, damping_per_mass : mapping of str to float
-        Timing point -> N*m/rad/kg, N*m*s/rad/kg.
-    inertia : float, kg*m^2
-        Of joint, limb and frame; the anthropometric preset has its own.
-    """
-
-    number: int
-    seed: int
+    number: int  # place in the population, from 0
+    seed: int  # of the population
     mass_kg: float
     height_m: float
-    stride_time_s: float
-    stiffness_per_mass: Mapping[str, float]
-    damping_per_mass: Mapping[str, float]
-    inertia: float
+    stride_time_s: float  # mean at 1.2 m/s
+    stiffness_per_mass: Mapping[str, float]  # timing point -> N*m/rad/kg
+    damping_per_mass: Mapping[str, float]  # timing point -> N*m*s/rad/kg
+    inertia: float  # kg*m^2: of joint, limb and frame; the anthropometric preset has its own
 
     @property
     def id(self) -> str:
@@ -50,15 +36,7 @@ class Person:
         return f"S{self.number + 1:02d}"
 
     def stream(self, purpose: str, number: int = 0) -> np.random.Generator:
-        """Return the random numbers of one purpose; nothing else draws from them.
-
-        Parameters
-        ----------
-        purpose : str
-            What they are for.
-        number : int
-            Of a repetition.
-        """
+        """Return the random numbers of one purpose; nothing else draws from them."""
         return np.random.default_rng([self.seed, self.number, crc32(purpose.encode()), number])
 
 
@@ -106,55 +84,33 @@ def draw_person(number: int, *, seed: int) -> Person:
 
 @dataclass(frozen=True, slots=True)
 class Instruments:
-    """What the instruments of one person really do; the same in all conditions.
+    """True properties of one person's instruments; the same in all conditions."""
 
-    Parameters
-    ----------
-    torque_gain, angle_gain : float
-        Measured over true.
-    friction_gain : float
-        True over stated friction.
-    angle_lag_s : float, s
-        Total lag of the goniometer behind the joint, without tissue.
-    strap_stiffness : float, N*m/rad
-        Between frame and leg; 0 for a rigid strap.
-    tissue_hz : float, Hz
-        Resonance of the tissue between joint and goniometer; 0 for none.
-    """
-
-    torque_gain: float
+    torque_gain: float  # measured over true
     angle_gain: float
-    friction_gain: float
-    angle_lag_s: float
-    strap_stiffness: float
-    tissue_hz: float
+    friction_gain: float  # true over stated friction
+    angle_lag_s: float  # s: total lag of the goniometer behind the joint, without tissue
+    strap_stiffness: float  # N*m/rad: between frame and leg; 0 for a rigid strap
+    tissue_hz: float  # Hz: resonance of the tissue between joint and goniometer; 0 for none
 
 
 def draw_instruments(person: Person, preset: Preset) -> Instruments:
-    """Draw the errors of a person's instruments.
-
-    Parameters
-    ----------
-    person : Person
-        Who.
-    preset : Preset
-        How large they are.
-    """
+    """Draw the errors of a person's instruments."""
     rng = person.stream("instruments")
-    errors = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
+    deviations = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
     shares = rng.random(3).tolist()
     body, goniometer = preset.body, preset.goniometer
     tissue, gain_error = goniometer.tissue_range_hz, goniometer.gain_error
     if gain_error is None:
-        gain_error = goniometer.gain_error_sd * errors[1]
+        gain_error = goniometer.gain_error_sd * deviations[1]
 
     def between(limits: Range, share: float) -> float:
         return limits[0] + share * (limits[1] - limits[0])
 
     return Instruments(
-        torque_gain=1.0 + preset.actuator.gain_error_sd * errors[0],
+        torque_gain=1.0 + preset.actuator.gain_error_sd * deviations[0],
         angle_gain=1.0 + gain_error,
-        friction_gain=1.0 + preset.actuator.friction_error_sd * errors[2],
+        friction_gain=1.0 + preset.actuator.friction_error_sd * deviations[2],
         angle_lag_s=between(goniometer.lag_range_s, shares[0]),
         strap_stiffness=between(body.strap_range_nm_rad, shares[1]) if body else 0.0,
         tissue_hz=between(tissue, shares[2]) if tissue else 0.0,

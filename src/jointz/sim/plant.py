@@ -223,13 +223,7 @@ def _know_path(state: np.ndarray, gait: np.ndarray, time_s: float) -> None:
 
 @_compiled
 def begin(p: np.ndarray, state: np.ndarray, gait: np.ndarray, history: np.ndarray) -> None:
-    """Put a plant at rest on its path, at time 0.
-
-    Parameters
-    ----------
-    p, state, gait, history : ndarray
-        As for :func:`advance`; state and history are filled.
-    """
+    """Set a plant to rest on its path, at time 0."""
     state[: State.COMMAND] = 0.0
     _know_path(state, gait, 0.0)
     state[State.LAGGED] = state[State.TISSUE] = state[State.PATH]
@@ -354,35 +348,7 @@ def advance(
     sample: int,
     command: float,
 ) -> tuple[MotorMeasured, float]:
-    """Advance the plant to a sample and return what is measured there.
-
-    Parameters
-    ----------
-    p : (n,) float
-        Constants, see :class:`jointz.sim.layout.Param`.
-    state : (STATE_SIZE,) float
-        See :class:`jointz.sim.layout.State`; changed.
-    curves : (CURVE_PIECES, 4 * CURVES) float
-        Cubic coefficients of K, B, J and the thigh's angle over phase.
-    history : (HISTORY, HISTORY_COLUMNS) float
-        Ring of what delays need; changed.
-    gait : (GAIT_SIZE,) float
-        The stride that holds the sample before; see :class:`jointz.sim.layout.Gait`.
-    noise : (n, 5) float
-        Standard normal numbers, see :class:`jointz.sim.layout.Noise`; a sample has row
-        ``sample % n``.
-    sample : int
-        To which; from 0, where nothing moves yet.
-    command : float, N*m
-        Torque asked for since the sample before.
-
-    Returns
-    -------
-    motor : tuple
-        Angle, velocity, current, voltage, temperature, fault bits.
-    angle : float, rad
-        That the goniometer shows.
-    """
+    """Advance the plant to a sample and return what is measured there."""
     row = sample % noise.shape[0]
     if sample > 0:
         substeps = int(p[Param.SUBSTEPS])

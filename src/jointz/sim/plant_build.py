@@ -1,4 +1,4 @@
-"""From a person, a preset and the person's instruments to the packed constants of a plant."""
+"""Packed constants of a plant, from a person, a preset and the person's instruments."""
 
 from dataclasses import dataclass
 from math import exp, pi, sqrt
@@ -6,7 +6,7 @@ from math import exp, pi, sqrt
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.sim.curves import frame_gravity, leg_of, packed_curves
+from jointz.sim.impedance_curves import frame_gravity, leg_of, packed_curves
 from jointz.sim.layout import COMMANDS, HISTORY, INTEGRATED, Param, State
 from jointz.sim.people import Instruments, Person, draw_instruments
 from jointz.sim.presets import Preset
@@ -20,10 +20,10 @@ class Grid:
 
     Parameters
     ----------
-    sample_rate_hz : float, Hz
-        Of all devices of the rig; its period is a whole number of nanoseconds.
-    substeps : int, optional
-        Steps of the physics to a sample; by default enough for 5 kHz.
+    sample_rate_hz : float
+        Of all devices of the rig, Hz; its period is a whole number of nanoseconds.
+    substeps : int
+        Steps of the physics to a sample; 0: enough for 5 kHz.
     """
 
     sample_rate_hz: float = 500.0
@@ -57,46 +57,19 @@ class Grid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantBuild:
-    """Everything constant about a plant.
-
-    Parameters
-    ----------
-    person, preset, instruments, grid : Person, Preset, Instruments, Grid
-        What it was built from.
-    worn : bool
-        Whether the exoskeleton is worn.
-    params, curves : ndarray
-        As :func:`jointz.sim.plant.advance` takes them.
-    """
+    """Everything constant about a plant."""
 
     person: Person
     preset: Preset
     instruments: Instruments
     grid: Grid
-    worn: bool
-    params: np.ndarray
+    worn: bool  # whether the exoskeleton is worn
+    params: np.ndarray  # as :func:`jointz.sim.plant.advance` takes them
     curves: np.ndarray
 
 
 def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:
-    """Put the constants of a plant together.
-
-    Parameters
-    ----------
-    person : Person
-        Who walks.
-    preset : Preset
-        How.
-    grid : Grid
-        Samples and steps.
-    worn : bool
-        Whether the exoskeleton is worn.
-
-    Raises
-    ------
-    DataError
-        When a delay is longer than the plant's memory.
-    """
+    """Return the constants of a plant."""
     instruments = draw_instruments(person, preset)
     params = np.zeros(len(Param))
     params[Param.STEP_S], params[Param.PERIOD_S] = grid.step_s, grid.period_s

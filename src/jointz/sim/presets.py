@@ -1,4 +1,4 @@
-"""How well simulated people walk and simulated instruments measure: the presets.
+"""Presets of simulated people and instruments.
 
 Everything random is a standard deviation unless it is called a range; angles
 are in rad, times in s, torques in N*m. What one wearer gets is drawn from
@@ -9,49 +9,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import radians
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from jointz.core.errors import DataError
 
 Range = tuple[float, float]
+PresetT = TypeVar("PresetT")
 
 
 @dataclass(frozen=True, slots=True)
 class GaitSettings:
-    """How strides differ from each other.
+    """Variation between strides."""
 
-    Parameters
-    ----------
-    duration_sd, duration_drift_sd : float
-        Stride time, share of the mean: from stride to stride, and slowly.
-    amplitude_sd : float
-        Size of the knee curve, share.
-    offset_sd_rad, offset_drift_sd_rad : float, rad
-        Level of the knee curve: autoregressive from stride to stride, and slowly.
-    shape_sd_rad : float, rad
-        RMS over the cycle of a random change of shape.
-    memory : float
-        Correlation of amplitude and offset between neighbouring strides.
-    drift_strides : float
-        Strides after which a drift has forgotten 63 %.
-    condition_offset_sd_rad, condition_amplitude_sd, condition_phase_sd : float
-        Difference between two conditions: rad, share, cycles.
-    contact_share : float
-        Share of the stride with the foot on the ground.
-    """
-
-    duration_sd: float = 0.025
+    duration_sd: float = 0.025  # stride time, share of the mean: from stride to stride, and slowly
     duration_drift_sd: float = 0.01
-    amplitude_sd: float = 0.03
+    amplitude_sd: float = 0.03  # size of the knee curve, share
+    # rad: level of the knee curve: autoregressive from stride to stride, and slowly
     offset_sd_rad: float = radians(1.0)
-    offset_drift_sd_rad: float = radians(1.5)
-    shape_sd_rad: float = radians(0.8)
-    memory: float = 0.5
-    drift_strides: float = 150.0
+    offset_drift_sd_rad: float = radians(1.5)  # rad
+    shape_sd_rad: float = radians(0.8)  # rad: RMS over the cycle of a random change of shape
+    memory: float = 0.5  # correlation of amplitude and offset between neighbouring strides
+    drift_strides: float = 150.0  # strides after which a drift has forgotten 63 %
+    # difference between two conditions: rad, share, cycles
     condition_offset_sd_rad: float = radians(1.5)
     condition_amplitude_sd: float = 0.02
     condition_phase_sd: float = 0.005
-    contact_share: float = 0.62
+    contact_share: float = 0.62  # share of the stride with the foot on the ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,97 +98,53 @@ class JointSettings:
 
 @dataclass(frozen=True, slots=True)
 class ActuatorSettings:
-    """A quasi-direct-drive actuator; nominal values of table 3.1, model 3.
+    """A quasi-direct-drive actuator; nominal values of table 3.1, model 3."""
 
-    Parameters
-    ----------
-    gear_ratio, torque_constant, coulomb_friction, gear_friction, rotor_inertia : float
-        Of equation 4.1: 1, N*m/A, N*m, N*m/A, kg*m^2, as the device states them.
-    delay_s, time_constant_s : float, s
-        From command to current.
-    gain_error_sd, friction_error_sd : float
-        Of torque per ampere and of both frictions, share.
-    torque_error_sd_nm, torque_error_time_s : float, N*m, s
-        Ornstein-Uhlenbeck error of the torque.
-    sign_velocity_rad_s : float, rad/s
-        Friction goes as tanh(velocity / this).
-    current_max_a : float, A
-        Where the driver saturates.
-    angle_step_rad, velocity_step_rad_s, current_step_a : float
-        Quanta of what is reported; 0 for none.
-    supply_v, supply_ohm : float, V, ohm
-        Battery.
-    ambient_c, heating_c_a2, thermal_s : float
-        Winding: ambient temperature, final rise per A^2, time constant.
-    temperature_max_c : float, degrees Celsius
-        Above it the device goes into fault.
-    command_timeout_s : float, s
-        Without a command for so long the device goes to zero current.
-    """
-
+    # of equation 4.1, as the device states them
     gear_ratio: float = 9.0
-    torque_constant: float = 0.11
-    coulomb_friction: float = 0.38
-    gear_friction: float = 0.09
-    rotor_inertia: float = 92e-4
-    delay_s: float = 0.006
-    time_constant_s: float = 0.012
-    gain_error_sd: float = 0.02
+    torque_constant: float = 0.11  # N*m/A
+    coulomb_friction: float = 0.38  # N*m
+    gear_friction: float = 0.09  # N*m/A
+    rotor_inertia: float = 92e-4  # kg*m^2
+    delay_s: float = 0.006  # from command to current
+    time_constant_s: float = 0.012  # of the current
+    gain_error_sd: float = 0.02  # of torque per ampere and of both frictions, share
     friction_error_sd: float = 0.1
-    torque_error_sd_nm: float = 0.25
+    torque_error_sd_nm: float = 0.25  # of an Ornstein-Uhlenbeck error of the torque
     torque_error_time_s: float = 0.25
-    sign_velocity_rad_s: float = 0.05
-    current_max_a: float = 30.0
+    sign_velocity_rad_s: float = 0.05  # friction goes as tanh(velocity / this)
+    current_max_a: float = 30.0  # where the driver saturates
+    # quanta of what is reported; 0 for none
     angle_step_rad: float = 6.283185307179586 / (9 * 16384)
     velocity_step_rad_s: float = 0.005
     current_step_a: float = 0.01
-    supply_v: float = 48.0
-    supply_ohm: float = 0.05
-    ambient_c: float = 25.0
+    supply_v: float = 48.0  # of the battery
+    supply_ohm: float = 0.05  # of the battery
+    ambient_c: float = 25.0  # winding: ambient temperature, final rise per A^2, time constant
     heating_c_a2: float = 0.3
     thermal_s: float = 90.0
-    temperature_max_c: float = 110.0
-    command_timeout_s: float = 0.05
+    temperature_max_c: float = 110.0  # above it the device goes into fault
+    command_timeout_s: float = 0.05  # without a command for so long it goes to zero current
 
 
 @dataclass(frozen=True, slots=True)
 class GoniometerSettings:
-    """An electrogoniometer on soft tissue.
+    """An electrogoniometer on soft tissue."""
 
-    Parameters
-    ----------
-    delay_s : float, s
-        Pure delay.
-    lag_range_s : tuple of float, s
-        Range of the total lag: the delay and a first order.
-    tissue_range_hz : tuple of float, optional, Hz
-        Resonance between joint and goniometer, before its lag; None: the tissue is rigid.
-    tissue_damping : float
-        Damping ratio of that resonance.
-    gain_error_sd : float
-        Share; also what a lab believes of its instrument.
-    gain_error : float, optional
-        The error that every wearer's instrument has, share; None: drawn.
-    white_sd_rad, coloured_sd_rad, coloured_time_s : float, rad, rad, s
-        Noise.
-    drift_sd_rad, drift_time_s : float, rad, s
-        Slow drift.
-    torsion_rad_nm : float, rad/(N*m)
-        Angle shown per torque on the joint.
-    """
-
-    delay_s: float = 0.002
-    lag_range_s: Range = (0.004, 0.012)
+    delay_s: float = 0.002  # s: pure delay
+    lag_range_s: Range = (0.004, 0.012)  # s: range of the total lag: the delay and a first order
+    # Hz: resonance between joint and goniometer, before its lag; None: the tissue is rigid
     tissue_range_hz: Range | None = None
-    tissue_damping: float = 0.3
-    gain_error_sd: float = 0.02
+    tissue_damping: float = 0.3  # damping ratio of that resonance
+    gain_error_sd: float = 0.02  # share; also what a lab believes of its instrument
+    # the error that every wearer's instrument has, share; None: drawn
     gain_error: float | None = None
-    white_sd_rad: float = radians(0.3)
-    coloured_sd_rad: float = radians(0.15)
+    white_sd_rad: float = radians(0.3)  # noise
+    coloured_sd_rad: float = radians(0.15)  # noise
     coloured_time_s: float = 0.1
-    drift_sd_rad: float = 0.0
+    drift_sd_rad: float = 0.0  # slow drift
     drift_time_s: float = 300.0
-    torsion_rad_nm: float = 0.0
+    torsion_rad_nm: float = 0.0  # rad/(N*m): angle shown per torque on the joint
 
     def __post_init__(self) -> None:
         low, high = self.lag_range_s
@@ -226,56 +165,38 @@ class GoniometerSettings:
 
 @dataclass(frozen=True, slots=True)
 class FootswitchSettings:
-    """A switch under the heel.
+    """A switch under the heel."""
 
-    Parameters
-    ----------
-    jitter_sd_s : float, s
-        Of the moment of contact.
-    bounce_s : float, s
-        How long it chatters after closing; 0 for none.
-    missed, false : float
-        Probability, a stride, of a contact that does not show and of a short one in swing.
-    """
-
-    jitter_sd_s: float = 0.005
-    bounce_s: float = 0.004
+    jitter_sd_s: float = 0.005  # s: of the moment of contact
+    bounce_s: float = 0.004  # s: how long it chatters after closing; 0 for none
+    # probability, a stride, of a contact that does not show and of a short one in swing
     missed: float = 0.001
     false: float = 0.001
 
 
 @dataclass(frozen=True, slots=True)
 class BodySettings:
-    """Leg, exoskeleton frame and strap as bodies of their own.
+    """Leg, exoskeleton frame and strap as bodies of their own."""
 
-    Parameters
-    ----------
-    strap_range_nm_rad : tuple of float, N*m/rad
-        Stiffness between frame and leg.
-    strap_damping_time_s : float, s
-        Strap damping over strap stiffness.
-    frame_mass_kg, frame_distance_m : float, kg, m
-        What hangs on the shank, and how far below the knee its centre is.
-    """
-
-    strap_range_nm_rad: Range = (300.0, 1000.0)
-    strap_damping_time_s: float = 0.005
-    frame_mass_kg: float = 1.0
-    frame_distance_m: float = 0.18
+    strap_range_nm_rad: Range = (300.0, 1000.0)  # N*m/rad: stiffness between frame and leg
+    strap_damping_time_s: float = 0.005  # s: strap damping over strap stiffness
+    frame_mass_kg: float = 1.0  # of the frame on the shank
+    frame_distance_m: float = 0.18  # of its centre below the knee
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Everything that makes a simulated rig as good or bad as it is.
+    """Settings of a simulated person and rig.
 
     Parameters
     ----------
     name : str
-        Of the preset.
+        Name of the preset.
     gait, joint, actuator, goniometer, footswitch : settings
-        Of the parts.
+        Strides; impedance and reflex; motor and its torque model; the two sensors.
     body : BodySettings, optional
-        None: the strap is rigid and the inertia is the person's printed one.
+        Segments and strap; without them the strap is rigid, and the inertia that of the printed
+        table.
     """
 
     name: str
@@ -381,6 +302,11 @@ def preset(name: str) -> Preset:
     >>> preset("nominal").goniometer.delay_s
     0.002
     """
-    if name not in PRESETS:
-        raise DataError(f"preset: expected one of {', '.join(PRESETS)}; got {name!r}.")
-    return PRESETS[name]
+    return named_preset(PRESETS, name, what="preset")
+
+
+def named_preset(presets: Mapping[str, PresetT], name: str, *, what: str) -> PresetT:
+    """Return one of several presets; ``what`` they are of stands in the error."""
+    if name not in presets:
+        raise DataError(f"{what}: expected one of {', '.join(presets)}; got {name!r}.")
+    return presets[name]

@@ -7,14 +7,13 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.clock import Clock
-from jointz.core.protocol import PulseSpec
+from jointz.core.protocols.protocol import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.core.walking_speed import REFERENCE_SPEED_M_S, stride_time_ratio
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
-from jointz.sim.calibration_instruments import OffsetSensor, draw_angle_zero
+from jointz.sim.benches.running_plant import RunningPlant
+from jointz.sim.calibration_benches.calibration_instruments import OffsetSensor, draw_angle_zero
 from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
-from jointz.sim.devices import SimulatedActuator, SimulatedFootswitch, SimulatedSensor, Wiring
-from jointz.sim.footswitch import ContactMaker
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
@@ -22,7 +21,12 @@ from jointz.sim.people import Person, draw_person
 from jointz.sim.plant_build import Grid, PlantBuild, build_plant
 from jointz.sim.presets import Preset
 from jointz.sim.presets import preset as preset_named
-from jointz.sim.running_plant import RunningPlant
+from jointz.sim.simulated_devices import (
+    SimulatedActuator,
+    SimulatedFootswitch,
+    SimulatedSensor,
+    Wiring,
+)
 
 #: A lab weighs the frame and measures where its centre is.
 _FRAME_SD = 0.1
@@ -72,23 +76,23 @@ class SimulatedRig:
 
     @property
     def wearer(self) -> Wearer:
-        """Who wears it."""
+        """The participant."""
         return Wearer(self.person.id, self.person.mass_kg, self.person.height_m)
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What a lab knows, with its sd: gains, friction, frame; nobody measured a lag."""
+        """Gains, friction and frame as a laboratory knows them, with SD; no lag was measured."""
         gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,
             "friction_gain": self.preset.actuator.friction_error_sd,
         }
-        known = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
+        entries = {name: Calibrated(value=1.0, sd=sd) for name, sd in gains.items() if sd > 0.0}
         body = self.preset.body
         if body is not None:
             frame = body.frame_mass_kg * body.frame_distance_m**2
-            known["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
-        return CalibrationSpec(**known)
+            entries["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
+        return CalibrationSpec(**entries)
 
     @property
     def device(self) -> DeviceSpec | None:
@@ -113,16 +117,8 @@ class SimulatedRig:
             The host's.
         """
         build = self.build(worn=worn)
-        running = RunningPlant(
-            build,
-            motion=self.motion(condition, segment),
-            contacts=ContactMaker(
-                self.preset.footswitch,
-                contact_share=self.preset.gait.contact_share,
-                rng=self.person.stream(f"contact {condition}", segment),
-            ),
-            noise=self.person.stream(f"noise {condition}", segment),
-        )
+        motion = self.motion(condition, segment)
+        running = RunningPlant(build, motion, purpose=condition, segment=segment)
         wiring = Wiring(running, clock, self.inject)
         return Devices(
             angle=self._goniometer(wiring, goniometer(build)),

@@ -16,18 +16,6 @@ class SampledTime(ABC):
     devices' clock, so that a session starts the same under any clock. Looking at host time
     t computes all samples up to t; a command given between two samples acts from the
     earlier one on.
-
-    Parameters
-    ----------
-    period_ns : int, ns
-        From sample to sample.
-
-    Attributes
-    ----------
-    samples : int
-        Computed so far.
-    due_ns : int, ns
-        When, by the host's clock, the next one comes; nobody needs to look before.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -44,23 +32,11 @@ class SampledTime(ABC):
         return samples
 
     def forget(self, queue: list[Sample]) -> None:
-        """Append no more to a list.
-
-        Parameters
-        ----------
-        queue : list of Sample
-            From :meth:`queue`.
-        """
+        """Append no more to a list."""
         self._queues = [kept for kept in self._queues if kept is not queue]
 
     def look(self, now_ns: int) -> None:
-        """Compute all samples up to a time of the host.
-
-        Parameters
-        ----------
-        now_ns : int, ns
-            By the clock.
-        """
+        """Compute all samples up to a time of the host."""
         if self.samples == 0:
             self._first_ns = now_ns // self._period_ns * self._period_ns
         due_ns = self._first_ns + self.samples * self._period_ns
@@ -68,6 +44,18 @@ class SampledTime(ABC):
             self._step()
             due_ns += self._period_ns
         self.due_ns = due_ns
+
+    @abstractmethod
+    def command(self, torque_nm: float, now_ns: int) -> None:
+        """Command a torque of the actuator."""
+
+    @abstractmethod
+    def release(self, now_ns: int) -> None:
+        """Release the torque of the actuator."""
+
+    @abstractmethod
+    def fail(self, bits: int) -> None:
+        """Set fault bits of the actuator: it goes to zero torque by itself."""
 
     @abstractmethod
     def _step(self) -> None:

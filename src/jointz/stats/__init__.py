@@ -1,4 +1,4 @@
-"""Statistics over estimates; every statistic says what its rows are."""
+"""Statistics of estimates."""
 
 # Not lazy: a module that shares the name of its function would take its place when loaded.
 from jointz.stats.mixed_model import mixed_model

@@ -1,4 +1,4 @@
-"""Two sets of people, or the same people twice: difference, effect size, equivalence, ICC."""
+"""Paired and grouped differences: tests, effect sizes, equivalence, repeatability (ICC)."""
 
 from dataclasses import dataclass
 
@@ -12,29 +12,22 @@ _TWO_SIDED_95 = 0.975
 
 
 class NoSpreadError(ValueError):
-    """Nothing varies: there is no error to compare with."""
+    """The values do not vary, so that there is no error to test against."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeanDifference:
-    """A mean difference with its t test and effect size.
+    """A mean difference with its t test and effect size."""
 
-    Parameters
-    ----------
-    difference, se, df, t, p, ci_low, ci_high : float
-        Of first minus second.
-    effect_size, effect_low, effect_high : float or None
-        Hedges' g_z of pairs, g of groups; None for two pairs, which leave no degree of freedom
-        to correct it by.
-    """
-
-    difference: float
+    difference: float  # of first minus second
     se: float
     df: float
     t: float
     p: float
     ci_low: float
     ci_high: float
+    # hedges' g_z of pairs, g of groups; None for two pairs, which leave no degree of freedom to
+    # correct it by
     effect_size: float | None
     effect_low: float | None
     effect_high: float | None
@@ -42,13 +35,6 @@ class MeanDifference:
     def equivalence_p(self, margin: float) -> float:
         """Return the p of two one-sided tests that the difference lies within a margin.
 
-        Parameters
-        ----------
-        margin : float
-            Above 0, in the unit of the difference.
-
-        Notes
-        -----
         Schuirmann 1987, J. Pharmacokinet. Biopharm. 15, 657-680: the larger one. Below 0.05
         the 90 % interval lies within the margin.
         """
@@ -62,32 +48,10 @@ def paired_difference(
 ) -> MeanDifference:
     """Return the mean difference of the same people measured twice.
 
-    Parameters
-    ----------
-    first, second : (n,) float
-        Finite values of the same people, in the same order.
-    ci_level : float
-        Of both intervals.
-
-    Raises
-    ------
-    NoSpreadError
-        When all differences are the same.
-    ValueError
-        When the arrays differ in length or there are fewer than two people.
-
-    Notes
-    -----
     The effect size is g_z: mean over standard deviation of the differences, times Hedges'
     correction for n - 1 degrees of freedom. Its interval, from the noncentral t distribution,
     is exact for normal differences, and of the population's value. It grows with the
     correlation of the two measurements: it is not to be compared with g between groups.
-
-    Examples
-    --------
-    >>> made = paired_difference(np.array([2.0, 5.0, 2.0]), np.array([1.0, 3.0, 2.0]))
-    >>> made.difference, round(made.t, 6), made.df
-    (1.0, 1.732051, 2.0)
     """
     a, b = _finite(first), _finite(second)
     if a.shape != b.shape or a.size < 2:
@@ -107,31 +71,9 @@ def group_difference(
 ) -> MeanDifference:
     """Return the mean difference of different people, with variances of their own.
 
-    Parameters
-    ----------
-    first, second : (n,), (m,) float
-        Finite values.
-    ci_level : float
-        Of both intervals.
-
-    Raises
-    ------
-    NoSpreadError
-        When nothing varies in either group.
-    ValueError
-        When a group has fewer than two people.
-
-    Notes
-    -----
     Welch's t. The effect size is Hedges' g: the difference over the pooled standard
     deviation, times the correction for n + m - 2 degrees of freedom; its interval, from the
     noncentral t distribution, assumes equal variances, which Welch's does not.
-
-    Examples
-    --------
-    >>> made = group_difference(np.array([1.0, 2.0, 3.0]), np.array([3.0, 4.0, 5.0]))
-    >>> round(made.t, 6), round(made.df, 6), round(made.effect_size, 6)
-    (-2.44949, 4.0, -1.595769)
     """
     a, b = _finite(first), _finite(second)
     n, m = a.size, b.size
@@ -175,21 +117,9 @@ def _tested(
 
 
 def hedges_correction(df: float) -> float:
-    """Return what makes a standardised mean difference unbiased.
+    """Return Hedges' correction of a standardised mean difference.
 
-    Parameters
-    ----------
-    df : float
-        Degrees of freedom of its standard deviation, above 1.
-
-    Notes
-    -----
     Hedges 1981, J. Educ. Stat. 6, 107-128, the exact form.
-
-    Examples
-    --------
-    >>> round(hedges_correction(10.0), 4)
-    0.9227
     """
     return float(np.exp(gammaln(df / 2.0) - gammaln((df - 1.0) / 2.0)) * np.sqrt(2.0 / df))
 
@@ -211,43 +141,18 @@ def _noncentrality(t: float, df: float, ci_level: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class RepeatedMeasurements:
-    """Intraclass correlations of single values, with their error.
+    """Intraclass correlations of single values, with their error."""
 
-    Parameters
-    ----------
-    icc_agreement, icc_consistency : (float, float, float)
-        Value and ends of the interval.
-    sem : (float, float, float)
-        Standard error of measurement and ends of its interval.
-    mdc : (float, float, float)
-        Minimal detectable change of one person at 95 %, and ends of its interval.
-    """
-
-    icc_agreement: tuple[float, float, float]
+    icc_agreement: tuple[float, float, float]  # value and ends of the interval
     icc_consistency: tuple[float, float, float]
-    sem: tuple[float, float, float]
+    sem: tuple[float, float, float]  # standard error of measurement and ends of its interval
+    # minimal detectable change of one person at 95 %, and ends of its interval
     mdc: tuple[float, float, float]
 
 
 def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeasurements:
-    """Return how well values of the same people repeat.
+    """Return ICC, standard error of measurement and minimal detectable change.
 
-    Parameters
-    ----------
-    values : (n, k) float
-        One row a person, one column a day; finite.
-    ci_level : float
-        Of the intervals.
-
-    Raises
-    ------
-    NoSpreadError
-        When people repeat exactly, or are all the same.
-    ValueError
-        When there are fewer than two people or days.
-
-    Notes
-    -----
     ICC(A,1) and ICC(C,1) of McGraw and Wong 1996, Psychol. Methods 1, 30-46 (Shrout and
     Fleiss's ICC(2,1) and ICC(3,1)); both may be negative. The standard error of measurement
     is the square root of the error mean square (Weir 2005, J. Strength Cond. Res. 19,
@@ -258,16 +163,6 @@ def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeas
     the (n - 1)(k - 1) degrees of freedom of the SEM: the change of a stable new person exceeds
     it in 5 % of studies. Its interval is that of the SEM, from the chi-square distribution of
     its variance, times the same t sqrt(2).
-
-    Examples
-    --------
-    Shrout and Fleiss 1979, table 2:
-
-    >>> rated = np.array([[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6],
-    ...                   [10, 5, 6, 9], [6, 2, 4, 7]], dtype=float)
-    >>> made = repeatability(rated)
-    >>> round(made.icc_agreement[0], 2), round(made.icc_consistency[0], 2)
-    (0.29, 0.71)
     """
     y = np.asarray(values, dtype=float)
     if y.ndim != 2 or min(y.shape) < 2 or not np.isfinite(y).all():

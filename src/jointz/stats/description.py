@@ -5,25 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import phase_difference
+from jointz.results.estimates import CellEstimate
 
 
 def onset_errors(pulses: Sequence[PulseRecord]) -> dict[tuple[str, float], np.ndarray]:
-    """Return measured minus planned onset of the pulses at every timing point.
-
-    Parameters
-    ----------
-    pulses : sequence of PulseRecord
-        All pulses.
-
-    Returns
-    -------
-    dict
-        Timing point and target, in the order of the cycle -> errors, % of the gait cycle; NaN
-        for a pulse without a measured phase.
-    """
+    """Return measured minus planned onset of the pulses at every timing point."""
     groups: dict[tuple[str, float], list[float]] = {}
     for pulse in pulses:
         if pulse.target_pct is not None:
@@ -34,19 +22,7 @@ def onset_errors(pulses: Sequence[PulseRecord]) -> dict[tuple[str, float], np.nd
 
 
 def onset_accuracy(pulses: Sequence[PulseRecord]) -> list[dict[str, Any]]:
-    """Return measured against planned onset at every timing point.
-
-    Parameters
-    ----------
-    pulses : sequence of PulseRecord
-        All pulses.
-
-    Returns
-    -------
-    list of dict
-        ``timing_point``, ``target_pct``, ``n``, ``n_missing`` (pulses without a measured
-        phase), ``mean_pct`` and ``sd_pct`` of the measured onset, % of the gait cycle.
-    """
+    """Return measured against planned onset at every timing point."""
     rows = []
     for (name, target), errors in onset_errors(pulses).items():
         known = errors[~np.isnan(errors)]
@@ -66,20 +42,7 @@ def onset_accuracy(pulses: Sequence[PulseRecord]) -> list[dict[str, Any]]:
 def stride_summary(
     strides: Sequence[StrideRecord], gaps: Sequence[GapRecord]
 ) -> list[dict[str, Any]]:
-    """Return how many strides each recording holds, their mean, and its gaps.
-
-    Parameters
-    ----------
-    strides : sequence of StrideRecord
-        Every stride found.
-    gaps : sequence of GapRecord
-        Every gap found.
-
-    Returns
-    -------
-    list of dict
-        One a participant, recording and condition.
-    """
+    """Return how many strides each recording holds, their mean, and its gaps."""
     groups: dict[tuple[str, str, str], list[StrideRecord]] = {}
     for stride in strides:
         key = (stride.participant, stride.recording, stride.condition)
@@ -88,13 +51,7 @@ def stride_summary(
 
 
 def vaf_summary(cells: Sequence[CellEstimate]) -> dict[str, float | None]:
-    """Return mean, standard deviation and median of the VAF over cells, %.
-
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Those without a fit do not count.
-    """
+    """Return mean, standard deviation and median of the VAF over cells, %."""
     vaf = [cell.vaf_pct for cell in cells if cell.vaf_pct is not None]
     return {
         "mean_pct": float(np.mean(vaf)) if vaf else None,

@@ -1,4 +1,4 @@
-"""Do the levels of a factor differ? Participants are random, replicates are no participants."""
+"""Mixed model of the levels of a factor, participants random."""
 
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
@@ -9,7 +9,28 @@ from scipy.special import chdtrc, stdtr, stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.mixed_model_fit import (
+from jointz.core.provenance import own_version
+from jointz.kernels.statistics.anova import FTest
+from jointz.kernels.statistics.kenward_roger import kenward_roger_test, single_contrasts
+from jointz.kernels.statistics.mixed_model_components import (
+    CellBlocks,
+    ComponentsFit,
+    cell_blocks,
+    fit_components,
+    fit_participants,
+    likelihood_ratio,
+)
+from jointz.kernels.statistics.mixed_model_groups import (
+    GroupVariance,
+    NoErrorLeftError,
+    group_variance,
+)
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    satterthwaite_test,
+    sequential_contrasts,
+)
+from jointz.kernels.statistics.repeated_measures import paired_t_test, repeated_measures_anova
+from jointz.results.statistics.mixed_model_fit import (
     EffectTest,
     IntraclassCorrelation,
     LevelMean,
@@ -19,20 +40,6 @@ from jointz.core.mixed_model_fit import (
     RepeatedMeasuresTest,
     Variances,
 )
-from jointz.core.provenance import own_version
-from jointz.kernels.anova import FTest
-from jointz.kernels.kenward_roger import kenward_roger_test, single_contrasts
-from jointz.kernels.mixed_model import satterthwaite_test, sequential_contrasts
-from jointz.kernels.mixed_model_components import (
-    CellBlocks,
-    ComponentsFit,
-    cell_blocks,
-    fit_components,
-    fit_participants,
-    likelihood_ratio,
-)
-from jointz.kernels.mixed_model_groups import GroupVariance, NoErrorLeftError, group_variance
-from jointz.kernels.repeated_measures import paired_t_test, repeated_measures_anova
 from jointz.stats.mixed_model_rows import Rows, table_rows
 
 DF_METHODS = ("kenward-roger", "satterthwaite")
@@ -199,8 +206,8 @@ def _groups(
             f"exactly, so that no error is left to test against. Are values computed or copied?"
         ) from problem
     except ValueError as problem:
-        told = "; ".join([str(problem), *rows.notes])
-        raise DataError(f"mixed model of {response!r}: {told}") from problem
+        message = "; ".join([str(problem), *rows.notes])
+        raise DataError(f"mixed model of {response!r}: {message}") from problem
 
 
 def _random_effects(
@@ -219,10 +226,10 @@ def _random_effects(
 
 def _random_effect(effect: str, ratio: float, exact: FTest | None) -> RandomEffectTest:
     p = float(chdtrc(1.0, ratio))
-    made = RandomEffectTest(effect, ratio, p, p / 2.0 if ratio > 0 else 1.0)
+    test = RandomEffectTest(effect, ratio, p, p / 2.0 if ratio > 0 else 1.0)
     if exact is None:
-        return made
-    return RandomEffectTest(effect, ratio, p, made.p_mixture, **asdict(_effect(exact)))
+        return test
+    return RandomEffectTest(effect, ratio, p, test.p_mixture, **asdict(_effect(exact)))
 
 
 def _icc(
@@ -241,9 +248,9 @@ def _icc(
 def _repeated_measures(rows: Rows) -> RepeatedMeasuresTest | None:
     if (rows.counts == 0).any() or not rows.equal_counts:
         return None
-    made = repeated_measures_anova(rows.means)
+    anova = repeated_measures_anova(rows.means)
     return RepeatedMeasuresTest(
-        **asdict(_effect(made.test)), epsilon=made.epsilon, p_epsilon=made.p_epsilon
+        **asdict(_effect(anova.test)), epsilon=anova.epsilon, p_epsilon=anova.p_epsilon
     )
 
 
@@ -263,8 +270,8 @@ class _Singles:
         # Means of levels from intercept and differences to the first level.
         to_means = np.eye(self.fit.beta.size)
         to_means[:, 0] = 1.0
-        made = single_contrasts(self.fit, weights @ to_means, kenward_roger=self.kenward_roger)
-        return made.estimate, made.se, made.df
+        contrasts = single_contrasts(self.fit, weights @ to_means, kenward_roger=self.kenward_roger)
+        return contrasts.estimate, contrasts.se, contrasts.df
 
 
 def _means(rows: Rows, singles: _Singles, offset: float) -> tuple[LevelMean, ...]:

@@ -1,4 +1,4 @@
-"""The rows of a table for a mixed model: checked, numbered, and refused where they mislead."""
+"""Rows of a table for a mixed model, checked and numbered."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from jointz.core.comparison_labels import alike_labels
 from jointz.core.errors import DataError
+from jointz.results.statistics.comparison_labels import alike_labels
 
 #: Beyond these the squares of values are no numbers any more.
 _LARGEST, _SMALLEST = 1e100, 1e-100
@@ -15,26 +15,14 @@ _LARGEST, _SMALLEST = 1e100, 1e-100
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """The values of a table, participants and levels as numbers.
+    """The values of a table, participants and levels as numbers."""
 
-    Parameters
-    ----------
-    y : (n,) float
-        Finite values.
-    person, level : (n,) int
-        Of every row, into ``persons`` and ``levels``.
-    persons, levels : tuple of str
-        Labels, in order.
-    notes : tuple of str
-        What a reader must know of the table.
-    """
-
-    y: np.ndarray
-    person: np.ndarray
+    y: np.ndarray  # finite values
+    person: np.ndarray  # of every row, into ``persons`` and ``levels``
     level: np.ndarray
-    persons: tuple[str, ...]
+    persons: tuple[str, ...]  # labels, in order
     levels: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what a reader must know of the table
 
     @property
     def cell(self) -> np.ndarray:
@@ -77,18 +65,7 @@ class Rows:
 def table_rows(
     table: pd.DataFrame, *, response: str, within: str, participant: str, nested: bool
 ) -> Rows:
-    """Return the rows of a table that have a value, checked.
-
-    Parameters
-    ----------
-    table, response, within, participant, nested
-        As in :func:`jointz.stats.mixed_model.mixed_model`.
-
-    Raises
-    ------
-    DataError
-        As there.
-    """
+    """Return the rows of a table that have a value, checked."""
     rows = _rows(table, response, within, participant)
     _check_replicates(rows, table, (participant, within, response), nested=nested)
     return rows
@@ -112,9 +89,9 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
     kind = table[response].dtype
     problems = []
     if pd.api.types.is_bool_dtype(kind) or not pd.api.types.is_any_real_numeric_dtype(kind):
-        held = "text or a mix of kinds" if pd.api.types.is_object_dtype(kind) else str(kind)
+        kind_name = "text or a mix of kinds" if pd.api.types.is_object_dtype(kind) else str(kind)
         problems.append(
-            f"column {response!r} must hold numbers, it holds {held}. Make numbers of it, as "
+            f"column {response!r} must hold numbers, it holds {kind_name}. Make numbers of it, as "
             f"pandas.to_numeric does, or choose another column"
         )
     problems += [
@@ -196,8 +173,8 @@ def _layout_problems(rows: Rows, response: str, within: str, participant: str) -
                 f"rows out of the table"
             )
         if len(labels) < 2:
-            found = f"only {labels[0]!r}" if labels else "none"
-            problems.append(f"expected two or more {what}s in column {name!r}, found {found}")
+            levels_text = f"only {labels[0]!r}" if labels else "none"
+            problems.append(f"expected two or more {what}s in column {name!r}, found {levels_text}")
     if rows.y.size and np.ptp(rows.y) == 0:
         problems.append(
             f"column {response!r} is constant, all {rows.y.size} values are {rows.y[0]:g}"

@@ -1,17 +1,17 @@
-"""Participants together: means over people, and everyone's estimate given the others."""
+"""Partial pooling: means over people, and each person's estimate given the others."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.pooled_estimates import POOLED_METHOD, estimate_without_priors
 from jointz.kernels.bounded_normal import bounded_interval
-from jointz.kernels.partial_pooling import PartialPooling, partial_pooling
+from jointz.kernels.statistics.pooling_posterior import PartialPooling, partial_pooling
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD, estimate_without_priors
+from jointz.results.study_analysis import PopulationEstimate
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
@@ -20,17 +20,11 @@ _MADE = "normal model of people over the estimates of all participants, Jeffreys
 
 @dataclass(frozen=True, slots=True)
 class PooledPeople:
-    """A study's people estimated together.
+    """The pooled estimates of a study."""
 
-    Parameters
-    ----------
-    population : tuple of PopulationEstimate
-        Mean and spread over people, of every timing point and parameter.
-    cells : tuple of CellEstimate
-        Every participant's estimates given the others', in the order they came in.
-    """
-
+    # mean and spread over people, of every timing point and parameter
     population: tuple[PopulationEstimate, ...]
+    # every participant's estimates given the others', in the order they came in
     cells: tuple[CellEstimate, ...]
 
 
@@ -70,7 +64,7 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     Notes
     -----
     Every timing point by itself: an estimate y with standard error s of a person whose true
-    value comes from a normal population (:mod:`jointz.kernels.partial_pooling`). The priors of
+    value comes from a normal population. The priors of
     each person's K, B and J are taken out of y and s, so that they do not count once per person.
     J is pooled in its logarithm (its mean is the geometric one), K, B and values per kg as they
     are. Undecided cells count by their unbounded estimate and its standard error. Errors that a
@@ -95,20 +89,22 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
         values[g, : len(group.places)], sds[g, : len(group.places)] = group.values, group.sds
     pooled = partial_pooling(values, sds, level=_LEVEL)
     population = tuple(_mean(group, pooled, g, cells) for g, group in enumerate(groups))
-    own: dict[tuple[int, str], ParameterEstimate] = {}
+    pooled_estimates: dict[tuple[int, str], ParameterEstimate] = {}
     for g, group in enumerate(groups):
         for k, place in enumerate(group.places):
             before = cells[place].parameter(group.name)
             if before is not None and np.isfinite(pooled.value[g, k]):
                 drawn = population[g].status != "undecided"
-                own[place, group.name] = _own(group, pooled, (g, k), before) if drawn else before
+                pooled_estimates[place, group.name] = (
+                    _pooled_estimate(group, pooled, (g, k), before) if drawn else before
+                )
     return PooledPeople(
         population=population,
         cells=tuple(
             replace(
                 cell,
                 method=POOLED_METHOD,
-                parameters=tuple(own.get((i, p.name), p) for p in cell.parameters),
+                parameters=tuple(pooled_estimates.get((i, p.name), p) for p in cell.parameters),
                 response=None,
                 nuisance=(),
                 gravity_corrected=None,
@@ -124,9 +120,9 @@ def _groups(cells: Sequence[CellEstimate]) -> Iterator[_Group]:
     keys = dict.fromkeys((c.timing_point, p.name) for c in cells for p in c.parameters)
     for point, name in keys:
         places = tuple(i for i, c in enumerate(cells) if c.timing_point == point)
-        found = [estimate_without_priors(cells[i], name) for i in places]
-        values = np.array([np.nan if e is None else e.value for e in found])
-        sds = np.array([np.nan if e is None else e.sd for e in found])
+        estimates = [estimate_without_priors(cells[i], name) for i in places]
+        values = np.array([np.nan if e is None else e.value for e in estimates])
+        sds = np.array([np.nan if e is None else e.sd for e in estimates])
         logarithmic = name == "inertia" and bool((values[np.isfinite(values)] > 0.0).all())
         if logarithmic:
             values, sds = np.log(values), sds / values
@@ -164,7 +160,7 @@ def _mean(
     return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
 
 
-def _own(
+def _pooled_estimate(
     group: _Group, pooled: PartialPooling, at: tuple[int, int], before: ParameterEstimate
 ) -> ParameterEstimate:
     """Return a participant's estimate given the others; refused as it would be alone."""

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from jointz.core.analysis import PopulationEstimate
 from jointz.core.codes import Failure
-from jointz.core.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.pooled_estimates import has_budget
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.results.statistics.pooled_estimates import has_budget
+from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.partial_pooling import pool_people
 
 _LEVEL = 0.95
@@ -21,21 +21,6 @@ _FEWEST_PEOPLE = 2
 def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate, ...]:
     """Return the mean of every parameter at every timing point over participants.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        One a participant and timing point.
-
-    Returns
-    -------
-    tuple of PopulationEstimate
-        Of the recommended method: :func:`jointz.stats.partial_pooling.pool_people`. Of others:
-        Student's t interval over participants; estimates at a bound count with
-        their value, failed and undecided ones do not count. A mean whose interval reaches
-        further than half its value is ``undecided``.
-
-    Notes
-    -----
     The unit of analysis is the person: replicates and pulses of one person are
     no people (SCIENCE trap 15).
     """
@@ -78,15 +63,7 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
 
 
 def decided_mean(values: np.ndarray, *, level: float) -> tuple[float, float, float] | None:
-    """Return mean and Student's interval over people, None if they are undecided.
-
-    Parameters
-    ----------
-    values : (n,) float
-        One of each person, at least two.
-    level : float
-        Of the interval.
-    """
+    """Return mean and Student's interval over people, None if they are undecided."""
     mean, sd, n = float(values.mean()), float(values.std(ddof=1)), values.size
     half = float(stdtrit(n - 1, (1 + level) / 2) * sd / np.sqrt(n))
     return (mean, mean - half, mean + half) if mean > 0.0 and decides(mean, half) else None

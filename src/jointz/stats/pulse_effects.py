@@ -1,4 +1,4 @@
-"""Do the sign of a pulse and its direction change the estimates? Section 2.2.4.
+"""Tests of the sign and direction of pulses on the estimates (2.2.4).
 
 The rows are pulses. As printed, every pulse is taken as independent; beside it, the trial of a
 pulse is a random factor.
@@ -13,18 +13,18 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from jointz.core.errors import DataError
-from jointz.core.pulse_effects import (
+from jointz.kernels.statistics.anova import FTest, holm, one_way_anova
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    RandomInterceptFit,
+    fit_random_intercept,
+    satterthwaite_test,
+)
+from jointz.results.statistics.pulse_effect_tests import (
     PulseEffects,
     PulseMeans,
     PulseTest,
     Undecided,
     finite_or_none,
-)
-from jointz.kernels.anova import FTest, holm, one_way_anova
-from jointz.kernels.mixed_model import (
-    RandomInterceptFit,
-    fit_random_intercept,
-    satterthwaite_test,
 )
 
 #: Correlation of type and direction from which on they are not told apart: a variance
@@ -40,7 +40,7 @@ _EFFECTS = ("type", "direction", "type:direction")
 
 @dataclass(frozen=True, slots=True)
 class _Pulses:
-    """The pulses of one case and trajectory that have everything."""
+    """The complete pulses of one case and trajectory."""
 
     case: str
     trajectory: str
@@ -54,7 +54,7 @@ class _Pulses:
 
 @dataclass(frozen=True, slots=True)
 class _Model:
-    """The effects that the pulses of a cell can tell, and why not the others."""
+    """The testable effects of a cell, and the reasons for the others."""
 
     names: tuple[str, ...]
     columns: tuple[np.ndarray, ...]

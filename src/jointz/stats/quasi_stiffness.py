@@ -14,7 +14,7 @@ from scipy.special import stdtr, stdtrit
 from jointz.core import provenance
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
-from jointz.core.quasi_stiffness_fit import (
+from jointz.results.statistics.quasi_stiffness_fit import (
     ComparedPoint,
     Doubt,
     QuasiStiffness,
@@ -209,12 +209,12 @@ def _slope(
     nodes = np.linspace(start, end, ceil((end - start) / STEP_PCT) + 1)
     angle, moment = np.interp(nodes, places, angles), np.interp(nodes, places, moments)
     spread = float(np.ptp(angle))
-    own = int(((places >= start) & (places <= end)).sum())
+    n_nodes = int(((places >= start) & (places <= end)).sum())
     value = r_squared = None
-    if own >= _FEWEST_NODES and spread > 0.0:
+    if n_nodes >= _FEWEST_NODES and spread > 0.0:
         value, r_squared = _line(angle, moment)
     backtrack = _backtrack(angle)
-    doubts = _slope_doubts(spread=spread, own=own, backtrack=backtrack, r_squared=r_squared)
+    doubts = _slope_doubts(spread=spread, n_nodes=n_nodes, backtrack=backtrack, r_squared=r_squared)
     return QuasiStiffnessEstimate(
         *what,
         value,
@@ -246,9 +246,9 @@ def _backtrack(angle: np.ndarray) -> float:
 
 
 def _slope_doubts(
-    *, spread: float, own: int, backtrack: float, r_squared: float | None
+    *, spread: float, n_nodes: int, backtrack: float, r_squared: float | None
 ) -> tuple[str, ...]:
-    if own < _FEWEST_NODES:
+    if n_nodes < _FEWEST_NODES:
         return (Doubt.TOO_FEW_NODES.value,)
     if spread == 0.0:
         return (Doubt.NO_RANGE.value,)
@@ -269,9 +269,9 @@ def _secant(name: str, onset: float, curve: _Curve) -> QuasiStiffnessEstimate:
         value, doubts = None, (Doubt.NO_RANGE.value,)
     elif abs(angle) < SMALL_RAD:
         doubts = (Doubt.SMALL_ANGLE.value,)
-    nothing = (None, None, None)  # no line, no range
+    no_line = (None, None, None)  # no line, no range
     return QuasiStiffnessEstimate(
-        name, onset, "secant", value, onset, onset, *nothing, _status(value, doubts), doubts
+        name, onset, "secant", value, onset, onset, *no_line, _status(value, doubts), doubts
     )
 
 

@@ -1,13 +1,17 @@
-"""Studies together: people to a study's mean, studies' means to a mean over studies."""
+"""Random-effects means: from people to a study, and over studies."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
-from jointz.core.random_effects_fit import JointRandomEffects, RandomEffects, StudyMean
-from jointz.kernels.multivariate_random_effects import multivariate_random_effects
-from jointz.kernels.random_effects import random_effects
+from jointz.kernels.statistics.between_study_variance import random_effects
+from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
+from jointz.results.statistics.random_effects_fit import (
+    JointRandomEffects,
+    RandomEffects,
+    StudyMean,
+)
 
 _FEWEST: Final = 2
 
@@ -17,29 +21,6 @@ def mean_over_people(
 ) -> tuple[np.ndarray, np.ndarray]:
     r"""Return the mean of a study's people and the covariance of its error.
 
-    Parameters
-    ----------
-    values : (n, p) float
-        A row a person, a column a parameter; at least two people, nothing missing.
-    errors : (n, p, p) float
-        Covariance of every person's own errors; zeros where nothing is known of them.
-    shared_sd : float
-        Of a relative error that all values of all people have in common, such as a gain's.
-
-    Returns
-    -------
-    mean : (p,) float
-        Unweighted: a person is a person, however well measured.
-    covariance : (p, p) float
-        Of the mean.
-
-    Raises
-    ------
-    ValueError
-        For fewer than two people, unlike shapes or numbers that are missing.
-
-    Notes
-    -----
     With S the covariance between people, E the mean of their own errors,
 
     .. math:: V = (E + [S - E]_+) / n + s^2 m m^T
@@ -48,53 +29,27 @@ def mean_over_people(
     errors allow, and a study must not gain weight by that. S holds the people's own errors
     already, so E adds nothing where people differ enough. The shared part does not average out.
     Misleads for very few people, of whose covariance little is known.
-
-    Examples
-    --------
-    >>> mean, cov = mean_over_people(np.array([[50.0], [60.0], [70.0]]), np.zeros((3, 1, 1)))
-    >>> mean, cov.round(3)
-    (array([60.]), array([[33.333]]))
     """
     n = values.shape[0] if values.ndim == 2 else 0
     if n < _FEWEST or errors.shape != (*values.shape, values.shape[-1]):
-        told = f"got {values.shape} and {errors.shape}."
-        raise ValueError(f"expected values and errors of {_FEWEST} people or more, {told}")
+        shapes = f"got {values.shape} and {errors.shape}."
+        raise ValueError(f"expected values and errors of {_FEWEST} people or more, {shapes}")
     if not (np.isfinite(values).all() and np.isfinite(errors).all()):
         raise ValueError("expected values and errors without gaps.")
     mean = values.mean(axis=0)
     between = np.atleast_2d(np.cov(values, rowvar=False))
-    own = errors.mean(axis=0)
-    size = np.sqrt(np.diag(between) + np.diag(own))
+    mean_error = errors.mean(axis=0)
+    size = np.sqrt(np.diag(between) + np.diag(mean_error))
     size[size == 0.0] = 1.0  # nobody differs and nothing is known of errors: it stays 0
-    excess, axes = np.linalg.eigh((between - own) / np.outer(size, size))
+    excess, axes = np.linalg.eigh((between - mean_error) / np.outer(size, size))
     kept = (axes * np.maximum(excess, 0.0)) @ axes.T * np.outer(size, size)
-    return mean, (own + kept) / n + shared_sd**2 * np.outer(mean, mean)
+    return mean, (mean_error + kept) / n + shared_sd**2 * np.outer(mean, mean)
 
 
 def pool_studies(
     studies: Sequence[StudyMean], *, parameter: str, unit: str, ci_level: float = 0.95
 ) -> RandomEffects:
-    """Estimate the mean over studies of one parameter.
-
-    Parameters
-    ----------
-    studies : sequence of StudyMean
-        At least two, with standard errors above 0.
-    parameter, unit : str
-        Of what.
-    ci_level : float
-        Of all intervals.
-
-    Returns
-    -------
-    RandomEffects
-        With the scale of Knapp and Hartung never below 1.
-
-    Raises
-    ------
-    ValueError
-        As :func:`jointz.kernels.random_effects.random_effects`.
-    """
+    """Estimate the mean over studies of one parameter."""
     fit = random_effects(
         np.array([s.value for s in studies]),
         np.array([s.se for s in studies]) ** 2,
@@ -112,31 +67,7 @@ def pool_studies_jointly(
     units: Mapping[str, str],
     ci_level: float = 0.95,
 ) -> JointRandomEffects:
-    """Estimate the means over studies of several parameters together.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The studies.
-    values : (k, p) float
-        Means over people; NaN where a study has none.
-    covariances : (k, p, p) float
-        Of their errors.
-    units : mapping of str to str
-        Parameter -> unit, in the order of the columns.
-    ci_level : float
-        Of all intervals.
-
-    Returns
-    -------
-    JointRandomEffects
-        By :func:`jointz.kernels.multivariate_random_effects.multivariate_random_effects`.
-
-    Raises
-    ------
-    ValueError
-        As that function.
-    """
+    """Estimate the means over studies of several parameters together."""
     fit = multivariate_random_effects(values, covariances, level=ci_level, modified=True)
     return JointRandomEffects(
         tuple(units), tuple(units.values()), tuple(names), values, fit, ci_level

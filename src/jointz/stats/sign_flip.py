@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.waveform_test import WaveformCluster, WaveformTest
-from jointz.kernels.sign_flip import (
+from jointz.kernels.statistics.sign_flip_distribution import (
     all_signs,
     cosine_to_t,
     cosines,
@@ -17,7 +16,8 @@ from jointz.kernels.sign_flip import (
     flip_p_values,
     largest_cosines,
 )
-from jointz.kernels.threshold_clusters import threshold_clusters
+from jointz.kernels.statistics.threshold_clusters import threshold_clusters
+from jointz.results.statistics.waveform_test import WaveformCluster, WaveformTest
 from jointz.stats.waveform_curves import (
     checked_level,
     compare_paired,
@@ -32,7 +32,7 @@ _FEWEST_PAIRS = 3
 
 @dataclass(frozen=True, slots=True)
 class _Flips:
-    """Signs to flip by, whether they are all there are, and how many they stand for."""
+    """Signs of the flips, whether they are complete, and their number."""
 
     signs: np.ndarray
     exact: bool

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from jointz.core.errors import DataError
-from jointz.core.waveform_test import WaveformCluster, WaveformTest
-from jointz.kernels.random_field import (
+from jointz.kernels.statistics.random_field import (
     SearchRegion,
     cluster_probability,
     critical_height,
@@ -15,7 +14,8 @@ from jointz.kernels.random_field import (
     search_region,
     set_probability,
 )
-from jointz.kernels.threshold_clusters import ThresholdCluster, threshold_clusters
+from jointz.kernels.statistics.threshold_clusters import ThresholdCluster, threshold_clusters
+from jointz.results.statistics.waveform_test import WaveformCluster, WaveformTest
 from jointz.stats.waveform_curves import (
     ComparedCurves,
     checked_level,
@@ -146,8 +146,8 @@ def _random_field_test(
     threshold = critical_height(0.5 * alpha, df=df, region=region)
     field = crossing_probability(threshold, df=df, region=region)
     nodewise = region.n_nodes * float(stdtr(df, -threshold))
-    found = threshold_clusters(t, threshold)
-    clusters = tuple(_with_p(cluster, threshold, df, region) for cluster in found)
+    clusters_found = threshold_clusters(t, threshold)
+    clusters = tuple(_with_p(cluster, threshold, df, region) for cluster in clusters_found)
     half = threshold * compared.se
     return WaveformTest(
         method="random_field",

@@ -1,4 +1,4 @@
-"""Curves of participants as the tests over nodes take them, checked."""
+"""Checked curves of participants for tests over nodes."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,30 +17,14 @@ _ROUNDING_UNITS = 16.0
 
 @dataclass(frozen=True, slots=True)
 class ComparedCurves:
-    """Mean difference of two sets of curves, its error, and what is left of each curve.
+    """Mean difference of two sets of curves, its standard error, and the residuals."""
 
-    Parameters
-    ----------
-    difference : (n_node,) float
-        First minus second.
-    se : (n_node,) float
-        Standard error; 0 where not tested.
-    residuals : (n_curve, n_node) float
-        About the means.
-    tested : (n_node,) bool
-        Where curves vary over participants.
-    df : float
-        Degrees of freedom.
-    n_a, n_b : int
-        Participants.
-    """
-
-    difference: np.ndarray
-    se: np.ndarray
-    residuals: np.ndarray
-    tested: np.ndarray
-    df: float
-    n_a: int
+    difference: np.ndarray  # first minus second
+    se: np.ndarray  # standard error; 0 where not tested
+    residuals: np.ndarray  # about the means
+    tested: np.ndarray  # where curves vary over participants
+    df: float  # degrees of freedom
+    n_a: int  # participants
     n_b: int
 
     @property
@@ -57,7 +41,7 @@ class ComparedCurves:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to say about nodes that are not tested."""
+        """Warning about untested nodes."""
         n = len(self.untested_nodes)
         if not n:
             return ()
@@ -68,27 +52,7 @@ class ComparedCurves:
 
 
 def paired_differences(a: Any, b: Any, *, where: str, fewest: int) -> np.ndarray:
-    """Return the differences of curves of the same participants.
-
-    Parameters
-    ----------
-    a, b : (n_participant, n_node) array-like
-        Row by row of the same participant.
-    where : str
-        The test, for the message.
-    fewest : int
-        Participants it needs.
-
-    Returns
-    -------
-    (n_participant, n_node) float
-        ``a - b``.
-
-    Raises
-    ------
-    DataError
-        When shapes differ, tables name their rows unlike, or curves cannot be tested.
-    """
+    """Return the differences of curves of the same participants."""
     first, second = _curves(a, "a", where, fewest), _curves(b, "b", where, fewest)
     if first.shape != second.shape:
         raise DataError(
@@ -105,27 +69,7 @@ def paired_differences(a: Any, b: Any, *, where: str, fewest: int) -> np.ndarray
 
 
 def compare_paired(differences: np.ndarray, *, scale: np.ndarray, where: str) -> ComparedCurves:
-    """Return mean and error of differences of pairs.
-
-    Parameters
-    ----------
-    differences : (n_participant, n_node) float
-        From :func:`paired_differences`.
-    scale : (n_node,) float
-        Size of the curves' values, against which spread is rounding.
-    where : str
-        The test, for the message.
-
-    Returns
-    -------
-    ComparedCurves
-        With n - 1 degrees of freedom.
-
-    Raises
-    ------
-    DataError
-        When a node has the same difference in everybody, other than zero.
-    """
+    """Return mean and error of differences of pairs."""
     n = differences.shape[0]
     mean = differences.mean(axis=0)
     residuals = differences - mean
@@ -136,25 +80,7 @@ def compare_paired(differences: np.ndarray, *, scale: np.ndarray, where: str) ->
 
 
 def compare_groups(a: Any, b: Any, *, where: str) -> ComparedCurves:
-    """Return difference of the means of two groups, with pooled variance.
-
-    Parameters
-    ----------
-    a, b : (n_participant, n_node) array-like
-        Different participants, at least two each.
-    where : str
-        The test, for the message.
-
-    Returns
-    -------
-    ComparedCurves
-        With n_a + n_b - 2 degrees of freedom.
-
-    Raises
-    ------
-    DataError
-        When curves cannot be tested.
-    """
+    """Return difference of the means of two groups, with pooled variance."""
     first, second = _curves(a, "a", where, 2), _curves(b, "b", where, 2)
     if first.shape[1] != second.shape[1]:
         raise DataError(
@@ -174,34 +100,13 @@ def compare_groups(a: Any, b: Any, *, where: str) -> ComparedCurves:
 
 
 def curve_scale(a: Any, b: Any) -> np.ndarray:
-    """Return the largest absolute value at each node.
-
-    Parameters
-    ----------
-    a, b : (n_participant, n_node) array-like
-        Curves.
-    """
+    """Return the largest absolute value at each node."""
     sizes = [np.abs(np.asarray(curves, dtype=float)).max(axis=0) for curves in (a, b)]
     return np.asarray(np.maximum(*sizes))
 
 
 def checked_level(alpha: float, equivalence_margin: float | None, where: str) -> None:
-    """Raise where a level or a margin makes no sense.
-
-    Parameters
-    ----------
-    alpha : float
-        Level.
-    equivalence_margin : float or None
-        Margin.
-    where : str
-        The test, for the message.
-
-    Raises
-    ------
-    DataError
-        When alpha is outside 1e-6 to 0.5, or the margin is not positive.
-    """
+    """Raise if a level or a margin is out of range."""
     if not _SMALLEST_ALPHA <= alpha <= 0.5:
         raise DataError(f"{where}: expected alpha of {_SMALLEST_ALPHA:g} to 0.5, got {alpha!r}")
     if equivalence_margin is not None and not 0.0 < equivalence_margin < float("inf"):
@@ -212,13 +117,7 @@ def checked_level(alpha: float, equivalence_margin: float | None, where: str) ->
 
 
 def recorded_settings(**chosen: Any) -> dict[str, Any]:
-    """Return what was chosen, with the version of jointz.
-
-    Parameters
-    ----------
-    **chosen
-        Plain values.
-    """
+    """Return settings with the version of jointz."""
     return chosen | {"jointz": own_version()}
 
 

@@ -1,6 +1,6 @@
 """For tests of drivers and of what uses them: contract tests and scripted devices."""
 
-from jointz.testing.devices import ActuatorContract, SensorContract
+from jointz.testing.contract_tests import ActuatorContract, SensorContract
 from jointz.testing.scripted import Deviation, ScriptedActuator, ScriptedSensor, Signal, replay
 
 __all__ = [

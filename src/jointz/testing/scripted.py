@@ -146,7 +146,7 @@ class _Scripted(Generic[SampleT]):
 
     @property
     def state(self) -> Lifecycle:
-        """Where the device is in its life."""
+        """State of the device in its lifecycle."""
         return self._state
 
     def configure(self) -> None:
@@ -174,19 +174,11 @@ class _Scripted(Generic[SampleT]):
         self._state = Lifecycle.FINALISED
 
     def disconnect(self) -> None:
-        """Be gone from now on: every call but ``stop`` and ``close`` raises."""
+        """Disconnect: from now on every call except ``stop`` and ``close`` raises."""
         self._gone = True
 
     def read(self) -> list[SampleT]:
-        """Return the samples since the last read, oldest first.
-
-        Raises
-        ------
-        NotConnectedError
-            After a disconnection.
-        DeviceError
-            When the device is not ``ACTIVE``; an actuator in ``FAULT`` can be read.
-        """
+        """Return the samples since the last read, oldest first."""
         self._check_connected()
         self._require(self._readable)
         newest, host_ns = self._slot(), self._clock.now_ns()
@@ -284,7 +276,7 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         self.commands: list[tuple[int, float]] = []
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself."""
+        """Return the description of the actuator."""
         return self._description
 
     @property
@@ -402,7 +394,7 @@ class ScriptedSensor(_Scripted[SensorSample]):
         self._signal = signal
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself."""
+        """Return the description of the sensor."""
         return self._description
 
     def _measured(self, device_ns: int, host_ns: int, *, time_s: float) -> SensorSample:

@@ -4,7 +4,7 @@ import pytest
 from benchmarks.accuracy.rows import all_rows
 from benchmarks.certificate import ROWS, main, report, scored
 
-from jointz.core.certificate import PARAMETERS, VirtualEstimate
+from jointz.results.certificate_result import PARAMETERS, VirtualEstimate
 
 
 def estimates(*pairs):

@@ -1,7 +1,6 @@
 """Clocks: a virtual one that only moves when waited for, and the machine's."""
 
 import time
-from itertools import pairwise
 
 import pytest
 
@@ -19,26 +18,14 @@ def test_virtual_time_stands_still_until_it_is_waited_for():
     assert clock.now_ns() == 7 * MS
 
 
-def test_virtual_time_starts_where_it_is_told():
-    assert VirtualClock(5 * MS).now_ns() == 5 * MS
-
-
-@pytest.mark.parametrize("deadline_ns", [-1, 0, 3 * MS - 1, 3 * MS])
+@pytest.mark.parametrize("deadline_ns", [-1, 3 * MS])
 def test_virtual_time_never_goes_back(deadline_ns):
     clock = VirtualClock(3 * MS)
     clock.wait_until_ns(deadline_ns)
     assert clock.now_ns() == 3 * MS
 
 
-def test_an_hour_of_virtual_time_takes_no_time():
-    clock = VirtualClock()
-    before = time.perf_counter()
-    clock.wait_until_ns(3600 * 10**9)
-    assert clock.now_ns() == 3600 * 10**9
-    assert time.perf_counter() - before < 0.1
-
-
-@pytest.mark.parametrize("spin_ns", [0, 150_000, 50 * MS])
+@pytest.mark.parametrize("spin_ns", [0, 50 * MS])
 def test_real_time_is_never_before_the_deadline(spin_ns):
     clock = RealClock(spin_ns=spin_ns)
     deadline = clock.now_ns() + 3 * MS
@@ -65,9 +52,3 @@ def test_a_real_clock_sleeps_until_shortly_before_the_deadline(monkeypatch):
     clock.wait_until_ns(clock.now_ns() + 5 * MS)
     assert len(slept) == 1
     assert 0.0 < slept[0] <= 0.003
-
-
-def test_real_time_is_monotonic():
-    clock = RealClock()
-    times = [clock.now_ns() for _ in range(1000)]
-    assert all(earlier <= later for earlier, later in pairwise(times))

@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, nearest_timing_point, phase_name
 
-NUMBERS = st.floats(-1e6, 1e6)
-
 
 def test_phases_follow_each_other_around_the_cycle():
     bounds = list(PHASES.values())
@@ -25,25 +23,13 @@ def test_timing_points_lie_in_the_middle_of_their_phase():
         assert pct == pytest.approx(sum(PHASES[name]) / 2)
 
 
-@pytest.mark.parametrize(("name", "bounds"), PHASES.items())
-def test_a_phase_begins_at_its_start_and_ends_before_its_end(name, bounds):
-    start, end = bounds
-
-    assert phase_name(start) == name
-    assert phase_name(math.nextafter(end, 0.0)) == name
-
-
 @pytest.mark.parametrize(
     ("pct", "name"),
-    [(100.0, "ICO"), (-0.5, "TSW"), (107.0, "LRE"), (-93.0, "LRE"), (-1e-20, "ICO"), (250, "PSW")],
-)
-def test_percentages_outside_the_cycle_are_wrapped(pct, name):
+    [(0.0, "ICO"), (math.nextafter(2.0, 0.0), "ICO"), (2.0, "LRE"), (100.0, "ICO"), (-0.5, "TSW"),
+     (-93.0, "LRE"), (-1e-20, "ICO"), (250, "PSW")],
+)  # fmt: skip
+def test_a_phase_ends_before_its_end_in_every_cycle(pct, name):
     assert phase_name(pct) == name
-
-
-@given(NUMBERS)
-def test_every_number_has_a_phase(pct):
-    assert phase_name(pct) in PHASES
 
 
 @pytest.mark.parametrize("pct", [math.nan, math.inf, -math.inf])
@@ -54,25 +40,10 @@ def test_what_is_no_number_has_no_phase(pct):
 
 @pytest.mark.parametrize(
     ("pct", "name"),
-    [(97.0, "early"), (-3.0, "early"), (41.9, "early"), (42.1, "late"), (91, "late")],
+    [(97.0, "early"), (-3.0, "early"), (41.9, "early"), (42.0, "late"), (91, "late")],
 )
 def test_the_nearest_timing_point_may_lie_across_the_heel_strike(pct, name):
     assert nearest_timing_point(pct, {"late": 83.0, "early": 1.0}) == name
-
-
-def test_a_tie_goes_to_the_first():
-    assert nearest_timing_point(50.0, {"b": 60.0, "a": 40.0}) == "b"
-
-
-@given(NUMBERS, st.dictionaries(st.text(max_size=3), st.floats(0.0, 99.9), min_size=1))
-def test_the_nearest_timing_point_is_nearest_as_an_angle(pct, points):
-    def chord(name: str) -> float:
-        return math.sin(math.pi * (pct - points[name]) / 100.0) ** 2
-
-    nearest = nearest_timing_point(pct, points)
-
-    # 1e-8: what rounding of 1e6 % leaves of a squared sine.
-    assert chord(nearest) <= min(map(chord, points)) + 1e-8
 
 
 @given(st.sampled_from(sorted(TIMING_POINTS)), st.integers(-9, 9))

@@ -39,10 +39,6 @@ def test_no_device_may_take_long_over_a_stop_or_a_lost_sensor(name):
         SafetyLimits(**{**OWN, name: 50.0})
 
 
-def test_without_an_override_the_device_s_limits_stand(own):
-    assert tightened(own, LimitsOverride()) == own
-
-
 @pytest.mark.parametrize("name", OWN)
 def test_a_limit_can_be_tightened_and_touches_no_other(own, name):
     value = OWN[name]
@@ -52,25 +48,15 @@ def test_a_limit_can_be_tightened_and_touches_no_other(own, name):
     made = tightened(own, LimitsOverride(**{name: tighter}))
 
     assert made.model_dump() == {**OWN, name: tighter}
-
-
-@pytest.mark.parametrize("name", OWN)
-def test_a_limit_can_be_stated_as_it_is(own, name):
-    assert tightened(own, LimitsOverride(**{name: OWN[name]})) == own
-
-
-@pytest.mark.parametrize("name", [n for n in OWN if n != "pulse_duty"])
-def test_a_limit_cannot_be_loosened(own, name):
-    looser = OWN[name] - 0.1 if name == "angle_min_rad" else OWN[name] + 1
-
-    with pytest.raises(ProtocolError, match=f"safety.{name}: .* looser than the device's own"):
-        tightened(own, LimitsOverride(**{name: looser}))
+    assert (
+        tightened(own, LimitsOverride(**{name: value})) == own == tightened(own, LimitsOverride())
+    )
 
 
 def test_every_limit_that_would_be_loosened_is_named(own):
     override = LimitsOverride(torque_nm=31.0, current_a=20.0, pulse_duty=0.5, angle_min_rad=-0.3)
 
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(ProtocolError, match="looser than the device's own") as caught:
         tightened(own, override)
 
     assert [p.split(":")[0] for p in caught.value.problems] == [
@@ -108,7 +94,7 @@ def test_a_range_of_angles_outside_the_device_s_is_refused(own):
 
 
 @pytest.mark.parametrize("name", [n for n in OWN if not n.startswith("angle")])
-@pytest.mark.parametrize("value", [0, -1, float("nan"), float("inf"), "20", True])
+@pytest.mark.parametrize("value", [0, float("nan"), float("inf"), "20", True])
 def test_a_limit_is_a_positive_number(name, value):
     with pytest.raises(ValidationError):
         LimitsOverride(**{name: value})

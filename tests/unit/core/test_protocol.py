@@ -1,14 +1,11 @@
 """Protocols: the models check themselves and hold every experiment of the dissertation."""
 
 import re
-import tomllib
-from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
-import jointz.io
-from jointz.core.protocol import (
+from jointz.core.protocols.protocol import (
     ConditionSpec,
     GaitSpec,
     PerturbationPlan,
@@ -16,11 +13,8 @@ from jointz.core.protocol import (
     PulseSpec,
     RatesSpec,
 )
+from jointz.io.protocols import load_protocol
 
-_BUILT_IN = Path(jointz.io.__file__).parent / "protocols_builtin"
-BENCH = {
-    f.stem: f for f in _BUILT_IN.glob("*.toml") if not f.stem.startswith(("walking", "calibration"))
-}
 POINTS = {"LRE": 7.0, "MSW": 81.0}
 
 
@@ -103,55 +97,32 @@ def problems(content):
     return {}
 
 
-def test_small_protocols_have_no_problems():
-    assert problems(walking()) == {}
-    assert problems(bench()) == {}
-
-
 # --- the dissertation's bench experiments ------------------------------------------------------
-
-
-def test_the_bench_protocols_of_the_dissertation_are_all_there():
-    assert set(BENCH) == {
-        "sea-bandwidth",
-        "sea-intrinsic",
-        "sea-mass-spring",
-        "qdd-torque-speed",
-        "qdd-chirp",
-        "qdd-static",
-        "qdd-dither",
-        "qdd-perturbation",
-    }
-
-
-@pytest.mark.parametrize("name", BENCH)
-def test_the_model_holds_every_bench_protocol(name):
-    made = Protocol.model_validate(tomllib.loads(BENCH[name].read_text()))
-
-    assert made.name == name
-    assert made.kind == "bench"
-    assert Protocol.model_validate(made.model_dump(mode="json")) == made
 
 
 @pytest.mark.parametrize(
     ("name", "seconds"),
     [
+        ("sea-bandwidth", None),
         ("sea-intrinsic", 3 * 30),
         ("sea-mass-spring", 2 * 7 * (3 * 12 + 13.5 + 16)),
         ("qdd-torque-speed", 7 * 6 * 5),
         ("qdd-chirp", 40),
         ("qdd-static", 60),
+        ("qdd-dither", None),
         ("qdd-perturbation", 60 + 60),
     ],
 )
-def test_a_bench_protocol_knows_how_long_it_takes(name, seconds):
-    made = Protocol.model_validate(tomllib.loads(BENCH[name].read_text()))
+def test_the_model_holds_every_bench_protocol_and_knows_how_long_it_takes(name, seconds):
+    made = load_protocol(name)
 
-    assert made.expected_duration_s == pytest.approx(seconds)
+    assert (made.name, made.kind) == (name, "bench")
+    assert Protocol.model_validate(made.model_dump(mode="json")) == made
+    assert seconds is None or made.expected_duration_s == pytest.approx(seconds)
 
 
 def test_twenty_pulses_after_rest_fill_sixty_seconds_exactly():
-    content = tomllib.loads(BENCH["qdd-perturbation"].read_text())
+    content = load_protocol("qdd-perturbation").model_dump(mode="json", exclude_unset=True)
     del content["conditions"][1]["duration_s"]
     made = Protocol.model_validate(content)
     content["conditions"][1]["duration_s"] = 59.9
@@ -182,22 +153,18 @@ def test_shams_come_on_top_of_the_counts():
 # --- parts -------------------------------------------------------------------------------------
 
 
-def test_the_parts_of_a_pulse_must_add_up():
+def test_the_parts_of_a_pulse_must_add_up_but_for_rounding():
     with pytest.raises(ValidationError, match=r"ramp_up_s \+ hold_s \+ ramp_down_s = 0.3 s, got"):
         PulseSpec(amplitude_nm=7, duration_s=0.25, ramp_up_s=0.075, hold_s=0.15, ramp_down_s=0.075)
-
-
-def test_parts_that_add_up_but_for_rounding_are_accepted():
-    made = PulseSpec(amplitude_nm=7, duration_s=0.3, ramp_up_s=0.1, hold_s=0.1, ramp_down_s=0.1)
-
-    assert made.duration_s == 0.3
+    PulseSpec(amplitude_nm=7, duration_s=0.3, ramp_up_s=0.1, hold_s=0.1, ramp_down_s=0.1)
 
 
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
         ({"timing_points": {"A": 100.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
-        ({"timing_points": {"A": -1.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
+        ({"timing_points": {"a\n": 7.0}, "count_per_point": 1}, "characters that print"),
+        ({"timing_points": {"a" * 65: 7.0}, "count_per_point": 1}, "characters that print"),
         ({"timing_points": {"A": 7.0, "B": 7.0}, "count_per_point": 1}, "7 % is A already"),
         ({"timing_points": {"all": 7.0}, "count_per_point": 1}, "means all of them"),
         ({"timing_points": {}, "count_per_point": 1}, "at least 1 item"),
@@ -216,17 +183,11 @@ def test_parts_that_add_up_but_for_rounding_are_accepted():
 def test_a_plan_that_cannot_be_is_refused(fields, message):
     with pytest.raises(ValidationError, match=message):
         PerturbationPlan(**fields)
+    ends = {"A": 0.0, "B": 99.9}
+    assert PerturbationPlan(timing_points=ends, count_per_point=1, gap_strides=(1, 1)).total == 2
 
 
-def test_the_ends_of_the_cycle_and_equal_gaps_are_accepted():
-    plan = PerturbationPlan(
-        timing_points={"A": 0.0, "B": 99.9}, count_per_point=1, gap_strides=(1, 1)
-    )
-
-    assert plan.total == 2
-
-
-@pytest.mark.parametrize("band", [(0.0, 1.3), (-1.0, 1.3), (1.1, 1.3), (0.7, 0.9), (1.0, 1.0)])
+@pytest.mark.parametrize("band", [(0.0, 1.3), (1.0, 1.3), (0.7, 1.0)])
 def test_the_band_of_accepted_strides_lies_about_one(band):
     with pytest.raises(ValidationError, match="0 < low < 1 < high"):
         GaitSpec(speed_m_s=1.2, accepted_band=band)
@@ -237,36 +198,30 @@ def test_the_refractory_time_is_shorter_than_any_stride():
         GaitSpec(speed_m_s=1.2, refractory_s=0.9)
 
 
-@pytest.mark.parametrize(("control_hz", "sample_hz"), [(500, 1000), (900, 300), (1000.0, 1000.0)])
-def test_rates_in_whole_ratios_are_accepted(control_hz, sample_hz):
-    assert RatesSpec(control_hz=control_hz, sample_hz=sample_hz).sample_hz == sample_hz
+def test_rates_are_in_whole_ratios():
+    for control_hz, sample_hz in ((500, 1000), (900, 300)):
+        assert RatesSpec(control_hz=control_hz, sample_hz=sample_hz).sample_hz == sample_hz
+    for control_hz, sample_hz in ((500, 900), (1000, 300)):
+        with pytest.raises(ValidationError, match="whole multiple of control_hz"):
+            RatesSpec(control_hz=control_hz, sample_hz=sample_hz)
 
 
-@pytest.mark.parametrize(("control_hz", "sample_hz"), [(500, 900), (1000, 300)])
-def test_other_ratios_of_rates_are_refused(control_hz, sample_hz):
-    with pytest.raises(ValidationError, match="whole multiple of control_hz"):
-        RatesSpec(control_hz=control_hz, sample_hz=sample_hz)
+@pytest.mark.parametrize(
+    ("field", "name", "message"),
+    [
+        *(
+            ("name", name, "names files|at least 1")
+            for name in ("", "a b", "../up", ".hidden", "é")
+        ),
+        *(("session", name, "stands in tables") for name in ("a/b,c\n", "=1", "a" * 65)),
+    ],
+)
+def test_names_that_fit_neither_files_nor_tables_are_refused(field, name, message):
+    with pytest.raises(ValidationError, match=message):
+        ConditionSpec(**{"name": "a", "condition": "unperturbed", "prompt": "", field: name})
 
 
-@pytest.mark.parametrize("name", ["", "a b", "../up", "a/b", ".hidden", "-x", "é", "a" * 65])
-def test_names_that_are_no_file_names_are_refused(name):
-    with pytest.raises(ValidationError, match=r"names files|at least 1"):
-        ConditionSpec(name=name, condition="unperturbed", prompt="", strides=1)
-
-
-@pytest.mark.parametrize("name", ["a/b,c\n", " mid stance", "\x07", "a" * 65])
-def test_names_of_timing_points_can_be_read(name):
-    with pytest.raises(ValidationError, match="characters that print"):
-        PerturbationPlan(timing_points={name: 7.0}, count_per_point=1)
-
-
-@pytest.mark.parametrize("name", ["a/b,c\n", "=1", "mid stance", "a" * 65])
-def test_names_of_sessions_fit_into_tables(name):
-    with pytest.raises(ValidationError, match="stands in tables"):
-        ConditionSpec(name="a", condition="unperturbed", prompt="", session=name)
-
-
-@pytest.mark.parametrize("speed_m_s", [0.001, 0.29, 2.21, 1e9])
+@pytest.mark.parametrize("speed_m_s", [0.29, 2.21])
 def test_a_speed_at_which_nobody_walks_is_one_problem(speed_m_s):
     found = problems(walking(gait={"speed_m_s": speed_m_s}))
 
@@ -298,79 +253,63 @@ SINE = {"kind": "sine", "amplitude": 5.0, "frequency_hz": 1.4}
 PLAN_AT_TIMES = {"count": 4, "pause_s": 1.0}
 PULSE = {"amplitude_nm": 7.0, "duration_s": 0.25, "hold_s": 0.25}
 
-WRONG = {
-    "names of conditions": (
-        with_condition(0, name="per"),
-        "conditions",
-        "'per' is given 2 times",
-    ),
-    "names that some disks take for one": (
-        with_condition(0, name="Per"),
-        "conditions",
-        "names 'Per' and 'per' differ in case only",
-    ),
-    "name of a trial of another": (
-        bench_of({"name": "a", "trials": 2}, {"name": "a-1"}),
-        "conditions",
-        "'a-1' is given 2 times",
-    ),
-    "longer than a day": (
+WRONG = [
+    (with_condition(0, name="per"), "conditions", "'per' is given 2 times"),
+    (with_condition(0, name="Per"), "conditions", "names 'Per' and 'per' differ in case only"),
+    (bench_of({"name": "a", "trials": 2}, {"name": "a-1"}), "conditions", "'a-1' is given 2 times"),
+    (
         with_plan(count_per_point=10_000),
         "conditions.1",
         r"would take 30.6 h; expected at most 24 h",
     ),
-    "trial that cannot be laid out": (
+    (
         bench({"duration_s": 1200.0}, rates={"control_hz": 10_000.0, "sample_hz": 10_000.0}),
         "conditions.0",
         "at most 1000 s a trial",
     ),
-    "pulse longer than its share of the time": (
+    (
         walking(safety={"pulse_duty": 0.001}),
         "safety.pulse_duty",
         r"is 0.01 s, less than pulse.duration_s = 0.25 s.*at least 0.025",
     ),
-    "pulses too near for their share of the time": (
+    (
         walking(safety={"pulse_duty": 0.04}),
         "conditions.1.perturbations",
         r"every 5.5 s is 0.0455 of the time; safety.pulse_duty = 0.04",
     ),
-    "pulses too near on a bench": (
+    (
         bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"pulse_duty": 0.19}),
         "conditions.0.perturbations",
         r"every 1.25 s is 0.2 of the time",
     ),
-    "samples older than the limit": (
+    (
         walking(safety={"sensor_age_s": 0.001}),
         "safety.sensor_age_s",
         r"at least one period of rates.sample_hz \(0.002 s\)",
     ),
-    "no gait": (walking(gait=None), "gait", "missing; walking needs it"),
-    "gait on a bench": (bench(gait={"speed_m_s": 1.0}), "gait", "does not walk"),
-    "loads in walking": (walking(loads=[{"name": "k"}]), "loads", "only a bench has loads"),
-    "loads and participants": (
-        bench(loads=[{"name": "k"}], participants=2),
-        "participants",
-        "loads stand for participants",
-    ),
-    "names of loads": (bench(loads=[{"name": "k"}, {"name": "k"}]), "loads", "'k' is given 2"),
-    "load below zero": (
+    (walking(gait=None), "gait", "missing; walking needs it"),
+    (bench(gait={"speed_m_s": 1.0}), "gait", "does not walk"),
+    (walking(loads=[{"name": "k"}]), "loads", "only a bench has loads"),
+    (bench(loads=[{"name": "k"}], participants=2), "participants", "loads stand for participants"),
+    (bench(loads=[{"name": "k"}, {"name": "k"}]), "loads", "'k' is given 2"),
+    (
         bench(loads=[{"name": "k", "inertia": {"value": -1.0, "sd": 0.0}}]),
         "loads.0.inertia.value",
         "expected 0 to 1000 in SI units, got -1",
     ),
-    "load that is a wall": (
+    (
         bench(loads=[{"name": "k", "stiffness": {"value": 1e9, "sd": 0.0}}]),
         "loads.0.stiffness.value",
         r"expected 0 to 100000 .* locked = true",
     ),
-    "no pulse": (walking(pulse=None), "pulse", r"missing; conditions\[2\].perturbations need it"),
-    "pulse for nothing": (bench(pulse=PULSE), "pulse", "no condition has perturbations"),
-    "pulse above the torque limit": (
+    (walking(pulse=None), "pulse", r"missing; conditions\[2\].perturbations need it"),
+    (bench(pulse=PULSE), "pulse", "no condition has perturbations"),
+    (
         walking(safety={"torque_nm": 16.0}),
         "pulse.amplitude_nm",
         "17 N.m is above safety.torque_nm = 16",
     ),
-    "ramp steeper than the limit": (
+    (
         walking(
             safety={"torque_rate_nm_s": 100.0},
             pulse={"amplitude_nm": 17, "duration_s": 0.25, "ramp_up_s": 0.1, "hold_s": 0.15},
@@ -378,85 +317,69 @@ WRONG = {
         "pulse.ramp_up_s",
         "at least 0.17 s",
     ),
-    "ramp shorter than a tick": (
+    (
         walking(
             pulse={"amplitude_nm": 17, "duration_s": 0.251, "ramp_up_s": 0.001, "hold_s": 0.25}
         ),
         "pulse.ramp_up_s",
         "at least one period",
     ),
-    "no strides": (with_condition(0, strides=None), "conditions.0.strides", "missing"),
-    "strides beside a plan": (with_condition(1, strides=9), "conditions.1.strides", "Remove it"),
-    "duration in walking": (
-        with_condition(0, duration_s=9.0),
-        "conditions.0.duration_s",
-        "belongs to kind = 'bench'",
-    ),
-    "reference in walking": (
-        with_condition(0, torque_nm=SINE),
-        "conditions.0.torque_nm",
-        "belongs to kind = 'bench'",
-    ),
-    "clock times in walking": (
-        with_plan(pause_s=2.0),
-        "conditions.1.perturbations.pause_s",
-        "belongs to kind = 'bench'",
-    ),
-    "strides on a bench": (bench({"strides": 9}), "conditions.0.strides", "kind = 'walking'"),
-    "gaps on a bench": (
+    (with_condition(0, strides=None), "conditions.0.strides", "missing"),
+    (with_condition(1, strides=9), "conditions.1.strides", "Remove it"),
+    (with_condition(0, duration_s=9.0), "conditions.0.duration_s", "belongs to kind = 'bench'"),
+    (with_condition(0, torque_nm=SINE), "conditions.0.torque_nm", "belongs to kind = 'bench'"),
+    (with_plan(pause_s=2.0), "conditions.1.perturbations.pause_s", "belongs to kind = 'bench'"),
+    (bench({"strides": 9}), "conditions.0.strides", "kind = 'walking'"),
+    (
         bench({"perturbations": {**PLAN_AT_TIMES, "gap_strides": [1, 2]}}, pulse=PULSE),
         "conditions.0.perturbations.gap_strides",
         "kind = 'walking'",
     ),
-    "no duration": (bench({"duration_s": None}), "conditions.0.duration_s", "missing"),
-    "perturbed without pulses": (
+    (bench({"duration_s": None}), "conditions.0.duration_s", "missing"),
+    (
         with_condition(1, perturbations=None, strides=9),
         "conditions.1.perturbations",
         "missing; a perturbed condition needs them",
     ),
-    "perturbed without anything": (
-        bench({"torque_nm": None}),
-        "conditions.0.perturbations",
-        "or a reference",
-    ),
-    "unperturbed with pulses": (
+    (bench({"torque_nm": None}), "conditions.0.perturbations", "or a reference"),
+    (
         with_condition(1, condition="unperturbed"),
         "conditions.1.perturbations",
         'condition is "unperturbed"',
     ),
-    "position and velocity": (
+    (
         bench({"position_rad": SINE, "velocity_rad_s": SINE}),
         "conditions.0.velocity_rad_s",
         "one side moves one way",
     ),
-    "no gaps": (
+    (
         with_plan(gap_strides=None),
         "conditions.1.perturbations.gap_strides",
         "missing; on a walking",
     ),
-    "no timing points": (
+    (
         with_plan(timing_points=None, count_per_point=None),
         "conditions.1.perturbations.timing_points",
         "missing; on a walking",
     ),
-    "count without pause": (
+    (
         bench({"perturbations": {"count": 4}}, pulse=PULSE),
         "conditions.0.perturbations.pause_s",
         "missing; on a bench",
     ),
-    "odd count in two directions": (
+    (
         bench(
             {"perturbations": {"count": 3, "pause_s": 1.0}}, pulse={**PULSE, "direction": "both"}
         ),
         "conditions.0.perturbations.count",
         "even number",
     ),
-    "pulses that meet": (
+    (
         with_plan(gap_strides=[1, 3]),
         "conditions.1.perturbations.gap_strides",
         "a pulse at MSW may begin 0.215 s before the next at LRE",
     ),
-    "timing points without a cycle": (
+    (
         bench(
             {
                 "torque_nm": None,
@@ -467,7 +390,7 @@ WRONG = {
         "conditions.0.perturbations.timing_points",
         "got none",
     ),
-    "timing points of two cycles": (
+    (
         bench(
             {
                 "position_rad": SINE,
@@ -478,35 +401,37 @@ WRONG = {
         "conditions.0.perturbations.timing_points",
         "got torque_nm and position_rad",
     ),
-    "pulses that do not fit": (
+    (
         bench({"perturbations": {"count": 9, "pause_s": 1.0}}, pulse=PULSE),
         "conditions.0.duration_s",
         "9 pulses take at least 11.25 s, got 10 s",
     ),
-    "more pulses than the limit": (
+    (
         {**with_plan(count_per_point=20), "safety": {"pulse_count": 39}},
         "conditions.1.perturbations",
         "40 pulses are more than safety.pulse_count = 39",
     ),
-    "rate below the reference": (
+    (
         bench({"torque_nm": {"kind": "noise", "sd": 9.0, "cutoff_hz": 60.0, "order": 3}}),
         "conditions.0.torque_nm",
         "at least 600 Hz",
     ),
-    "reference above the torque limit": (
+    (
         bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"torque_nm": 11.9}),
         "conditions.0.torque_nm",
         "reaches 12 N.m with the pulse",
     ),
-    "reference beyond the range of angles": (
+    (
         bench({"position_rad": SINE}, safety={"angle_max_rad": 1.0}),
         "conditions.0.position_rad",
         "from -5 to 5 rad, beyond safety.angle_max_rad = 1 rad",
     ),
-}
+]
 
 
-@pytest.mark.parametrize(("content", "place", "message"), WRONG.values(), ids=WRONG)
+@pytest.mark.parametrize(
+    ("content", "place", "message"), WRONG, ids=[f"{place} {told}" for _, place, told in WRONG]
+)
 def test_what_does_not_go_together_is_a_problem_at_its_key(content, place, message):
     found = problems(content)
 
@@ -536,30 +461,12 @@ def test_all_problems_between_the_parts_come_at_once():
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("jointz_protocol", 2),
-        ("jointz_protocol", True),
-        ("name", ""),
-        ("title", ""),
-        ("participants", 0),
-        ("participants", 2.5),
-        ("participants", 10_001),
-        ("seed", -1),
-        ("kind", "running"),
-        ("positive", "up"),
-        ("conditions", []),
-        ("rates", {"control_hz": 0.0}),
-        ("rates", {"control_hz": 1e9, "sample_hz": 1e9}),
-        ("rates", {"sample_hz": 1.0}),
-        ("rates", {"sample_hz": 100_000.0}),
-        ("unknown", 1),
+        ("jointz_protocol", 2), ("jointz_protocol", True), ("name", ""), ("title", ""),
+        ("participants", 0), ("participants", 2.5), ("participants", 10_001), ("seed", -1),
+        ("kind", "running"), ("positive", "up"), ("conditions", []), ("unknown", 1),
+        ("rates", {"control_hz": 0.0}), ("rates", {"control_hz": 1e9, "sample_hz": 1e9}),
+        ("rates", {"sample_hz": 1.0}), ("rates", {"sample_hz": 100_000.0}),
     ],
-)
+)  # fmt: skip
 def test_values_out_of_range_are_refused(key, value):
     assert any(place.startswith(key) for place in problems(walking(**{key: value})))
-
-
-def test_a_protocol_cannot_be_changed():
-    made = Protocol.model_validate(walking())
-
-    with pytest.raises(ValidationError, match="frozen"):
-        made.seed = 2

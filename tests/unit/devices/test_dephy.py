@@ -8,11 +8,8 @@ run on it; elsewhere a small class of the same calls does.
 import functools
 import importlib
 import importlib.util
-import inspect
-import logging
 import sys
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import ModuleType, SimpleNamespace
@@ -22,37 +19,25 @@ import pytest
 
 from jointz.core.clock import Clock, RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
-from jointz.devices import dephy_samples
+from jointz.devices import dephy
 from jointz.devices.config import DephySpec
 from jointz.devices.dephy import DephyActPack
-from jointz.devices.dephy_units import DeviceClock, Units, Winding, WindingSpec
+from jointz.devices.dephy_units import DeviceClock, Winding, WindingSpec
 from jointz.devices.interface import Actuator, Lifecycle
 from jointz.devices.repeating import RepeatingThread
 from jointz.testing import ActuatorContract
+from jointz.testing.scripted import SCRIPTED_ACTUATOR
+
+from .fakes import HeldClock, arguments_of, begin, needs, wait
 
 pytestmark = pytest.mark.alone
 
-HAS_FLEXSEA = importlib.util.find_spec("flexsea") is not None
 FIELDS = ["state_time", "mot_ang", "mot_vel", "mot_cur", "batt_volt", "temperature", "status_ex"]
 FIELDS += ["mot_volt", "batt_curr", "accelx"]
 NO_CURRENT, CURRENT = 4, 2
 
-LIMITS = SafetyLimits(
-    torque_nm=20.0,
-    torque_rate_nm_s=4000.0,
-    current_a=15.0,
-    angle_min_rad=-0.3,
-    angle_max_rad=1.9,
-    velocity_rad_s=12.0,
-    temperature_c=100.0,
-    sensor_age_s=0.02,
-    pulse_count=400,
-    pulse_duty=0.3,
-    consecutive_overruns=5,
-    fade_s=0.05,
-)
+LIMITS = SCRIPTED_ACTUATOR.limits.model_copy(update={"current_a": 15.0})
 
 
 def spec(**changed: Any) -> DephySpec:
@@ -66,32 +51,6 @@ def spec(**changed: Any) -> DephySpec:
             **changed,
         }
     )
-
-
-class HeldClock(VirtualClock):
-    """A clock that, waited for, does on the way what was to be repeated."""
-
-    def __init__(self) -> None:
-        super().__init__(1_000_000_000)
-        self.repeated: list[Any] = []
-
-    def repeat(self, task: Callable[[], None], period_s: float) -> Any:
-        entry = SimpleNamespace(task=task, period_ns=round(period_s * 1e9), cancelled=False)
-        entry.due_ns = self.now_ns() + entry.period_ns
-        entry.cancel = lambda: setattr(entry, "cancelled", True)
-        self.repeated.append(entry)
-        return entry
-
-    def wait_until_ns(self, deadline_ns: int) -> None:
-        while True:
-            due = [e for e in self.repeated if not e.cancelled and e.due_ns <= deadline_ns]
-            if not due:
-                break
-            first = min(due, key=lambda entry: entry.due_ns)
-            super().wait_until_ns(first.due_ns)
-            first.due_ns += first.period_ns
-            first.task()
-        super().wait_until_ns(deadline_ns)
 
 
 @dataclass
@@ -189,8 +148,7 @@ class FakeLibrary:
     def do_fxGetMaxDeviceNameLength(self) -> int:
         return 16
 
-    do_fxGetMaxDeviceSideNameLength = do_fxGetMaxDeviceNameLength
-    do_fxGetMaxDataLabelLength = do_fxGetMaxDeviceNameLength
+    do_fxGetMaxDeviceSideNameLength = do_fxGetMaxDataLabelLength = do_fxGetMaxDeviceNameLength
 
     def do_fxGetDeviceTypeNameWrapper(self, _: int, name: Any) -> int:
         name.value = b"ActPack"
@@ -313,17 +271,13 @@ class FakeDevice:
         self._clib.fxClose(self.id)
 
 
-def stand_in(library: FakeLibrary) -> ModuleType:
-    module = ModuleType("flexsea.device")
-    module.Device = type("Device", (FakeDevice,), {"library": library})
-    return module
-
-
 def put_in_place(monkeypatch: pytest.MonkeyPatch, library: FakeLibrary, *, real: bool) -> None:
     """Let the driver find the library: below the real flexsea, or below a stand-in for it."""
     if not real:
+        module = ModuleType("flexsea.device")
+        module.Device = type("Device", (FakeDevice,), {"library": library})
         monkeypatch.setitem(sys.modules, "flexsea", ModuleType("flexsea"))
-        monkeypatch.setitem(sys.modules, "flexsea.device", stand_in(library))
+        monkeypatch.setitem(sys.modules, "flexsea.device", module)
         return
     device = importlib.import_module("flexsea.device")
     version = importlib.import_module("semantic_version").Version
@@ -362,7 +316,7 @@ class TestContractOnAStandIn(_Rig):
     real = False
 
 
-@pytest.mark.skipif(not HAS_FLEXSEA, reason="flexsea is not installed")
+@needs("flexsea")
 class TestContractOnTheRealClasses(_Rig):
     real = True
 
@@ -380,20 +334,13 @@ class TestContractWithTheThreadOfTheWatchdog(_Rig):
 
 
 @pytest.fixture(
-    params=[
-        False,
-        pytest.param(
-            True, marks=pytest.mark.skipif(not HAS_FLEXSEA, reason="flexsea is not installed")
-        ),
-    ],
-    ids=["stand-in", "flexsea"],
+    params=[False, pytest.param(True, marks=needs("flexsea"))], ids=["stand-in", "flexsea"]
 )
-def made(
-    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[..., tuple[DephyActPack, FakeLibrary, HeldClock]]]:
-    devices: list[DephyActPack] = []
+def made(request, monkeypatch):
+    """Make a device that is not open yet, its library and its clock."""
+    devices = []
 
-    def make(**changed: Any) -> tuple[DephyActPack, FakeLibrary, HeldClock]:
+    def make(**changed):
         clock = HeldClock()
         library = FakeLibrary(clock)
         put_in_place(monkeypatch, library, real=request.param)
@@ -405,41 +352,28 @@ def made(
         device.close()
 
 
-def begin(device: DephyActPack) -> None:
-    device.configure()
-    device.activate()
+@pytest.fixture
+def begun(made):
+    """Make an active device, its library and its clock."""
+
+    def make(**changed):
+        device, library, clock = made(**changed)
+        begin(device)
+        return device, library, clock
+
+    return make
 
 
-def wait(clock: Clock, seconds: float) -> None:
-    clock.wait_until_ns(clock.now_ns() + round(seconds * 1e9))
-
-
-@pytest.mark.skipif(not HAS_FLEXSEA, reason="flexsea is not installed")
-@pytest.mark.parametrize(
-    "name",
-    [
-        "__init__",
-        "open",
-        "close",
-        "start_streaming",
-        "stop_streaming",
-        "set_gains",
-        "command_motor_current",
-        "stop_motor",
-        "read",
-    ],
-)
-def test_the_stand_in_is_called_like_the_real_class(name: str) -> None:
+@needs("flexsea")
+def test_the_stand_in_is_called_like_the_real_class():
     real = importlib.import_module("flexsea.device").Device
-    ours, theirs = (inspect.signature(getattr(c, name)) for c in (FakeDevice, real))
-    assert [(p.name, p.default) for p in ours.parameters.values()] == [
-        (p.name, p.default) for p in theirs.parameters.values()
-    ]
+    called = ("open", "close", "read", "set_gains", "command_motor_current", "stop_motor")
+    for name in ("__init__", "start_streaming", "stop_streaming", *called):
+        assert arguments_of(getattr(FakeDevice, name)) == arguments_of(getattr(real, name)), name
 
 
-def test_the_next_condition_begins_with_the_heat_of_the_one_before(made) -> None:
-    device, _, clock = made()
-    begin(device)
+def test_the_next_condition_begins_with_the_heat_of_the_one_before(begun) -> None:
+    device, _, clock = begun()
     device._winding.warm(0.0, 30.0, elapsed_s=0.0)
     device._winding.temperature_c = 90.0
     device._sampled_ns = clock.now_ns()
@@ -462,9 +396,8 @@ def test_heat_that_was_never_measured_is_not_handed_on(made) -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "samples"), [(500.0, 51), (1000.0, 101)])
-def test_all_queued_samples_are_read_at_either_rate(made, rate_hz, samples) -> None:
-    device, library, clock = made(sample_rate_hz=rate_hz)
-    begin(device)
+def test_all_queued_samples_are_read_at_either_rate(begun, rate_hz, samples) -> None:
+    device, library, clock = begun(sample_rate_hz=rate_hz)
     wait(clock, 0.1)
     assert len(device.read()) == samples - 1  # the first was dropped with what stood there before
     assert device.read() == []
@@ -473,10 +406,11 @@ def test_all_queued_samples_are_read_at_either_rate(made, rate_hz, samples) -> N
 
 def test_values_are_si_after_the_gear_and_turn_together_on_the_left(made) -> None:
     samples = {}
-    for side in ("right", "left"):
-        device, _, clock = made(side=side, zero_counts=1000)
+    for side, sent in (("right", 1000), ("left", -1000)):
+        device, library, clock = made(side=side, zero_counts=1000)
         begin(device)
         device.command_torque(1.26)  # 1 A
+        assert library.calls[-1] == ("command", CURRENT, sent)
         wait(clock, 0.01)
         samples[side] = device.read()[-1]
     right, left = samples["right"], samples["left"]
@@ -488,25 +422,16 @@ def test_values_are_si_after_the_gear_and_turn_together_on_the_left(made) -> Non
     assert (right.voltage, right.temperature_c) == (36.0, pytest.approx(30.0, abs=0.01))
 
 
-def test_the_motor_of_a_left_device_is_sent_the_other_sign(made) -> None:
-    device, library, _ = made(side="left")
-    begin(device)
-    device.command_torque(1.26)
-    assert library.calls[-1] == ("command", CURRENT, -1000)
-
-
 @pytest.mark.parametrize(("torque_nm", "milliamperes"), [(1e6, 15_000), (-1e6, -15_000)])
-def test_current_is_clamped_whatever_is_asked_for(made, torque_nm, milliamperes) -> None:
-    device, library, _ = made()
-    begin(device)
+def test_current_is_clamped_whatever_is_asked_for(begun, torque_nm, milliamperes) -> None:
+    device, library, _ = begun()
     device.command_torque(torque_nm)
     assert library.calls[-1] == ("command", CURRENT, milliamperes)
 
 
 @pytest.mark.parametrize("torque_nm", [float("nan"), float("inf"), -float("inf")])
-def test_no_number_is_no_torque(made, torque_nm) -> None:
-    device, library, _ = made()
-    begin(device)
+def test_no_number_is_no_torque(begun, torque_nm) -> None:
+    device, library, _ = begun()
     sent = len(library.calls)
     with pytest.raises(DeviceError, match="finite torque"):
         device.command_torque(torque_nm)
@@ -523,9 +448,8 @@ def test_a_warm_case_takes_current_away(made) -> None:
     assert library.calls[-1] == ("command", CURRENT, 7500)  # half way from 60 to 80 degrees
 
 
-def test_a_hot_winding_is_a_fault_and_ends_the_torque(made) -> None:
-    device, library, clock = made()
-    begin(device)
+def test_a_hot_winding_is_a_fault_and_ends_the_torque(begun) -> None:
+    device, library, clock = begun()
     library.script = {n: {"mot_cur": 40_000} for n in range(100_000)}
     faults = 0
     for _ in range(20):
@@ -533,7 +457,7 @@ def test_a_hot_winding_is_a_fault_and_ends_the_torque(made) -> None:
         faults = device.read()[-1].faults
         if faults:
             break
-    assert faults == dephy_samples.TOO_HOT
+    assert faults == dephy.TOO_HOT
     assert device.state is Lifecycle.FAULT
     assert library.calls[-2:] == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]
     with pytest.raises(DeviceError, match="expected it active"):
@@ -541,7 +465,7 @@ def test_a_hot_winding_is_a_fault_and_ends_the_torque(made) -> None:
     assert device.read() == []
 
 
-@pytest.mark.parametrize(("run", "faults"), [(1, 0), (2, dephy_samples.I2T)])
+@pytest.mark.parametrize(("run", "faults"), [(1, 0), (2, dephy.I2T)])
 def test_one_flipped_bit_is_no_fault_and_two_in_a_row_are(made, run, faults) -> None:
     device, library, clock = made()
     library.script = {5 + i: {"status_ex": 2} for i in range(run)}
@@ -551,21 +475,26 @@ def test_one_flipped_bit_is_no_fault_and_two_in_a_row_are(made, run, faults) -> 
 
 
 @pytest.mark.parametrize(
-    "garbage", [{"mot_cur": 2**31 - 1}, {"temperature": -200}, {"batt_volt": -1}]
+    "odd",
+    [{"mot_cur": 2**31 - 1}, {"temperature": -200}, {"batt_volt": -1}, {"state_time": 5_008}],
 )
-def test_garbage_is_left_out_once_and_a_fault_when_it_stays(made, garbage) -> None:
+def test_garbage_or_the_same_stamp_again_is_left_out_once_and_garbage_that_stays_is_a_fault(
+    made, odd
+) -> None:
     device, library, clock = made()
-    library.script = {5: garbage}
+    library.script = {5: odd}
     begin(device)
     wait(clock, 0.04)
     samples = device.read()
     assert len(samples) == 19
     assert device.dropped == 1
     assert not any(sample.faults for sample in samples)
-    library.script = dict.fromkeys(range(1000), garbage)
+    library.script = dict.fromkeys(range(1000), odd | {"batt_volt": -1})
     wait(clock, 0.04)
-    assert device.read()[-1].faults == dephy_samples.GARBAGE
+    device.command_torque(5.0)
+    assert device.read()[-1].faults == dephy.GARBAGE
     assert device.state is Lifecycle.FAULT
+    assert library.calls[-2:] == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]
 
 
 @pytest.mark.parametrize("first", [2**31 - 10, 2**32 - 10])
@@ -579,23 +508,13 @@ def test_the_clock_comes_round_without_a_jump(made, first) -> None:
     assert device.state is Lifecycle.ACTIVE
 
 
-def test_the_same_stamp_again_is_left_out(made) -> None:
-    device, library, clock = made()
-    library.script = {5: {"state_time": 5_008}}
-    begin(device)
-    wait(clock, 0.04)
-    samples = device.read()
-    assert len(samples) == 19
-    assert device.dropped == 1
-
-
 def test_a_device_that_was_restarted_is_a_fault(made) -> None:
     device, library, clock = made()
     library.script = {n: {"state_time": 3 + 2 * n} for n in range(10, 1000)}
     library.first_stamp = 90_000
     begin(device)
     wait(clock, 0.06)
-    assert device.read()[-1].faults == dephy_samples.CLOCK
+    assert device.read()[-1].faults == dephy.CLOCK
 
 
 def test_a_first_sample_may_be_late_but_a_silent_device_is_gone(made) -> None:
@@ -609,17 +528,8 @@ def test_a_first_sample_may_be_late_but_a_silent_device_is_gone(made) -> None:
         device.read()
 
 
-def test_a_command_that_does_not_reach_the_device_is_told(made) -> None:
-    device, library, _ = made()
-    begin(device)
-    library.gone = True
-    with pytest.raises(NotConnectedError, match="Check power and cable"):
-        device.command_torque(1.0)
-
-
-def test_torque_that_nobody_renews_ends_by_the_timeout(made) -> None:
-    device, library, clock = made(command_timeout_s=0.05)
-    begin(device)
+def test_torque_that_nobody_renews_ends_by_the_timeout(begun) -> None:
+    device, library, clock = begun(command_timeout_s=0.05)
     device.command_torque(5.0)
     given_ns = clock.now_ns()
     wait(clock, 0.2)
@@ -631,9 +541,8 @@ def test_torque_that_nobody_renews_ends_by_the_timeout(made) -> None:
     assert library.currents[-1][1] > 0
 
 
-def test_the_watchdog_tries_again_and_is_quiet_after_a_stop(made) -> None:
-    device, library, clock = made(command_timeout_s=0.05)
-    begin(device)
+def test_the_watchdog_tries_again_and_is_quiet_after_a_stop(begun) -> None:
+    device, library, clock = begun(command_timeout_s=0.05)
     device.command_torque(5.0)
     library.gone = True
     wait(clock, 0.1)
@@ -646,9 +555,8 @@ def test_the_watchdog_tries_again_and_is_quiet_after_a_stop(made) -> None:
     assert len(library.calls) == sent
 
 
-def test_gains_are_set_again_after_a_stop(made) -> None:
-    device, library, _ = made(current_gains=(30, 300, 100))
-    begin(device)
+def test_gains_are_set_again_after_a_stop(begun) -> None:
+    device, library, _ = begun(current_gains=(30, 300, 100))
     device.stop()
     library.calls.clear()
     device.activate()
@@ -656,9 +564,8 @@ def test_gains_are_set_again_after_a_stop(made) -> None:
     assert not any(call[0].startswith("start") for call in library.calls)
 
 
-def test_a_stop_that_does_not_reach_the_motor_is_said_loudly(made, caplog) -> None:
-    device, library, _ = made()
-    begin(device)
+def test_a_stop_that_does_not_reach_the_motor_is_said_loudly(begun, caplog) -> None:
+    device, library, _ = begun()
     library.gone = True
     device.stop()
     assert "Switch its power off" in caplog.text
@@ -677,9 +584,8 @@ def test_an_activation_that_fails_leaves_it_inactive(made) -> None:
     assert device.state is Lifecycle.ACTIVE
 
 
-def test_zero_torque_does_not_wait_for_a_call_that_hangs(made) -> None:
-    device, library, clock = made(command_timeout_s=0.05)
-    begin(device)
+def test_zero_torque_does_not_wait_for_a_call_that_hangs(begun) -> None:
+    device, library, clock = begun(command_timeout_s=0.05)
     device.command_torque(5.0)
     with device._sending:  # as a call holds it that does not come back
         wait(clock, 0.1)
@@ -692,43 +598,36 @@ def test_zero_torque_does_not_wait_for_a_call_that_hangs(made) -> None:
     assert library.calls == [("command", CURRENT, 0), ("command", NO_CURRENT, 0)]
 
 
-def test_closing_stops_the_stream_too(made) -> None:
-    device, library, _ = made()
-    begin(device)
+def test_closing_stops_the_stream_too(begun) -> None:
+    device, library, _ = begun()
     device.close()
     ends = [call for call in library.calls if call[0] != "command"]
     assert ends[-2:] == [("stop streaming",), ("close",)]
     assert library.currents[-1][1] == 0
 
 
-def test_an_old_firmware_is_streamed_without_heartbeat_and_it_says_so(made, caplog) -> None:
-    device, _, _ = made(firmware="9.0.4")
-    with caplog.at_level(logging.WARNING):
-        assert not device.has_heartbeat
-        assert "NO HEARTBEAT" in device.describe().firmware
-    new, _, _ = made(firmware="9.1.0")
-    assert new.has_heartbeat
-    assert "NO HEARTBEAT" not in new.describe().firmware
-
-
-def test_without_heartbeat_it_streams_and_warns(monkeypatch, caplog) -> None:
+def test_an_old_firmware_is_streamed_without_heartbeat_and_it_says_so(monkeypatch, caplog) -> None:
     clock = HeldClock()
     library = FakeLibrary(clock)
     put_in_place(monkeypatch, library, real=False)
-    device = DephyActPack(spec(firmware="7.2.0"), clock=clock, repeat=clock.repeat)
+    device = DephyActPack(spec(firmware="9.0.4"), clock=clock, repeat=clock.repeat)
     begin(device)
     assert "holds its last current" in caplog.text
     assert ("start", 500, 1) in library.calls
+    assert "NO HEARTBEAT" in device.describe().firmware
     device.close()
+    new = DephyActPack(spec(firmware="9.1.0"), clock=clock)
+    assert new.has_heartbeat
+    assert "NO HEARTBEAT" not in new.describe().firmware
+    assert "never tried on hardware" in new.describe().model
 
 
 @pytest.mark.parametrize("limit", [None, 7])
-def test_tracebacks_and_stdout_are_as_before(made, monkeypatch, capsys, limit) -> None:
+def test_tracebacks_and_stdout_are_as_before(begun, monkeypatch, capsys, limit) -> None:
     monkeypatch.delattr(sys, "tracebacklimit", raising=False)
     if limit is not None:
         monkeypatch.setattr(sys, "tracebacklimit", limit, raising=False)
-    device, _, _ = made()
-    begin(device)
+    device, _, _ = begun()
     device.close()
     assert getattr(sys, "tracebacklimit", None) == limit
     assert capsys.readouterr().out == ""
@@ -772,17 +671,6 @@ def test_a_device_of_other_fields_is_refused(made) -> None:
         device.read()
 
 
-def test_a_missing_flexsea_is_named_with_its_command(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "flexsea", None)
-    monkeypatch.setitem(sys.modules, "flexsea.device", None)
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[dephy\]"'):
-        DephyActPack(spec(), clock=VirtualClock()).configure()
-
-
-def test_it_says_that_it_was_never_tried_on_hardware() -> None:
-    assert "never tried on hardware" in DephyActPack(spec(), clock=VirtualClock()).describe().model
-
-
 def test_a_winding_follows_its_differential_equation() -> None:
     thermal = WindingSpec()
     winding = Winding(thermal)
@@ -810,9 +698,3 @@ def test_a_clock_refuses_a_stamp_ahead_of_the_host() -> None:
     assert clock.elapsed_ms(5_000, 1_000_000_000) is None
     assert clock.elapsed_ms(99, 1_000_000_000) is None
     assert clock.elapsed_ms(1_900, 1_000_000_000) == 1_800
-
-
-def test_units_go_there_and_back() -> None:
-    for sign in (1, -1):
-        units = Units(gear_ratio=9.0, sign=sign, zero_counts=0)
-        assert units.current(units.milliamperes(3.25)) == 3.25

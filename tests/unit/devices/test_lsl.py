@@ -3,14 +3,12 @@
 
 import importlib
 import importlib.util
-import inspect
 import math
-import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
@@ -19,12 +17,13 @@ from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import LslSpec
 from jointz.devices.interface import Lifecycle, Sensor
 from jointz.devices.lsl import LslSensor
-from jointz.devices.lsl_markers import LslMarkers, Marker
+from jointz.devices.lsl_markers import LslMarkers
 from jointz.testing import SensorContract
+
+from .fakes import begin, names_of, needs, wait
 
 pytestmark = pytest.mark.alone
 
-HAS_PYLSL = importlib.util.find_spec("pylsl") is not None
 FLOAT, STRING = 2, 3
 
 
@@ -146,9 +145,7 @@ def spec(**changed: Any) -> LslSpec:
     return LslSpec(**{"stream": "Goniometer", "sample_rate_hz": 500.0, **changed})
 
 
-class _OnAStream(SensorContract):
-    channel: ClassVar[str]
-
+class TestContractOfAGoniometer(SensorContract):
     @pytest.fixture(autouse=True)
     def _place(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.monkeypatch = monkeypatch
@@ -159,28 +156,18 @@ class _OnAStream(SensorContract):
     def make(self, clock: Clock) -> Sensor:
         self.sender = Sender(clock)
         put_in_place(self.monkeypatch, self.sender)
-        return LslSensor(spec(), self.channel, clock=clock)
+        return LslSensor(spec(), "angle", clock=clock)
 
     def disconnect(self, device: Sensor) -> None:
         self.sender.gone = True
 
 
-class TestContractOfAGoniometer(_OnAStream):
-    channel = "angle"
-
-
-class TestContractOfAFootswitch(_OnAStream):
-    channel = "contact"
-
-
-Made = Callable[..., tuple[LslSensor, Sender, VirtualClock]]
-
-
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[Made]:
-    sensors: list[LslSensor] = []
+def made(monkeypatch):
+    """Make a sensor that is not open yet, its sender and its clock."""
+    sensors = []
 
-    def make(*, sender: dict[str, Any] | None = None, **keys: Any) -> Any:
+    def make(*, sender=None, **keys):
         clock = VirtualClock(1_000_000_000)
         source = Sender(clock, **(sender or {}))
         put_in_place(monkeypatch, source)
@@ -192,18 +179,37 @@ def made(monkeypatch: pytest.MonkeyPatch) -> Iterator[Made]:
         sensor.close()
 
 
-def begin(sensor: LslSensor | LslMarkers) -> None:
-    sensor.configure()
-    sensor.activate()
+@pytest.fixture
+def begun(made):
+    """Make an active sensor, its sender and its clock."""
+
+    def make(**settings):
+        sensor, source, clock = made(**settings)
+        begin(sensor)
+        return sensor, source, clock
+
+    return make
 
 
-def wait(clock: Clock, seconds: float) -> None:
-    clock.wait_until_ns(clock.now_ns() + round(seconds * 1e9))
+@pytest.mark.parametrize(("raw", "angle"), [(59.0, math.pi / 2), (math.nan, math.nan)])
+def test_gain_and_offset_make_it_rad_and_no_number_stays_none(begun, raw, angle):
+    degrees = {"index": 1, "gain": 0.0174532925, "offset": -31.0}
+    sensor, _, clock = begun(**degrees, sender={"values": lambda _: [0.0, raw]})
+    wait(clock, 0.01)
+    assert sensor.read()[-1].value == pytest.approx(angle, nan_ok=True)
 
 
-def test_stamps_are_moved_by_the_offset_of_the_clocks(made: Made) -> None:
-    sensor, sender, clock = made()
-    begin(sensor)
+@needs("pylsl")
+def test_the_stand_in_takes_no_argument_that_the_real_inlet_does_not():
+    real = importlib.import_module("pylsl").StreamInlet
+    for name in ("open_stream", "close_stream", "time_correction", "flush", "pull_chunk"):
+        ours, theirs = (names_of(getattr(one, name)) for one in (FakeInlet, real))
+        assert ours == theirs[: len(ours)], name
+    assert names_of(FakeInlet) == names_of(real)[: len(names_of(FakeInlet))]
+
+
+def test_stamps_are_moved_by_the_offset_of_the_clocks(begun) -> None:
+    sensor, sender, clock = begun()
     wait(clock, 0.01)
     assert sensor.read()[-1].device_time_ns == clock.now_ns()
     sender.ahead_s = 40.0005  # the clocks drifted
@@ -213,18 +219,8 @@ def test_stamps_are_moved_by_the_offset_of_the_clocks(made: Made) -> None:
     assert sensor.offset_s == -40.0005
 
 
-def test_gain_and_offset_make_it_rad(made: Made) -> None:
-    sensor, _, clock = made(
-        index=1, gain=0.0174532925, offset=-31.0, sender={"values": lambda _: [0.0, 59.0]}
-    )
-    begin(sensor)
-    wait(clock, 0.01)
-    assert sensor.read()[-1].value == pytest.approx(math.pi / 2)
-
-
-def test_all_that_arrived_is_read_in_more_than_one_chunk(made: Made) -> None:
-    sensor, _, clock = made()
-    begin(sensor)
+def test_all_that_arrived_is_read_in_more_than_one_chunk(begun) -> None:
+    sensor, _, clock = begun()
     wait(clock, 1.2)
     samples = sensor.read()
     assert len(samples) == 600
@@ -232,9 +228,8 @@ def test_all_that_arrived_is_read_in_more_than_one_chunk(made: Made) -> None:
 
 
 @pytest.mark.parametrize("stamp", [0.0, float("nan"), -5.0])
-def test_stamps_that_do_not_rise_are_left_out(made: Made, stamp: float) -> None:
-    sensor, _, clock = made(sender={"stamps": {5: stamp}})
-    begin(sensor)
+def test_stamps_that_do_not_rise_are_left_out(begun, stamp: float) -> None:
+    sensor, _, clock = begun(sender={"stamps": {5: stamp}})
     wait(clock, 0.02)
     samples = sensor.read()
     assert len(samples) == 9
@@ -242,9 +237,8 @@ def test_stamps_that_do_not_rise_are_left_out(made: Made, stamp: float) -> None:
 
 
 @pytest.mark.parametrize("late_s", [0.05, 0.5])
-def test_what_was_held_up_on_its_way_is_not_reported_as_new(made: Made, late_s: float) -> None:
-    sensor, sender, clock = made()
-    begin(sensor)
+def test_what_was_held_up_on_its_way_is_not_reported_as_new(begun, late_s: float) -> None:
+    sensor, sender, clock = begun()
     wait(clock, 0.1)
     assert len(sensor.read()) == 50
     sender.ahead_s -= late_s  # stamps of the past, in the order they were taken
@@ -258,9 +252,8 @@ def test_what_was_held_up_on_its_way_is_not_reported_as_new(made: Made, late_s: 
     assert got == (50 if late_s < 0.1 else 0)
 
 
-def test_late_samples_for_a_second_are_a_lost_sensor(made: Made) -> None:
-    sensor, sender, clock = made()
-    begin(sensor)
+def test_late_samples_for_a_second_are_a_lost_sensor(begun) -> None:
+    sensor, sender, clock = begun()
     wait(clock, 0.01)
     assert sensor.read()
     sensor._inlet.time_correction = lambda _: -40.0
@@ -275,9 +268,8 @@ def test_late_samples_for_a_second_are_a_lost_sensor(made: Made) -> None:
         follow()
 
 
-def test_stamps_that_count_samples_may_run_away_slowly(made: Made) -> None:
-    sensor, sender, clock = made()
-    begin(sensor)
+def test_stamps_that_count_samples_may_run_away_slowly(begun) -> None:
+    sensor, sender, clock = begun()
     sensor._inlet.time_correction = lambda _: -40.0
     for _ in range(1000):
         wait(clock, 1.0)
@@ -285,14 +277,7 @@ def test_stamps_that_count_samples_may_run_away_slowly(made: Made) -> None:
         assert len(sensor.read()) >= 499
 
 
-def test_no_number_stays_no_number_for_the_gate(made: Made) -> None:
-    sensor, _, clock = made(sender={"values": lambda _: [float("nan"), 0.0]})
-    begin(sensor)
-    wait(clock, 0.01)
-    assert math.isnan(sensor.read()[-1].value)
-
-
-def test_a_first_sample_may_be_late_but_a_silent_sender_is_gone(made: Made) -> None:
+def test_a_first_sample_may_be_late_but_a_silent_sender_is_gone(made) -> None:
     sensor, sender, clock = made()
     sender.silent = True
     begin(sensor)
@@ -303,7 +288,7 @@ def test_a_first_sample_may_be_late_but_a_silent_sender_is_gone(made: Made) -> N
         sensor.read()
 
 
-def test_a_sender_that_ends_before_the_activation_is_told(made: Made) -> None:
+def test_a_sender_that_ends_before_the_activation_is_told(made) -> None:
     sensor, sender, _ = made()
     sensor.configure()
     sender.gone = True
@@ -311,7 +296,7 @@ def test_a_sender_that_ends_before_the_activation_is_told(made: Made) -> None:
         sensor.activate()
 
 
-def test_a_stream_that_is_not_there_says_what_to_do(made: Made) -> None:
+def test_a_stream_that_is_not_there_says_what_to_do(made) -> None:
     sensor, sender, _ = made(timeout_s=0.5)
     sender.gone = True
     with pytest.raises(NotConnectedError, match=r"name is 'Goniometer' within 0\.5 s"):
@@ -319,7 +304,7 @@ def test_a_stream_that_is_not_there_says_what_to_do(made: Made) -> None:
     assert sensor.state is Lifecycle.UNCONFIGURED
 
 
-def test_it_is_looked_for_by_its_source_where_that_is_given(made: Made) -> None:
+def test_it_is_looked_for_by_its_source_where_that_is_given(made) -> None:
     sensor, _, _ = made(source_id="gonio-7")
     sensor.configure()
     assert sys.modules["pylsl"].asked == [("source_id", "gonio-7", 5.0)]
@@ -335,16 +320,10 @@ def test_it_is_looked_for_by_its_source_where_that_is_given(made: Made) -> None:
         ({"rate_hz": 0.0}, {}, "expected 500 Hz, it states 0 Hz"),
     ],
 )
-def test_another_stream_than_described_is_refused(made: Made, sender, keys, told) -> None:
+def test_another_stream_than_described_is_refused(made, sender, keys, told) -> None:
     sensor, _, _ = made(sender=sender, **keys)
     with pytest.raises(DeviceError, match=told):
         sensor.configure()
-
-
-def test_a_missing_pylsl_is_named_with_its_command(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "pylsl", None)
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[lsl\]"'):
-        LslSensor(spec(), "angle", clock=VirtualClock()).configure()
 
 
 def test_markers_come_with_their_time_until_their_sender_is_gone(monkeypatch) -> None:
@@ -373,37 +352,7 @@ def test_a_stream_of_numbers_is_no_stream_of_markers(monkeypatch) -> None:
         LslMarkers("knee").configure()
 
 
-@pytest.mark.skipif(not HAS_PYLSL, reason="pylsl is not installed")
-def test_real_markers_come_with_their_time() -> None:
-    pylsl = importlib.import_module("pylsl")
-    name = f"jointz-test-{os.getpid()}"
-    info = pylsl.StreamInfo(name, "Markers", 1, 0.0, "string", name)
-    outlet = pylsl.StreamOutlet(info)
-    markers = LslMarkers(name)
-    begin(markers)
-    sent_s = pylsl.local_clock()
-    outlet.push_sample(["sync"], sent_s)
-    clock = RealClock()
-    until_ns = clock.now_ns() + 5_000_000_000
-    found: list[Marker] = []
-    while not found and clock.now_ns() < until_ns:
-        found = markers.read()
-    assert [marker.text for marker in found] == ["sync"]
-    assert found[0].time_ns * 1e-9 == pytest.approx(sent_s, abs=1e-3)
-    markers.close()
-
-
-@pytest.mark.skipif(not HAS_PYLSL, reason="pylsl is not installed")
-@pytest.mark.parametrize(
-    "name", ["open_stream", "close_stream", "time_correction", "flush", "pull_chunk", "__init__"]
-)
-def test_the_stand_in_takes_no_argument_that_the_real_inlet_does_not(name: str) -> None:
-    real = importlib.import_module("pylsl").StreamInlet
-    ours, theirs = (inspect.signature(getattr(c, name)).parameters for c in (FakeInlet, real))
-    assert list(ours) == list(theirs)[: len(ours)]
-
-
-@pytest.mark.skipif(not HAS_PYLSL, reason="pylsl is not installed")
+@needs("pylsl")
 def test_what_a_real_outlet_sends_arrives_with_its_time_and_its_end_is_noticed() -> None:
     pylsl = importlib.import_module("pylsl")
     source = "jointz-test-sensor"

@@ -16,9 +16,9 @@ from jointz.core.errors import DeviceError
 from jointz.core.session_log import BENCH, WALKING, Layout
 from jointz.devices.lsl_outlets import SessionOutlets
 
-pytestmark = pytest.mark.alone
+from .fakes import needs
 
-HAS_PYLSL = importlib.util.find_spec("pylsl") is not None
+pytestmark = pytest.mark.alone
 
 
 class FakeNode:
@@ -121,7 +121,7 @@ def test_a_missing_pylsl_is_named_with_its_command(monkeypatch) -> None:
         SessionOutlets(clock=VirtualClock())
 
 
-@pytest.mark.skipif(not HAS_PYLSL, reason="pylsl is not installed")
+@needs("pylsl")
 def test_channels_and_markers_arrive_at_real_inlets() -> None:
     pylsl = importlib.import_module("pylsl")
     clock = RealClock()

@@ -4,30 +4,26 @@ import importlib
 import logging
 import math
 import signal
-from importlib.util import find_spec
+from dataclasses import replace
 
 import pytest
 
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError, DeviceError, NotConnectedError
-from jointz.core.limits import SafetyLimits
 from jointz.devices import opensourceleg_actuator
 from jointz.devices.interface import Lifecycle
 from jointz.devices.opensourceleg import OpenSourceLegActuator
 from jointz.devices.opensourceleg_actuator import as_opensourceleg
 from jointz.devices.opensourceleg_setup import ActuatorSetup
-from jointz.sim.rig import simulated_rig
+from jointz.session.rigs.opensourceleg_rig import simulated_opensourceleg_actuator
 from jointz.testing import ActuatorContract, Deviation, ScriptedActuator
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
-from jointz.workflows.opensourceleg_rig import simulated_opensourceleg_actuator
 
-needs_library = pytest.mark.skipif(
-    find_spec("opensourceleg") is None,
-    reason="opensourceleg is not installed: it wants numpy below 2, see constraints-osl.txt",
-)
+from .fakes import HeldClock, needs, wait
+
+needs_library = needs("opensourceleg")
 MODEL, LIMITS = SCRIPTED_ACTUATOR.torque_model, SCRIPTED_ACTUATOR.limits
 GEAR, CONSTANT = MODEL.gear_ratio, MODEL.torque_constant
-MS = 1_000_000
 
 
 @pytest.fixture(autouse=True)
@@ -55,10 +51,6 @@ def scripted(clock, **other):
     return ScriptedActuator(clock, angle=lambda t: 0.3 + 0.5 * t, **other)
 
 
-def pass_ms(clock, ms):
-    clock.wait_until_ns(clock.now_ns() + round(ms * MS))
-
-
 def test_without_the_library_the_command_that_installs_it_is_named(monkeypatch, clock):
     def importing(module):
         raise ModuleNotFoundError(f"No module named {module!r}", name="opensourceleg")
@@ -72,48 +64,9 @@ def test_without_the_library_the_command_that_installs_it_is_named(monkeypatch, 
 # --- there and back again: the contract through the real package ---------------------------------
 
 
-class _PolledClock(VirtualClock):
-    """Drives what a thread would: polls at 500 Hz."""
-
-    def __init__(self):
-        super().__init__(7_000_000_000)
-        self.polls = []
-
-    def polling(self, _name, poll, _rate_hz):
-        clock = self
-
-        class Polling:
-            def begin(self):
-                clock.polls.append(poll)
-
-            def wake(self):
-                if poll in clock.polls:
-                    clock.run(poll, False)
-
-            def end(self):
-                clock.polls = [other for other in clock.polls if other is not poll]
-                return True
-
-        return Polling()
-
-    def run(self, poll, due):
-        try:
-            poll(due)
-        except Exception:  # noqa: BLE001 - as the thread does
-            self.polls.remove(poll)
-
-    def wait_until_ns(self, deadline_ns):
-        while self.now_ns() < deadline_ns:
-            slot_ns = (self.now_ns() // (2 * MS) + 1) * 2 * MS
-            super().wait_until_ns(min(slot_ns, deadline_ns))
-            if self.now_ns() == slot_ns:
-                for poll in list(self.polls):
-                    self.run(poll, True)
-
-
 class _ThereAndBack:
     def make_clock(self):
-        self.clock = _PolledClock()
+        self.clock = HeldClock()
         return self.clock
 
     def adapted(self, ours, clock):
@@ -131,30 +84,18 @@ class TestThereAndBackAgain(_ThereAndBack, ActuatorContract):
 
     def disconnect(self, device):  # noqa: ARG002
         self.ours.disconnect()
-        pass_ms(self.clock, 4)
+        wait(self.clock, 0.004)
 
     def test_nothing_is_turned_or_scaled_on_the_way(self):
         with self.active() as (device, clock):
             device.command_torque(1.8)
-            pass_ms(clock, 8)
+            wait(clock, 0.008)
             sample = device.read()[-1]
         direct = scripted(VirtualClock())._measured(0, 0, time_s=0.0)
         assert sample.velocity == pytest.approx(direct.velocity)
         assert 0.3 < sample.angle < 0.32
         assert sample.current == pytest.approx(1.8 / (GEAR * CONSTANT))
         assert (sample.voltage, sample.temperature_c) == pytest.approx((48.0, 30.0))
-
-
-@needs_library
-class TestTheSimulatedExoskeletonThereAndBackAgain(_ThereAndBack, ActuatorContract):
-    def make(self, clock):
-        self.rig = simulated_rig(0, preset="nominal")
-        devices = self.rig.open("perturbed", worn=True, segment=0, clock=clock)
-        return self.adapted(devices.actuator, clock)
-
-    def disconnect(self, device):  # noqa: ARG002
-        self.rig.inject.order("actuator", "disconnect")
-        pass_ms(self.clock, 4)
 
 
 # --- units and what holds ------------------------------------------------------------------------
@@ -168,7 +109,7 @@ def test_it_is_an_actuator_of_opensourceleg_with_its_units(clock, modes):
         assert isinstance(actuator, base.ActuatorBase)
         actuator.set_control_mode(mode=modes.CURRENT)
         actuator.set_motor_current(value=2000)
-        pass_ms(clock, 2)
+        wait(clock, 0.002)
         actuator.update()
         assert ours.commands[-1][1] == pytest.approx(2.0 * GEAR * CONSTANT)
         assert actuator.motor_current == pytest.approx(2000.0)
@@ -189,6 +130,7 @@ def test_it_is_an_actuator_of_opensourceleg_with_its_units(clock, modes):
 @pytest.mark.parametrize(
     ("method", "value", "torque_nm"),
     [
+        ("set_motor_current", 1e9, LIMITS.torque_nm),
         ("set_output_torque", -3.0, -3.0),
         ("set_motor_torque", 0.5, 0.5 * GEAR),
         ("set_output_torque", 1e6, LIMITS.torque_nm),
@@ -198,20 +140,11 @@ def test_it_is_an_actuator_of_opensourceleg_with_its_units(clock, modes):
 def test_torques_reach_the_joint_within_the_limits(clock, modes, method, value, torque_nm):
     ours = scripted(clock)
     with as_opensourceleg(ours, clock=clock) as actuator:
-        actuator.set_control_mode(modes.TORQUE)
+        actuator.set_control_mode(modes.CURRENT if "current" in method else modes.TORQUE)
         getattr(actuator, method)(value=value)
         assert ours.commands[-1][1] == pytest.approx(torque_nm)
-
-
-@needs_library
-def test_a_current_is_clamped_to_the_devices(clock, modes):
-    ours = scripted(clock)
-    with as_opensourceleg(ours, clock=clock) as actuator:
-        actuator.set_control_mode(modes.CURRENT)
-        actuator.set_motor_current(1e9)
-        assert ours.commands[-1][1] == pytest.approx(min(30.0, 40.0 * GEAR * CONSTANT))
         with pytest.raises(DeviceError, match="finite torque"):
-            actuator.set_motor_current(math.nan)
+            getattr(actuator, method)(value=math.nan)
 
 
 @needs_library
@@ -221,10 +154,10 @@ def test_a_torque_holds_while_the_script_updates_and_not_when_it_hangs(clock, mo
         actuator.set_control_mode(modes.CURRENT)
         actuator.set_output_torque(4.0)
         for _ in range(200):
-            pass_ms(clock, 2)
+            wait(clock, 0.002)
             actuator.update()
         assert ours.torque_nm == 4.0
-        pass_ms(clock, 1e3 * ours.describe().command_timeout_s + 1.0)
+        wait(clock, ours.describe().command_timeout_s + 0.001)
         assert ours.torque_nm == 0.0
 
 
@@ -277,14 +210,14 @@ def test_commands_in_the_wrong_mode_and_those_it_never_takes_raise(clock):
                 command(1.0)
         with pytest.raises(DeviceError, match=r"cannot take a motor voltage \(1000 mV\)"):
             actuator.set_motor_voltage(1000)
-        with pytest.raises(DeviceError, match="cannot take a motor position"):
-            actuator.set_output_position(value=0.1)
-        with pytest.raises(DeviceError, match="cannot take a motor velocity"):
-            actuator.set_motor_velocity(1.0)
-        with pytest.raises(DeviceError, match="cannot take an impedance"):
-            actuator.set_output_impedance(k=100.0, b=3.0)
-        with pytest.raises(DeviceError, match="cannot take position gains"):
-            actuator.set_position_gains(kp=5)
+        for method, given, told in (
+            ("set_output_position", {"value": 0.1}, "a motor position"),
+            ("set_motor_velocity", {"value": 1.0}, "a motor velocity"),
+            ("set_output_impedance", {"k": 100.0, "b": 3.0}, "an impedance"),
+            ("set_position_gains", {"kp": 5}, "position gains"),
+        ):
+            with pytest.raises(DeviceError, match=f"cannot take {told}"):
+                getattr(actuator, method)(**given)
         with pytest.raises(NotImplementedError, match="battery_voltage"):
             _ = actuator.motor_voltage
     assert {torque_nm for _, torque_nm in ours.commands} == {0.0}
@@ -319,7 +252,7 @@ def test_a_fault_ends_the_script_with_its_name_at_zero_torque(clock, modes):
             actuator.set_control_mode(modes.CURRENT)
             actuator.set_output_torque(4.0)
             for _ in range(5):
-                pass_ms(clock, 2)
+                wait(clock, 0.002)
                 actuator.update()
 
     with pytest.raises(DeviceError, match="in fault: over-current"):
@@ -365,16 +298,11 @@ def test_nothing_is_read_before_it_is_started(clock):
 
 
 @needs_library
-@pytest.mark.parametrize("hottest_c", [5.0, 65.0, 90.0, 150.0])
+@pytest.mark.parametrize("hottest_c", [5.0, 150.0])
 def test_any_limit_of_temperature_makes_motor_constants(clock, hottest_c):
-    limits = SafetyLimits.model_validate({**LIMITS.model_dump(), "temperature_c": hottest_c})
-    told = SCRIPTED_ACTUATOR.__class__(
-        **{
-            **{name: getattr(SCRIPTED_ACTUATOR, name) for name in SCRIPTED_ACTUATOR.__slots__},
-            "limits": limits,
-        }
-    )
-    actuator = as_opensourceleg(scripted(clock, description=told), clock=clock)
+    limits = LIMITS.model_copy(update={"temperature_c": hottest_c})
+    described = replace(SCRIPTED_ACTUATOR, limits=limits)
+    actuator = as_opensourceleg(scripted(clock, description=described), clock=clock)
     assert actuator.max_winding_temperature == hottest_c
 
 
@@ -417,30 +345,6 @@ def test_the_tutorials_current_step_runs_on_the_simulated_exoskeleton():
     assert len(logged) > 50
     assert max(abs(current) for current in before) < 100.0  # mA
     assert sum(late) / len(late) == pytest.approx(600.0, abs=60.0)
-
-
-@needs_library
-def test_the_tutorials_torque_sine_runs_and_moves_the_simulated_knee(modes):
-    loop = importlib.import_module("opensourceleg.utilities").SoftRealtimeLoop
-    motor = simulated_opensourceleg_actuator(preset="clean", seed=3, tag="motor")
-    torques, wanted = [], []
-    with motor:
-        motor.home()
-        motor.set_control_mode(mode=modes.CURRENT)
-        motor.update()
-        for t in loop(dt=1 / 200, report=False):
-            command_output_torque = 5.0 * math.sin(2.0 * math.pi * 5.0 * t)
-            motor.set_output_torque(command_output_torque)
-            motor.update()
-            torques.append(motor.output_torque)
-            wanted.append(command_output_torque)
-            if t > 0.3:
-                break
-        motor.set_output_torque(0.0)
-        motor.update()
-    assert 3.0 < max(torques) < 6.0
-    assert -6.0 < min(torques) < -3.0
-    assert motor.mode is modes.IDLE
 
 
 @needs_library

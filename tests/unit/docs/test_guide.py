@@ -10,11 +10,9 @@ import pytest
 import typer
 
 from jointz.cli.command_line import app
-from jointz.core.codes import Failure
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.experiment import loop
-from jointz.identify.methods.cells import BENCH_ONLY, METHODS
-from jointz.report.citations import CITATIONS
+from jointz.identify.estimators import METHODS
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -70,13 +68,6 @@ def test_the_priority_and_the_word_in_the_journal_are_those_of_the_loop():
     assert '"scheduling": "SCHED_FIFO"' in page
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/start.md", "docs/reproduce.md"])
-def test_the_dissertation_is_named_where_it_is_spoken_of_first(page):
-    title = CITATIONS["dissertation"].full.partition(". Dissertation.")[0]
-
-    assert title in " ".join(text(page).split())
-
-
 #: Row of the README -> row of the benchmark.
 _ACCURACY = {
     "usual errors, lag unknown": "nominal-lag-unknown",
@@ -116,36 +107,17 @@ def test_the_estimators_page_says_how_few_stand_and_how_false_they_are():
     assert f"hold the truth in {100 * hard['coverage.rate']:.0f} % of cases" in page
 
 
-def test_what_start_says_of_wrong_signs_and_units_are_codes():
-    page = text("docs/start.md")
-
-    for code in (Failure.OPPOSITE_SIGN, Failure.ANGLE_OUT_OF_RANGE):
-        assert f"`{code.status}`" in page
-
-
 def test_the_mission_counts_the_methods_of_walking():
-    others = len(METHODS) - len(BENCH_ONLY) - len(("recommended", "dissertation"))
+    others = len(METHODS.serving("walking")) - len(("recommended", "dissertation"))
     words = {7: "seven", 8: "eight", 9: "nine", 10: "ten"}
 
     assert f"dissertation's and {words[others]} others" in " ".join(text("docs/mission.md").split())
 
 
-def test_no_page_installs_jointz_from_a_registry_into_a_new_environment():
-    lines = [
-        line
-        for page in PAGES
-        for _, body in _FENCE.findall(page.read_text(encoding="utf-8"))
-        for line in body.splitlines()
-        if re.search(r'/pip install "?jointz', line)
-    ]
-    assert lines == []
-
-
 @pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
-def test_python_stands_in_blocks_that_are_run(page):
-    hidden = [
-        body
-        for language, body in _FENCE.findall(page.read_text(encoding="utf-8"))
-        if language != "python" and re.search(r"^(?:from|import) jointz", body, re.MULTILINE)
-    ]
-    assert hidden == []
+def test_python_stands_in_blocks_that_are_run_and_no_page_installs_from_a_registry(page):
+    blocks = _FENCE.findall(page.read_text(encoding="utf-8"))
+    others = [body for language, body in blocks if language != "python"]
+
+    assert not any(re.search(r"^(?:from|import) jointz", b, re.MULTILINE) for b in others)
+    assert not any(re.search(r'/pip install "?jointz', body) for _, body in blocks)

@@ -8,7 +8,7 @@ import pytest
 from jointz.experiment import console_link
 from jointz.experiment.console_link import ConsoleLink
 from jointz.experiment.control_box import ControlBox, ControlSender, Order
-from jointz.experiment.journal import Journal, read_journal
+from jointz.experiment.files.journal import Journal, read_journal
 
 
 class Trial:

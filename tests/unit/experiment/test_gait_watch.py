@@ -4,9 +4,9 @@ from math import isnan, nan
 
 import pytest
 
-from jointz.core.protocol import GaitSpec
+from jointz.core.protocols.protocol import GaitSpec
 from jointz.devices.interface import SensorSample
-from jointz.experiment.gait_watch import GaitWatch
+from jointz.experiment.gait.gait_watch import GaitWatch
 
 GAIT = GaitSpec(speed_m_s=1.2)
 MS = 1_000_000
@@ -78,33 +78,6 @@ def test_samples_that_come_in_bursts_are_placed_by_their_own_time():
     assert watch.strides.strides == 6
 
 
-def test_several_samples_a_tick_do_not_shift_the_strike():
-    fine = Walk(sample_ns=MS // 2).until(6 * STRIDE)
-    assert fine.strides.mean_ns == STRIDE
-    assert fine.phase_pct == 0.0
-
-
-def test_a_sensor_slower_than_the_loop_is_good_to_its_own_period():
-    watch = Walk(sample_ns=10 * MS).until(6 * STRIDE + 550 * MS)
-    assert watch.phase_pct == pytest.approx(50.0, abs=1.0)
-
-
-def test_a_double_strike_makes_the_phase_none_until_the_next_true_one():
-    walk = Walk()
-    walk.until(6 * STRIDE + 700 * MS)
-
-    def double(time):
-        return 1.0 if 750 * MS <= time - 6 * STRIDE < 840 * MS else on(time)
-
-    watch = walk.until(6 * STRIDE + 760 * MS, double)
-    assert not watch.steady
-    walk.until(7 * STRIDE - PERIOD, double)
-    assert not watch.steady
-    walk.until(7 * STRIDE)
-    assert watch.steady
-    assert watch.phase_pct == 0.0
-
-
 def test_a_double_strike_that_hides_the_true_one_makes_the_phase_none_until_gait_is_steady():
     walk = Walk()
     watch = walk.until(6 * STRIDE + 810 * MS)
@@ -136,19 +109,6 @@ def test_a_brush_against_the_switch_costs_no_strike():
     assert watch.strides.mean_ns == STRIDE
 
 
-def test_a_brush_that_was_no_stride_takes_none_back():
-    walk = Walk()
-
-    def brushed(time):
-        return 1.0 if 720 * MS <= time - 6 * STRIDE < 750 * MS else on(time)
-
-    watch = walk.until(7 * STRIDE, brushed)
-    assert walk.retracted == []
-    assert watch.strides.strides == 6
-    assert watch.strides.spurious == 1
-    assert watch.steady
-
-
 def test_a_footswitch_that_falls_silent_makes_the_phase_none():
     walk = Walk()
     walk.until(6 * STRIDE)
@@ -156,19 +116,6 @@ def test_a_footswitch_that_falls_silent_makes_the_phase_none():
     assert not watch.steady
     assert isnan(watch.phase_pct)
     assert watch.last_stride_ns == 6 * STRIDE
-
-
-def test_without_samples_nothing_changes_but_time():
-    walk = Walk()
-    watch = walk.until(6 * STRIDE + 100 * MS)
-    before = watch.phase_pct
-    assert not watch.update(6 * STRIDE + 210 * MS, [], [])
-    assert watch.phase_pct == pytest.approx(before + 10.0, abs=0.01)
-
-
-def test_time_without_a_stride_counts_from_the_first_ticks():
-    watch = Walk().until(STRIDE - PERIOD, lambda _: 0.0)
-    assert watch.last_stride_ns <= PERIOD
 
 
 def test_the_knee_tells_a_phase_of_its_own():

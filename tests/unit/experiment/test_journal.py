@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.experiment.journal import (
+from jointz.experiment.files.journal import (
     Journal,
     is_completed,
     pulses_done,
@@ -38,24 +38,9 @@ READ = [{"event": event, **details} for event, details in THREE]
 
 
 def test_what_was_written_is_read_in_order(file):
+    assert read_journal(file) == []
     write(file, *THREE)
     assert read_journal(file) == READ
-
-
-def test_a_journal_that_does_not_exist_has_no_events(file):
-    assert read_journal(file) == []
-
-
-def test_a_journal_is_gone_on_with(file):
-    write(file, *THREE[:1])
-    write(file, *THREE[1:])
-    assert read_journal(file) == READ
-
-
-def test_an_event_is_on_disk_as_soon_as_it_is_written(file):
-    with Journal(file) as journal:
-        journal.write("stopped")
-        assert read_journal(file) == [{"event": "stopped"}]
 
 
 def test_a_line_is_json_and_its_checksum(file):
@@ -129,19 +114,6 @@ def test_an_event_the_disk_takes_only_in_part_is_an_error(file, monkeypatch):
     assert read_journal(file) == [{"event": "segment_started"}]
     write(file, ("stopped", {}))
     assert len(read_journal(file)) == 2
-
-
-def test_a_value_that_json_cannot_hold_leaves_the_journal_whole(file):
-    with Journal(file) as journal, pytest.raises(TypeError):
-        journal.write("stopped", reason=object())
-    assert read_journal(file) == []
-
-
-def test_a_journal_is_let_go_of(file):
-    with Journal(file) as journal:
-        pass
-    with pytest.raises(WriteError, match="Bad file descriptor"):
-        journal.write("stopped")
 
 
 def test_two_cannot_write_one_journal(file):

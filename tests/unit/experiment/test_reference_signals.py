@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, welch
 
-from jointz.core.references import Chirps, Noise, Sine, Steps, SumOfSines, Sweep, Trajectory
-from jointz.experiment.reference_signals import reference_samples
+from jointz.core.protocols.reference_signal_models import (
+    Chirps,
+    Noise,
+    Steps,
+    SumOfSines,
+    Sweep,
+    Trajectory,
+)
+from jointz.experiment.bench.reference_signals import reference_samples
 
 RATE = 900.0
 TIME = np.arange(9000) / RATE
@@ -13,12 +20,6 @@ TIME = np.arange(9000) / RATE
 
 def samples(reference, n=TIME.size, rate_hz=RATE, seed=1):
     return reference_samples(reference, n, rate_hz=rate_hz, rng=np.random.default_rng(seed))
-
-
-def test_a_frequency_is_in_hertz():
-    found = samples(Sine(kind="sine", amplitude=5.0, frequency_hz=1.4, offset=32.0))
-
-    assert found == pytest.approx(32.0 + 5.0 * np.sin(2 * np.pi * 1.4 * TIME), abs=1e-12)
 
 
 def test_a_sum_repeats_after_its_cycle():
@@ -74,7 +75,7 @@ def test_noise_of_another_seed_is_other_noise_and_of_the_same_the_same():
     assert np.corrcoef(samples(noise), samples(noise, seed=2))[0, 1] < 0.5
 
 
-@pytest.mark.parametrize("rate_hz", [300.0, 900.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [300.0, 900.0])
 def test_steps_change_at_the_tick_of_their_time(rate_hz):
     found = samples(
         Steps(kind="steps", levels=(-1.0, 0.0, 2.0), hold_s=0.7),

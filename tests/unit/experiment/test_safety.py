@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jointz.core.codes import Trip
 from jointz.core.limits import SafetyLimits
 from jointz.core.session_log import Flag
-from jointz.core.trips import Trip
 from jointz.devices.interface import ActuatorSample
 from jointz.experiment.safety import SafetyGate
 
@@ -89,6 +89,10 @@ def under_torque(walk, torque=17.0):
 
 def test_a_request_within_all_limits_passes_unchanged(walk):
     assert [walk.tick(torque) for torque in (0.3, -1.5, 4.0)] == [0.3, -1.5, 4.0]
+    # Nor does it matter that no sample came, that all are as old as is allowed, or, between
+    # pulses, that gait is not steady.
+    for harmless in ({"sample": False}, {"age_s": 0.02}, {"steady": False}):
+        assert walk.tick(1.0, **harmless) == 1.0
     assert walk.gate.flags == 0
     assert walk.gate.tripped is None
 
@@ -98,6 +102,8 @@ def test_torque_is_clamped_to_its_limit_and_climbs_there_at_the_rate_limit(walk,
     sent = [walk.tick(sign * 100.0) for _ in range(6)]
     assert sent == [sign * value for value in (8.0, 16.0, 24.0, 30.0, 30.0, 30.0)]
     assert walk.gate.flags == Flag.CLAMPED
+    walk.tick(sign * 30.0)
+    assert walk.gate.flags == 0
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -106,20 +112,9 @@ def test_the_limit_of_current_clamps_torque(sign):
     assert [walk.tick(sign * 100.0) for _ in range(3)][-1] == sign * 15.0
 
 
-def test_the_first_tick_is_limited_in_rate_from_zero(walk):
-    assert walk.tick(17.0) == STEP_NM
-    assert walk.gate.flags == Flag.CLAMPED
-
-
 def test_a_change_of_sign_is_limited_in_rate_through_zero(walk):
     walk.tick(6.0)
     assert [walk.tick(-6.0) for _ in range(2)] == [-2.0, -6.0]
-    assert walk.gate.flags == 0
-
-
-def test_a_clamp_flag_ends_with_the_clamp(walk):
-    walk.tick(100.0)
-    walk.tick(1.0)
     assert walk.gate.flags == 0
 
 
@@ -152,28 +147,21 @@ def test_what_is_measured_out_of_bounds_takes_the_torque_away_in_the_same_tick(w
     assert walk.gate.tripped is code
 
 
-def gate_with_encoder(angle):
-    walk = Walk()
-    sample = ActuatorSample(1, 1, angle, 0.0, 0.0, 48.0, 30.0, 0)
-    sent = walk.gate.check(1.0, sample, angle=0.3, age_s=0.0, steady=True, pulse_active=False)
-    return walk.gate, sent
-
-
 @pytest.mark.parametrize(
     ("angle", "code"),
-    [(1.95, Trip.POSTURE), (-0.25, Trip.POSTURE), (nan, Trip.SENSOR_NOT_FINITE)],
+    [
+        (1.95, Trip.POSTURE),
+        (-0.25, Trip.POSTURE),
+        (nan, Trip.SENSOR_NOT_FINITE),
+        (-0.2, None),
+        (1.9, None),
+    ],
 )
-def test_the_encoder_is_held_to_the_same_range(angle, code):
-    gate, sent = gate_with_encoder(angle)
-    assert sent == 0.0
-    assert gate.tripped is code
-
-
-@pytest.mark.parametrize("angle", [-0.2, 1.9])
-def test_the_limit_itself_is_allowed(angle):
-    gate, sent = gate_with_encoder(angle)
-    assert sent == 1.0
-    assert gate.tripped is None
+def test_the_encoder_is_held_to_the_same_range_and_may_be_at_its_end(walk, angle, code):
+    sample = ActuatorSample(1, 1, angle, 0.0, 0.0, 48.0, 30.0, 0)
+    sent = walk.gate.check(1.0, sample, angle=0.3, age_s=0.0, steady=True, pulse_active=False)
+    assert walk.gate.tripped is code
+    assert sent == (0.0 if code else 1.0)
 
 
 @pytest.mark.parametrize("requested", [nan, inf, -inf])
@@ -214,14 +202,6 @@ def test_a_trip_from_outside_stops_the_next_tick(walk):
 
 
 # --- age, frozen sensors -------------------------------------------------------------------------
-
-
-def test_an_age_at_the_limit_is_allowed(walk):
-    assert walk.tick(1.0, age_s=0.02) == 1.0
-
-
-def test_a_missing_sample_alone_does_not_trip(walk):
-    assert [walk.tick(1.0, sample=False) for _ in range(3)] == [1.0] * 3
 
 
 def test_a_clock_that_stands_still_trips_when_it_is_too_old(walk):
@@ -365,11 +345,6 @@ def test_a_fade_outlasts_the_pulse_until_gait_is_steady(walk):
     sent = [walk.tick(0.4, steady=False) for _ in range(20)]
     assert sent == pytest.approx([max(17.0 - FADE_STEP_NM * k, 0.0) for k in range(2, 22)])
     assert walk.tick(0.4) == 0.4
-
-
-def test_unsteady_gait_between_pulses_changes_nothing(walk):
-    assert walk.tick(0.4, steady=False) == 0.4
-    assert not walk.gate.fading
 
 
 def test_a_trip_during_a_fade_takes_the_rest_away(walk):

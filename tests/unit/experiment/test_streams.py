@@ -5,7 +5,7 @@ from math import inf
 import pytest
 
 from jointz.devices.interface import ActuatorSample, Devices, SensorSample
-from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
+from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, Streams
 
 PERIOD = 2_000_000
 
@@ -60,15 +60,6 @@ def test_all_samples_of_the_tick_are_there_oldest_first():
     assert bench.streams.newest_angle.value == 2.0
 
 
-def test_samples_of_a_tick_before_are_gone_but_the_newest_is_remembered():
-    bench = Bench()
-    bench.read(*ALL)
-    bench.read()
-    assert bench.streams.actuator == bench.streams.angle == bench.streams.contact == []
-    assert bench.streams.newest_actuator.device_time_ns == 0
-    assert bench.streams.newest_angle.device_time_ns == 0
-
-
 @pytest.mark.parametrize("missing", ALL)
 def test_age_is_infinite_until_every_device_gave_a_sample(missing):
     bench = Bench()
@@ -77,16 +68,6 @@ def test_age_is_infinite_until_every_device_gave_a_sample(missing):
     assert bench.read(*others) == inf
     assert bench.read(*ALL) == 0.0
     assert bench.streams.actuator[-1].device_time_ns == 2 * PERIOD
-
-
-@pytest.mark.parametrize("silent", ALL)
-def test_age_is_that_of_the_stalest_device(silent):
-    bench = Bench()
-    bench.read(*ALL)
-    others = [name for name in ALL if name != silent]
-    ages = [bench.read(*others) for _ in range(5)]
-    assert ages == pytest.approx([0.002, 0.004, 0.006, 0.008, 0.010])
-    assert bench.read(*ALL) == 0.0
 
 
 def test_age_is_that_of_the_stalest_of_several():
@@ -104,10 +85,3 @@ def test_without_the_device_its_age_does_not_count():
     assert bench.streams.actuator == []
     assert bench.streams.newest_actuator == NO_ACTUATOR_SAMPLE
     assert bench.read("angle") == pytest.approx(0.002)
-
-
-def test_before_the_first_sample_the_newest_is_none():
-    bench = Bench()
-    bench.read()
-    assert bench.streams.newest_actuator is NO_ACTUATOR_SAMPLE
-    assert bench.streams.newest_angle is NO_SENSOR_SAMPLE

@@ -50,18 +50,14 @@ def assert_strikes(found, expected, within_s=1.01 / RATE):
     np.testing.assert_allclose(found.time_s, expected, rtol=0, atol=within_s)
 
 
-def test_a_clean_contact_gives_its_strikes_to_the_sample():
-    time, strikes, contact = walk()
-    found = strikes_from_contact(time, contact)
-    assert_strikes(found, strikes)
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-3.0, -1.0), (2.0, 2.001)])
+@pytest.mark.parametrize("start", [0.605, -0.2])
+def test_a_clean_contact_gives_its_strikes_to_the_sample(low, high, start):
+    time, strikes, contact = walk(start=start)
+    found = strikes_from_contact(time, low + (high - low) * contact)
+    assert_strikes(found, strikes[strikes > 0.0])  # none where it begins in stance
     assert found.rejected_s.size == 0
-    assert 0 < found.low < found.high < 1
-
-
-@pytest.mark.parametrize(("low", "high"), [(0.0, 5.0), (-3.0, -1.0), (2.0, 2.001)])
-def test_any_two_levels_will_do(low, high):
-    time, strikes, contact = walk()
-    assert_strikes(strikes_from_contact(time, low + (high - low) * contact), strikes)
+    assert low < found.low < found.high < high
 
 
 def is_noted(time, signal, kind="contact"):
@@ -108,12 +104,6 @@ def test_several_switches_on_a_channel_and_none_are_no_voltage():
     assert not is_unclean_switch(build_recording(time, {"angle": contact}, contact_kind="contact"))
 
 
-def test_a_recording_that_begins_in_stance_has_no_strike_there():
-    time, strikes, contact = walk(start=-0.2)
-    assert contact[0] == 1.0
-    assert_strikes(strikes_from_contact(time, contact), strikes[1:])
-
-
 def test_chatter_at_the_strike_and_at_toe_off_is_bounce():
     time, strikes, contact = walk()
     for s in strikes:
@@ -126,7 +116,7 @@ def test_chatter_at_the_strike_and_at_toe_off_is_bounce():
     assert found.rejected_s.size > strikes.size
 
 
-@pytest.mark.parametrize("into_stance_s", [0.05, 0.3, 0.6])
+@pytest.mark.parametrize("into_stance_s", [0.05, 0.6])
 def test_brief_drop_outs_in_stance_are_no_strikes(into_stance_s):
     time, strikes, contact = walk()
     for s in strikes:
@@ -134,7 +124,7 @@ def test_brief_drop_outs_in_stance_are_no_strikes(into_stance_s):
     assert_strikes(strikes_from_contact(time, contact), strikes)
 
 
-@pytest.mark.parametrize("into_swing_s", [0.03, 0.15, 0.3])
+@pytest.mark.parametrize("into_swing_s", [0.03, 0.3])
 def test_brief_false_contacts_in_swing_are_no_strikes(into_swing_s):
     time, strikes, contact = walk(sd=0.0)
     for s in strikes[::3]:
@@ -151,24 +141,9 @@ def test_a_long_false_contact_late_in_the_stride_does_not_replace_the_strike():
     np.testing.assert_allclose(found.rejected_s, strikes[12] + 0.76, atol=0.0011)
 
 
-def test_a_false_contact_just_before_a_strike_is_told_by_its_being_early():
-    time, strikes, contact = walk(sd=0.0)
-    begin = strikes[12] + 0.91
-    contact = switched(contact, time, begin, begin + 0.09, 1.0)
-    assert_strikes(strikes_from_contact(time, contact), strikes)
-
-
 def test_noise_that_chatters_without_end_ends_in_time():
     contact = np.random.default_rng(0).integers(0, 2, 60_000).astype(float)
     assert strikes_from_contact(np.arange(60_000) / RATE, contact).time_s.size <= 1
-
-
-def test_a_missed_strike_leaves_one_long_stride():
-    time, strikes, contact = walk()
-    contact = switched(contact, time, strikes[10] - 0.01, strikes[10] + 0.7, 0.0)
-    found = strikes_from_contact(time, contact)
-    assert_strikes(found, np.delete(strikes, 10))
-    assert find_strides(found.time_s, NO_GAPS).code[9] == "missing_strike"
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0])
@@ -190,12 +165,6 @@ def test_strikes_survive_a_lasting_change_of_cadence():
     found = strikes_from_contact(time, contact_of(time, strikes, 0.55))
     assert_strikes(found, strikes)
     assert find_strides(found.time_s, NO_GAPS).accepted[-10:].all()
-
-
-def test_a_rise_across_a_gap_in_time_is_no_strike():
-    time, strikes, contact = walk()
-    keep = (time < strikes[7] - 0.02) | (time > strikes[7] + 0.02)
-    assert_strikes(strikes_from_contact(time[keep], contact[keep]), np.delete(strikes, 7))
 
 
 def test_a_bounce_right_after_a_hidden_rise_does_not_stand_in_for_it():
@@ -225,20 +194,17 @@ def test_a_contact_logged_at_a_tenth_of_the_rate_keeps_its_strikes():
     assert_strikes(strikes_from_contact(time, contact), strikes, within_s=0.0101)
 
 
-@pytest.mark.parametrize("detect", [strikes_from_contact, strikes_from_voltage, strikes_from_pulse])
-@pytest.mark.parametrize("signal", ["low", "nan", "noise", "sine"])
-def test_a_channel_that_never_switches_has_no_strikes(detect, signal):
+@pytest.mark.parametrize(
+    "detect", [strikes_from_contact, strikes_from_voltage, strikes_from_pulse, strikes_from_force]
+)
+def test_a_channel_that_never_switches_has_no_strikes(detect):
     time = np.arange(0, 30, 1 / RATE)
-    rng = np.random.default_rng(5)
-    signals = {
-        "low": np.full(time.size, 3.3),
-        "nan": np.full(time.size, np.nan),
-        "noise": rng.normal(1.0, 0.2, time.size),
-        "sine": np.sin(2 * np.pi * time),
-    }
-    found = detect(time, signals[signal])
-    assert found.time_s.size == 0
-    assert np.isnan(found.low)
+    noise = np.random.default_rng(5).normal(1.0, 0.2, time.size)
+    sine = np.sin(2 * np.pi * time)
+    for signal in (np.full(time.size, 3.3), np.full(time.size, np.nan), noise, sine):
+        found = detect(time, signal)
+        assert found.time_s.size == 0
+        assert detect is strikes_from_force or np.isnan(found.low)
 
 
 @given(
@@ -267,7 +233,7 @@ def noisy_voltage(seed=0, noise=0.25, drift=0.0, n=40):
     return time, strikes, 0.4 + 3.0 * contact + wander + noise * rng.normal(size=time.size)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("noise", [0.0, 0.5])
 def test_a_noisy_bouncing_voltage_gives_its_strikes_within_two_samples(noise):
     time, strikes, voltage = noisy_voltage(noise=noise)
     assert_strikes(strikes_from_voltage(time, voltage), strikes, within_s=0.002)
@@ -335,14 +301,6 @@ def test_brief_pulses_give_strikes_whatever_noise_is_about_them(width_s):
     assert_strikes(strikes_from_pulse(time, pulses), strikes)
 
 
-def test_ringing_of_a_pulse_is_rejected():
-    time, strikes, _ = walk()
-    pulses = contact_of(time, strikes, 0.01) + contact_of(time, strikes + 0.05, 0.01)
-    found = strikes_from_pulse(time, pulses)
-    assert_strikes(found, strikes)
-    np.testing.assert_allclose(found.rejected_s, strikes + 0.05, rtol=0, atol=1.01 / RATE)
-
-
 @pytest.mark.parametrize("share", [0.65, 0.8])
 def test_a_false_pulse_shortly_before_a_strike_yields_to_it(share):
     time, strikes, _ = walk(sd=0.0)
@@ -374,26 +332,11 @@ def test_the_strike_of_a_force_is_its_crossing_of_20_n(offset):
     expected = np.array(
         [np.interp(20.0, force[k : k + 2], time[k : k + 2]) for k in crossings.tolist()]
     )
+    swing = np.where(force < 1.0, 15.0 * np.sin(2 * np.pi * 9.0 * time) + 15.0, 0.0)
+    assert strikes_from_force(time, force + swing).time_s.size == crossings.size
     found = strikes_from_force(time, force + offset)
     assert_strikes(found, expected, within_s=1e-6)
     assert np.all(np.abs(expected - strikes) < 0.04)
-
-
-def test_wiggles_of_30_n_in_swing_are_no_strikes():
-    time, _, contact = walk()
-    force = force_of(contact)
-    clean = strikes_from_force(time, force)
-    swing = force < 1.0
-    wiggly = force + np.where(swing, 15.0 * np.sin(2 * np.pi * 9.0 * time) + 15.0, 0.0)
-    assert strikes_from_force(time, wiggly).time_s.size == clean.time_s.size
-
-
-def test_a_plate_that_nobody_steps_on_has_no_strikes():
-    time = np.arange(0, 20, 0.01)
-    noise = np.random.default_rng(0).normal(0.0, 5.0, time.size)
-    assert strikes_from_force(time, noise).time_s.size == 0
-    assert strikes_from_force(time, np.zeros(time.size)).time_s.size == 0
-    assert strikes_from_force(time, np.full(time.size, np.nan)).time_s.size == 0
 
 
 # --- cycle, recordings ---------------------------------------------------------------------
@@ -423,25 +366,15 @@ def test_a_recording_uses_its_contact_first_then_force_then_cycle():
 
 
 @pytest.mark.parametrize("kind", ["contact", "voltage", "pulse"])
-def test_the_declared_kind_of_contact_chooses_the_detector(kind):
+def test_the_declared_kind_of_contact_chooses_the_detector_or_else_its_values(kind):
     time, strikes, contact = walk(n=10)
     signal = contact_of(time, strikes, 0.02) if kind == "pulse" else contact
     found = find_heel_strikes(build_recording(time, {"contact": signal}, contact_kind=kind))
     assert found.method == kind
     assert_strikes(found, strikes)
-
-
-def test_an_undeclared_contact_is_judged_by_its_values():
-    time, _, contact = walk(n=10)
-    assert find_heel_strikes(build_recording(time, {"contact": contact})).method == "contact"
     noisy = contact + np.random.default_rng(0).normal(0, 0.05, time.size)
-    assert find_heel_strikes(build_recording(time, {"contact": noisy})).method == "voltage"
-
-
-def test_a_contact_that_never_switches_gives_no_strikes_and_no_error():
-    time = np.arange(0, 5, 0.01)
-    recording = build_recording(time, {"contact": np.zeros(time.size)}, contact_kind="contact")
-    assert find_heel_strikes(recording).time_s.size == 0
+    for values, method in ((contact, "contact"), (noisy, "voltage")):
+        assert find_heel_strikes(build_recording(time, {"contact": values})).method == method
 
 
 def test_a_recording_without_any_of_the_channels_is_refused():

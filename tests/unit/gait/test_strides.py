@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
 from jointz.gait.strides import find_strides
@@ -43,11 +41,6 @@ def test_a_spurious_strike_makes_two_short_strides():
     assert found.accepted.sum() == 12
 
 
-def test_five_seconds_without_strikes_are_one_rejected_stride():
-    found = find_strides(strikes(*[1.1] * 6, 5.0, *[1.1] * 6), NO_GAPS)
-    assert [k for k, code in enumerate(found.code) if code] == [6]
-
-
 @pytest.mark.parametrize(("ratio", "accepted"), [(0.74, False), (0.76, True), (1.32, True)])
 def test_the_band_is_three_quarters_to_four_thirds(ratio, accepted):
     assert find_strides(strikes(*[1.0] * 5, ratio, 1.0), NO_GAPS).accepted[5] == accepted
@@ -63,15 +56,15 @@ def test_the_band_restarts_after_five_agreeing_strides_of_a_new_cadence():
     assert list(found.accepted) == [True] * 12 + [False] * 5 + [True] * 5
 
 
+def test_five_rejected_strides_that_disagree_do_not_restart_the_band():
+    found = find_strides(strikes(*[1.0] * 9, 0.3, 2.5, 0.4, 3.0, 0.2, *[1.0] * 9), NO_GAPS)
+    assert found.accepted[14:].all()
+
+
 def test_the_band_follows_a_slow_change_of_cadence():
     durations = np.concatenate([np.linspace(1.2, 1.8, 40), np.linspace(1.8, 0.8, 60)])
     assert durations[-1] < 0.75 * np.median(durations)
     assert find_strides(strikes(*durations), NO_GAPS).accepted.all()
-
-
-def test_five_rejected_strides_that_disagree_do_not_restart_the_band():
-    found = find_strides(strikes(*[1.0] * 9, 0.3, 2.5, 0.4, 3.0, 0.2, *[1.0] * 9), NO_GAPS)
-    assert found.accepted[14:].all()
 
 
 def test_a_long_gap_rejects_its_stride_and_does_not_move_the_band():
@@ -97,17 +90,14 @@ def test_the_gap_tolerance_can_be_given():
     assert find_strides(strikes(*[1.0] * 6), NO_GAPS, gap_tolerance_s=0.0).accepted.all()
 
 
-def test_a_gap_over_a_strike_touches_both_strides_and_one_that_ends_at_it_only_its_own():
-    assert list(find_strides(strikes(1.0, 1.0, 1.0), np.array([[0.9, 1.1]])).touches_gap) == [
-        True,
-        True,
-        False,
-    ]
-    assert list(find_strides(strikes(1.0, 1.0, 1.0), np.array([[1.0, 1.1]])).touches_gap) == [
-        False,
-        True,
-        False,
-    ]
+@pytest.mark.parametrize(
+    ("start_s", "touched"), [(0.9, [True, True, False]), (1.0, [False, True, False])]
+)
+def test_a_gap_over_a_strike_touches_both_strides_and_one_that_ends_at_it_only_its_own(
+    start_s, touched
+):
+    found = find_strides(strikes(1.0, 1.0, 1.0), np.array([[start_s, 1.1]]))
+    assert found.touches_gap.tolist() == touched
 
 
 def test_a_strike_lost_in_a_short_gap_is_missing_and_the_gap_is_named():
@@ -119,16 +109,3 @@ def test_a_strike_lost_in_a_short_gap_is_missing_and_the_gap_is_named():
 def test_strikes_out_of_order_are_refused():
     with pytest.raises(DataError, match=r"must increase, got 1 s after 2 s"):
         find_strides(np.array([0.0, 2.0, 1.0]), NO_GAPS)
-
-
-@given(
-    st.lists(st.floats(0.3, 4.0), min_size=1, max_size=60),
-    st.sampled_from([-512.0, 0.25, 4096.0]),
-    st.sampled_from([0.5, 2.0, 8.0]),
-)
-def test_verdicts_do_not_depend_on_the_clock(durations, shift, scale):
-    # Shifts and scales are powers of two and the strikes are on a 1/1024 s grid: exact sums.
-    times = np.round(strikes(*durations) * 1024) / 1024
-    first = find_strides(times, NO_GAPS)
-    assert find_strides(times + shift, NO_GAPS).code == first.code
-    assert find_strides(times * scale, NO_GAPS).code == first.code

@@ -39,11 +39,6 @@ def test_stamps_rounded_to_milliseconds_at_900_hz_hold_no_gaps():
     assert find_gaps(time).shape == (1, 2)
 
 
-def test_periods_that_alternate_hold_no_gaps():
-    time = np.cumsum(np.tile([0.001, 0.003], 500))
-    assert find_gaps(time).size == 0
-
-
 def test_stretches_equal_a_walk_through_the_samples():
     rng = np.random.default_rng(3)
     time = np.cumsum(np.where(rng.random(400) < 0.02, 0.05, 0.01))
@@ -58,13 +53,7 @@ def test_stretches_equal_a_walk_through_the_samples():
     if run:
         expected.append(slice(run[0], run[-1] + 1))
     assert stretches(time, finite) == expected
-
-
-def test_a_recording_without_a_number_has_no_stretch():
     assert stretches(np.arange(4.0), np.zeros(4, dtype=bool)) == []
-
-
-def test_one_sample_is_a_stretch():
     assert stretches(np.zeros(1), np.ones(1, dtype=bool)) == [slice(0, 1)]
 
 
@@ -96,15 +85,6 @@ def test_a_jittered_straight_line_stays_one_on_a_uniform_grid():
     np.testing.assert_allclose(
         out, [[2.0 * grid, -grid], [grid + 1.0, 0.0 * grid]], rtol=0, atol=1e-12
     )
-
-
-def test_linear_resampling_never_overshoots():
-    rng = np.random.default_rng(2)
-    time = np.arange(300) * 0.001 + rng.uniform(-0.0004, 0.0004, 300)
-    step = (time > 0.15).astype(float)
-    _, out = resample_stretch(time, step)
-    assert out.min() == 0.0
-    assert out.max() == 1.0
 
 
 def test_stretches_of_one_recording_can_share_a_step():

@@ -11,6 +11,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import WALKING
 
 STRIDE_S, STEP_S, LONGEST_S = 1.1, 0.0005, 0.6
 
@@ -145,14 +146,10 @@ def walk_settings(
 ) -> ParticipantSettings:
     """Return what a study asks for about a walker."""
     return ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=perturbations
         or PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=70.0,
         **more,
     )

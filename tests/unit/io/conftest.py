@@ -13,9 +13,9 @@ import pytest
 from jointz.core.acquisition import Acquisition
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import Study
-from jointz.io.formats import read_acquisition
+from jointz.io.formats.registry import read_acquisition
 from jointz.io.recordings import read_recording
-from jointz.io.study import open_study
+from jointz.io.study_reader import open_study
 
 # The example of the study format, letter by letter.
 EXAMPLE = """\
@@ -74,12 +74,10 @@ column = "ankle_position"
 unit = "rad"
 """
 
-N_SAMPLES = 50
-
 
 def samples() -> pd.DataFrame:
     """Fifty samples at 1 kHz in the columns of the example."""
-    step = np.arange(N_SAMPLES)
+    step = np.arange(50)
     return pd.DataFrame(
         {
             "time_s": step / 1000.0,
@@ -92,17 +90,6 @@ def samples() -> pd.DataFrame:
     )
 
 
-def pulses() -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "onset_s": [0.021],
-            "duration_s": [0.009],
-            "amplitude_nm": [5.0],
-            "timing_point": ["LRE"],
-        }
-    )
-
-
 @dataclass
 class Bench:
     """A study folder, its text, and what comes of opening it."""
@@ -110,23 +97,27 @@ class Bench:
     root: Path
     text: str
 
-    def write(self, text: str | None = None) -> None:
-        self.root.joinpath("study.toml").write_text(
-            self.text if text is None else text, encoding="utf-8"
-        )
-
     def edit(self, old: str, new: str) -> "Bench":
         assert old in self.text, old
         self.text = self.text.replace(old, new)
         return self
+
+    def channel(self, name: str, *lines: str, column: str = "") -> "Bench":
+        """Add a channel, in the column of its name unless another is given."""
+        table = "\n".join([f"[channels.{name}]", f'column = "{column or name}"', *lines, ""])
+        return self.edit("[[participants]]", table + "[[participants]]")
 
     def table(self, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> "Bench":
         path = self.root / file
         change(pd.read_csv(path)).to_csv(path, index=False)
         return self
 
+    def tables(self, change: Callable[[pd.DataFrame], pd.DataFrame]) -> "Bench":
+        """Change the files of both recordings."""
+        return self.table("S01_enp.csv", change).table("S01_ewp.csv", change)
+
     def open(self) -> Study:
-        self.write()
+        (self.root / "study.toml").write_text(self.text, encoding="utf-8")
         return open_study(self.root)
 
     def read(self, number: int = 0) -> Any:
@@ -146,16 +137,14 @@ class Bench:
         return problem
 
 
-def make_files(root: Path) -> None:
-    samples().to_csv(root / "S01_enp.csv", index=False)
-    samples().to_csv(root / "S01_ewp.csv", index=False)
-    pulses().to_csv(root / "S01_pulses.csv", index=False)
-
-
 @pytest.fixture
 def study(tmp_path: Path) -> Bench:
     """The example with its files; a test spoils it and opens it."""
-    make_files(tmp_path)
+    for file in ("S01_enp.csv", "S01_ewp.csv"):
+        samples().to_csv(tmp_path / file, index=False)
+    (tmp_path / "S01_pulses.csv").write_text(
+        "onset_s,duration_s,amplitude_nm,timing_point\n0.021,0.009,5.0,LRE\n"
+    )
     return Bench(tmp_path, EXAMPLE.replace("[[participants]]", GROUP_CHANNEL + "[[participants]]"))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 # Files made here by hand, so that they do not come out of the writer that is tested.
 
@@ -66,26 +66,12 @@ def made(
     """Two frames of one point and one channel at four times its rate; scales and offsets set."""
     scale = -0.25 if floats else 0.25
     offset = 40_000 if unsigned else -8
-    groups: dict[str, dict[str, object]] = {
-        "POINT": {
-            "USED": 1,
-            "FRAMES": 2,
-            "RATE": 50.0,
-            "SCALE": scale,
-            "LABELS": ["LKNE"],
-            "UNITS": "mm",
-        },
-        "ANALOG": {
-            "USED": 1,
-            "RATE": 200.0,
-            "GEN_SCALE": 0.5,
-            "SCALE": np.array([0.125]),
-            "OFFSET": [offset],
-            "LABELS": ["Fz"],
-            "UNITS": ["N"],
-            "FORMAT": "UNSIGNED" if unsigned else "SIGNED",
-        },
-    }
+    point = {"USED": 1, "FRAMES": 2, "RATE": 50.0, "SCALE": scale}
+    point |= {"LABELS": ["LKNE"], "UNITS": "mm"}
+    analog = {"USED": 1, "RATE": 200.0, "GEN_SCALE": 0.5, "SCALE": np.array([0.125])}
+    analog |= {"OFFSET": [offset], "LABELS": ["Fz"], "UNITS": ["N"]}
+    analog["FORMAT"] = "UNSIGNED" if unsigned else "SIGNED"
+    groups: dict[str, dict[str, object]] = {"POINT": point, "ANALOG": analog}
     for group, entries in (more or {}).items():
         groups[group] = groups.get(group, {}) | entries
     parameters = section(machine, groups)
@@ -136,6 +122,8 @@ def behind_the_name(raw: bytes, name: bytes) -> int:
 
 
 WORD = struct.Struct("<H")
+ROTATION = {"USED": 9, "DATA_START": 9, "RATIO": 1}
+NO_ROTATIONS = {"USED": 1e20, "DATA_START": 3, "RATIO": 1}
 
 
 @pytest.mark.parametrize(
@@ -150,17 +138,7 @@ WORD = struct.Struct("<H")
         (patched(made(), 16, WORD.pack(2)), "byte 512, among the parameters at 512 to"),
         (made(more={"POINT": {"USED": 1e30}}), "POINT:USED is 1e+30; expected at most 65535"),
         (
-            made(frames=(1, 0), more={"POINT": {"FRAMES": 0, "USED": 1e9}}),
-            "POINT:USED is 1e+09; expected at most 65535",
-        ),
-        (
-            made(
-                frames=(1, 0),
-                more={
-                    "POINT": {"FRAMES": 0},
-                    "ROTATION": {"USED": 1e20, "DATA_START": 3, "RATIO": 1},
-                },
-            ),
+            made(frames=(1, 0), more={"POINT": {"FRAMES": 0}, "ROTATION": NO_ROTATIONS}),
             "ROTATION:USED is 1e+20",
         ),
         (
@@ -168,10 +146,7 @@ WORD = struct.Struct("<H")
             "it counts frames up to 65535, the most that it can, and holds",
         ),
         (made(more={"ANALOG": {"RATE": 200.5}}), "ANALOG:RATE is 200.5 Hz, 4 samples a frame"),
-        (
-            made(more={"ANALOG": {"SCALE": np.zeros(0)}}),
-            "ANALOG:SCALE holds 0 scales for 1 channels; expected one each",
-        ),
+        (made(more={"ANALOG": {"SCALE": np.zeros(0)}}), "SCALE holds 0 scales for 1 channels; exp"),
         (made(more={"ANALOG": {"OFFSET": []}}), "ANALOG:OFFSET holds 0 offsets for 1 channels"),
     ],
 )
@@ -212,26 +187,22 @@ def test_a_header_that_counts_channels_for_values_is_told_by_the_length(tmp_path
     assert found.groups[1].equals(group)
 
 
-def test_a_trial_of_another_length_does_not_say_where_the_frames_start(tmp_path: Path) -> None:
+def test_a_trial_says_where_the_frames_start_if_it_has_their_number(tmp_path: Path) -> None:
     fields = {"ACTUAL_START_FIELD": [101, 0], "ACTUAL_END_FIELD": [190, 0]}
     found = read(made(more={"TRIAL": fields}), tmp_path)
     assert [g.start_s for g in found.groups] == [0.2, 0.2]
-    fields["ACTUAL_END_FIELD"] = [102, 0]
-    found = read(made(more={"TRIAL": fields}), tmp_path)
+    found = read(made(more={"TRIAL": fields | {"ACTUAL_END_FIELD": [102, 0]}}), tmp_path)
     assert found.groups[0].start_s == 2.0
     assert "from 11; TRIAL, from 101, holds" in found.metadata["reading.start"]
+    fields = {"ACTUAL_START_FIELD": [70_001 & 0xFFFF, 1], "ACTUAL_END_FIELD": [70_002 & 0xFFFF, 1]}
+    found = read(made(frames=(65535, 65535), more={"TRIAL": fields}), tmp_path)
+    assert found.groups[0].start_s == 1400.0
 
 
 def unsigned_in_disguise() -> bytes:
     """Two channels of floats: one of unsigned words, and one that is truly negative."""
-    analog = {
-        "USED": 2,
-        "RATE": 100.0,
-        "SCALE": np.array([1.0, 1.0]),
-        "OFFSET": [-32768, -100],
-        "LABELS": ["a", "b"],
-        "UNITS": ["V", "V"],
-    }
+    analog = {"USED": 2, "RATE": 100.0, "LABELS": ["a", "b"], "UNITS": ["V", "V"]}
+    analog |= {"SCALE": np.array([1.0, 1.0]), "OFFSET": [-32768, -100]}
     raw = bytearray(made(more={"ANALOG": analog}))
     raw[4:6], raw[18:20] = WORD.pack(4), WORD.pack(2)
     start = 512 * (WORD.unpack(raw[16:18])[0] - 1)
@@ -265,33 +236,18 @@ def test_a_rate_too_small_for_a_float_is_no_clock(tmp_path: Path) -> None:
     assert [g.rate_hz for g in read(raw, tmp_path).groups] == [None, None]
 
 
-def test_what_is_said_of_events_is_in_the_order_of_the_events(tmp_path: Path) -> None:
-    events = {
-        "USED": 2,
-        "TIMES": np.array([[1.0, 0.0], [2.5, 30.25]]),
-        "LABELS": ["Foot Off", "Foot Strike"],
-        "SUBJECTS": ["late", "early"],
-        "ICON_IDS": [2, 1],
-        "GENERIC_FLAGS": [1],
-    }
-    found = read(made(more={"EVENT": events}), tmp_path)
-    assert [event.label for event in found.events] == ["Foot Strike", "Foot Off"]
+def test_events_are_minutes_and_seconds_and_what_is_said_of_them_in_their_order(
+    tmp_path: Path,
+) -> None:
+    times = {"USED": 2, "TIMES": np.array([[1.0, 0.0], [2.5, 30.25]])}
+    events = {"LABELS": ["Foot Off", "Foot Strike"], "CONTEXTS": ["Left", ""]}
+    events |= {"SUBJECTS": ["late", "early"], "ICON_IDS": [2, 1], "GENERIC_FLAGS": [1]}
+    found = read(made(more={"EVENT": times | events}), tmp_path)
+    assert found.events == (Event(30.25, "Foot Strike"), Event(62.5, "Left Foot Off"))
     assert found.metadata["event.subjects"] == '["early", "late"]'
     assert found.metadata["event.icon_ids"] == "[1, 2]"
-    assert found.metadata["reading.events"] == (
-        "In the order of the file, not of time: EVENT:GENERIC_FLAGS."
-    )
-
-
-def test_events_are_minutes_and_seconds(tmp_path: Path) -> None:
-    events = {
-        "USED": 2,
-        "TIMES": np.array([[1.0, 0.0], [2.5, 30.25]]),
-        "LABELS": ["Foot Off", "Foot Strike"],
-        "CONTEXTS": ["Left", ""],
-    }
-    found = read(made(more={"EVENT": events}), tmp_path)
-    assert found.events == (Event(30.25, "Foot Strike"), Event(62.5, "Left Foot Off"))
+    note = "In the order of the file, not of time: EVENT:GENERIC_FLAGS."
+    assert found.metadata["reading.events"] == note
 
 
 def test_labels_may_repeat_be_missing_and_go_on_in_a_second_list(tmp_path: Path) -> None:
@@ -305,12 +261,6 @@ def test_labels_may_repeat_be_missing_and_go_on_in_a_second_list(tmp_path: Path)
     assert read_acquisition(path).equals(given_)
 
 
-def test_the_trial_says_where_the_frames_start(tmp_path: Path) -> None:
-    fields = {"ACTUAL_START_FIELD": [70_001 & 0xFFFF, 1], "ACTUAL_END_FIELD": [70_002 & 0xFFFF, 1]}
-    found = read(made(frames=(65535, 65535), more={"TRIAL": fields}), tmp_path)
-    assert found.groups[0].start_s == 1400.0
-
-
 def test_a_file_that_counts_its_frames_twice_is_measured(tmp_path: Path) -> None:
     found = read(made(frames=(1, 90)), tmp_path)
     assert found.groups[0].n_samples == 2
@@ -322,7 +272,6 @@ def test_a_file_that_counts_its_frames_twice_is_measured(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("raw", "words"),
     [
-        (b"", "byte 0: expected the header of a C3D file"),
         (made()[:1] + b"\x51" + made()[2:], "found byte 1 = 0x51"),
         (b"\1" + made()[1:], "the block of the parameters, from 2 on, found 1"),
         (b"\x80" + made()[1:], "the block of the parameters, from 2 on, found 128"),
@@ -332,18 +281,9 @@ def test_a_file_that_counts_its_frames_twice_is_measured(tmp_path: Path) -> None
         (made()[:-490], "it states 2 frames, and holds 0; it is cut off or damaged"),
         (made(more={"POINT": {"SCALE": float("inf")}}), "POINT:SCALE is inf"),
         (made(more={"ANALOG": {"RATE": 900.0}}), "ANALOG:RATE is 900 Hz, 4 samples a frame"),
-        (
-            made(more={"EVENT": {"TIMES": np.array([[0.0], [np.nan]])}}),
-            "an event has a time that is no number",
-        ),
-        (
-            made(more={"ROTATION": {"USED": 1, "DATA_START": 4, "RATIO": 1.5}}),
-            "ROTATION:RATIO is 1.5",
-        ),
-        (
-            made(more={"ROTATION": {"USED": 9, "DATA_START": 9, "RATIO": 1}}),
-            "2 samples of 9 rotations end after the file's own end",
-        ),
+        (made(more={"EVENT": {"TIMES": np.array([[0.0], [np.nan]])}}), "an event has a time that "),
+        (made(more={"ROTATION": ROTATION | {"RATIO": 1.5}}), "ROTATION:RATIO is 1.5"),
+        (made(more={"ROTATION": ROTATION}), "2 samples of 9 rotations end after the file's own e"),
     ],
 )
 def test_damage_is_named_with_its_place(raw: bytes, words: str, tmp_path: Path) -> None:

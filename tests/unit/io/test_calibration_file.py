@@ -62,6 +62,7 @@ def test_entries_are_put_in_and_nothing_else_changes() -> None:
         "angle_gain = { value = 1.013, sd = 0.002 }, "
         "angle_zero_rad = { value = -0.05, sd = 0.001 } } # old",
     ]
+    assert into_study(after, BOTH) == after  # putting in twice is putting in once
     before, now = tomllib.loads(STUDY), tomllib.loads(after)
     people = [p.pop("calibration") for p in now["participants"]]
     del before["participants"][1]["calibration"]
@@ -71,16 +72,15 @@ def test_entries_are_put_in_and_nothing_else_changes() -> None:
     assert people[1]["angle_gain"] == {"value": 1.013, "sd": 0.002}  # replaced
 
 
-def test_putting_in_twice_is_putting_in_once() -> None:
-    once = into_study(STUDY, BOTH)
-    assert into_study(once, BOTH) == once
-
-
 def test_ends_of_lines_and_a_missing_last_one_are_kept() -> None:
     windows = STUDY.replace("\n", "\r\n")
     assert into_study(windows, BOTH) == into_study(STUDY, BOTH).replace("\n", "\r\n")
     bare = 'jointz = 1\n[[participants]]\nid = "S01"'
     assert into_study(bare, {"S01": LAG}).startswith(bare + "\ncalibration = { angle_lag_s")
+
+
+ONE, TWO = '[[participants]]\nid = "S01"\n', '[[participants]]\nid = "S02"\n'
+GAIN = "angle_gain = { value = 1.0, sd = 0.1 }\n"
 
 
 @pytest.mark.parametrize(
@@ -92,15 +92,10 @@ def test_ends_of_lines_and_a_missing_last_one_are_kept() -> None:
             "a table [[participants]] of its own",
         ),
         (
-            '[[participants]]\nid = "S01"\n[participants.calibration]\n'
-            'angle_gain = { value = 1.0, sd = 0.1 }\n[[participants]]\nid = "S02"\n',
+            f"{ONE}[participants.calibration]\n{GAIN}{TWO}",
             "written as '[participants.calibration]'",
         ),
-        (
-            '[[participants]]\nid = "S01"\ncalibration.angle_gain = { value = 1.0, sd = 0.1 }\n'
-            '[[participants]]\nid = "S02"\n',
-            "written as 'calibration.angle_gain",
-        ),
+        (f"{ONE}calibration.{GAIN}{TWO}", "written as 'calibration.angle_gain"),
         ("a = [", "not valid TOML"),
     ],
 )
@@ -117,14 +112,10 @@ def test_a_refused_study_is_left_as_it_was_and_an_edited_one_kept(tmp_path) -> N
         write_into_study(tmp_path, {"S07": LAG})
     assert [p.name for p in tmp_path.iterdir()] == ["study.toml"]
     assert file.read_bytes() == STUDY.encode()
-    kept = [
-        write_into_study(tmp_path, {"S01": known(angle_gain=(g, 0.0))}) for g in (1.1, 1.2, 1.3)
-    ]
-    assert [k.name for k in kept] == [
-        "study.toml.before-calibration",
-        "study.toml.before-calibration-2",
-        "study.toml.before-calibration-3",
-    ]
+    gains = (1.1, 1.2, 1.3)
+    kept = [write_into_study(tmp_path, {"S01": known(angle_gain=(g, 0.0))}) for g in gains]
+    names = ["study.toml.before-calibration" + end for end in ("", "-2", "-3")]
+    assert [k.name for k in kept] == names
     assert kept[0].read_bytes() == STUDY.encode()
     assert "value = 1.2" in kept[2].read_text()
     assert "value = 1.3" in file.read_text()
@@ -167,10 +158,7 @@ def test_entries_for_everybody_give_way_to_a_persons_own(tmp_path) -> None:
         ("[calibration]\nangle_lag = { value = 1.0, sd = 0.0 }\n", "Did you mean 'angle_lag_s'?"),
         ('[[participants]]\nid = "A"\n', "participants[1].calibration: missing"),
         ('[[participants]]\nid = "A"\ncalibration = {}\n' * 2, "A is named more than once"),
-        (
-            "[calibration]\ncontact_threshold_v = { value = 1.0, sd = 0.0 }\n",
-            "contact_release_v: missing",
-        ),
+        (GAIN.replace("angle_gain", "calibration.contact_threshold_v"), "contact_release_v: missi"),
     ],
 )
 def test_a_calibration_file_with_problems_is_refused(tmp_path, text, message) -> None:
@@ -194,23 +182,12 @@ def test_a_written_table_is_read_back(values) -> None:
     assert tomllib.loads(f"t = {written_table(values)}")["t"] == values
 
 
-@given(
-    st.lists(
-        st.sampled_from(
-            [
-                "# [x]\n",
-                "\n",
-                'a = "[b] # \\" c"\n',
-                "[t]\n",
-                "[[l]] # y\n",
-                "c = [ # [\n 1,\n]\n",
-                "d = '''\n[no]\n'''\n",
-                'e = """\n# "" [n]\\""""\n',
-                "f = { g = '[' }\r\n",
-            ]
-        )
-    )
-)
+STATEMENTS = ["# [x]\n", "\n", 'a = "[b] # \\" c"\n', "[t]\n", "[[l]] # y\n"]
+STATEMENTS += ["c = [ # [\n 1,\n]\n", "d = '''\n[no]\n'''\n", "f = { g = '[' }\r\n"]
+STATEMENTS += ['e = """\n# "" [n]\\""""\n']
+
+
+@given(st.lists(st.sampled_from(STATEMENTS)))
 def test_the_statements_are_the_text_without_blanks_and_comments(parts) -> None:
     text = "".join(parts)
     found = list(statements(text))

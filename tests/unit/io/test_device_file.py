@@ -7,9 +7,8 @@ import pytest
 
 from jointz.core.errors import DataError, DeviceFileError
 from jointz.devices.config import DeviceFile, device_file
-from jointz.io.device_file import read_device_file
 from jointz.io.protocols import load_protocol
-from jointz.workflows.hardware_rig import read_hardware
+from jointz.session.rigs.hardware_rig import read_device_file, read_hardware
 
 
 def test_a_file_is_read_and_fits_its_model(tmp_path):

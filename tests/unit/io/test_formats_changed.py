@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 N = 40
 

@@ -1,5 +1,6 @@
 """Two hundred damaged files a format: an error that names file and cause, or a sound reading."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,13 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.core.study import FilesSpec
+from jointz.io.formats.registry import (
+    list_columns,
+    read_acquisition,
+    read_table,
+    write_acquisition,
+)
 
 KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx"]
 #: What has no checksum: a digit that was changed is a digit, a byte of a number one too.
@@ -75,6 +82,9 @@ def test_damage_ends_in_an_error_or_in_a_sound_reading(outcome, tmp_path: Path, 
     for _ in range(N_FILES * 3 // 4):
         path.write_bytes(spoiled(data, rng))
         found = outcome(path)
+        with contextlib.suppress(DataError):
+            list_columns(path, FilesSpec())
+            read_table(path, numeric=["torque [N*m]"], files=FilesSpec())
         if isinstance(found, str):
             messages.append(found)
         elif kind not in UNCHECKED and not is_noted(found):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.column_names import is_time, name_with_unit
-from jointz.io.formats import format_of, read_acquisition, write_acquisition
+from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
+from jointz.io.text.column_names import is_time, name_with_unit
 
 WHOLE = ["a.nc", "a.mat", "a.xlsx"]  # formats of several groups
 ALONE = ["a.parquet", "a.sto", "a.mot", "a.csv", "a.csv.gz", "a.tsv", "a.txt"]
@@ -229,15 +229,3 @@ def test_a_file_that_cannot_be_written_leaves_nothing(
         write_acquisition(content, tmp_path / name, lossy=True)
 
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("first", WHOLE)
-@pytest.mark.parametrize("second", WHOLE)
-def test_from_format_to_format_nothing_changes(tmp_path: Path, first: str, second: str) -> None:
-    content = mixed()
-    write_acquisition(content, tmp_path / first)
-    (tmp_path / "next").mkdir()
-
-    write_acquisition(read_acquisition(tmp_path / first), tmp_path / "next" / second)
-
-    assert read_acquisition(tmp_path / "next" / second).equals(content)

@@ -10,8 +10,8 @@ import scipy.io
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats import read_acquisition, write_acquisition
-from jointz.io.matlab_names import LONGEST_NAME, field_names
+from jointz.io.formats.matlab_format import LONGEST_NAME, field_names
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 
 def content() -> Acquisition:
@@ -60,13 +60,9 @@ def octave(tmp_path: Path, script: str) -> list[str]:
     if program is None:
         pytest.skip("GNU Octave is not installed: octave-cli stands in for MATLAB")
     (tmp_path / "look.m").write_text(script)
+    command = [program, "--no-gui", "--norc", "--quiet", "look.m"]
     done = subprocess.run(
-        [program, "--no-gui", "--norc", "--quiet", "look.m"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
     )
     assert done.stdout, done.stderr  # Octave may complain while it exits
     return done.stdout.splitlines()

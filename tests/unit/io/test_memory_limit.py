@@ -15,9 +15,8 @@ from scipy.io import savemat
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats import read_acquisition
-from jointz.io.memory_limit import memory_limit
-from jointz.io.registry import read_table
+from jointz.io.formats.memory_limit import memory_limit
+from jointz.io.formats.registry import read_acquisition, read_table
 
 MB = 1_000_000
 N = 4 * MB
@@ -75,15 +74,8 @@ def hdf5(path: Path, **kinds) -> None:
 
 def hdf5_chunk(path: Path) -> None:
     with h5py.File(path, "w") as file:
-        file.create_dataset(
-            "angle",
-            (10,),
-            "f8",
-            chunks=(N,),
-            maxshape=(None,),
-            compression="gzip",
-            data=np.ones(10),
-        )
+        ones, kinds = np.ones(10), {"maxshape": (None,), "compression": "gzip"}
+        file.create_dataset("angle", (10,), "f8", ones, chunks=(N,), **kinds)
 
 
 def hdf5_links(path: Path) -> None:
@@ -105,17 +97,17 @@ def hdf5_references(path: Path) -> None:
         file.create_dataset("angle", data=links, dtype=h5py.ref_dtype, compression="gzip")
 
 
-def hdf5_texts(path: Path) -> None:
-    with h5py.File(path, "w") as file:
-        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
-
-
 def parquet_numbers(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": np.zeros(N)}), path, compression="zstd")
 
 
 def parquet_texts(path: Path) -> None:
     pa.parquet.write_table(pa.table({"angle": ["x" * 100_000] * 1000}), path)
+
+
+def hdf5_texts(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.create_dataset("angle", data=np.array(["x" * 1000] * 25_000, object))
 
 
 def parquet_large_texts(path: Path) -> None:
@@ -233,17 +225,17 @@ def test_a_raised_limit_takes_the_file(name, make, tmp_path, monkeypatch):
 @pytest.mark.parametrize(("stated", "share"), [("1000000\n", 250_000), ("max\n", None)])
 def test_the_limit_of_a_container_is_taken_where_it_is_less(stated, share, tmp_path, monkeypatch):
     monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", ())
     whole, file = memory_limit(), tmp_path / "memory.max"
     file.write_text(stated)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", (tmp_path / "none", file))
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", (tmp_path / "none", file))
 
     assert memory_limit() == (share or whole)
 
 
 def test_the_limit_is_a_quarter_of_memory_unless_another_is_given(jointz, tmp_path, monkeypatch):
     monkeypatch.delenv("JOINTZ_MEMORY_LIMIT", raising=False)
-    monkeypatch.setattr("jointz.io.memory_limit.CGROUP_FILES", ())
+    monkeypatch.setattr("jointz.io.formats.memory_limit.CGROUP_FILES", ())
     assert memory_limit() == os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 4
 
     monkeypatch.setenv("JOINTZ_MEMORY_LIMIT", "1kB")

@@ -44,21 +44,12 @@ def test_walking_is_the_experiment_of_chapter_four():
     plan = made.conditions[2].perturbations
 
     assert (made.section, made.participants, made.gait.speed_m_s) == ("4.2", 10, 1.2)
-    assert [(c.condition, c.strides) for c in made.conditions] == [
-        ("no_device", 60),
-        ("unperturbed", 60),
-        ("perturbed", None),
-    ]
+    conditions = [(c.condition, c.strides) for c in made.conditions]
+    assert conditions == [("no_device", 60), ("unperturbed", 60), ("perturbed", None)]
     assert plan.timing_points == dict(TIMING_POINTS)
     assert (plan.count_per_point, plan.gap_strides, plan.total) == (50, (3, 7), 300)
-    assert made.pulse.model_dump() == {
-        "amplitude_nm": 17.0,
-        "duration_s": 0.25,
-        "ramp_up_s": 0.0,
-        "hold_s": 0.25,
-        "ramp_down_s": 0.0,
-        "direction": "positive",
-    }
+    form = {"duration_s": 0.25, "ramp_up_s": 0.0, "hold_s": 0.25, "ramp_down_s": 0.0}
+    assert made.pulse.model_dump() == {"amplitude_nm": 17.0, "direction": "positive"} | form
     assert made.positive == "flexion"
     assert made.rates.control_hz == made.rates.sample_hz == 500.0
 

@@ -1,44 +1,78 @@
-"""The door to all formats: suffixes, labels, messages."""
+"""The registry of formats: suffixes, entry points, labels, messages."""
 
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io import registry
-from jointz.io.registry import RawTable, label_column, list_columns, read_table, register_reader
+from jointz.io.formats import registry
+from jointz.io.formats.columns import RawTable, label_column
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.registry import list_columns, read_acquisition, read_table, write_acquisition
 
 PLAIN = FilesSpec()
 
 
-class Short:
-    def list_columns(self, _path, _files):
-        return ["short"]
+class OneColumn(GroupFormat):
+    """The least that a lab's own format needs."""
+
+    name = "one column"
+
+    def read(self, path, _files):
+        signal = Signal("x", np.array(path.read_text().split(), dtype=float), "m")
+        return Acquisition((SignalGroup("", (signal,), 10.0),))
 
 
-class Long:
+class Ragged:
     def list_columns(self, _path, _files):
         return None
 
-    def read(self, _path, _request):
+    def read_columns(self, _path, _request):
         return RawTable({"a": np.zeros(2), "b": np.zeros(3)}, {}, "")
 
 
 class Locked:
-    def read(self, _path, _request):
+    def read_columns(self, _path, _request):
         raise PermissionError(13, "Permission denied")
 
-    list_columns = read
+    list_columns = read_columns
 
 
-def test_importing_the_registry_loads_no_reader():
+@pytest.fixture(autouse=True)
+def _lab_formats(monkeypatch):
+    """A lab's package registers its formats by entry points."""
+    entries = {".gz": OneColumn, ".xyz.gz": Ragged, ".locked": Locked, ".csv": Locked}
+    points = [EntryPoint(suffix, f"{__name__}:{kind.__name__}", registry.GROUP)
+              for suffix, kind in entries.items()]  # fmt: skip
+    monkeypatch.setitem(sys.modules, __name__, SimpleNamespace(**globals()))
+    monkeypatch.setattr("jointz.core.entry_points.entry_points", lambda **_group: points)
+    registry._formats.cache_clear()
+    yield
+    registry._formats.cache_clear()
+
+
+def test_the_registry_loads_no_format():
     # pyarrow is not among them: pandas itself loads it where it is installed.
-    heavy = "{'h5netcdf', 'h5py', 'pymatreader', 'pint', 'matplotlib', 'jointz.io.columnar'}"
-    code = f"import sys, jointz.io.registry; raise SystemExit(bool({heavy} & set(sys.modules)))"
+    heavy = "{'h5netcdf', 'h5py', 'pymatreader', 'pint', 'matplotlib', 'jointz.io.c3d.c3d_format'}"
+    code = (
+        "import sys, jointz.io.formats.registry; "
+        f"raise SystemExit(bool({heavy} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_formats_of_jointz_are_entry_points():
+    file = Path(__file__).parents[3] / "pyproject.toml"
+    project = tomllib.loads(file.read_text("utf-8"))["project"]
+    assert project["entry-points"][registry.GROUP] == dict(registry.BUILT_IN)
 
 
 def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
@@ -47,8 +81,11 @@ def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
     for call in (
         lambda: list_columns(path, PLAIN),
         lambda: read_table(path, numeric=["t"], files=PLAIN),
+        lambda: read_acquisition(path),
     ):
-        with pytest.raises(DataError, match=r"a.docx: no reader .*\.csv, \.csv\.gz, \.mat, \.mot"):
+        with pytest.raises(
+            DataError, match=r"a.docx: no format .*\.csv, \.csv\.gz, \.gz, \.locked"
+        ):
             call()
 
 
@@ -57,20 +94,21 @@ def test_a_missing_file_is_a_data_error(tmp_path):
         read_table(tmp_path / "a.csv", numeric=["t"], files=PLAIN)
 
 
-@pytest.mark.usefixtures("own_readers")
-def test_the_longest_suffix_wins_and_a_user_may_add_a_reader(tmp_path):
-    register_reader(".gz")(Short)
-    register_reader(".xyz.gz")(Long)
-    for name, expected in (("a.gz", ["short"]), ("a.xyz.gz", None)):
-        (tmp_path / name).touch()
-        assert list_columns(tmp_path / name, PLAIN) == expected
+def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):
+    own = tmp_path / "a.gz"
+    own.write_text("1\n2\n")
+    table = read_table(own, numeric=["x", "time"], files=PLAIN)
+    columns = {name: values.tolist() for name, values in table.columns.items()}
+    assert columns == {"x": [1.0, 2.0], "time": [0.0, 0.1]}
+    assert table.units == {"x": "m", "time": "s"}
+    assert list_columns(own, PLAIN) == ["time", "x"]
+    with pytest.raises(DataError, match=r"b\.gz: one column is read only"):
+        write_acquisition(read_acquisition(own), tmp_path / "b.gz")
+    ragged = tmp_path / "a.xyz.gz"
+    ragged.touch()
+    assert list_columns(ragged, PLAIN) is None
     with pytest.raises(DataError, match=r"columns differ in length: \{'a': 2, 'b': 3\}"):
-        read_table(tmp_path / "a.xyz.gz", numeric=["a", "b"], files=PLAIN)
-
-
-@pytest.fixture
-def own_readers(monkeypatch):
-    monkeypatch.setattr(registry, "_READERS", dict(registry._READERS))
+        read_table(ragged, numeric=["a", "b"], files=PLAIN)
 
 
 def test_a_column_is_numbers_or_labels_not_both(tmp_path):
@@ -80,9 +118,7 @@ def test_a_column_is_numbers_or_labels_not_both(tmp_path):
         read_table(path, numeric=["t", "x"], labels=["x"], files=PLAIN)
 
 
-@pytest.mark.usefixtures("own_readers")
 def test_a_file_that_cannot_be_opened_is_a_data_error(tmp_path):
-    register_reader(".locked")(Locked)
     path = tmp_path / "a.locked"
     path.touch()
     for call in (

@@ -17,7 +17,7 @@ from packaging.version import Version
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.registry import list_columns, read_table
+from jointz.io.formats.registry import list_columns, read_table
 
 Table = dict[str, np.ndarray]
 PLAIN = FilesSpec()

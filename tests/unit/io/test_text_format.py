@@ -9,7 +9,7 @@ import pytest
 from jointz.core.acquisition import Acquisition, Signal
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition, write_acquisition
 
 
 def read(tmp_path: Path, text: str, name: str = "a.csv", **layout: object) -> Acquisition:
@@ -23,24 +23,21 @@ def signals(content: Acquisition) -> dict[str, Signal]:
 
 
 def test_units_come_from_brackets_and_names_stay_as_they_are(tmp_path):
-    found = signals(
-        read(tmp_path, "knee [deg],torque (Nm),hip_deg,force (left)\n1,2,3,4\n5,6,7,8\n")
-    )
+    text = "knee [deg],torque (Nm),hip_deg,force (left)\n1,2,3,4\n5,6,7,8\n"
+    found = signals(read(tmp_path, text))
 
-    assert {name: signal.unit for name, signal in found.items()} == {
-        "knee [deg]": "deg",
-        "torque (Nm)": "Nm",
-        "hip_deg": "",
-        "force (left)": "",
-    }
+    assert list(found) == ["knee [deg]", "torque (Nm)", "hip_deg", "force (left)"]
+    assert [signal.unit for signal in found.values()] == ["deg", "Nm", "", ""]
 
 
-def test_every_column_is_tried_as_numbers(tmp_path):
-    found = signals(read(tmp_path, "a,b,c\n1,left,\n2,right,NaN\n,left,4\n"))
+def test_every_column_is_tried_as_numbers_and_those_of_text_are_told(tmp_path):
+    content = read(tmp_path, "a,b,c\n1,left,\n2,right,NaN\n,left,4\n")
+    found = signals(content)
 
     np.testing.assert_array_equal(found["a"].values, [1, 2, np.nan])
     assert found["b"].values.tolist() == ["left", "right", "left"]
     np.testing.assert_array_equal(found["c"].values, [np.nan, np.nan, 4])
+    assert content.metadata["reading.text"] == "read as text: 'b'"
 
 
 def test_text_that_begins_late_is_still_text(tmp_path):
@@ -60,16 +57,11 @@ def test_one_bad_cell_among_numbers_is_an_error_with_its_row(tmp_path):
     ("name", "expected"),
     [
         ("time [s]", [0.0, 0.5]),
-        ("Time (s)", [0.0, 0.5]),
-        ("time_s", [0.0, 0.5]),
         ("TimeStamp", [0.0, 0.5]),
-        ("% TimeStamp", [0.0, 0.5]),
         ("loop_time", [0.0, 0.5]),
         ("time_ms", [0.0, 0.0005]),
-        ("Time [ms]", [0.0, 0.0005]),
         ("Time (Milliseconds)", [0.0, 0.0005]),
         ("TIME [MSEC]", [0.0, 0.0005]),
-        ("Time (Seconds)", [0.0, 0.5]),
         ("time (1)", [0.0, 0.5]),
         ("Time (frames)", None),
         ("timing", None),
@@ -106,34 +98,12 @@ def test_a_unit_of_time_that_cannot_be_read_makes_no_clock_and_is_told(tmp_path)
     )
 
 
-def test_a_column_of_time_that_is_passed_over_is_told(tmp_path):
-    content = read(tmp_path, "time_s,knee,time\n0,5,1\n0.2,6,2\n0.1,7,3\n")
-
-    np.testing.assert_array_equal(content.groups[0].time_s, [1, 2, 3])
-    assert content.metadata["reading.time"] == (
-        "column 'time_s' does not increase at row 4: not the clock"
-    )
-
-
-def test_a_clock_in_milliseconds_stays_a_column_too(tmp_path):
-    found = signals(read(tmp_path, "time_ms,x\n0,1\n500,2\n"))
-
-    np.testing.assert_array_equal(found["time_ms"].values, [0, 500])
-
-
 def test_time_that_goes_back_is_a_column_and_no_clock(tmp_path):
     content = read(tmp_path, "time_s,x\n0,1\n0.5,2\n0.2,3\n")
 
     assert content.groups[0].time_s is None
     assert "time_s" in signals(content)
     assert "does not increase at row 4" in content.metadata["reading.time"]
-
-
-def test_a_delimiter_that_is_not_told_is_found_and_said(tmp_path):
-    content = read(tmp_path, "a;b\n1;2\n3;4\n")
-
-    np.testing.assert_array_equal(signals(content)["b"].values, [2, 4])
-    assert content.metadata["reading.delimiter"] == "columns stand apart by a semicolon"
 
 
 @pytest.mark.parametrize(
@@ -153,12 +123,6 @@ def test_signs_between_columns_are_found_as_inspect_finds_them(tmp_path, delimit
 def test_a_table_without_a_column_of_numbers_is_refused(tmp_path, text):
     with pytest.raises(DataError, match=r"a\.csv: no column holds numbers.*--skip-rows.*inspect"):
         read(tmp_path, text)
-
-
-def test_columns_of_text_are_told(tmp_path):
-    content = read(tmp_path, "time,side,knee\n0,left,1\n0.5,right,2\n")
-
-    assert content.metadata["reading.text"] == "read as text: 'side'"
 
 
 def test_a_time_of_the_day_is_no_clock_and_that_is_told(tmp_path):
@@ -191,52 +155,16 @@ def test_of_several_columns_of_time_the_clearest_that_increases_is_the_clock(
         np.testing.assert_allclose(group.time_s, expected)
 
 
-def test_decimal_commas_need_to_be_told(tmp_path):
-    with pytest.raises(DataError, match=r"row 2, column 'a'.*decimal"):
-        read(tmp_path, "a;b\n1,5;2,5\n3,5;4,5\n")
-
-    found = signals(read(tmp_path, "a;b\n1,5;2,5\n3,5;4,5\n", decimal=","))
-    np.testing.assert_array_equal(found["a"].values, [1.5, 3.5])
-
-
-def test_rows_above_and_columns_without_names(tmp_path):
-    found = signals(read(tmp_path, "made by hand\n1,2\n3,4\n", skip_rows=1, header=False))
-
-    np.testing.assert_array_equal(found["2"].values, [2, 4])
-
-
 def test_a_log_of_an_actpack_has_the_units_of_its_fields(tmp_path):
     header = "state_time,mot_ang,mot_vel,mot_cur,batt_volt,accelx,mine"
     content = read(tmp_path, f"{header}\n10,100,5,1500,36000,8192,1\n12,101,6,1501,36001,8193,2\n")
     found = signals(content)
 
-    units = {name: signal.unit for name, signal in found.items()}
-    assert units == {
-        "state_time": "ms",
-        "mot_ang": "",
-        "mot_vel": "deg/s",
-        "mot_cur": "mA",
-        "batt_volt": "mV",
-        "accelx": "",
-        "mine": "",
-    }
+    units = [signal.unit for signal in found.values()]
+    assert units == ["ms", "", "deg/s", "mA", "mV", "", ""]
     assert "16384 a turn" in found["mot_ang"].description
     assert "log of Dephy ActPack: units by its doc" in content.metadata["reading.log"]
     np.testing.assert_allclose(content.groups[0].time_s, [0.010, 0.012], rtol=1e-15)
-
-
-def test_a_log_of_opensourceleg_has_the_units_of_its_attributes(tmp_path):
-    header = "time_s,knee.output_position,knee.motor_current,knee.output_torque,fz"
-    content = read(tmp_path, f"{header}\n0,0.1,500,1.5,700\n0.01,0.2,501,1.6,701\n")
-
-    units = {name: signal.unit for name, signal in signals(content).items()}
-    assert units == {
-        "knee.output_position": "rad",
-        "knee.motor_current": "mA",
-        "knee.output_torque": "N*m",
-        "fz": "",
-    }
-    assert "log of opensourceleg: units by its doc" in content.metadata["reading.log"]
 
 
 def test_other_files_get_no_units_of_known_devices(tmp_path):

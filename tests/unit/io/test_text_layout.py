@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
-from jointz.io.registry import read_table
-from jointz.io.text_layout import find_layout
+from jointz.io.formats.registry import read_table
+from jointz.io.text.text_layout import find_layout
 
 ROWS = [[0.0, 12.5, -3.25], [0.01, 12.75, -3.0], [0.02, 13.0, -2.75], [0.03, 13.5, -2.5]]
 NAMES = ["time", "angle", "torque"]
@@ -158,7 +158,7 @@ def test_no_table_is_an_error_that_says_what_to_give(text, tmp_path):
 
 
 def test_an_empty_and_a_damaged_file_are_errors(tmp_path):
-    with pytest.raises(DataError, match="holds nothing"):
+    with pytest.raises(DataError, match="is empty"):
         layout_of(tmp_path, "")
     (tmp_path / "b.csv.gz").write_bytes(gzip.compress(table().encode())[:20])
     with pytest.raises(DataError, match="cut off or damaged"):

@@ -4,18 +4,12 @@ import pytest
 from pydantic import ValidationError
 
 from jointz.core.errors import ProtocolError, StudyError
-from jointz.core.protocol import Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.io.toml_problems import all_problems, parse_toml, shape_problems
 
 CONDITION = {"name": "a", "condition": "perturbed", "prompt": "", "duration_s": 5.0}
-BENCH = {
-    "jointz_protocol": 1,
-    "name": "b",
-    "title": "B",
-    "kind": "bench",
-    "joint": "j",
-    "conditions": [CONDITION],
-}
+BENCH = {"jointz_protocol": 1, "name": "b", "title": "B", "kind": "bench", "joint": "j"}
+BENCH["conditions"] = [CONDITION]
 
 
 def found(raw, judge=all_problems):
@@ -40,10 +34,6 @@ def with_reference(**reference):
             "conditions[1].torque_nm.frequency_h: unknown key. Did you mean 'frequency_hz'?",
         ),
         (
-            with_reference(kind="sine", amplitude=5.0, frequency_h=1.0),
-            "conditions[1].torque_nm.frequency_hz: missing; it is required.",
-        ),
-        (
             with_reference(kind="sines", amplitude=5.0),
             "conditions[1].torque_nm.kind: expected one of sine, sum_of_sines, chirps, noise, "
             "steps, trajectory; got 'sines'. Did you mean 'sine'?",
@@ -58,10 +48,6 @@ def with_reference(**reference):
             "conditions[1].torque_nm: expected a table; got 5.",
         ),
         (
-            with_reference(kind="sum_of_sines", terms=[{"amplitude": 1.0, "frequency": 1.0}]),
-            "conditions[1].torque_nm.terms[1].frequency: unknown key. Did you mean 'frequency_hz'?",
-        ),
-        (
             with_reference(kind="steps", levels=[1.0, "x"], hold_s=1.0),
             "conditions[1].torque_nm.levels[2]: expected a number; got 'x'.",
         ),
@@ -73,9 +59,6 @@ def with_reference(**reference):
         ),
         ({**BENCH, "safety": {"torque": 3.0}}, "safety.torque: unknown key. Did you mean 'tor"),
         ({**BENCH, "jointz_protocol": 2}, "jointz_protocol: schema version 2 is not one this"),
-        ({**BENCH, "title": ""}, "title: expected text that is not empty; got ''."),
-        ({**BENCH, "conditions": []}, "conditions: expected at least 1 of them; got []."),
-        ({**BENCH, "pulse": []}, "pulse: expected a table; got []."),
         (
             {**BENCH, "loads": [{"name": "k", "stiffness": {"value": 1.0}}]},
             "loads[1].stiffness.sd: missing; it is required.",
@@ -129,15 +112,10 @@ def test_each_problem_is_told_once():
     "broken",
     [
         {"pulse": 3},
-        {"pulse": {"amplitude_nm": "x"}},
-        {"conditions": 3},
-        {"conditions": [3]},
         {"conditions": [3, 4]},
         {"conditions": {"a": 1}},
         {"rates": {"control_hz": "x"}},
-        {"kind": 3},
         {"loads": [[]]},
-        {"safety": []},
     ],
 )
 def test_what_cannot_be_read_makes_no_other_problem(broken):

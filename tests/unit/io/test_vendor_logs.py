@@ -3,7 +3,7 @@
 import numpy as np
 
 from jointz.core.acquisition import Signal
-from jointz.io.vendor_logs import with_vendor_units
+from jointz.io.text.vendor_logs import with_vendor_units
 
 
 def test_a_log_of_opensourceleg_says_that_its_units_may_be_others():

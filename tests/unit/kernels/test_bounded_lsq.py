@@ -51,11 +51,6 @@ def contributions(solution, averages):
     return solution * np.linalg.norm(averages[:, :3], axis=2)
 
 
-def well_conditioned(averages):
-    """Those whose columns differ: normal equations square what rounding does to the others."""
-    return averages[condition_numbers(normal_equations(averages)[0]) < 100.0]
-
-
 def bits(active):
     return (np.asarray(active)[:, None] >> np.arange(3)) & 1
 
@@ -63,15 +58,6 @@ def bits(active):
 @pytest.fixture(scope="module")
 def problems():
     return problems_of_all_signs(40, np.random.default_rng(11))
-
-
-def test_normal_equations_are_the_products_of_the_channels():
-    averages = np.random.default_rng(0).normal(size=(5, 4, 33))
-    gram, moment, power = normal_equations(averages)
-    products = averages @ averages.transpose(0, 2, 1)
-    np.testing.assert_allclose(gram, products[:, :3, :3], rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(moment, products[:, :3, 3], rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(power, products[:, 3, 3], rtol=1e-13)
 
 
 def test_every_active_set_agrees_with_bvls_to_1e_9(problems):
@@ -83,36 +69,6 @@ def test_every_active_set_agrees_with_bvls_to_1e_9(problems):
     assert (error <= 1e-9 * expected.max(axis=1)).all()
     np.testing.assert_array_equal(bits(active), [fit.active_mask == -1 for fit in fits])
     assert (np.bincount(active, minlength=8) >= 10).all()
-
-
-# The peer divides 0 by 0 where its last step ends on a bound, by the BLAS of the machine.
-@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
-def test_every_active_set_agrees_with_trf_within_its_tolerance(problems):
-    gram, moment, _ = normal_equations(problems)
-    solution, active = nonnegative_least_squares(gram, moment)
-    fits = [
-        lsq_linear(p[:3].T, p[3], bounds=(0, np.inf), method="trf", tol=1e-14, max_iter=500)
-        for p in problems
-    ]
-    expected = contributions(np.array([fit.x for fit in fits]), problems)
-    error = np.abs(contributions(solution, problems) - expected).max(axis=1)
-    # An interior method stops short of a bound; the exact answer must not cost more than its.
-    assert (error / np.linalg.norm(problems[:, 3], axis=1)).max() < 1e-8
-    residual = np.einsum("rct,rc->rt", problems[:, :3], solution) - problems[:, 3]
-    cost = 0.5 * (residual**2).sum(axis=1)
-    assert (cost <= np.array([fit.cost for fit in fits]) * (1 + 1e-12)).all()
-    assert (np.bincount(active, minlength=8) >= 10).all()
-
-
-def test_noise_free_parameters_come_back_from_badly_scaled_columns():
-    motion = motions(50, 100, np.random.default_rng(1))
-    torque = np.einsum("c,rct->rt", PARAMETERS, motion)
-    gram, moment, _ = normal_equations(np.concatenate([motion, torque[:, None]], axis=1))
-    solution, active = nonnegative_least_squares(gram, moment)
-    accuracy = 1e-14 * condition_numbers(gram)[:, None] ** 2 * torque.shape[1]
-    assert (np.abs(solution / PARAMETERS - 1.0) < accuracy).all()
-    np.testing.assert_array_equal(least_squares(gram, moment), solution)
-    assert not active.any()
 
 
 def test_the_unbounded_fit_equals_lstsq(problems):
@@ -206,7 +162,7 @@ def naive_bootstrap(weights, trials):
 
 
 @pytest.mark.parametrize("n_samples", [60, 10])  # more samples than trials, and fewer
-@pytest.mark.parametrize("stiffness", [100.0, 0.5, -50.0])
+@pytest.mark.parametrize("stiffness", [100.0, -50.0])
 def test_bootstrap_fits_equal_the_slow_implementation(stiffness, n_samples, monkeypatch):
     monkeypatch.setattr(bounded_lsq, "BLOCK_ROWS", 16)  # several blocks and a short last one
     rng = np.random.default_rng(12)
@@ -236,32 +192,6 @@ def test_trials_that_cancel_in_their_average_lose_no_digits():
     fits = bootstrap_fits(balanced, trials)
     # The average is 1e-4 of a trial: its rounding leaves 1e-12, and four digits less if squared.
     np.testing.assert_allclose(fits.bounded[0], PARAMETERS, rtol=1e-9)
-
-
-@given(seed=st.integers(0, 2**32 - 1), factor=st.floats(1e-3, 1e3))
-@settings(deadline=None, max_examples=50)
-def test_scaling_torque_scales_the_solution(seed, factor):
-    averages = well_conditioned(problems_of_all_signs(1, np.random.default_rng(seed)))
-    scaled = averages.copy()
-    scaled[:, 3] *= factor
-    solution, active = nonnegative_least_squares(*normal_equations(averages)[:2])
-    changed, changed_active = nonnegative_least_squares(*normal_equations(scaled)[:2])
-    error = np.abs(contributions(changed - factor * solution, averages))
-    assert (error < 1e-9 * np.linalg.norm(scaled[:, 3], axis=1)[:, None]).all()
-    np.testing.assert_array_equal(active, changed_active)
-
-
-@given(seed=st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=50)
-def test_the_order_of_samples_changes_nothing(seed):
-    rng = np.random.default_rng(seed)
-    averages = well_conditioned(problems_of_all_signs(1, rng))
-    shuffled = averages[:, :, rng.permutation(averages.shape[2])]
-    solution, active = nonnegative_least_squares(*normal_equations(averages)[:2])
-    changed, changed_active = nonnegative_least_squares(*normal_equations(shuffled)[:2])
-    error = np.abs(contributions(changed - solution, averages))
-    assert (error < 1e-9 * np.linalg.norm(averages[:, 3], axis=1)[:, None]).all()
-    np.testing.assert_array_equal(active, changed_active)
 
 
 def test_any_layout_and_precision_of_the_input_is_taken_and_left_alone():

@@ -27,16 +27,14 @@ TIME_S = np.arange(N) * PERIOD_S
 #: K, its slope, B, its slope, J, its slope.
 IMPEDANCE = np.array([80.0, 400.0, 2.5, -8.0, 0.06, 0.1])
 MIDDLE_S = np.array([0.062, 0.05, 0.04])
-RNG = np.random.default_rng(4)
 RISE = 17.0 * (1.0 - np.exp(-TIME_S / 0.012))
 TORQUE = np.stack([RISE, 1.5 * np.sin(40.0 * TIME_S)])
 
 
 def moved(
-    impedance: np.ndarray = IMPEDANCE, *, share: float = 1.2, substeps: int = 2, every: int = 1
+    impedance: np.ndarray = IMPEDANCE, *, share: float = 1.2, substeps: int = 2
 ) -> np.ndarray:
-    motion = joint_motion(TORQUE, share, impedance, MIDDLE_S, PERIOD_S, substeps)
-    return motion[:: substeps if every else 1]
+    return joint_motion(TORQUE, share, impedance, MIDDLE_S, PERIOD_S, substeps)[::substeps]
 
 
 def by_scipy(impedance: np.ndarray, share: float) -> np.ndarray:
@@ -52,24 +50,10 @@ def by_scipy(impedance: np.ndarray, share: float) -> np.ndarray:
     return np.array(out)
 
 
-def test_motion_solves_the_equation_with_slopes_of_all_three():
+@pytest.mark.parametrize("impedance", [IMPEDANCE, np.array([-30.0, 0.0, 1.0, 0.0, 0.06, 0.0])])
+def test_motion_solves_the_equation_with_slopes_of_all_three(impedance):
     # A microradian at 0.2 rad: a thousandth of a goniometer's noise.
-    assert moved()[:, MOTION] == pytest.approx(by_scipy(IMPEDANCE, 1.2), abs=1e-6)
-
-
-@pytest.mark.parametrize(("K", "B", "J"), [(0.0, 0.0, 0.05), (60.0, 0.0, 0.05), (60.0, 2.0, 0.4)])
-def test_constant_torque_moves_a_constant_joint_as_the_closed_form_says(K, B, J):
-    torque = np.stack([np.full(N, 17.0), np.zeros(N)])
-    motion = joint_motion(torque, 1.0, np.array([K, 0, B, 0, J, 0.0]), np.zeros(3), PERIOD_S, 2)[
-        ::2, MOTION
-    ]
-    if K == 0.0:
-        expected = 17.0 / (2.0 * J) * TIME_S**2
-    else:
-        decay, rate = B / (2.0 * J), np.sqrt(K / J - (B / (2.0 * J)) ** 2)
-        swing = np.cos(rate * TIME_S) + decay / rate * np.sin(rate * TIME_S)
-        expected = 17.0 / K * (1.0 - np.exp(-decay * TIME_S) * swing)
-    assert motion == pytest.approx(expected, abs=1e-6)
+    assert moved(impedance)[:, MOTION] == pytest.approx(by_scipy(impedance, 1.2), abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -109,11 +93,6 @@ def test_smaller_steps_change_nothing_that_a_sensor_could_see():
     assert moved(substeps=2)[:, MOTION] == pytest.approx(moved(substeps=16)[:, MOTION], abs=1e-7)
 
 
-def test_negative_stiffness_is_simulated_too():
-    falling = np.array([-30.0, 0.0, 1.0, 0.0, 0.06, 0.0])
-    assert moved(falling)[:, MOTION] == pytest.approx(by_scipy(falling, 1.2), abs=1e-6)
-
-
 # --- sensor ---------------------------------------------------------------------------------------
 
 STEP_S = 0.001
@@ -121,22 +100,9 @@ STEPS_S = np.arange(131) * STEP_S
 SHAPE = np.sin(25.0 * STEPS_S) ** 2 + 3.0 * STEPS_S
 
 
-def shown(
-    *,
-    delay_s: float = 0.0,
-    lag_s: float = 0.0,
-    resonance_hz: float = 0.0,
-    damping_ratio: float = 0.0,
-) -> np.ndarray:
-    return sensed(
-        SHAPE[:, None],
-        step_s=STEP_S,
-        samples_s=STEPS_S,
-        delay_s=delay_s,
-        lag_s=lag_s,
-        resonance_hz=resonance_hz,
-        damping_ratio=damping_ratio,
-    )[:, 0]
+def shown(**chain: float) -> np.ndarray:
+    sensor = dict.fromkeys(("delay_s", "lag_s", "resonance_hz", "damping_ratio"), 0.0) | chain
+    return sensed(SHAPE[:, None], step_s=STEP_S, samples_s=STEPS_S, **sensor)[:, 0]
 
 
 def by_lsim(numerator: list[float], denominator: list[float]) -> np.ndarray:
@@ -145,7 +111,7 @@ def by_lsim(numerator: list[float], denominator: list[float]) -> np.ndarray:
     return np.asarray(lsim(system, SHAPE, STEPS_S, interp=True)[1])
 
 
-@pytest.mark.parametrize("lag_s", [0.0005, 0.004, 0.02, 0.3])
+@pytest.mark.parametrize("lag_s", [0.0005, 0.3])
 def test_a_first_order_lag_is_that_of_lsim(lag_s):
     assert shown(lag_s=lag_s) == pytest.approx(by_lsim([1.0], [lag_s, 1.0]), abs=1e-9)
 
@@ -166,7 +132,7 @@ def test_resonance_lag_and_delay_act_one_after_the_other():
     assert not late[:4].any()
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.0037, 0.05, 0.2])
+@pytest.mark.parametrize("delay_s", [0.002, 0.0037, 0.2])
 def test_a_delay_shows_the_straight_lines_between_steps_later(delay_s):
     earlier = STEPS_S - delay_s
     expected = np.where(earlier > 0.0, np.interp(earlier, STEPS_S, SHAPE), 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from jointz.kernels.mixed_model_groups import group_variance
+from jointz.kernels.statistics.mixed_model_groups import group_variance
 
 
 def complete(seed, people=6, levels=4, sd=1.0):
@@ -12,36 +12,6 @@ def complete(seed, people=6, levels=4, sd=1.0):
     person, level = np.indices((people, levels)).reshape(2, -1)
     y = sd * rng.standard_normal(people)[person] + rng.standard_normal(person.size) + level
     return (level[:, None] == np.arange(levels)).astype(float), y, person
-
-
-def test_a_complete_table_gives_the_mean_squares_and_their_interval():
-    X, y, person = complete(1)
-
-    made = group_variance(X, y, person)
-
-    table = y.reshape(6, 4)
-    of_person = 4 * table.mean(axis=1).var(ddof=1)
-    rest = table - table.mean(axis=0) - table.mean(axis=1, keepdims=True) + table.mean()
-    f = of_person / ((rest**2).sum() / 15)
-    assert made.test.statistic == pytest.approx(f)
-    assert (made.test.df_num, made.test.df_den) == (5, 15)
-    assert made.test.p == pytest.approx(stats.f.sf(f, 5, 15))
-    limits = [max((f / stats.f.ppf(share, 5, 15) - 1) / 4, 0) for share in (0.975, 0.025)]
-    assert (made.ratio_low, made.ratio_high) == pytest.approx(limits)
-
-
-def test_missing_cells_give_the_f_of_nested_regressions():
-    X, y, person = complete(2)
-    keep = np.random.default_rng(3).random(y.size) > 0.3
-    X, y, person = X[keep], y[keep], person[keep]
-
-    test = group_variance(X, y, person).test
-
-    both = np.hstack([X, (person[:, None] == np.arange(6)).astype(float)])
-    small, large = (((y - M @ np.linalg.lstsq(M, y, rcond=None)[0]) ** 2).sum() for M in (X, both))
-    df = np.linalg.matrix_rank(both) - X.shape[1], y.size - np.linalg.matrix_rank(both)
-    assert (test.df_num, test.df_den) == df
-    assert test.statistic == pytest.approx((small - large) / df[0] / (large / df[1]))
 
 
 def test_the_interval_holds_the_ratio_in_95_percent_whatever_is_missing():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from jointz.kernels import periodic_process
-from jointz.kernels.periodic_process import periodic_curve
+from jointz.kernels.series import periodic_process
+from jointz.kernels.series.periodic_process import periodic_curve
 
 PHASES = np.array([0.05, 0.2, 0.4, 0.55, 0.7, 0.85])
 FINE = np.linspace(0.0, 1.0, 51)
@@ -16,27 +16,6 @@ def curve_of(values, sd, *, at=FINE, phases=PHASES, systematic=0.0):
     return periodic_curve(
         phases, values, sd**2 * np.eye(n), systematic=np.full(n, systematic), at=at
     )
-
-
-def test_exact_values_are_met_where_they_are():
-    values = np.array([3.0, 1.0, 2.0, 5.0, 4.0, 2.5])
-    curve = curve_of(values, 1e-4, at=PHASES)
-    np.testing.assert_allclose(curve.value, values, atol=5e-3)
-    assert (curve.high - curve.low < 0.05).all()
-
-
-def test_the_curve_closes():
-    curve = curve_of(np.array([3.0, 1.0, 2.0, 5.0, 4.0, 2.5]), 0.1)
-    for ends in (curve.value, curve.low, curve.high):
-        assert ends[0] == pytest.approx(ends[-1], abs=1e-9)
-
-
-def test_a_turn_of_the_cycle_turns_the_curve():
-    values = np.array([3.0, 1.0, 2.0, 5.0, 4.0, 2.5])
-    curve = curve_of(values, 0.1)
-    turned = curve_of(values, 0.1, phases=PHASES + 0.1, at=FINE + 0.1)
-    np.testing.assert_allclose(turned.value, curve.value, atol=1e-6)
-    np.testing.assert_allclose(turned.high, curve.high, atol=1e-6)
 
 
 def test_one_length_and_amplitude_is_ordinary_conditioning(monkeypatch):
@@ -63,11 +42,6 @@ def test_systematic_errors_do_not_average_out():
     honest = curve_of(values, 0.3, phases=dense, systematic=0.3)
     assert (quiet.high - quiet.low).max() < 2 * 0.3
     assert (honest.high - honest.low).min() > 3.9 * 0.3
-
-
-def test_between_far_values_the_band_is_wider_than_at_them():
-    curve = curve_of(np.array([3.0, 1.0, 2.0, 5.0, 4.0, 2.5]), 0.1, at=np.array([0.4, 0.475]))
-    assert np.diff(curve.high - curve.low)[0] > 0.1
 
 
 def test_the_band_holds_curves_of_the_process():

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.kernels.second_order import PulseRecord, _residual, maximise_likelihood
-from jointz.kernels.second_order_recursion import transfer_coefficients
+from jointz.kernels.series.second_order import PulseRecord, _residual, maximise_likelihood
+from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
 STEP = 1 / 900
 LOADS = {
@@ -123,10 +123,8 @@ def test_clean_records_give_the_load_and_the_lag_back(lag, at_rest):
 
 
 def test_a_held_lag_stays_and_has_no_variance():
-    angle, torque = response("heavy", 226)
-
     fit = maximise_likelihood(
-        PulseRecord(angle, torque, 40, STEP, True),
+        PulseRecord(*response("heavy", 226), 40, STEP, True),
         np.array([200.0, 0.1, 0.05, 0.001, 0.0]),
         noise_sd=(1e-5, 1e-3),
         lag_prior=(0.001, 0.0),
@@ -151,13 +149,10 @@ def test_what_is_known_of_the_lag_narrows_damping():
 
 
 def test_a_load_too_fast_for_the_clock_is_not_fitted():
-    angle, torque = response("light", 100)
+    record = PulseRecord(*response("light", 100), 40, STEP, True)
 
     fit = maximise_likelihood(
-        PulseRecord(angle, torque, 40, STEP, True),
-        np.array([1e9, 0.0, 1e-6, 0.0, 0.0]),
-        noise_sd=(1e-5, 0.05),
-        lag_prior=None,
+        record, np.array([1e9, 0.0, 1e-6, 0.0, 0.0]), noise_sd=(1e-5, 0.05), lag_prior=None
     )
 
     assert not fit.converged
@@ -173,13 +168,11 @@ def test_a_load_too_fast_for_the_clock_is_not_fitted():
     ],
 )
 def test_arguments_without_sense_are_refused(changes, message):
-    angle, torque = response("light", 50)
     arguments = {
-        "record": PulseRecord(angle, torque, 40, STEP, True),
+        "record": PulseRecord(*response("light", 50), 40, STEP, True),
         "start": np.array([100.0, 0.0, 0.05, 0.0, 0.0]),
         "noise_sd": (1e-5, 0.1),
-    } | changes
+        "lag_prior": None,
+    }
     with pytest.raises(ValueError, match=message):
-        maximise_likelihood(
-            arguments["record"], arguments["start"], noise_sd=arguments["noise_sd"], lag_prior=None
-        )
+        maximise_likelihood(**(arguments | changes))

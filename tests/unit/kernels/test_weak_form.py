@@ -40,30 +40,14 @@ def test_test_functions_are_orthonormal_and_vanish_with_their_slopes_at_the_ends
         assert np.abs(rows[:, [0, -1]]).max() <= 1e-12 * np.abs(rows).max()
 
 
-def test_derivatives_are_those_of_finite_differences():
-    fine = bumps(10 * N, step_s=STEP_S / 10)
-    slope = np.gradient(fine.value, STEP_S / 10, axis=1)
-    curvature = np.gradient(fine.slope, STEP_S / 10, axis=1)
-    for mine, naive in ((fine.slope, slope), (fine.curvature, curvature)):
-        assert np.abs(mine - naive).max() < 5e-3 * np.abs(mine).max()
-
-
-def test_integration_by_parts_replaces_derivatives_of_the_motion(functions):
-    angle, velocity, acceleration = motion()
-    X, _ = weak_system(angle, np.zeros(N), functions)
+@pytest.mark.parametrize(("every", "within"), [(1, 2e-4), (3, 2e-3)])
+def test_integration_by_parts_replaces_derivatives_of_the_motion_at_any_rate(every, within):
+    functions = bumps(T[::every].size, step_s=every * STEP_S)
+    angle, velocity, acceleration = motion()[:, ::every]
+    X, _ = weak_system(angle, np.zeros(angle.size), functions)
     for column, signal in enumerate((angle, velocity, acceleration)):
         direct = functions.value @ signal
-        np.testing.assert_allclose(X[:, column], direct, atol=2e-4 * np.abs(direct).max())
-
-
-@pytest.mark.parametrize("every", [2, 3, 5])
-def test_coarse_samples_leave_out_the_narrow_bumps_and_keep_the_integrals(every):
-    coarse = bumps(T[::every].size, step_s=every * STEP_S)
-    angle, velocity, acceleration = motion()[:, ::every]
-    X, _ = weak_system(angle, np.zeros(angle.size), coarse)
-    for column, signal in enumerate((angle, velocity, acceleration)):
-        direct = coarse.value @ signal
-        np.testing.assert_allclose(X[:, column], direct, atol=2e-3 * np.abs(direct).max())
+        np.testing.assert_allclose(X[:, column], direct, atol=within * np.abs(direct).max())
 
 
 def test_a_joint_comes_back_without_any_derivative(functions):

@@ -9,24 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from jointz.app.console import open_console
+from jointz.console.console_app import open_console
 from jointz.core.errors import DataError
 from jointz.experiment.loop import undisturbed
-from jointz.workflows import live_session
-from jointz.workflows.hardware_rig import refuse_with_devices
-from jointz.workflows.live_session import refuse_where_unseen
+from jointz.session.live import live_session
+from jointz.session.live.live_session import refuse_where_unseen
+from jointz.session.rigs.hardware_rig import refuse_with_devices
 
-SYSTEMS = ("as_on_windows", "as_on_a_mac")
 #: Imports every module but those that need an extra; the public names come with the first.
 IMPORTS = """
 import pkgutil
 import jointz
+APP = ("jointz.console.", "jointz.explorer.", "jointz.web.")
 for name in jointz.__all__:
     getattr(jointz, name)
 names = [
     found.name
     for found in pkgutil.walk_packages(jointz.__path__, "jointz.")
-    if not found.name.startswith("jointz.app.") and found.name != "jointz.__main__"
+    if found.name != "jointz.__main__" and not found.name.startswith(APP)
 ]
 failed = {}
 for name in names:
@@ -43,8 +43,8 @@ import os
 from pathlib import Path
 import jointz
 from jointz.core.errors import DataError, OutputError
-from jointz.experiment import file_lock
-from jointz.experiment.whole_files import open_to_append
+from jointz.experiment.files import file_lock
+from jointz.experiment.files.whole_files import open_to_append
 from jointz.io.protocols import load_protocol
 
 whole = load_protocol("walking")
@@ -115,7 +115,9 @@ def ran(system: str | None, code: str, folder: Path) -> dict:
 
 def test_everything_can_be_imported_on_windows_which_lacks_all_that_a_mac_does(tmp_path):
     told = ran("as_on_windows", IMPORTS, tmp_path)
-    assert {"jointz.workflows.run", "jointz.cli.demo", "jointz.io.c3d"} <= set(told["names"])
+    assert {"jointz.session.run", "jointz.demo.command", "jointz.io.c3d.c3d_format"} <= set(
+        told["names"]
+    )
     assert told["failed"] == {}
 
 
@@ -124,7 +126,7 @@ def here(tmp_path_factory):
     return ran(None, RUN, tmp_path_factory.mktemp("here"))
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("system", ["as_on_windows", "as_on_a_mac"])
 def test_an_experiment_is_refused_broken_off_and_gone_on_with_as_here(system, tmp_path, here):
     told = ran(system, RUN, tmp_path)
     assert "torque" in told["refused"]

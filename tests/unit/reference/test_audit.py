@@ -35,17 +35,12 @@ def two_way(y):
 
 def test_every_finding_says_where_what_and_what_follows():
     assert len(FINDINGS) == len(audit())  # no statement twice
+    assert len(audit_table()) == len(audit())
     for finding in audit():
         assert finding.where
         assert finding.printed
         assert finding.kind in get_args(Kind)
         assert finding.remark or finding.recomputed
-
-
-def test_the_table_has_a_row_a_finding():
-    table = audit_table()
-    assert list(table.columns) == ["where", "what", "printed", "recomputed", "kind", "remark"]
-    assert len(table) == len(audit())
 
 
 @pytest.mark.parametrize(
@@ -65,10 +60,7 @@ def test_the_table_has_a_row_a_finding():
         ("damping in stance", "0.039 0.042 0.053 0.030 at LRE, MST, TST, PSW"),
         ("estimates at the bound", "7 of 60 fits have one, 3 more nearly"),
         ("quasi-stiffness and stiffness", "3, 52, -214, -55, -78, -113 % apart"),
-        (
-            "VAFs of S7",
-            "94.38 % at LRE and PSW; 90.76 % at MST and MSW; 99.24 % at TST as S9",
-        ),
+        ("VAFs of S7", "94.38 % at LRE and PSW; 90.76 % at MST and MSW; 99.24 % at TST as S9"),
         ("the two people of the pilot", "S2 and S3 of table 4.4: 97.83, 84.84 %"),
     ],
 )
@@ -91,21 +83,6 @@ def test_stiffness_is_best_at_the_mixed_frequency_but_inertia_at_low_ones():
     assert min(stiffness, key=stiffness.get) == "E"
     assert max(inertia[t] for t in ("A", "B", "D")) < min(inertia[t] for t in ("C", "E"))
     assert "E 1.1" in FINDINGS["lower stiffness errors at lower frequencies"].recomputed
-
-
-def test_damping_rises_in_stance_until_pre_swing_and_not_evenly():
-    means = {p: c.value for p, c in chapter4.DAMPING_MEANS.items()}
-    rises = np.diff([means[p] for p in ("LRE", "MST", "TST")])
-    steps = np.diff([TIMING_POINTS[p] for p in ("LRE", "MST", "TST")])
-    assert np.round(rises, 3).tolist() == [0.003, 0.011]
-    assert steps.tolist() == [14.5, 19.0]
-    assert means["PSW"] < means["LRE"]
-
-
-def test_quasi_stiffness_is_within_half_of_stiffness_once_and_of_another_sign_twice():
-    differences = np.array([d.value for d in chapter4.QUASI_STIFFNESS_DIFFERENCES.values()])
-    assert (np.abs(differences) < 50).sum() == 1
-    assert (differences < -100).sum() == 2
 
 
 # --- what stands as a number ---------------------------------------------------------------------

@@ -1,7 +1,6 @@
 import pytest
 
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.estimates import ParameterEstimate
 from jointz.report.wording import (
     exclusion_meaning,
     format_estimate,
@@ -13,6 +12,7 @@ from jointz.report.wording import (
     pretty_unit,
     status_meaning,
 )
+from jointz.results.estimates import ParameterEstimate
 
 
 @pytest.mark.parametrize(

@@ -42,19 +42,6 @@ def test_a_person_comes_back_from_seed_and_number_alone(people):
     assert len({p.mass_kg for p in people}) == len(people)
 
 
-def test_streams_of_different_purposes_are_different(people):
-    def first(*args):
-        return people[0].stream(*args).random()
-
-    assert first("gait perturbed", 0) == first("gait perturbed", 0)
-    others = {
-        first("gait perturbed", 1),
-        first("noise perturbed", 0),
-        people[1].stream("a").random(),
-    }
-    assert len({first("gait perturbed", 0), *others}) == 4
-
-
 @pytest.mark.parametrize("name", ["nominal", "hard"])
 def test_instruments_err_as_much_as_the_preset_says(people, name):
     one = preset(name)

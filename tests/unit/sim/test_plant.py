@@ -12,9 +12,8 @@ from scipy.integrate import solve_ivp
 
 from jointz.core.clock import VirtualClock
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.sim import plant
-from jointz.sim.curves import impedance_over_cycle, leg_of
-from jointz.sim.layout import GAIT_SIZE, HISTORY, STATE_SIZE, Gait, Noise, Param, State
+from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
+from jointz.sim.layout import Gait, Noise
 from jointz.sim.people import draw_instruments, draw_person
 from jointz.sim.plant_build import Grid, build_plant
 from jointz.sim.presets import BodySettings, JointSettings, Preset, ReflexSettings, preset
@@ -285,34 +284,6 @@ def test_the_compiled_plant_solves_the_equations_of_motion(name):
     np.testing.assert_allclose(shown, expected, rtol=0, atol=EXACT)
 
 
-def rest(*, damping, friction):
-    """Return a plant on a path that stands still, deflected and let go; no input at all."""
-    build = build_plant(draw_person(0, seed=1), exact("clean"), grid=Grid(500.0), worn=True)
-    params = build.params.copy()
-    params[Param.COULOMB_FRICTION] = friction
-    curves = np.zeros_like(build.curves)
-    curves[:, 0], curves[:, 4], curves[:, 8] = 100.0, damping, 0.05
-    gait = np.zeros(GAIT_SIZE)
-    gait[Gait.RATE_HZ], gait[Gait.LINEAR] = 1.0 / 1.1, 1.0
-    state, history = np.zeros(STATE_SIZE), np.zeros((HISTORY, plant.HISTORY_COLUMNS))
-    plant.begin(params, state, gait, history)
-    state[State.ANGLE] = 0.2
-    noise, energy = np.zeros((1, len(Noise))), []
-    for sample in range(500):
-        plant.advance(params, state, curves, history, gait, noise, sample, 0.0)
-        x, v = state[State.ANGLE], state[State.VELOCITY]
-        energy.append(0.5 * 100.0 * x**2 + 0.5 * (0.05 + params[Param.EXO_INERTIA]) * v**2)
-    return np.array(energy)
-
-
-def test_energy_is_kept_without_damping_and_never_grows_with_it():
-    assert rest(damping=0.0, friction=0.0) == pytest.approx(2.0, rel=1e-7)
-    for losses in ({"damping": 2.0, "friction": 0.0}, {"damping": 0.0, "friction": 0.4}):
-        energy = rest(**losses)
-        assert (np.diff(energy) <= 1e-15).all()
-        assert energy[-1] < 0.5 * energy[0]
-
-
 @pytest.mark.parametrize("name", ["nominal", "hard", "anthropometric"])
 def test_the_packed_curves_are_the_curves_of_the_person(name):
     person, settings = draw_person(4, seed=2), preset(name)
@@ -324,13 +295,6 @@ def test_the_packed_curves_are_the_curves_of_the_person(name):
         got = sum(row[:, 4 * j + n] * r**n for n in range(4))
         # The corners of stance and swing of the leg lie inside pieces: 0.1 % of its inertia.
         np.testing.assert_allclose(got, wanted, rtol=1e-3 if j == 2 else 1e-6)
-
-
-def test_stiffness_stands_still_around_timing_points():
-    person = draw_person(0, seed=1)
-    cycles = (7.0 + np.linspace(-0.5, 11.0, 50)) / 100.0
-    stiffness = impedance_over_cycle(person, preset("nominal"), cycles)[0]
-    np.testing.assert_allclose(stiffness, person.mass_kg * person.stiffness_per_mass["LRE"])
 
 
 def test_smooth_curves_meet_the_persons_values_in_the_middle_of_the_windows_of_100_ms():

@@ -1,15 +1,14 @@
 """Settings of the series-elastic bench."""
 
 from dataclasses import asdict, fields
-from math import pi
 
 import numpy as np
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.sim.bench_load import BenchLoad
-from jointz.sim.sea import SEA_PRESETS, SeaErrors, SeaMachine, sea_preset
-from jointz.sim.sea_pack import SeaParam, pack_sea
+from jointz.sim.benches.bench_load import BenchLoad
+from jointz.sim.benches.sea import SeaErrors, sea_preset
+from jointz.sim.benches.sea_pack import SeaParam, pack_sea
 
 BENDS = {"friction_velocity_rad_s"}  # shapes of a mechanism, not mechanisms
 
@@ -37,48 +36,15 @@ def test_hard_bench_is_nowhere_better_than_the_nominal_one():
     assert hard != nominal
 
 
-def test_presets_share_machine_and_loop():
-    for settings in SEA_PRESETS.values():
-        assert settings.machine == sea_preset("clean").machine
-        assert settings.control == sea_preset("clean").control
-
-
-def test_printed_constants_of_the_machine_are_the_defaults():
-    machine = SeaMachine()
-    printed = (machine.beam_stiffness, machine.belt_ratio, machine.screw_lead_m)
-    assert printed == (274e3, 2.0, 0.0025)
-    assert (machine.stiffness, machine.damping, machine.inertia) == (0.388, 0.163, 0.001)
-    assert machine.nut_travel_m == pytest.approx(0.0025 / (4.0 * pi))
-
-
-def test_drive_can_hold_the_largest_torque_of_the_protocols():
-    machine = SeaMachine()
-    turns = machine.lever_m / machine.nut_travel_m
-    held = machine.current_max_a * machine.torque_constant
-    assert turns * (held - machine.drive_friction_nm) > 1.5 * (40.0 + 5.5 + 7.0)
-
-
-def test_unknown_preset_names_those_there_are():
-    with pytest.raises(DataError, match="one of clean, nominal, hard; got 'easy'"):
-        sea_preset("easy")
-
-
 @pytest.mark.parametrize(
-    ("setting", "value"),
-    [("torque_lag_s", -1e-3), ("torque_lag_s", 0.05), ("clock_stretch", 0.0)],
+    ("setting", "value"), [("torque_lag_s", -1e-3), ("torque_lag_s", 0.05), ("clock_stretch", 0.0)]
 )
 def test_impossible_error_is_refused(setting, value):
     with pytest.raises(DataError, match=f"expected {setting} in"):
         SeaErrors(**{setting: value})
 
 
-@pytest.mark.parametrize("rate_hz", [0.0, 50.0, 1e5, np.nan])
-def test_impossible_rate_is_refused(rate_hz):
-    with pytest.raises(DataError, match="expected sample_rate_hz in"):
-        pack_sea(sea_preset("clean"), BenchLoad("free"), sample_rate_hz=rate_hz)
-
-
-@pytest.mark.parametrize("rate_hz", [100.0, 900.0, 1000.0, 20000.0])
+@pytest.mark.parametrize("rate_hz", [100.0, 900.0, 20000.0])
 def test_physics_runs_at_6_khz_or_more(rate_hz):
     p = pack_sea(sea_preset("clean"), BenchLoad("free"), sample_rate_hz=rate_hz)
     assert p[SeaParam.SUBSTEPS] / p[SeaParam.PERIOD_S] >= 6000.0

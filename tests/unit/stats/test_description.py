@@ -2,8 +2,8 @@
 
 import pytest
 
-from jointz.core.estimates import CellEstimate
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
+from jointz.results.estimates import CellEstimate
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 
 

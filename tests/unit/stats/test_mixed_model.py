@@ -11,10 +11,11 @@ import pandas as pd
 import pytest
 from scipy.stats import binom
 
-import jointz.stats
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.mixed_model_fit import MixedModelFit
-from jointz.kernels.mixed_model import fit_random_intercept, satterthwaite_test
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
 from jointz.stats import mixed_model
 
 HERE = Path(__file__).parent
@@ -489,22 +490,6 @@ def test_too_few_people_for_kenward_roger_have_a_code():
 # --- the result ----------------------------------------------------------------------------------
 
 
-def test_the_public_name_is_the_function():
-    assert jointz.stats.mixed_model is mixed_model
-
-
-@pytest.mark.parametrize("name", ["unbalanced", "nested"])
-def test_a_fit_comes_back_from_json(name):
-    fit = fit_of(oracle_table(name))
-
-    back = MixedModelFit.from_dict(json.loads(json.dumps(fit.to_dict(), allow_nan=False)))
-
-    assert back == fit
-    pd.testing.assert_frame_equal(back.pairs("holm"), fit.pairs("holm"))
-    assert back.summary() == fit.summary()
-    assert fit.formula in fit.summary()
-
-
 # --- calibration ---------------------------------------------------------------------------------
 
 
@@ -594,6 +579,7 @@ def test_intervals_of_the_intraclass_correlation_hold_in_95_percent():
     assert low <= inside <= high
 
 
+@pytest.mark.slow
 def test_replicates_taken_as_people_find_what_is_not_there_in_over_90_percent():
     rng = np.random.default_rng(13)
     n_studies = 40

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import CellEstimate, ParameterEstimate
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.stats.population import population_means
 
 
@@ -36,10 +36,13 @@ def test_values_at_the_bound_count_and_failed_ones_do_not():
     assert (mean.value, mean.n_participants) == (pytest.approx(3.6), 10)
 
 
-def test_a_mean_is_undecided_where_its_interval_reaches_further_than_half_of_it():
-    (mean,) = population_means([cell("S1", 0.5), cell("S2", 4.0)])
-    assert (mean.status, mean.n_participants) == ("undecided", 2)
-    assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
+@pytest.mark.parametrize(("middle", "status"), [(4.9, "undecided"), (5.1, "ok")])
+def test_a_mean_is_undecided_where_its_interval_reaches_further_than_half_of_it(middle, status):
+    values = (middle - 1.0, middle, middle + 1.0)  # half an interval: 4.303 / sqrt(3) = 2.484
+    (mean,) = population_means([cell(f"S{i}", v) for i, v in enumerate(values)])
+    assert (mean.status, mean.n_participants) == (status, 3)
+    if status == "undecided":
+        assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
 
 
 @pytest.mark.parametrize("values", [[5.0], []])

@@ -2,14 +2,14 @@
 
 import json
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 
 from jointz.core.errors import DataError
-from jointz.core.pulse_effects import PulseEffects, Undecided
+from jointz.results.statistics.pulse_effect_tests import Undecided
 from jointz.stats.pulse_effects import pulse_effects
 
 # --- tables --------------------------------------------------------------------------------------
@@ -121,6 +121,8 @@ def test_holm_runs_over_each_analysis_of_the_whole_study(rng):
     table = pd.concat([cell(rng, case=c, trajectory=t, type=1.0) for c in "12" for t in "AB"])
     effects = pulse_effects(table)
 
+    assert effects.means[0].confounding == pytest.approx(0.0)
+    assert not [t for t in effects.tests if t.status != "ok" or t.effect == "joint"]
     for analysis, n in (("one_way", 16), ("mixed", 24)):
         family = [t for t in effects.tests if t.analysis == analysis]
         assert len(family) == n
@@ -128,21 +130,6 @@ def test_holm_runs_over_each_analysis_of_the_whole_study(rng):
         assert smallest.p_holm == pytest.approx(min(1.0, n * smallest.p))
         ordered = sorted(family, key=lambda t: t.p)
         assert [t.p_holm for t in ordered] == sorted(t.p_holm for t in ordered)
-
-
-def test_relabelling_and_order_of_rows_change_no_test(rng):
-    table = cell(rng, type=0.7, direction=0.3)
-    other = table.assign(trial="trial " + table["trial"].astype(str))
-    other = other.sample(frac=1.0, random_state=1)
-    a, b = (pulse_effects(t).to_frame() for t in (table, other))
-    pd.testing.assert_frame_equal(a, b, rtol=1e-6)
-
-
-def test_turning_all_signs_turns_the_difference_only(rng):
-    table = cell(rng, type=0.7, direction=0.3)
-    a, b = (found(pulse_effects(t), "type") for t in (table, table.assign(sign=-table["sign"])))
-    assert (b.statistic, b.p) == pytest.approx((a.statistic, a.p))
-    assert b.difference == pytest.approx(-a.difference)
 
 
 # --- confounding and what cannot be told ---------------------------------------------------------
@@ -183,13 +170,6 @@ def test_near_confounding_counts_as_confounding(rng):
     joint = found(effects, "joint")
     assert joint.status == "ok"
     assert joint.df_num == 2.0
-
-
-def test_crossed_types_and_directions_are_not_confounded(rng):
-    effects = pulse_effects(cell(rng))
-    assert effects.means[0].confounding == pytest.approx(0.0)
-    assert not [t for t in effects.tests if t.status != "ok" or t.effect == "joint"]
-    assert effects.notes == ()
 
 
 def test_one_level_of_type_leaves_direction_to_be_tested(rng):
@@ -256,17 +236,12 @@ def test_an_empty_table_has_no_tests(rng):
         (lambda t: t.assign(direction="up"), "must be 'with' or 'against', row 0 has 'up'"),
         (lambda t: t.assign(case=None), "column 'case' must name every pulse, row 0 has none"),
         (lambda t: t.assign(inertia="0.03"), "column 'inertia' must hold numbers"),
+        (lambda t: t.assign(sign=2, direction="up"), r"sign.*direction"),
     ],
 )
 def test_a_table_that_cannot_be_trusted_is_refused(rng, change, message):
     with pytest.raises(DataError, match=message):
         pulse_effects(change(cell(rng)))
-
-
-def test_all_problems_come_in_one_message(rng):
-    table = cell(rng).assign(sign=2, direction="up")
-    with pytest.raises(DataError, match=r"sign.*direction"):
-        pulse_effects(table)
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0, float("nan")])
@@ -304,52 +279,26 @@ def test_counts_are_those_of_the_text(study):
     assert study.count("positive_larger", "means", "stiffness", "type").share_pct == 80.0
     with pytest.raises(KeyError, match="no count"):
         study.count("significant", "means", "stiffness", "type")
-
-
-def test_counts_over_all_are_sums_over_parameters_and_effects(study):
     for analysis in ("one_way", "mixed"):
-        parts = [
-            study.count("significant", analysis, response, effect)
-            for response in ("stiffness", "inertia")
-            for effect in ("type", "direction")
-        ]
-        total = study.count("significant", analysis, "all", "all")
-        assert (total.count, total.of) == (sum(c.count for c in parts), sum(c.of for c in parts))
+        both = [share("significant", analysis, r, "all") for r in ("stiffness", "inertia")]
+        total = share("significant", analysis, "all", "all")
+        assert total == (both[0][0] + both[1][0], both[0][1] + both[1][1])
 
 
-def test_the_summary_says_counts_and_confounding(study):
+def test_the_summary_the_tables_and_the_figure_hold_every_cell(study):
     lines = study.summary().splitlines()
     assert lines[0] == "Pulse type and direction in 5 case-trajectory pairs"
     assert "  mixed: type has p < 0.05 for stiffness in 4 of 4 (100.0 %)" in lines
     assert "  mean stiffness of pulses positive larger than negative in 4 of 5 (80.0 %)" in lines
     assert any("confounded" in line for line in lines)
 
-
-def test_tables_have_a_row_a_test_mean_and_count(study):
     assert len(study.to_frame()) == len(study.tests) == 5 * 2 * (2 + 3) + 2
     assert len(study.means_frame()) == 10
     assert study.counts_frame()["share_pct"].between(0, 100).all()
 
-
-def test_it_comes_back_from_json(study):
-    plain = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert PulseEffects.from_dict(plain) == study
-    with pytest.raises(ValueError, match="expected schema"):
-        PulseEffects.from_dict(plain | {"schema": "jointz.PulseEffects/99"})
-
-
-def test_the_figure_has_a_column_a_cell(study):
-    import matplotlib.pyplot as plt
-
-    mpl.use("Agg")
-    ax = study.plot()
+    ax = study.plot(Figure().subplots())
     assert [label.get_text() for label in ax.get_xticklabels()] == ["1A", "2A", "3A", "4A", "1E"]
     assert "K, joint" in [text.get_text() for text in ax.get_legend().get_texts()]
-    plt.close("all")
-
-
-def test_every_reason_has_a_meaning():
-    assert all(reason.meaning for reason in Undecided)
 
 
 # --- calibration ---------------------------------------------------------------------------------
@@ -369,14 +318,6 @@ def null_study(rng, n_cells, *, between, trial_sd):
 def false_positives(effects, analysis):
     c = effects.count("significant", analysis, "stiffness", "type")
     return c.count, c.of
-
-
-def test_one_way_tests_find_types_that_differ_between_trials_under_the_null(rng):
-    effects = null_study(rng, 60, between=True, trial_sd=2.0)
-    printed, recommended = (false_positives(effects, a) for a in ("one_way", "mixed"))
-    # Expected 29 and 3 of 60; each limit is passed by chance once in a hundred or less.
-    assert printed[0] >= 20
-    assert recommended[0] <= 8
 
 
 def within(count, of, rate):

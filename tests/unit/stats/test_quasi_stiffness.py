@@ -1,18 +1,17 @@
 """Quasi-stiffness: closed forms, Winter's mean stride, and the published p-value."""
 
-import dataclasses
-import json
 from math import radians
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
-from jointz.core.quasi_stiffness_fit import Doubt, QuasiStiffness, QuasiStiffnessComparison
 from jointz.reference import chapter4, row_mean
+from jointz.results.statistics.quasi_stiffness_fit import Doubt
 from jointz.stats.quasi_stiffness import compare_quasi_stiffness, quasi_stiffness
 
 GAIT_PCT = np.linspace(0.0, 100.0, 101)
@@ -72,15 +71,6 @@ def test_a_local_slope_sees_only_its_window():
 
     assert found.estimate("MSW", "local_slope").value == pytest.approx(3.0, rel=1e-9)
     assert found.estimate("MSW").value != pytest.approx(3.0, rel=0.1)
-
-
-def test_a_change_of_the_angles_zero_changes_the_secant_only():
-    moment = 2.0 * ANGLE + 0.1 * np.cos(2 * np.pi * GAIT_PCT / 100.0)
-    before, after = quasi_stiffness(ANGLE, moment), quasi_stiffness(ANGLE + 0.2, moment)
-
-    for measure in ("slope", "local_slope"):
-        assert after.values(measure) == pytest.approx(before.values(measure), rel=1e-9)
-    assert after.values("secant")["LRE"] != pytest.approx(before.values("secant")["LRE"], rel=0.05)
 
 
 def test_kilograms_scale_every_measure():
@@ -157,44 +147,20 @@ def test_two_nodes_make_no_slope():
     assert found.estimate("LRE").status == "ok"
 
 
-def test_every_doubt_has_a_meaning():
-    assert all(doubt.meaning for doubt in Doubt)
-
-
 # --- Winter's mean stride ------------------------------------------------------------------------
 
 
 @pytest.mark.real_data
-def test_slopes_of_winters_knee_are_known(winter):
-    found = quasi_stiffness(**winter).values()
+def test_slopes_of_winters_knee_are_known_and_doubted_at_its_smallest_flexion_only(winter):
+    found = quasi_stiffness(**winter)
     known = {"LRE": 3.6, "MST": 3.8, "TST": 1.35, "PSW": 0.38, "ISW": -0.22, "MSW": 0.18}
-    half_digit = {"LRE": 0.05, "MST": 0.05} | dict.fromkeys(("TST", "PSW", "ISW", "MSW"), 0.005)
 
     for point, value in known.items():
-        assert abs(found[point] - value) <= half_digit[point]
-
-
-@pytest.mark.real_data
-def test_only_the_slopes_at_the_knees_smallest_flexion_are_marked(winter):
-    table = quasi_stiffness(**winter).to_frame()
-    marked = table[table["status"] != "ok"]
-
-    assert set(zip(marked["timing_point"], marked["measure"], strict=True)) == {
-        ("TST", "slope"),
-        ("TST", "local_slope"),
-    }
-    stance = winter["gait_pct"] <= 50.0
-    smallest = winter["gait_pct"][stance][10:][np.argmin(winter["angle"][stance][10:])]
-    assert abs(smallest - TIMING_POINTS["TST"]) <= 1.0
-
-
-@pytest.mark.real_data
-def test_the_implied_quasi_stiffness_has_the_signs_of_winters_secant_but_not_of_a_slope(winter):
-    implied = np.sign(list(chapter4.implied_quasi_stiffness().values()))
-    found = quasi_stiffness(**winter)
-
-    assert np.sign(list(found.values("secant").values())).tolist() == implied.tolist()
-    assert np.sign(list(found.values("slope").values())).tolist() != implied.tolist()
+        half_digit = 0.05 if point in ("LRE", "MST") else 0.005
+        assert abs(found.values()[point] - value) <= half_digit
+    marked = found.to_frame().query("status != 'ok'")
+    assert marked["timing_point"].tolist() == ["TST", "TST"]
+    assert set(marked["measure"]) == {"slope", "local_slope"}
 
 
 # --- the published comparison --------------------------------------------------------------------
@@ -213,14 +179,6 @@ def test_the_printed_p_comes_back_from_the_printed_differences():
         assert point.difference_pct == pytest.approx(printed, rel=1e-12)
 
 
-def test_the_interval_says_that_likeness_is_not_shown():
-    found = compare_quasi_stiffness(chapter4.implied_quasi_stiffness(), published_stiffness())
-    mean = np.mean(list(published_stiffness().values()))
-
-    assert found.ci_low < -mean  # quasi-stiffness may be lower by more than all of stiffness
-    assert found.ci_high > 0.5 * mean
-
-
 def test_welch_is_scipys():
     rng = np.random.default_rng(5)
     for n in (2, 3, 6, 20):
@@ -236,14 +194,6 @@ def test_welch_is_scipys():
         assert (found.ci_low, found.ci_high) == pytest.approx(
             (interval.low, interval.high), rel=1e-9
         )
-
-
-def test_the_order_of_timing_points_does_not_matter():
-    stiffness = published_stiffness()
-    quasi = dict(chapter4.implied_quasi_stiffness())
-    turned = dict(reversed(quasi.items()))
-
-    assert compare_quasi_stiffness(turned, stiffness) == compare_quasi_stiffness(quasi, stiffness)
 
 
 def test_a_stiffness_of_zero_has_no_percentage():
@@ -300,35 +250,8 @@ def test_an_unknown_measure_or_point_is_refused():
         found.estimate("TSW")
 
 
-# --- the five doors ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", [QuasiStiffness, QuasiStiffnessComparison])
-def test_results_come_back_from_json(kind):
-    found = {
-        QuasiStiffness: lambda: quasi_stiffness(ANGLE, np.sqrt(ANGLE)),
-        QuasiStiffnessComparison: lambda: compare_quasi_stiffness(
-            chapter4.implied_quasi_stiffness(), published_stiffness()
-        ),
-    }[kind]()
-    back = kind.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
-
-    assert back == found
-    pd.testing.assert_frame_equal(back.to_frame(), found.to_frame())
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        found.unit = "N"
-
-
 def test_the_figure_draws_every_decided_phase():
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
     found = quasi_stiffness(ANGLE, np.sqrt(ANGLE))
-    axes = found.plot()
-    try:
-        assert len(axes.lines) == 1 + len(found.values())
-        assert axes.get_ylabel() == "moment (N*m/kg)"
-    finally:
-        plt.close(axes.figure)
+    axes = found.plot(Figure().subplots())
+    assert len(axes.lines) == 1 + len(found.values())
+    assert axes.get_ylabel() == "moment (N*m/kg)"

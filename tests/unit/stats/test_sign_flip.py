@@ -10,7 +10,12 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
 from jointz.core.errors import DataError
-from jointz.kernels.sign_flip import all_signs, cosine_to_t, cosines, largest_cosines
+from jointz.kernels.statistics.sign_flip_distribution import (
+    all_signs,
+    cosine_to_t,
+    cosines,
+    largest_cosines,
+)
 from jointz.stats.sign_flip import sign_flip_max_t
 from jointz.stats.spm import spm_paired_t
 

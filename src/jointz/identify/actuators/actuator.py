@@ -1,6 +1,7 @@
-"""The torque model of an actuator out of a bench record with a torque sensor."""
+"""Torque model of an actuator from a bench record with a torque sensor."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -9,18 +10,19 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core import provenance
-from jointz.core.actuator_fit import ActuatorFit, ActuatorSeries
-from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.identify.actuators.actuator_notes import explains_nothing, notes
+from jointz.identify.actuators.actuator_notes import actuator_warnings, explains_nothing
 from jointz.identify.actuators.actuator_record import ActuatorRecord, gather_actuator
-from jointz.identify.actuators.actuator_regression import Regression, regress
-from jointz.identify.actuators.actuator_terms import MODEL_TERMS, Terms, find_terms, is_constant
-from jointz.identify.series.joint_record import check_choice
+from jointz.identify.actuators.actuator_terms import MODEL_TERMS, find_terms
+from jointz.identify.bench.bench_estimates import is_constant
+from jointz.identify.series.block_regression import BlockRegression, regress
+from jointz.identify.series.joint_record import check_choice, check_level
+from jointz.results.bench.actuator_fit import ActuatorFit, ActuatorSeries
+from jointz.results.estimates import ParameterEstimate
 
 Model = Literal["current", "motor", "friction"]
 
+_WHERE = "identify_actuator"
 _SERIES_POINTS = 1500
 
 
@@ -123,33 +125,25 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
     """
     check_choice("model", model, get_args(Model))
     _check_settings(model, gear_ratio, torque_sign, rotor_inertia, smooth_velocity_rad_s)
-    if not 0.0 < ci_level < 1.0:
-        raise DataError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
-    channels = {"current": current, "velocity": velocity, "torque": torque}
+    check_level(_WHERE, ci_level)
     record = gather_actuator(
         recording,
-        channels | {"acceleration": acceleration, "time": time},
+        {
+            "current": current,
+            "velocity": velocity,
+            "torque": torque,
+            "acceleration": acceleration,
+            "time": time,
+        },
         rate_hz=rate_hz,
         needs_velocity=model != "current",
         torque_sign=torque_sign,
     )
     _check_moves(record)
-    known_torque = _known_torque(record, rotor_inertia)
-    skip: tuple[str, ...] = () if rotor_inertia is None else ("rotor_inertia",)
-    options: dict[str, Any] = {
+    measured = record.torque - _known_torque(record, rotor_inertia)
+    settings = {
         "gear_ratio": float(gear_ratio),
         "smooth_velocity_rad_s": smooth_velocity_rad_s,
-    }
-    terms = find_terms(record, model, **options, skip=skip)
-    regression = regress(record.torque - known_torque, terms.columns, record.rate_hz, ci_level)
-    raw: dict[str, float] = {}
-    if (why := _inertia_doubt(regression)) is not None:
-        raw["rotor_inertia"] = regression.value("rotor_inertia")
-        kept = {n: c for n, c in terms.columns.items() if n != "rotor_inertia"}
-        terms = Terms(kept, {**terms.left_out, "rotor_inertia": why})
-        regression = regress(record.torque - known_torque, kept, record.rate_hz, ci_level)
-    settings = {
-        **options,
         "torque_sign": torque_sign,
         "rotor_inertia_given": rotor_inertia,
         "acceleration_from": record.acceleration_from,
@@ -158,7 +152,42 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
         "sha256": record.sha256,
         "jointz": provenance.software()["jointz"],
     }
-    return _report(record, terms, regression, model=model, raw=raw, settings=settings)
+    terms = find_terms(
+        record,
+        model,
+        gear_ratio=float(gear_ratio),
+        smooth_velocity_rad_s=smooth_velocity_rad_s,
+        skip=() if rotor_inertia is None else ("rotor_inertia",),
+    )
+    fit = regress(measured, terms.columns, record.rate_hz, ci_level)
+    unbounded: dict[str, float] = {}
+    if (why := _inertia_doubt(fit)) is not None:
+        unbounded["rotor_inertia"] = fit.value("rotor_inertia")
+        terms = terms.without("rotor_inertia", why)
+        fit = regress(measured, terms.columns, record.rate_hz, ci_level)
+    parameters = tuple(_parameter(name, fit, unbounded, settings) for name in MODEL_TERMS[model])
+    undecided = [p.name for p in parameters if not p.available]
+    if record.acceleration_from == "none" and "rotor_inertia" in undecided:
+        undecided.remove("rotor_inertia")  # it could not be measured
+    centred = record.torque - record.torque.mean()
+    return ActuatorFit(
+        model=model,
+        parameters=parameters,
+        rms_error_nm=float(np.sqrt(np.mean(fit.residual**2))),
+        vaf_pct=100.0 * (1.0 - float(np.sum(fit.residual**2) / np.sum(centred**2))),
+        status="undecided" if undecided else "ok",
+        gear_ratio=float(gear_ratio),
+        torque_sign=torque_sign,
+        n_samples=record.torque.size,
+        rate_hz=record.rate_hz,
+        condition_number=fit.condition_number,
+        covariance=tuple(tuple(row) for row in fit.covariance.tolist()),
+        fitted=fit.names,
+        ci_method=fit.ci_method,
+        settings=settings,
+        warnings=tuple(actuator_warnings(record, terms, fit, gear_ratio=float(gear_ratio))),
+        series=_series(record, record.torque - fit.residual),
+    )
 
 
 def _check_settings(
@@ -169,60 +198,67 @@ def _check_settings(
     smooth: float | None,
 ) -> None:
     """Refuse settings out of range, all in one message."""
-    problems = []
-    if not 0.0 < gear_ratio < np.inf:
-        problems.append(
+    inertia = rotor_inertia
+    checks = [
+        (
+            0.0 < gear_ratio < np.inf,
             f"gear_ratio: expected > 0 (motor turns a turn of the output), got {gear_ratio:g}. "
-            "Give the direction with torque_sign."
-        )
-    if torque_sign not in (1.0, -1.0):
-        problems.append(f"torque_sign: expected 1 or -1, got {torque_sign:g}.")
-    if rotor_inertia is not None and not 0.0 <= rotor_inertia < np.inf:
-        problems.append(f"rotor_inertia: expected >= 0 kg*m^2, got {rotor_inertia:g}.")
-    if rotor_inertia is not None and "rotor_inertia" not in MODEL_TERMS[model]:
-        problems.append(f"rotor_inertia: model {model} has no inertia. Take motor or friction.")
-    if smooth is not None and not 0.0 < smooth < np.inf:
-        problems.append(f"smooth_velocity_rad_s: expected > 0 rad/s, got {smooth:g}.")
-    if smooth is not None and model != "friction":
-        problems.append(f"smooth_velocity_rad_s: model {model} has no sign. Take friction.")
+            "Give the direction with torque_sign.",
+        ),
+        (torque_sign in (1.0, -1.0), f"torque_sign: expected 1 or -1, got {torque_sign:g}."),
+        (
+            inertia is None or 0.0 <= inertia < np.inf,
+            f"rotor_inertia: expected >= 0 kg*m^2, got {inertia or 0.0:g}.",
+        ),
+        (
+            inertia is None or "rotor_inertia" in MODEL_TERMS[model],
+            f"rotor_inertia: model {model} has no inertia. Take motor or friction.",
+        ),
+        (
+            smooth is None or 0.0 < smooth < np.inf,
+            f"smooth_velocity_rad_s: expected > 0 rad/s, got {smooth or 0.0:g}.",
+        ),
+        (
+            smooth is None or model == "friction",
+            f"smooth_velocity_rad_s: model {model} has no sign. Take friction.",
+        ),
+    ]
+    problems = [problem for fine, problem in checks if not fine]
     if problems:
-        raise DataError("identify_actuator: " + " ".join(problems))
+        raise DataError(f"{_WHERE}: " + " ".join(problems))
 
 
 def _check_moves(record: ActuatorRecord) -> None:
-    for name, values, code in (
-        ("current", record.current, Failure.CONSTANT_CURRENT.value),
-        ("torque", record.torque, Failure.CONSTANT_TORQUE.value),
-    ):
+    for name, values in (("current", record.current), ("torque", record.torque)):
         if is_constant(values):
             raise EstimationError(
-                code,
+                f"constant_{name}",
                 f"the {name} is constant ({values[0]:.6g}): no torque constant can be found. "
                 "Check the column, or record several levels.",
             )
 
 
 def _known_torque(record: ActuatorRecord, rotor_inertia: float | None) -> np.ndarray:
-    """Return what a given inertia takes from the torque."""
+    """Return the torque that a given inertia takes."""
     if rotor_inertia is None:
         return np.zeros_like(record.torque)
     if record.acceleration is None:
         raise DataError(
-            "identify_actuator: rotor_inertia is given, but no acceleration to multiply it with. "
+            f"{_WHERE}: rotor_inertia is given, but no acceleration to multiply it with. "
             "Give acceleration, or time or rate to difference the velocity."
         )
     return -rotor_inertia * record.acceleration
 
 
-def _inertia_doubt(regression: Regression) -> str | None:
-    """Say why a fitted inertia is none."""
-    if "rotor_inertia" not in regression.names or regression.is_saturated:
+def _inertia_doubt(fit: BlockRegression) -> str | None:
+    """Say why a fitted inertia cannot be one; None where it can."""
+    if "rotor_inertia" not in fit.names or fit.is_saturated:
         return None
-    low, high = regression.interval("rotor_inertia")
+    low, high = fit.interval("rotor_inertia")
     if low > 0.0:
         return None
     reason = "the record hardly accelerates, or the torque record is late"
-    if regression.doubt:
+    if fit.doubt:
         reason = "the record is too short"
     elif high < 0.0:
         reason = "a sign of acceleration, speed or torque is turned"
@@ -232,65 +268,24 @@ def _inertia_doubt(regression: Regression) -> str | None:
     )
 
 
-def _report(
-    record: ActuatorRecord,
-    terms: Terms,
-    regression: Regression,
-    *,
-    model: str,
-    raw: Mapping[str, float],
-    settings: dict[str, Any],
-) -> ActuatorFit:
-    """Put the numbers together and say what is doubtful about them."""
-    residual = regression.residual
-    centred = record.torque - record.torque.mean()
-    parameters = tuple(_parameter(name, regression, raw, settings) for name in MODEL_TERMS[model])
-    measurable = [
-        p
-        for p in parameters
-        if not (p.name == "rotor_inertia" and record.acceleration_from == "none")
-    ]
-    return ActuatorFit(
-        model=model,
-        parameters=parameters,
-        rms_error_nm=float(np.sqrt(np.mean(residual**2))),
-        vaf_pct=100.0 * (1.0 - float(np.sum(residual**2) / np.sum(centred**2))),
-        status="undecided" if any(not p.stands for p in measurable) else "ok",
-        gear_ratio=settings["gear_ratio"],
-        torque_sign=settings["torque_sign"],
-        n_samples=record.torque.size,
-        rate_hz=record.rate_hz,
-        condition_number=regression.condition_number,
-        covariance=tuple(tuple(row) for row in regression.covariance.tolist()),
-        fitted=regression.names,
-        ci_method=regression.ci_method,
-        settings=settings,
-        warnings=notes(record, terms, regression, gear_ratio=settings["gear_ratio"]),
-        series=_series(record, record.torque - residual),
-    )
-
-
 def _parameter(
-    name: str, regression: Regression, raw: Mapping[str, float], settings: Mapping[str, Any]
+    name: str,
+    fit: BlockRegression,
+    unbounded: Mapping[str, float],
+    settings: Mapping[str, Any],
 ) -> ParameterEstimate:
-    level = settings["ci_level"]
-    given = settings["rotor_inertia_given"]
-    if name == "rotor_inertia" and given is not None:
-        return ParameterEstimate(name, given, None, None, "ok", level, "given, not fitted")
-    if name not in regression.names:
-        return ParameterEstimate(
-            name, None, None, None, "undecided", level, "none", unbounded=raw.get(name)
-        )
-    value = regression.value(name)
-    if name == "torque_constant" and explains_nothing(regression):
-        return ParameterEstimate(
-            name, None, None, None, "undecided", level, regression.ci_method, unbounded=value
-        )
-    if regression.doubt:
-        shown = None if regression.is_saturated else value
-        return ParameterEstimate(name, shown, None, None, "undecided", level, "none")
-    low, high = regression.interval(name)
-    return ParameterEstimate(name, value, low, high, "ok", level, regression.ci_method)
+    level, inertia = settings["ci_level"], settings["rotor_inertia_given"]
+    if name == "rotor_inertia" and inertia is not None:
+        return ParameterEstimate(name, inertia, None, None, "ok", level, "given, not fitted")
+    undecided = ParameterEstimate(name, None, None, None, "undecided", level, "none")
+    if name not in fit.names:
+        return replace(undecided, unbounded=unbounded.get(name))
+    value = fit.value(name)
+    if name == "torque_constant" and explains_nothing(fit):
+        return replace(undecided, ci_method=fit.ci_method, unbounded=value)
+    if fit.doubt:
+        return replace(undecided, value=None if fit.is_saturated else value)
+    return ParameterEstimate(name, value, *fit.interval(name), "ok", level, fit.ci_method)
 
 
 def _series(record: ActuatorRecord, modelled: np.ndarray) -> ActuatorSeries:

@@ -28,86 +28,38 @@ _THIRD_DIFFERENCE = 20.0
 
 @dataclass(frozen=True, slots=True)
 class ActuatorRecord:
-    """Checked samples of one bench record, SI, all speeds at the output.
+    """Checked samples of one bench record, SI, all speeds at the output."""
 
-    Parameters
-    ----------
-    torque, current : (n,) float, N*m and A
-        The sensor's torque, its sign turned where that was asked for, and the
-        motor's current.
-    velocity : (n,) float, rad/s, or None
-        Of the output.
-    acceleration : (n,) float, rad/s^2, or None
-        Of the output.
-    acceleration_from : str
-        ``given``, ``velocity`` (differences of it) or ``none``.
-    acceleration_noise_share : float
-        Share of the acceleration's variance that is noise of the velocity; 0
-        where it was given.
-    rate_hz : float or None
-        Sampling rate, where known.
-    time : (n,) float
-        s; the number of the sample where no rate is known.
-    sha256 : str
-        Hash of the file, where known.
-    """
-
+    # the sensor's torque, its sign turned where that was asked for, and the motor's current
     torque: np.ndarray
     current: np.ndarray
-    velocity: np.ndarray | None
-    acceleration: np.ndarray | None
-    acceleration_from: str
+    velocity: np.ndarray | None  # of the output
+    acceleration: np.ndarray | None  # of the output
+    acceleration_from: str  # ``given``, ``velocity`` (differences of it) or ``none``
+    # share of the acceleration's variance that is noise of the velocity; 0 where it was given
     acceleration_noise_share: float
-    rate_hz: float | None
-    time: np.ndarray
-    sha256: str
+    rate_hz: float | None  # sampling rate, where known
+    time: np.ndarray  # s; the number of the sample where no rate is known
+    sha256: str  # hash of the file, where known
 
 
 def gather_actuator(
     recording: Samples | None,
-    given: Mapping[str, npt.ArrayLike | None],
+    arrays: Mapping[str, npt.ArrayLike | None],
     *,
     rate_hz: float | None,
     needs_velocity: bool,
     torque_sign: float,
 ) -> ActuatorRecord:
-    """Check the samples and find the acceleration.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels ``current``, ``torque`` and, where there are, ``velocity``,
-        ``acceleration`` and ``time``.
-    given : mapping
-        The same channels given one by one, None where absent.
-    rate_hz : float, optional
-        Sampling rate; neither it nor time need be known.
-    needs_velocity : bool
-        Whether the model has a term in the velocity.
-    torque_sign : float
-        1 or -1, the torque is multiplied by it.
-
-    Returns
-    -------
-    ActuatorRecord
-        The samples. Where there is no acceleration but a rate, it is the
-        central difference of the velocity.
-
-    Raises
-    ------
-    DataError
-        When the samples cannot be trusted: see
-        :func:`jointz.identify.series.joint_record.gather_record`; values that no
-        actuator reaches, with the first row.
-    """
-    source = recording if recording is not None else given
+    """Check the samples and find the acceleration."""
+    source = recording if recording is not None else arrays
     has_time = "time" in source and source["time"] is not None
     if rate_hz is not None and has_time:
         raise DataError("identify_actuator: expected time stamps or rate_hz, got both. Drop one.")
     timed = has_time or rate_hz is not None
     record = gather_record(
         recording,
-        given,
+        arrays,
         rate_hz=None if has_time else (1.0 if rate_hz is None else rate_hz),
         where="identify_actuator",
         required=("current", "torque", *(("velocity",) if needs_velocity else ())),
@@ -161,17 +113,6 @@ def velocity_noise(velocity: np.ndarray) -> float:
 
     White noise (quantisation is nearly that) shows in third differences, where
     motion hardly does; motion near half the rate counts as noise.
-
-    Parameters
-    ----------
-    velocity : (n,) float
-        Evenly sampled.
-
-    Examples
-    --------
-    >>> noise = 0.1 * np.random.default_rng(0).standard_normal(10_000)
-    >>> round(velocity_noise(np.linspace(0.0, 5.0, 10_000) + noise), 2)
-    0.1
     """
     if velocity.size <= 3:
         return 0.0
@@ -179,7 +120,7 @@ def velocity_noise(velocity: np.ndarray) -> float:
 
 
 def _noise_share(velocity: np.ndarray, acceleration: np.ndarray, rate_hz: float) -> float:
-    """Return which share of the differenced velocity's variance is noise, 0..1."""
+    """Return the share of noise in the variance of the differenced velocity, 0..1."""
     power = float(np.var(acceleration))
     noise = velocity_noise(velocity) ** 2
     return min(0.5 * noise * rate_hz**2 / power, 1.0) if power > 0.0 else 1.0

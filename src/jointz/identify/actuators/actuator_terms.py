@@ -1,4 +1,4 @@
-"""Terms of the torque models 3.1 to 3.3, and which of them a record can tell apart."""
+"""Terms of the torque models 3.1 to 3.3, and those that a record can tell apart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from jointz.identify.actuators.actuator_record import ActuatorRecord
+from jointz.identify.bench.bench_estimates import is_constant
 
 #: Model -> its parameters. The order is that of rank: where two terms cannot be told apart,
 #: the later one is left out.
@@ -33,25 +34,22 @@ _LEAST_REVERSED_SHARE = 0.01
 _DEAD_BAND_SHARE = 0.05
 #: Largest share of noise in a differenced velocity: the inertia reads low by as much.
 MOST_NOISE_SHARE = 0.1
-_CONSTANT = 1e-9
 #: Terms that turn with the speed's sign.
 _WITH_SIGN = ("coulomb_friction", "gear_friction")
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms that are fitted, and why the others are not.
+    """The terms that are fitted, and why the others are not."""
 
-    Parameters
-    ----------
-    columns : mapping of str to (n,) float
-        Parameter -> its regressor: torque = sum of parameter * column.
-    left_out : mapping of str to str
-        Parameter -> why the record does not support it.
-    """
-
+    # parameter -> its regressor: torque = sum of parameter * column
     columns: Mapping[str, np.ndarray]
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, str]  # parameter -> why the record does not support it
+
+    def without(self, name: str, why: str) -> "Terms":
+        """Return the terms less one."""
+        columns = {n: column for n, column in self.columns.items() if n != name}
+        return Terms(columns, {**self.left_out, name: why})
 
 
 def find_terms(
@@ -62,26 +60,7 @@ def find_terms(
     smooth_velocity_rad_s: float | None,
     skip: tuple[str, ...] = (),
 ) -> Terms:
-    """Return the terms of a model that the record supports.
-
-    Parameters
-    ----------
-    record : ActuatorRecord
-        The samples.
-    model : str
-        ``current``, ``motor`` or ``friction``.
-    gear_ratio : float
-        Motor turns a turn of the output.
-    smooth_velocity_rad_s : float, optional
-        s of tanh(velocity / s) in place of the sign.
-    skip : tuple of str
-        Terms that are not fitted: known, or already found undecided.
-
-    Returns
-    -------
-    Terms
-        Regressors with the signs of 3.1 to 3.3.
-    """
+    """Return the terms of a model that the record supports."""
     left_out: dict[str, str] = {}
     kept: dict[str, np.ndarray] = {}
     for name in MODEL_TERMS[model]:
@@ -98,21 +77,10 @@ def find_terms(
     return Terms(kept, left_out)
 
 
-def is_constant(values: np.ndarray) -> bool:
-    """Tell whether a channel stands still but for rounding.
-
-    Parameters
-    ----------
-    values : (n,) float
-        The channel.
-    """
-    return bool(np.ptp(values) <= _CONSTANT * np.abs(values).max())
-
-
 def _regressor(
     record: ActuatorRecord, name: str, gear_ratio: float, smooth: float | None
 ) -> np.ndarray:
-    """Return what a parameter is multiplied by in 3.1 to 3.3."""
+    """Return the factor of a parameter in 3.1 to 3.3."""
     zeros = np.zeros_like(record.torque)
     velocity = zeros if record.velocity is None else record.velocity
     acceleration = zeros if record.acceleration is None else record.acceleration
@@ -129,7 +97,7 @@ def _regressor(
 
 
 def _missing(record: ActuatorRecord, name: str, smooth: float | None) -> str:
-    """Say why a term has nothing to be fitted to; nothing where it has."""
+    """Say why the record cannot decide a term; empty where it can."""
     if name == "rotor_inertia":
         return _missing_acceleration(record)
     if smooth is not None and record.velocity is not None and name in _WITH_SIGN:
@@ -167,13 +135,7 @@ def _missing_acceleration(record: ActuatorRecord) -> str:
 
 
 def rest_share(velocity: np.ndarray) -> float:
-    """Return the share of the samples inside the dead band, of a record that moves.
-
-    Parameters
-    ----------
-    velocity : (n,) float
-        Of the output.
-    """
+    """Return the share of the samples inside the dead band, of a record that moves."""
     return float(np.mean(np.abs(velocity) <= _dead_band(velocity)))
 
 
@@ -188,7 +150,7 @@ def _reversed_share(velocity: np.ndarray) -> float:
 
 
 def _confounded(column: np.ndarray, kept: Mapping[str, np.ndarray]) -> str:
-    """Say which kept term holds this one; nothing where it has enough of its own."""
+    """Say which kept term explains this one; empty where none does."""
     if is_constant(column):
         return "what it multiplies is constant in this record, as the bias is"
     centred = column - column.mean()
@@ -197,11 +159,12 @@ def _confounded(column: np.ndarray, kept: Mapping[str, np.ndarray]) -> str:
         return ""
     basis = np.stack([c / np.linalg.norm(c) for c in others.values()], axis=1)
     weights = np.linalg.lstsq(basis, centred, rcond=None)[0]
-    own = np.linalg.norm(centred - basis @ weights) ** 2 / np.linalg.norm(centred) ** 2
-    if own >= _LEAST_OWN_SHARE:
+    own_share = np.linalg.norm(centred - basis @ weights) ** 2 / np.linalg.norm(centred) ** 2
+    if own_share >= _LEAST_OWN_SHARE:
         return ""
     rival = list(others)[int(np.argmax(np.abs(weights)))]
     return (
-        f"it cannot be told from {rival}, which then holds both: only {100 * own:.2g} % of its "
-        "regressor's variance is its own. Vary torque and speed independently, in both directions"
+        f"it cannot be told from {rival}, which then holds both: only {100 * own_share:.2g} % of "
+        "its regressor's variance is its own. Vary torque and speed independently, in both "
+        "directions"
     )

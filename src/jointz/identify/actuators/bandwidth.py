@@ -1,4 +1,4 @@
-"""The bandwidth of a closed torque loop, out of command and measured torque."""
+"""Bandwidth of a closed torque loop from command and measured torque."""
 
 from collections.abc import Mapping
 from typing import Literal, get_args
@@ -8,27 +8,31 @@ import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 from scipy.stats import norm
-from scipy.stats import t as student_t
 
-from jointz.core import provenance
-from jointz.core.bandwidth_fit import BandwidthFit
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.frequency_response_curve import ResponseCurve
 from jointz.identify.actuators.bandwidth_crossing import (
+    WHERE,
     Crossing,
     check_coherent,
     excited_bins,
     find_crossing,
     rough_crossing_hz,
 )
-from jointz.identify.series.joint_record import JointRecord, check_choice, gather_record
-from jointz.kernels.spectra import CrossSpectra, blackman_tukey, welch
+from jointz.identify.series.joint_record import (
+    JointRecord,
+    check_choice,
+    check_level,
+    gather_record,
+    refuse_constant,
+)
+from jointz.identify.series.response_columns import response_curve
+from jointz.kernels.series.spectra import CrossSpectra, blackman_tukey, welch
+from jointz.results.bench.bandwidth_fit import BandwidthFit
 
 Method = Literal["welch", "blackman_tukey"]
 
 
-_WHERE = "identify_bandwidth"
 #: Welch segments in the record, half-overlapping not counted; the lags of Blackman and Tukey span
 #: two thirds of such a segment, which resolves the same.
 _SEGMENTS = 16.0
@@ -49,7 +53,6 @@ _REFUSED = 4.0
 _HALVING = 3.0
 _LARGEST_BIAS = 0.1
 _LOW_COHERENCE = 0.8
-_WIDEST_BAND = 1e3
 
 
 def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identify
@@ -140,24 +143,23 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
     True
     """
     check_choice("method", method, get_args(Method))
-    if not 0.0 < ci_level < 1.0:
-        raise ValueError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
+    check_level(WHERE, ci_level)
     if not 0.0 < drop_db < np.inf:
         raise ValueError(f"drop_db: expected > 0 dB, got {drop_db}")
     if window_s is not None and not 0.0 < window_s < np.inf:
-        raise DataError(f"{_WHERE}: window_s: expected > 0 s, got {window_s:g}")
-    given = {"command": command, "torque": torque, "time": time}
+        raise DataError(f"{WHERE}: window_s: expected > 0 s, got {window_s:g}")
+    arrays = {"command": command, "torque": torque, "time": time}
     record = gather_record(
-        recording, given, rate_hz=rate_hz, where=_WHERE, required=("command", "torque")
+        recording, arrays, rate_hz=rate_hz, where=WHERE, required=("command", "torque")
     )
-    _check_moves(record)
+    refuse_constant(record, ("command", "torque"))
     chosen_s = window_s if window_s is not None else _window_s(record, method, drop_db)
     spectra = _spectra(record, method, chosen_s)
-    check_coherent(spectra, _WHERE)
-    rough_hz = rough_crossing_hz(spectra, drop_db, _WHERE)
+    check_coherent(spectra)
+    rough_hz = rough_crossing_hz(spectra, drop_db)
     if rough_hz < _REFUSED * spectra.resolution_hz:
         raise _below_resolution(spectra, rough_hz)
-    crossing = find_crossing(spectra, drop_db, _WHERE)
+    crossing = find_crossing(spectra, drop_db)
     if crossing.hz < _REFUSED * spectra.resolution_hz:
         raise _below_resolution(spectra, crossing.hz)
     bias_hz = _smoothing_bias_hz(
@@ -165,6 +167,7 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
     )
     wide = float(norm.ppf((1.0 + ci_level) / 2.0)) * crossing.sd_hz
     coherence = float(np.interp(crossing.hz, spectra.frequency_hz, spectra.coherence))
+    shown = excited_bins(spectra)
     return BandwidthFit(
         bandwidth_hz=crossing.hz,
         ci_low_hz=max(crossing.hz - wide - max(bias_hz, 0.0), 0.0),
@@ -175,7 +178,14 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
         reference_hz=crossing.reference_hz,
         resolution_hz=spectra.resolution_hz,
         coherence=coherence,
-        response=_curve(spectra, ci_level),
+        response=response_curve(
+            spectra.frequency_hz[shown],
+            spectra.response[shown],
+            relative_sd=spectra.relative_sd()[shown],
+            coherence=spectra.coherence[shown],
+            n_averages=spectra.n_averages,
+            ci_level=ci_level,
+        ),
         method=method,
         window_s=chosen_s,
         n_averages=spectra.n_averages,
@@ -185,35 +195,21 @@ def identify_bandwidth(  # noqa: PLR0913 - the fixed public signature of identif
         settings={
             "window": "chosen from the record" if window_s is None else "given",
             "smoothing_bias_hz": bias_hz,
-            "sha256": record.sha256,
-            "jointz": provenance.software()["jointz"],
+            **record.origin(),
         },
         warnings=_warnings(crossing, spectra, coherence, bias_hz),
     )
 
 
-def _check_moves(record: JointRecord) -> None:
-    for name, code in (
-        ("command", Failure.CONSTANT_COMMAND.value),
-        ("torque", Failure.CONSTANT_TORQUE.value),
-    ):
-        values = record.channels[name]
-        if np.ptp(values) <= 1e-12 * np.abs(values).max():
-            raise EstimationError(
-                code,
-                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
-            )
-
-
 def _window_s(record: JointRecord, method: Method, drop_db: float) -> float:
     """Choose a window: many averages, then as long as the bandwidth they show needs."""
-    seconds = record.time.size / record.rate_hz
+    seconds = record.seconds
     share = 1.0 if method == "welch" else _LAGS_OF_SEGMENT
     chosen_s = min(seconds / _SEGMENTS, _LONGEST_WINDOW_S)
     for _ in range(_LENGTHENINGS):
         spectra = _spectra(record, method, share * chosen_s)
-        check_coherent(spectra, _WHERE)
-        roughly_hz = rough_crossing_hz(spectra, drop_db, _WHERE)
+        check_coherent(spectra)
+        roughly_hz = rough_crossing_hz(spectra, drop_db)
         wanted_s = min(_HANN_RESOLUTION * _RESOLVED / roughly_hz, seconds / _FEWEST_SEGMENTS)
         if wanted_s <= chosen_s:
             break
@@ -230,12 +226,12 @@ def _smoothing_bias_hz(
     window_s: float,
     drop_db: float,
 ) -> float:
-    """Return by how much smoothing moves the reading, from what half the window does."""
+    """Return the bias by smoothing, from the reading with half the window."""
     # What moves a reading that is resolved so well is noise.
     resolved = crossing.hz >= _RESOLVED * spectra.resolution_hz
     half = _spectra(record, method, window_s / 2.0)
     try:
-        moved_hz = find_crossing(half, drop_db, _WHERE).hz - crossing.hz
+        moved_hz = find_crossing(half, drop_db).hz - crossing.hz
     except EstimationError as exc:
         if resolved:
             return 0.0
@@ -256,10 +252,10 @@ def _spectra(record: JointRecord, method: Method, window_s: float) -> CrossSpect
             window_s=window_s,
         )
     except ValueError as exc:
-        raise DataError(f"{_WHERE}: {exc}. Choose another window_s, or record longer.") from exc
+        raise DataError(f"{WHERE}: {exc}. Choose another window_s, or record longer.") from exc
     if spectra.n_averages < _FEWEST_AVERAGES:
         raise DataError(
-            f"{_WHERE}: a window of {window_s:.4g} s makes {spectra.n_averages:.1f} averages of "
+            f"{WHERE}: a window of {window_s:.4g} s makes {spectra.n_averages:.1f} averages of "
             f"this record, at least {_FEWEST_AVERAGES:.0f} are needed. Shorten window_s, or record "
             "longer."
         )
@@ -269,7 +265,7 @@ def _spectra(record: JointRecord, method: Method, window_s: float) -> CrossSpect
 def _below_resolution(spectra: CrossSpectra, hz: float) -> EstimationError:
     return EstimationError(
         Failure.BELOW_RESOLUTION.value,
-        f"{_WHERE}: the bandwidth reads {hz:.3g} Hz, {hz / spectra.resolution_hz:.1f} times the "
+        f"{WHERE}: the bandwidth reads {hz:.3g} Hz, {hz / spectra.resolution_hz:.1f} times the "
         f"resolution of {spectra.resolution_hz:.3g} Hz: the window, not the actuator, would be "
         "measured; the true bandwidth may be far lower. Choose a longer window_s, or record "
         "longer; check the unit of time.",
@@ -291,21 +287,3 @@ def _warnings(
             f"the coherence at the bandwidth is {coherence:.2f}: noise, saturation or friction"
         )
     return tuple(notes)
-
-
-def _curve(spectra: CrossSpectra, ci_level: float) -> ResponseCurve:
-    shown = excited_bins(spectra)
-    response, sd = spectra.response[shown], spectra.relative_sd()[shown]
-    gain = np.abs(response)
-    wide = float(student_t.ppf((1.0 + ci_level) / 2.0, max(2.0 * spectra.n_averages - 2.0, 1.0)))
-    reach = np.exp(np.minimum(wide * sd, np.log(_WIDEST_BAND)))
-    columns = {
-        "frequency_hz": spectra.frequency_hz[shown],
-        "gain": gain,
-        "phase_rad": np.unwrap(np.angle(response)),
-        "gain_low": gain / reach,
-        "gain_high": gain * reach,
-        "phase_sd_rad": np.minimum(sd, np.pi),
-        "coherence": spectra.coherence[shown],
-    }
-    return ResponseCurve(**{name: tuple(v.tolist()) for name, v in columns.items()})

@@ -1,4 +1,4 @@
-"""Where the gain of a torque loop has fallen, and how surely the spectra tell."""
+"""Frequency at which the gain of a torque loop has fallen, and its error."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.kernels.spectra import CrossSpectra, coherence_threshold
+from jointz.kernels.series.spectra import CrossSpectra, coherence_threshold
 
 #: The gain at zero frequency is read off up to this share of the bandwidth.
 _REFERENCE_SHARE = 0.3
@@ -30,69 +30,46 @@ _CLEAR_SLOPE = 4.0
 _SHARED = 4.0 / 3.0
 _LOG_GAIN_OF_DB = np.log(10.0) / 20.0
 _LEAST_SD = 1e-6
+WHERE = "identify_bandwidth"
 _LEAST_COHERENCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """Where the gain crosses its loss.
+    """Where the gain crosses its loss."""
 
-    Parameters
-    ----------
-    hz : float
-        The frequency.
-    sd_hz : float
-        Its sd by noise.
-    reference_gain : float
-        Gain at zero frequency.
-    reference_hz : tuple of float
-        Band it was read off.
-    """
-
-    hz: float
-    sd_hz: float
-    reference_gain: float
-    reference_hz: tuple[float, float]
+    hz: float  # the frequency
+    sd_hz: float  # its sd by noise
+    reference_gain: float  # gain at zero frequency
+    reference_hz: tuple[float, float]  # band it was read off
 
 
 @dataclass(frozen=True, slots=True)
 class _Gain:
-    """Log gain of every bin, its mean over neighbours, its sd, and which bins were excited."""
+    """Log gain of every bin."""
 
+    spectra: CrossSpectra
     log: np.ndarray
-    level: np.ndarray
+    level: np.ndarray  # mean over neighbours
     sd: np.ndarray
-    excited: np.ndarray
+    excited: np.ndarray  # bins that the command excites
+
+    @property
+    def cells(self) -> float:
+        """How many neighbouring frequencies count as one."""
+        f = self.spectra.frequency_hz
+        return max(_SHARED * self.spectra.resolution_hz / float(f[1]), 1.0)
 
 
 def excited_bins(spectra: CrossSpectra) -> np.ndarray:
-    """Return where the command has power, (f,) bool, zero frequency left out.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    """
+    """Return where the command has power, (f,) bool, zero frequency left out."""
     power = spectra.auto_in
     excited: np.ndarray = (power > _EXCITED * power[1:].max()) & (spectra.frequency_hz > 0.0)
     return excited
 
 
-def check_coherent(spectra: CrossSpectra, where: str) -> None:
-    """Refuse a pair of records of which nothing, or hardly anything, belongs together.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``not_coherent``.
-    """
+def check_coherent(spectra: CrossSpectra) -> None:
+    """Refuse a pair of records that are hardly coherent."""
     excited = excited_bins(spectra)
     needed = coherence_threshold(spectra.n_averages)
     share = float(np.mean(spectra.coherence[excited] > needed))
@@ -101,89 +78,54 @@ def check_coherent(spectra: CrossSpectra, where: str) -> None:
     if share < 0.1 or at_low < _COHERENT_SHARE:
         raise EstimationError(
             Failure.NOT_COHERENT.value,
-            f"{where}: command uncorrelated with torque: coherent at {100 * share:.0f} % of the "
+            f"{WHERE}: command uncorrelated with torque: coherent at {100 * share:.0f} % of the "
             f"excited frequencies, at {100 * at_low:.0f} % of the lowest. Check that the columns "
             "belong to one record and that the loop was closed.",
         )
 
 
-def find_crossing(spectra: CrossSpectra, drop_db: float, where: str) -> Crossing:
+def find_crossing(spectra: CrossSpectra, drop_db: float) -> Crossing:
     """Return where the gain has lost ``drop_db``, counted from the gain at zero frequency.
 
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    drop_db : float
-        The loss, dB.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``above_band``: the loss, or the gain it counts from, lies where the
-        command does not excite. ``not_coherent``: the gain scatters so much that
-        its slope cannot be told.
-
-    Notes
-    -----
     The log gain is unbiased where noise is smaller than the gain, the gain is
     not. Bins are weighted by their neighbours' mean coherence: a bin's own goes
     with its noise.
     """
     gain = _gain(spectra)
-    start_hz, low = _first_below(spectra, gain, drop_db, where)
-    log_reference, reference_var = _low_gain(spectra, gain, low)
-    wanted = log_reference - drop_db * _LOG_GAIN_OF_DB
-    hz, slope, log_var = _refine(spectra, gain, wanted, start_hz, where)
+    start_hz, low = _first_below(gain, drop_db)
+    log_reference, reference_var = _low_gain(gain, low)
+    target = log_reference - drop_db * _LOG_GAIN_OF_DB
+    hz, slope, log_var = _refine(gain, target, start_hz)
     sd_hz = float(np.sqrt(log_var + reference_var) / abs(slope))
     f = spectra.frequency_hz
     band = (float(f[low[0]]), float(f[low[-1]]))
     return Crossing(hz, sd_hz, float(np.exp(log_reference)), band)
 
 
-def rough_crossing_hz(spectra: CrossSpectra, drop_db: float, where: str) -> float:
-    """Return about where the gain has lost ``drop_db``, however badly the spectra resolve it.
-
-    Parameters
-    ----------
-    spectra : CrossSpectra
-        From command to torque.
-    drop_db : float
-        The loss, dB.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    EstimationError
-        ``above_band``.
-    """
-    return _first_below(spectra, _gain(spectra), drop_db, where)[0]
+def rough_crossing_hz(spectra: CrossSpectra, drop_db: float) -> float:
+    """Return about where the gain has lost ``drop_db``, however badly the spectra resolve it."""
+    return _first_below(_gain(spectra), drop_db)[0]
 
 
-def _first_below(
-    spectra: CrossSpectra, gain: _Gain, drop_db: float, where: str
-) -> tuple[float, np.ndarray]:
+def _first_below(gain: _Gain, drop_db: float) -> tuple[float, np.ndarray]:
     """Return the first frequency below the loss, and the bins that make the reference."""
-    f = spectra.frequency_hz
+    spectra, f = gain.spectra, gain.spectra.frequency_hz
     lowest = np.flatnonzero(gain.excited)[0]
     top_hz = hz = 0.0
     for _ in range(3):
         low = np.flatnonzero(gain.excited & (f <= max(top_hz, f[2])))
         if not low.size:
-            raise _not_excited(f"below {f[lowest]:.3g} Hz", where)
-        wanted = _low_gain(spectra, gain, low)[0] - drop_db * _LOG_GAIN_OF_DB
-        below = np.flatnonzero((gain.level < wanted) & (f > f[low[0]]))
+            raise _not_excited(f"below {f[lowest]:.3g} Hz")
+        target = _low_gain(gain, low)[0] - drop_db * _LOG_GAIN_OF_DB
+        below = np.flatnonzero((gain.level < target) & (f > f[low[0]]))
         dark = low[0] + np.flatnonzero(
             ~gain.excited[low[0] : below[0] + 1 if below.size else f.size]
         )
         if dark.size and dark[0] < np.argmax(spectra.auto_in):
-            raise _not_excited(f"at {f[dark[0]]:.3g} Hz", where)
+            raise _not_excited(f"at {f[dark[0]]:.3g} Hz")
         if dark.size or not below.size:
             top = dark[0] - 1 if dark.size else np.flatnonzero(gain.excited)[-1]
-            raise _above_band(spectra, float(f[top]), drop_db, where)
+            raise _above_band(spectra, float(f[top]), drop_db)
         hz = float(f[below[0]])
         top_hz = _REFERENCE_SHARE * hz
     return hz, low
@@ -197,7 +139,7 @@ def _gain(spectra: CrossSpectra) -> _Gain:
     known = np.maximum(_over_neighbours(spectra, (n * c - 1.0) / (n - 1.0), excited), 0.0)
     known = np.clip(known, _LEAST_COHERENCE, 1.0)
     sd = np.maximum(np.sqrt((1.0 - known) / (2.0 * n * known)), _LEAST_SD)
-    return _Gain(log, _over_neighbours(spectra, log, excited), sd, excited)
+    return _Gain(spectra, log, _over_neighbours(spectra, log, excited), sd, excited)
 
 
 def _over_neighbours(spectra: CrossSpectra, values: np.ndarray, excited: np.ndarray) -> np.ndarray:
@@ -211,52 +153,46 @@ def _over_neighbours(spectra: CrossSpectra, values: np.ndarray, excited: np.ndar
     return mean
 
 
-def _low_gain(spectra: CrossSpectra, gain: _Gain, low: np.ndarray) -> tuple[float, float]:
+def _low_gain(gain: _Gain, low: np.ndarray) -> tuple[float, float]:
     """Return the log gain at zero frequency, and its variance.
 
     It is a line in f^2, as of a first-order loop far below its bandwidth.
     """
     log, weight = gain.log[low], 1.0 / gain.sd[low] ** 2
     if low.size < _FEWEST_FOR_SLOPE:
-        return float(np.average(log, weights=weight)), _cells(spectra) / float(weight.sum())
-    square = (spectra.frequency_hz[low] / spectra.frequency_hz[low[-1]]) ** 2
+        return float(np.average(log, weights=weight)), gain.cells / float(weight.sum())
+    f = gain.spectra.frequency_hz
+    square = (f[low] / f[low[-1]]) ** 2
     design = np.column_stack([np.ones_like(square), square])
     inverse = np.linalg.inv(design.T @ (weight[:, None] * design))
     level = float((inverse @ (design.T @ (weight * log)))[0])
-    return level, _cells(spectra) * float(inverse[0, 0])
+    return level, gain.cells * float(inverse[0, 0])
 
 
-def _cells(spectra: CrossSpectra) -> float:
-    """Return how many neighbouring frequencies count as one."""
-    return max(_SHARED * spectra.resolution_hz / float(spectra.frequency_hz[1]), 1.0)
-
-
-def _refine(
-    spectra: CrossSpectra, gain: _Gain, wanted: float, start_hz: float, where: str
-) -> tuple[float, float, float]:
+def _refine(gain: _Gain, target: float, start_hz: float) -> tuple[float, float, float]:
     """Return where a line through the gain crosses, its slope per Hz, and the line's variance.
 
     The line is as short as its slope allows: the gain is not straight.
     """
-    reach = min(_LINE_REACH * spectra.resolution_hz, _NARROW_SHARE * start_hz)
+    reach = min(_LINE_REACH * gain.spectra.resolution_hz, _NARROW_SHARE * start_hz)
     longest = max(reach, _WIDE_SHARE * start_hz)
     while reach <= longest:
-        hz, slope, inverse = _line(spectra, gain, wanted, start_hz, reach)
+        hz, slope, inverse = _line(gain, target, start_hz, reach)
         if slope < -_CLEAR_SLOPE * np.sqrt(inverse[1, 1]):
             return hz, slope, float(inverse[0, 0])
         reach *= _WIDER
     raise EstimationError(
         Failure.NOT_COHERENT.value,
-        f"{where}: the gain scatters so much near {start_hz:.3g} Hz that its slope, and with it "
+        f"{WHERE}: the gain scatters so much near {start_hz:.3g} Hz that its slope, and with it "
         "the bandwidth, cannot be told. Command more, or record longer.",
     )
 
 
 def _line(
-    spectra: CrossSpectra, gain: _Gain, wanted: float, start_hz: float, reach_hz: float
+    gain: _Gain, target: float, start_hz: float, reach_hz: float
 ) -> tuple[float, float, np.ndarray]:
     """Return where a weighted line crosses, its slope, and the covariance of level and slope."""
-    f, hz = spectra.frequency_hz, start_hz
+    f, hz = gain.spectra.frequency_hz, start_hz
     for _ in range(3):
         near = np.flatnonzero(gain.excited & (np.abs(f - hz) <= max(reach_hz, 1.01 * f[1])))
         x = f[near] - hz
@@ -266,24 +202,22 @@ def _line(
         level, slope = np.linalg.solve(normal, design.T @ (weight * gain.log[near]))
         if slope >= 0.0:
             break
-        hz = float(np.clip(hz + (wanted - level) / slope, f[near[0]], f[near[-1]]))
-    return hz, float(slope), _cells(spectra) * np.linalg.inv(normal)
+        hz = float(np.clip(hz + (target - level) / slope, f[near[0]], f[near[-1]]))
+    return hz, float(slope), gain.cells * np.linalg.inv(normal)
 
 
-def _above_band(
-    spectra: CrossSpectra, top_hz: float, drop_db: float, where: str
-) -> EstimationError:
+def _above_band(spectra: CrossSpectra, top_hz: float, drop_db: float) -> EstimationError:
     return EstimationError(
         Failure.ABOVE_BAND.value,
-        f"{where}: the gain does not fall by {drop_db:g} dB inside the excited band, which ends "
+        f"{WHERE}: the gain does not fall by {drop_db:g} dB inside the excited band, which ends "
         f"at {top_hz:.4g} Hz (half the sampling rate: {spectra.frequency_hz[-1]:.4g} Hz). Command "
         "higher frequencies, and sample faster if need be.",
     )
 
 
-def _not_excited(at: str, where: str) -> EstimationError:
+def _not_excited(at: str) -> EstimationError:
     return EstimationError(
         Failure.ABOVE_BAND.value,
-        f"{where}: the command does not excite {at}: the gain at zero frequency, from which the "
+        f"{WHERE}: the command does not excite {at}: the gain at zero frequency, from which the "
         "loss counts, cannot be followed to the bandwidth. Command lower frequencies too.",
     )

@@ -39,63 +39,33 @@ Chosen = float | Mapping[str, float] | None
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """What is injected; what the study itself found where nothing is given.
+    """Injected values; None takes those that the study found."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float, mapping of str to float, or None
-        For all timing points, or for some by name.
-    lag_s : float or None, s
-        Of the sensor in all.
-    """
-
-    stiffness: Chosen = None
+    stiffness: Chosen = None  # for all timing points, or for some by name
     damping: Chosen = None
     inertia: Chosen = None
-    lag_s: float | None = None
+    lag_s: float | None = None  # s: of the sensor in all
 
     def described(self) -> dict[str, str]:
-        """Return, for each, the values or what stands for those of the study."""
+        """Return the injected values as text; ``found`` stands for those of the study."""
         return {name: _described(getattr(self, name)) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """A virtual participant.
+    """A virtual participant."""
 
-    Parameters
-    ----------
-    joints : tuple of InjectedJoint
-        At every timing point.
-    friction_gain : float
-        True over stated friction.
-    torque_gain : float
-        True over measured torque.
-    intrinsic : mapping of str to tuple of float
-        What of K, B and J is the device's, timing point by timing point; the sd of its
-        calibration is in it.
-    """
-
-    joints: tuple[InjectedJoint, ...]
-    friction_gain: float
-    torque_gain: float
+    joints: tuple[InjectedJoint, ...]  # at every timing point
+    friction_gain: float  # true over stated friction
+    torque_gain: float  # true over measured torque
+    # what of K, B and J is the device's, timing point by timing point; the sd of its calibration is
+    # in it
     intrinsic: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generator) -> Truth:
     """Return the joint found at every timing point behind one chain of instruments, drawn.
 
-    Parameters
-    ----------
-    evidence : Evidence
-        What the study found of a participant.
-    injection : Injection
-        What is given instead.
-    rng : numpy.random.Generator
-        Source of randomness.
-
-    Notes
-    -----
     K, B, J and what else is of the joint are the likeliest: drawn from their posterior they
     would have its errors once more, beside those of being estimated. Lag, delay and friction
     are drawn as far as calibration and responses leave them open, gains as far as the
@@ -110,7 +80,7 @@ def drawn_truth(evidence: Evidence, injection: Injection, rng: np.random.Generat
     joints = []
     for i, cell in enumerate(evidence.cells):
         stiffness, damping, inertia = (
-            _given(chosen, cell.label)
+            _chosen_value(chosen, cell.label)
             for chosen in (injection.stiffness, injection.damping, injection.inertia)
         )
         at = posterior.middle_s[i]
@@ -169,7 +139,7 @@ def _drawn(posterior: Posterior, rng: np.random.Generator) -> np.ndarray:
 
 
 def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.ndarray:
-    """Return what K and B change by at every timing point, (2, n) per s."""
+    """Return the slopes of K and B at every timing point, (2, n) per s."""
     drifts = points[:, [K_DRIFT, B_DRIFT]].T
     values = points[:, [K, B]].T
     sizes = np.maximum(values, np.array(_DRIFT_FLOOR)[:, None])
@@ -189,7 +159,7 @@ def _slopes(evidence: Evidence, posterior: Posterior, points: np.ndarray) -> np.
 
 
 def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[float, ...]]:
-    """Return what the injected impedance holds beside the joint's own, timing point by point."""
+    """Return the impedance injected beside the joint's own, timing point by timing point."""
     parts = {}
     for name in ("stiffness", "damping", "inertia"):
         entry: Calibrated | None = getattr(evidence.known, f"intrinsic_{name}")
@@ -203,10 +173,10 @@ def _intrinsic(evidence: Evidence, rng: np.random.Generator) -> dict[str, tuple[
     return parts
 
 
-def _given(chosen: Chosen, label: str) -> float | None:
-    if chosen is None or isinstance(chosen, Mapping):
-        return None if chosen is None else chosen.get(label)
-    return float(chosen)
+def _chosen_value(chosen: Chosen, label: str) -> float | None:
+    if isinstance(chosen, Mapping):
+        return chosen.get(label)
+    return None if chosen is None else float(chosen)
 
 
 def _described(chosen: Chosen) -> str:

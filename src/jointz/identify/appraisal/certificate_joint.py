@@ -23,76 +23,37 @@ _INSTANT_S = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class InjectedJoint:
-    """A joint and the chain of instruments that shows its angle; SI.
+    """A joint and the chain of instruments that shows its angle; SI."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float
-        K and B when they have the values given, and J.
-    stiffness_slope, damping_slope : float
-        What K and B change by, per s.
-    stiffness_at_s, damping_at_s : float, s
-        When they have the values given, from the onset.
-    lag_s, delay_s : float, s
-        First-order lag, pure delay.
-    resonance_hz, resonance_damping : float
-        Of the tissue; 0 Hz for none.
-    cross_talk : float, rad/(N*m)
-        Angle shown for torque.
-    angle_gain : float
-        Shown over true angle.
-    """
-
-    stiffness: float
+    stiffness: float  # k and B when they have the values given, and J
     damping: float
     inertia: float
-    stiffness_slope: float = 0.0
+    stiffness_slope: float = 0.0  # what K and B change by, per s
     damping_slope: float = 0.0
-    stiffness_at_s: float = 0.0
-    damping_at_s: float = 0.0
-    lag_s: float = 0.0
-    delay_s: float = 0.0
-    resonance_hz: float = 0.0
+    stiffness_at_s: float = 0.0  # s: when they have the values given, from the onset
+    damping_at_s: float = 0.0  # s
+    lag_s: float = 0.0  # s: first-order lag, pure delay
+    delay_s: float = 0.0  # s
+    resonance_hz: float = 0.0  # of the tissue; 0 Hz for none
     resonance_damping: float = 0.0
-    cross_talk: float = 0.0
-    angle_gain: float = 1.0
+    cross_talk: float = 0.0  # rad/(N*m): angle shown for torque
+    angle_gain: float = 1.0  # shown over true angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InjectedResponse:
-    """How an injected joint answers.
+    """Response of an injected joint."""
 
-    Parameters
-    ----------
-    shown : (n,) float, rad
-        What the sensor shows.
-    stiffness, damping : float
-        Means of K and B, weighted with what the motion tells of them.
-    """
-
-    shown: np.ndarray
-    stiffness: float
+    shown: np.ndarray  # angle that the sensor shows
+    stiffness: float  # means of K and B, weighted by their effect on the motion
     damping: float
 
 
 def injected_response(
     torque: np.ndarray, joint: InjectedJoint, *, period_s: float, window_s: float
 ) -> InjectedResponse:
-    """Return how a joint at rest answers a torque, and what K and B it then has on average.
+    """Return the response of a joint at rest to a torque, and its mean K and B.
 
-    Parameters
-    ----------
-    torque : (n,) float, N*m
-        At the samples; the joint is at rest at the first.
-    joint : InjectedJoint
-        The joint and its sensor.
-    period_s : float, s
-        Between samples.
-    window_s : float, s
-        From the first sample, that means are taken over.
-
-    Notes
-    -----
     The means are those of SCIENCE, trap 10: a change of K at one moment moves the angle from
     then on, and counts by what least squares on the angle would make of it.
     """
@@ -101,23 +62,23 @@ def injected_response(
     place, rate = _output(states, joint)
     curve = CubicHermiteSpline(times, place, rate)
     late = times - joint.delay_s
-    seen = np.where(late > 0.0, curve(np.maximum(late, 0.0)), 0.0)
+    delayed = np.where(late > 0.0, curve(np.maximum(late, 0.0)), 0.0)
     within = slice(0, int(window_s / period_s + 1e-9) + 1)
     kick = np.zeros(torque.size)
     kick[0] = 1.0
     answer = _states(kick, joint, period_s)[within, _X]
     since_K, since_B = (times[within] - at for at in (joint.stiffness_at_s, joint.damping_at_s))
-    weight_K = _told(answer, states[within, _X])
-    weight_B = _told(answer, states[within, _V])
+    weight_K = _moment_weights(answer, states[within, _X])
+    weight_B = _moment_weights(answer, states[within, _V])
     return InjectedResponse(
-        shown=joint.angle_gain * (seen + joint.cross_talk * torque),
+        shown=joint.angle_gain * (delayed + joint.cross_talk * torque),
         stiffness=joint.stiffness + joint.stiffness_slope * float(weight_K @ since_K),
         damping=joint.damping + joint.damping_slope * float(weight_B @ since_B),
     )
 
 
-def _told(answer: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Return how much each moment counts in a fit of what multiplies the motion; sum 1."""
+def _moment_weights(answer: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Return the weight of each moment in a fit of the factor of the motion; sum 1."""
     n = motion.size
     lower = np.tril(answer[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
     effect = lower * motion
@@ -163,7 +124,7 @@ def _steps(n: int, joint: InjectedJoint, period_s: float) -> np.ndarray:
 
 
 def _output(states: np.ndarray, joint: InjectedJoint) -> tuple[np.ndarray, np.ndarray]:
-    """Return what stands before the delay, and its derivative."""
+    """Return the signal before the delay, and its derivative."""
     place, rate = states[:, _X], states[:, _V]
     if joint.resonance_hz > 0.0:
         place, rate = states[:, _Y], states[:, _YD]

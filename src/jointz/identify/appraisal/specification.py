@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.estimates import CellEstimate
-from jointz.core.specification_curve import SpecificationEstimate
-from jointz.identify.appraisal.specification_baselines import with_baseline
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS
+from jointz.identify.methods.cell_regressions import DISSERTATION
+from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.preparation.assignment import Candidate, assign_pulses, label_names
+from jointz.identify.preparation.baselines import N_MATCHES
+from jointz.identify.preparation.raw_signals import COMMAND, raw_signals
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
@@ -25,60 +25,56 @@ from jointz.identify.recommended.response_checks import (
     shared_failure,
 )
 from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
+from jointz.identify.recommended.unperturbed_prediction import (
+    LEAD_SAMPLES,
+    PREDICTED_ROWS,
+    Predicted,
+)
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, PredictedCell, priors_of
+from jointz.identify.recommended.walking_responses import (
+    LONGEST_LAG_S,
+    PredictedCell,
+    alike,
+    priors_of,
+)
+from jointz.results.estimates import CellEstimate
+from jointz.results.specification_curve import SpecificationEstimate
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 PREDICTED = "predicted"
+BASELINES = (PREDICTED, "matched_strides", "unperturbed_mean")
 #: How the inertia of the timing points is bound together.
 INERTIA_MODELS = ("one", "free", "pooled")
-#: The method that filters: what its cut-off does is the dissertation's question.
+#: The method that filters: its cut-off is one of the choices.
 FILTERED = "dissertation"
 
-#: Called with what comes next.
+#: Called with the name of the next step.
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What is combined.
+    """Choices that are combined."""
 
-    Parameters
-    ----------
-    windows_s : tuple of float, s
-        From the onset.
-    cutoffs_hz : tuple of float, Hz
-        Of the method that filters.
-    baselines : tuple of str
-        Subtracted: ``predicted``, ``matched_strides``, ``unperturbed_mean``.
-    inertia_models : tuple of str
-        Of :data:`INERTIA_MODELS`; for the recommended method.
-
-    Raises
-    ------
-    ValueError
-        When a window or cut-off is not positive, a name unknown, or a list empty.
-    """
-
-    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)
-    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)
-    baselines: tuple[str, ...] = (PREDICTED, "matched_strides", "unperturbed_mean")
+    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)  # s: from the onset
+    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: of the method that filters
+    baselines: tuple[str, ...] = BASELINES  # subtracted
+    # of :data:`INERTIA_MODELS`; for the recommended method
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
     def __post_init__(self) -> None:
-        known = {"baselines": (PREDICTED, "matched_strides", "unperturbed_mean")}
-        known["inertia_models"] = INERTIA_MODELS
+        known = {"baselines": BASELINES, "inertia_models": INERTIA_MODELS}
         for name in self.__slots__:
             values = getattr(self, name)
             if name in known:
-                fine = all(v in known[name] for v in values)
+                valid = all(v in known[name] for v in values)
                 expected = f"names among {', '.join(known[name])}"
             else:
-                fine = all(0.0 < v < np.inf for v in values)
+                valid = all(0.0 < v < np.inf for v in values)
                 expected = "positive numbers"
-            if not values or not fine:
+            if not values or not valid:
                 raise ValueError(f"{name}: expected one or more {expected}, got {values!r}.")
 
 
@@ -92,62 +88,33 @@ def specification_estimates(
 ) -> tuple[SpecificationEstimate, ...]:
     """Estimate K, B and J of a participant under every set of choices.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    recordings : sequence of RecordingInput
-        All recordings of this participant.
-    settings : ParticipantSettings
-        What the study asks for; its own window, cut-off and baseline are not used.
-    choices : Choices
-        What is combined.
-    tell : callable, optional
-        Called with what comes next.
-
-    Returns
-    -------
-    tuple of SpecificationEstimate
-        A row a parameter, timing point and set of choices; one that cannot be estimated has the
-        status that says why.
-
-    Notes
-    -----
     The recommended method is run with every baseline, window and model of the inertia, and
     refuses, widens and withholds under each as it does by itself. The dissertation's is run with
     its two baselines and every cut-off and window. Misleads when it is read as a vote: many sets
     of choices that share an error agree. It shows which choice matters, not which is right.
     """
-    told = tell or _silent
+    progress = tell or (lambda _step: None)
     sources = prepare_sources(recordings, settings)
-    found: list[_Found] = []
+    results: list[_SpecifiedCells] = []
     for window_s in choices.windows_s:
-        told(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
-        asked = _asked(settings, window_s=window_s)
-        found += _recommended(participant, sources, asked, choices)
+        progress(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
+        changed = _with_perturbations(settings, window_s=window_s)
+        results += _recommended(participant, sources, changed, choices)
     for cutoff_hz in choices.cutoffs_hz:
-        told(f"{FILTERED}, {cutoff_hz:g} Hz")
-        found += _filtered(participant, recordings, settings, choices, cutoff_hz)
-    seen = [cell.timing_point for f in found for cell in f.cells]
-    labels = label_names(settings.perturbations, seen)
-    return tuple(row for f in found for row in f.rows(labels))
+        progress(f"{FILTERED}, {cutoff_hz:g} Hz")
+        results += _filtered(participant, recordings, settings, choices, cutoff_hz)
+    used = [cell.timing_point for result in results for cell in result.cells]
+    labels = label_names(settings.perturbations, used)
+    return tuple(row for result in results for row in result.rows(labels))
 
 
 def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
-    """Return the hypotheses that hold one model of the inertia, weighted among themselves.
-
-    Parameters
-    ----------
-    posterior : JointPosterior
-        All hypotheses.
-    model : str
-        ``one`` for all timing points, ``free`` at each, or ``pooled``: all hypotheses.
-    """
+    """Return the hypotheses that hold one model of the inertia, weighted among themselves."""
     if model == "pooled":
         return posterior
     free = max(p.hypothesis.inertia_sd for p in posterior.posteriors)
-    wanted = CONSTANT_INERTIA_SD if model == "one" else free
-    kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == wanted]
+    chosen_sd = CONSTANT_INERTIA_SD if model == "one" else free
+    kept = [p for p in posterior.posteriors if p.hypothesis.inertia_sd == chosen_sd]
     return JointPosterior.weighed(kept)
 
 
@@ -168,15 +135,7 @@ class _SpecifiedEstimator(WalkingEstimator):
     def under(
         self, candidates: Sequence[Candidate], *, baseline: str, inertia_model: str
     ) -> tuple[CellEstimate, ...]:
-        """Return the timing points under two choices.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse; the same in every call.
-        baseline, inertia_model : str
-            Of :class:`Choices`.
-        """
+        """Return the timing points under two choices."""
         self._chosen = (baseline, inertia_model)
         return self.run(candidates)[0]
 
@@ -207,8 +166,8 @@ class _SpecifiedEstimator(WalkingEstimator):
         baseline, inertia_model = self._chosen
         if baseline not in self._pooled:
             self._pooled[baseline] = (*super()._explained(cells, failures), dict(failures))
-        evidence, odds, found = self._pooled[baseline]
-        failures.update(found)
+        evidence, odds, pooled_failures = self._pooled[baseline]
+        failures.update(pooled_failures)
         if evidence is None or inertia_model == "pooled":
             return evidence, odds
         posterior = of_inertia_model(evidence.posterior, inertia_model)
@@ -224,8 +183,8 @@ class _SpecifiedEstimator(WalkingEstimator):
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
-    """What came out under one set of choices; missing timing points have the failure given."""
+class _SpecifiedCells:
+    """Estimates under one set of choices; missing timing points have a failure instead."""
 
     choice: Mapping[str, Any]
     cells: Sequence[CellEstimate]
@@ -233,10 +192,10 @@ class _Found:
 
     def rows(self, labels: Sequence[str]) -> Iterator[SpecificationEstimate]:
         """Yield K, B and J of every timing point."""
-        there = {cell.timing_point: cell for cell in self.cells}
+        cells = {cell.timing_point: cell for cell in self.cells}
         for label in labels:
             for name in PARAMETERS:
-                p = there[label].parameter(name) if label in there else None
+                p = cells[label].parameter(name) if label in cells else None
                 yield SpecificationEstimate(
                     timing_point=label,
                     parameter=name,
@@ -253,7 +212,7 @@ def _recommended(
     sources: Sequence[Source],
     settings: ParticipantSettings,
     choices: Choices,
-) -> Iterator[_Found]:
+) -> Iterator[_SpecifiedCells]:
     estimator = _SpecifiedEstimator(participant, sources, settings)
     candidates = assign_pulses(
         participant, sources, settings, baseline=estimator.baseline, alone=True
@@ -269,7 +228,7 @@ def _recommended(
                 "inertia_model": model,
             }
             cells = estimator.under(candidates, baseline=baseline, inertia_model=model)
-            yield _Found(choice, cells, missing)
+            yield _SpecifiedCells(choice, cells, missing)
 
 
 def _filtered(
@@ -278,15 +237,17 @@ def _filtered(
     settings: ParticipantSettings,
     choices: Choices,
     cutoff_hz: float,
-) -> Iterator[_Found]:
-    conditioned = prepare_sources(recordings, _asked(settings, cutoff_hz=cutoff_hz))
+) -> Iterator[_SpecifiedCells]:
+    conditioned = prepare_sources(recordings, _with_perturbations(settings, cutoff_hz=cutoff_hz))
     for baseline in choices.baselines:
         if baseline == PREDICTED:
             continue
         for window_s in choices.windows_s:
-            asked = _asked(settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline)
-            estimator = CellEstimator(participant, METHODS[FILTERED], conditioned, asked)
-            candidates = assign_pulses(participant, conditioned, asked, baseline=baseline)
+            changed = _with_perturbations(
+                settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline
+            )
+            estimator = CellEstimator(participant, DISSERTATION, conditioned, changed)
+            candidates = assign_pulses(participant, conditioned, changed, baseline=baseline)
             choice = {
                 "method": FILTERED,
                 "baseline": baseline,
@@ -295,7 +256,7 @@ def _filtered(
                 "inertia_model": "free",
             }
             missing = _why_missing(conditioned, candidates)
-            yield _Found(choice, estimator.run(candidates)[0], missing)
+            yield _SpecifiedCells(choice, estimator.run(candidates)[0], missing)
 
 
 def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:
@@ -306,9 +267,85 @@ def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> 
     return Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
 
 
-def _asked(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
+def _with_perturbations(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
     return replace(settings, perturbations=settings.perturbations.model_copy(update=changes))
 
 
-def _silent(what: str) -> None:
-    del what
+#: So many unperturbed strides tell what a baseline misses.
+_VIRTUAL = 200
+_FEWEST_STRIDES = 12
+
+
+def with_baseline(
+    cell: PredictedCell, sources: Sequence[Source], settings: ParticipantSettings, baseline: str
+) -> PredictedCell | None:
+    """Return a timing point with another baseline than the predicted one.
+
+    What a baseline misses is measured at virtual onsets in the strides it is made of. The mean
+    of another condition is thereby blind to its own fault, the shift between the conditions:
+    its intervals are too narrow, as the dissertation's are.
+    """
+    # Strides of another rate are brought to that of the pulses.
+    rate = 1.0 / cell.period_s
+    raw = [replace(s, signals=raw_signals(s, target_hz=rate)) for s in sources]
+    # As long as what is predicted, both ends in it.
+    window_s = cell.predicted.responses.shape[2] * cell.period_s
+    cutter = WindowCutter(raw, settings, baseline=baseline, window_s=window_s)
+    used = cell.used
+    early = [_advanced(c, LEAD_SAMPLES * cell.period_s) for c in used]
+    windows, unperturbed = cutter.cut(early)
+    fine = unperturbed.valid.any(axis=1) & np.isfinite(windows).all(axis=(1, 2))
+    if not fine.any():
+        return None
+    if baseline == "unperturbed_mean":
+        valid = unperturbed.valid[fine].all(axis=0)
+        middle = unperturbed.windows[fine].mean(axis=0)[valid]
+        misses, strides = middle - middle.mean(axis=0), np.flatnonzero(valid)
+    else:
+        misses, strides = _matched_misses(cutter, early, sources)
+    if strides.size < _FEWEST_STRIDES:
+        return None
+    used = [c for c, keep in zip(used, fine, strict=True) if keep]
+    signs = np.array([c.pulse.sign for c in used])
+    responses = (windows - unperturbed.mean())[fine][:, PREDICTED_ROWS] * signs[:, None, None]
+    predicted = Predicted(
+        responses=responses,
+        misses=misses[:, PREDICTED_ROWS],
+        strides=strides,
+        codes=("",) * len(used),
+        posture_rad=cell.predicted.posture_rad,
+    )
+    return replace(cell, candidates=used, predicted=predicted, kept=alike(predicted))
+
+
+def _advanced(candidate: Candidate, lead_s: float) -> Candidate:
+    """Return a pulse whose window begins earlier."""
+    pulse = replace(candidate.pulse, onset_s=candidate.pulse.onset_s - lead_s)
+    return replace(candidate, pulse=pulse, elapsed_s=candidate.elapsed_s - lead_s)
+
+
+def _matched_misses(
+    cutter: WindowCutter, used: Sequence[Candidate], sources: Sequence[Source]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the misses of matched strides at virtual onsets, and their strides."""
+    first = used[0]
+    source = sources[first.source]
+    if source.strides is None:
+        return np.empty((0, COMMAND + 1, 1)), np.empty(0, int)
+    quiet = np.flatnonzero(source.undisturbed & np.append(False, source.undisturbed[:-1]))
+    chosen = quiet[:: max(1, quiet.size // _VIRTUAL)]
+    elapsed = float(np.median([c.elapsed_s for c in used]))
+    virtual = [
+        replace(
+            first,
+            pulse=replace(first.pulse, onset_s=float(start) + elapsed),
+            elapsed_s=elapsed,
+        )
+        for start in source.strides.start_s[chosen]
+    ]
+    windows, unperturbed = cutter.cut(virtual)
+    fine = unperturbed.valid.any(axis=1) & np.isfinite(windows).all(axis=(1, 2))
+    # The best match of an unperturbed stride is itself, one of so many.
+    own = 1.0 / N_MATCHES
+    undone = np.sqrt((1.0 + own) / (1.0 - own))
+    return undone * (windows - unperturbed.mean())[fine], chosen[fine]

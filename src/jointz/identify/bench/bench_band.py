@@ -1,4 +1,4 @@
-"""A bench trial inside one frequency band, and where friction may hold its load.
+"""Bench trial inside one frequency band, and the samples where friction may hold its load.
 
 Both records pass the same Gaussian low-pass; the friction's sign passes it too.
 """
@@ -31,61 +31,28 @@ _EDGE_S = 0.01  # for the lag
 
 @dataclass(frozen=True, slots=True)
 class BandRecord:
-    """A trial inside the band, ready for the regression.
+    """A trial inside the band, ready for the regression."""
 
-    Parameters
-    ----------
-    omega : (m,) float, rad/s
-        Angular frequencies of the spectra.
-    window : (m,) float
-        The low-pass.
-    angle, direction : (m,) complex
-        Spectra of the angle and of the sign of the velocity; direction unfiltered.
-    torque : (n,) float, N*m
-        Measured torque, filtered.
-    inside, keep : (n,) bool
-        Samples away from the ends; of them those where friction does not hold the load.
-    angle_noise_sd : float, rad
-        White noise on the angle.
-    torque_noise_nm2 : float, N^2*m^2
-        Power of the torque's white noise that passes the filter.
-    step_s : float
-        Time between samples.
-    """
-
-    omega: np.ndarray
-    window: np.ndarray
-    angle: np.ndarray
+    omega: np.ndarray  # angular frequencies of the spectra
+    window: np.ndarray  # the low-pass
+    angle: np.ndarray  # spectra of the angle and of the sign of the velocity; direction unfiltered
     direction: np.ndarray
-    torque: np.ndarray
+    torque: np.ndarray  # measured torque, filtered
+    # samples away from the ends; of them those where friction does not hold the load
     inside: np.ndarray
     keep: np.ndarray
-    angle_noise_sd: float
-    torque_noise_nm2: float
-    step_s: float
+    angle_noise_sd: float  # rad: white noise on the angle
+    torque_noise_nm2: float  # N^2*m^2: power of the torque's white noise that passes the filter
+    step_s: float  # time between samples
 
 
 def band_hz(step_s: float) -> float:
-    """Return the standard deviation of the Gaussian low-pass, Hz.
-
-    Parameters
-    ----------
-    step_s : float
-        Time between samples.
-    """
+    """Return the standard deviation of the Gaussian low-pass, Hz."""
     return min(BAND_HZ, _BAND_SHARE / step_s)
 
 
 def band_record(record: EvenRecord, *, friction: bool) -> BandRecord:
-    """Return a trial's spectra, filtered torque and usable samples.
-
-    Parameters
-    ----------
-    record : EvenRecord
-        The trial.
-    friction : bool
-        Whether friction may hold the load at low speed.
-    """
+    """Return a trial's spectra, filtered torque and usable samples."""
     n, band = record.angle.size, band_hz(record.step_s)
     omega = 2.0 * np.pi * np.fft.rfftfreq(n, record.step_s)
     window = np.exp(-0.5 * (omega / (2.0 * np.pi * band)) ** 2)
@@ -112,7 +79,7 @@ def band_record(record: EvenRecord, *, friction: bool) -> BandRecord:
 
 
 def _may_stick(slow: np.ndarray, step_s: float, kernel_s: float) -> np.ndarray:
-    """Return where a stick, which is slow for long, reaches through the filter."""
+    """Return the samples that lasting sticks reach through the filter."""
     shortest = max(1, round(_SHORTEST_STICK_S / step_s))
     reach = int(np.ceil(_REACH * kernel_s / step_s))
     sticks = binary_opening(slow, np.ones(shortest, dtype=bool))

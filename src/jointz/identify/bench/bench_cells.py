@@ -1,14 +1,12 @@
-"""Loads on a bench from whole trials: the recommended way where a trial is one case."""
+"""Loads on a bench from whole trials, the recommended method where a trial is one case."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.bench_fits import FullRecordFit
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import CellEstimate, ParameterEstimate
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.recording import damage_near, damage_of, deflection
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -16,7 +14,8 @@ from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
 from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cells import METHODS, PARAMETERS, failed_parameters
+from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.assignment import Candidate, is_outside
 from jointz.identify.preparation.calibration import (
     joint_angle,
@@ -25,29 +24,23 @@ from jointz.identify.preparation.calibration import (
     twist_sd,
     value_of,
 )
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.results.bench.bench_fits import FullRecordFit
+from jointz.results.estimates import CellEstimate
 
 METHOD = "full_record"
-#: A torque that one linear load explains less of is not that of one: a joint moves by itself,
-#: or the unperturbed motion has a torque of its own.
+#: Below this VAF the load is not one linear load: a joint moves by itself, or the unperturbed
+#: motion has a torque of its own.
 _LEAST_VAF_PCT = 95.0
 
 
 class FullRecordEstimator:
     """Estimates every case of a bench from its whole trials.
 
-    A recording whose pulses belong to several cases or groups has no one answer, and one
-    whose torque a single linear load does not explain is no such load: those are
-    estimated from the responses to their pulses, by the method ``dissertation``.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        The participant's recordings, made ready.
-    settings : ParticipantSettings
-        What the study and the caller ask for.
+    Recordings whose pulses belong to several cases or groups, and those whose torque a single
+    linear load does not explain, are estimated from the responses to their pulses, by the method
+    ``dissertation``.
     """
 
     def __init__(
@@ -56,11 +49,11 @@ class FullRecordEstimator:
         self._participant = participant
         self._sources = sources
         self._settings = settings
-        self._by_pulse = CellEstimator(participant, METHODS["dissertation"], sources, settings)
+        self._by_pulse = CellEstimator(participant, DISSERTATION, sources, settings)
 
     @property
     def baseline(self) -> str:
-        """What pulses are assigned with: that of the method for mixed recordings."""
+        """Baseline of the method for mixed recordings, by which pulses are assigned."""
         return self._by_pulse.baseline
 
     @property
@@ -71,13 +64,7 @@ class FullRecordEstimator:
     def run(
         self, candidates: Sequence[Candidate]
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Every pulse of the participant's perturbed recordings.
-        """
+        """Return the cells and the pulses with their final codes."""
         cases: dict[int, set[str]] = {}
         for candidate in candidates:
             cases.setdefault(candidate.source, set()).add(candidate.record.timing_point)
@@ -86,13 +73,13 @@ class FullRecordEstimator:
         coded: dict[int, PulseRecord] = {}
         by_pulse = []
         for label in dict.fromkeys(c.record.timing_point for c in candidates):
-            mine = [c for c in candidates if c.record.timing_point == label]
-            found = None if label in mixed else self._case(label, mine)
-            if found is None:
-                by_pulse += mine
+            pulses = [c for c in candidates if c.record.timing_point == label]
+            case = None if label in mixed else self._case(label, pulses)
+            if case is None:
+                by_pulse += pulses
             else:
-                cells.append(found[0])
-                coded |= found[1]
+                cells.append(case[0])
+                coded |= case[1]
         others, records = self._by_pulse.run(by_pulse)
         coded |= {id(c): r for c, r in zip(by_pulse, records, strict=True)}
         return (*cells, *others), [coded[id(c)] for c in candidates]
@@ -126,19 +113,18 @@ class FullRecordEstimator:
     def _cell(
         self,
         label: str,
-        found: FullRecordFit | Failure,
+        outcome: FullRecordFit | Failure,
         records: dict[int, PulseRecord],
         *,
         n_used: int,
     ) -> CellEstimate:
-        settings = self._settings
-        parameters: tuple[ParameterEstimate, ...]
-        if isinstance(found, FullRecordFit):
-            fit, parameters = found, tuple(found.parameter(name) for name in PARAMETERS)
+        fit = outcome if isinstance(outcome, FullRecordFit) else None
+        if isinstance(outcome, FullRecordFit):
+            parameters = tuple(outcome.parameter(name) for name in PARAMETERS)
         else:
-            fit, parameters = (
-                None,
-                failed_parameters(found, mass_kg=settings.mass_kg, wants_per_mass=settings.walking),
+            settings = self._settings
+            parameters = failed_parameters(
+                outcome, mass_kg=settings.mass_kg, wants_per_mass=settings.kind.per_mass
             )
         return CellEstimate(
             participant=self._participant,
@@ -172,8 +158,8 @@ class FullRecordEstimator:
         if not all(np.isfinite(values).all() for values in signals):
             return Exclusion.NOT_FINITE.value
         codes = (Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value)
-        still = (code for values, code in zip(signals, codes, strict=True) if not np.ptp(values))
-        return next(still, "")
+        constant = [code for values, code in zip(signals, codes, strict=True) if not np.ptp(values)]
+        return constant[0] if constant else ""
 
     def _trial(self, index: int) -> BenchTrial:
         source = self._sources[index]
@@ -190,28 +176,26 @@ class FullRecordEstimator:
 
         One that begins outside of the samples is no part of the trial.
         """
-        own = candidate.record.code
-        if own == Exclusion.USER.value:
-            return own
+        if candidate.record.code == Exclusion.USER.value:
+            return candidate.record.code
         onset_s = np.array([candidate.record.onset_s])
         outside = is_outside(onset_s, self._sources[candidate.source])[0]
         return Exclusion.EDGE_OF_RECORD.value if outside else why
 
 
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:
-    """Return the known lag of the torque behind the angle, and its sd; one alone tells it too."""
+    """Return the known lag of the torque behind the angle, and its sd; either entry is enough."""
     torque, angle = known.torque_lag_s, known.angle_lag_s
     if torque is None and angle is None:
         return None
-    none = Calibrated(value=0.0, sd=0.0)
-    late, early = torque or none, angle or none
-    return late.value - early.value, float(np.hypot(late.sd, early.sd))
+    zero = Calibrated(value=0.0, sd=0.0)
+    torque, angle = torque or zero, angle or zero
+    return torque.value - angle.value, float(np.hypot(torque.sd, angle.sd))
 
 
 def _intrinsic(known: CalibrationSpec) -> Impedance:
-    entries = {name: getattr(known, f"intrinsic_{name}") for name in PARAMETERS}
-    given = {name: entry for name, entry in entries.items() if entry is not None}
-    return Impedance(
-        **{name: entry.value for name, entry in given.items()},
-        **{f"{name}_sd": entry.sd for name, entry in given.items()},
-    )
+    values: dict[str, float] = {}
+    for name in PARAMETERS:
+        if (entry := getattr(known, f"intrinsic_{name}")) is not None:
+            values |= {name: entry.value, f"{name}_sd": entry.sd}
+    return Impedance(**values)

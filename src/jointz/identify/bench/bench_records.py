@@ -1,4 +1,4 @@
-"""Angle and torque of a load on a bench: checked, evenly sampled, and how noisy they are."""
+"""Angle and torque of a load on a bench: checks, even sampling, noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 
 #: Fewest samples of a record that a fit can use.
@@ -47,57 +46,23 @@ class BenchTrial:
 
 @dataclass(frozen=True, slots=True)
 class EvenRecord:
-    """A trial on an even grid.
+    """A trial on an even grid."""
 
-    Parameters
-    ----------
-    step_s : float
-        Time between samples.
-    time_s : (n,) float, s
-        The grid.
-    angle : (n,) float, rad
-        Angle, as measured.
-    torque : (n,) float, N*m
-        Torque, as measured.
-    noise_seen : float
-        Share of the power of white noise that its fourth differences keep on the grid.
-    """
-
-    step_s: float
-    time_s: np.ndarray
-    angle: np.ndarray
-    torque: np.ndarray
+    step_s: float  # time between samples
+    time_s: np.ndarray  # the grid
+    angle: np.ndarray  # angle, as measured
+    torque: np.ndarray  # torque, as measured
+    # share of the power of white noise that its fourth differences keep on the grid
     noise_seen: float = 1.0
 
     def noise_sd(self, values: np.ndarray) -> float:
-        """Return the sd of the white noise on angle or torque, as it was before the grid.
-
-        Parameters
-        ----------
-        values : (n,) float
-            One of the two.
-        """
+        """Return the sd of the white noise on angle or torque, as it was before the grid."""
         return white_noise_sd(values) / float(np.sqrt(self.noise_seen))
 
 
 def even_records(trials: Sequence[BenchTrial]) -> tuple[EvenRecord, ...]:
     """Return trials on even grids, by linear interpolation between true time stamps.
 
-    Parameters
-    ----------
-    trials : sequence of BenchTrial
-        Of one load; at least one.
-
-    Raises
-    ------
-    DataError
-        When there are none, lengths differ, values are missing, time does not increase,
-        a gap is found, a record is too short, or trials have different rates.
-    EstimationError
-        ``constant_angle`` or ``constant_torque`` where a record stands still.
-
-    Notes
-    -----
     The step is the mean step of a trial, so that the grid stays on the samples and
     interpolation changes their noise little. It is linear, for both records alike: a
     spline overshoots where stamps lie close together, and its errors would differ
@@ -143,9 +108,8 @@ def _checked(trial: BenchTrial, where: str) -> BenchTrial:
     _check_time(time, where)
     for name, values in (("angle", angle), ("torque", torque)):
         if np.ptp(values) == 0.0:
-            code = Failure.CONSTANT_ANGLE if name == "angle" else Failure.CONSTANT_TORQUE
             raise EstimationError(
-                code,
+                f"constant_{name}",
                 f"{where}: the {name} is {values[0]:g} throughout. Look for a dead sensor, a "
                 "locked output or a missing perturbation.",
             )
@@ -187,7 +151,7 @@ def _resampled(trial: BenchTrial) -> EvenRecord:
 
 
 def _noise_seen(grid: np.ndarray, stamps: np.ndarray) -> float:
-    """Return what interpolation leaves of the fourth differences of white noise, in power.
+    """Return the share of power that fourth differences of white noise keep on the grid.
 
     Between stamps linear interpolation averages two values: fast noise shrinks, the slow
     noise that a fit meets does not. With 0.1 ms of jitter at 900 Hz a quarter goes.
@@ -207,22 +171,9 @@ def _noise_seen(grid: np.ndarray, stamps: np.ndarray) -> float:
 def white_noise_sd(values: np.ndarray) -> float:
     """Return the sd of the white noise on a smooth record, out of its fourth differences.
 
-    Parameters
-    ----------
-    values : (n,) float
-        An evenly sampled record, n >= 10.
-
-    Notes
-    -----
     The largest 2 % of the squared differences are left out, and made up for: corners of
     a pulse and spikes are no noise. Slow noise reads low; signals above a sixth of the
     sampling rate read as noise.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(0).normal(scale=0.1, size=20_000)
-    >>> round(white_noise_sd(noise + np.sin(np.arange(20_000) / 50.0)), 2)
-    0.1
     """
     squares = np.sort(np.diff(values, n=4) ** 2)
     trusted = squares[: max(1, int(_TRUSTED_SHARE * squares.size))]

@@ -4,18 +4,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import t as student_t
 
-from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.stiffness_fit import LoopSeries, StiffnessFit
-from jointz.identify.actuators.actuator_regression import BlockPlan
-from jointz.identify.bench.static_stiffness import check_excited, check_level
-from jointz.identify.series.joint_record import JointRecord, Samples, gather_record
+from jointz.identify.bench.bench_estimates import (
+    NEGATIVE_STIFFNESS,
+    bench_estimates,
+    check_excited,
+)
+from jointz.identify.series.block_regression import BlockPlan, fitted_sandwich, t_factor
+from jointz.identify.series.joint_record import JointRecord, Samples, check_level, gather_record
 from jointz.kernels.block_sandwich import block_sandwich
+from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 
 _WHERE = "identify_dither_stiffness"
 _FEWEST_CYCLES = 3
@@ -26,18 +26,10 @@ _SERIES_POINTS = 200
 
 @dataclass(frozen=True, slots=True)
 class _Harmonic:
-    """A signal's part at the dither's frequency.
+    """A signal's part at the dither's frequency."""
 
-    Parameters
-    ----------
-    phasor : complex
-        The part is the real part of phasor times exp(j omega t).
-    residual : (n,) float
-        What is left of the signal, offset removed.
-    """
-
-    phasor: complex
-    residual: np.ndarray
+    phasor: complex  # the part is the real part of phasor times exp(j omega t)
+    residual: np.ndarray  # the rest of the signal, offset removed
 
 
 def identify_dither_stiffness(
@@ -109,8 +101,8 @@ def identify_dither_stiffness(
     >>> [round(p.value, 3) for p in fit.parameters]
     [146.0, 0.1]
     """
-    given = {"angle": angle, "torque": torque, "time": time}
-    record = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
+    arrays = {"angle": angle, "torque": torque, "time": time}
+    record = gather_record(recording, arrays, rate_hz=rate_hz, where=_WHERE)
     check_level(_WHERE, ci_level)
     check_excited(_WHERE, record.channels)
     record = _whole_cycles(record, frequency_hz, inertia)
@@ -130,7 +122,12 @@ def identify_dither_stiffness(
     values = {"stiffness": ratio.real + inertia * omega**2, "damping": ratio.imag / omega}
     return StiffnessFit(
         method="dither",
-        parameters=_parameters(values, scores, plan, ci_level),
+        parameters=bench_estimates(
+            values,
+            _half_widths(scores, plan, ci_level),
+            ci_level=ci_level,
+            ci_method=plan.ci_method,
+        ),
         vaf_pct=100.0 * (1.0 - float(np.var(load.residual) / np.var(record.channels["torque"]))),
         frequency_hz=float(frequency_hz),
         excursion_rad=float(abs(moved.phasor)),
@@ -140,8 +137,7 @@ def identify_dither_stiffness(
         settings={
             "inertia": inertia,
             "ci_level": ci_level,
-            "sha256": record.sha256,
-            "jointz": provenance.software()["jointz"],
+            **record.origin(),
         },
         warnings=_warnings(values, plan),
         series=_series(moved, load, omega * seconds),
@@ -160,11 +156,11 @@ def _whole_cycles(record: JointRecord, frequency_hz: float, inertia: float) -> J
         problems.append(f"inertia: expected >= 0 kg*m^2, got {inertia:g}.")
     if problems:
         raise DataError(f"{_WHERE}: " + " ".join(problems))
-    cycles = int(record.time.size / record.rate_hz * frequency_hz * (1.0 + 1e-9))
+    cycles = int(record.seconds * frequency_hz * (1.0 + 1e-9))
     if cycles < _FEWEST_CYCLES:
         raise DataError(
             f"{_WHERE}: expected at least {_FEWEST_CYCLES} cycles of {frequency_hz:g} Hz, got "
-            f"{record.time.size / record.rate_hz:.4g} s. Record longer."
+            f"{record.seconds:.4g} s. Record longer."
         )
     kept = slice(0, round(cycles / frequency_hz * record.rate_hz))
     channels = {name: values[kept] for name, values in record.channels.items()}
@@ -172,8 +168,8 @@ def _whole_cycles(record: JointRecord, frequency_hz: float, inertia: float) -> J
 
 
 def _harmonic(values: np.ndarray, columns: np.ndarray, inverse: np.ndarray) -> _Harmonic:
-    found = inverse @ values
-    return _Harmonic(complex(found[0], -found[1]), values - columns @ found)
+    fitted = inverse @ values
+    return _Harmonic(complex(fitted[0], -fitted[1]), values - columns @ fitted)
 
 
 def _check_amplitude(
@@ -198,34 +194,23 @@ def _check_amplitude(
         )
 
 
-def _parameters(
-    values: dict[str, float], scores: np.ndarray, plan: BlockPlan, ci_level: float
-) -> tuple[ParameterEstimate, ...]:
-    half = np.full(len(values), np.nan)
-    if plan.n_blocks:
-        freedom = plan.n_blocks - len(values)
-        # As many parameters as were fitted make the block sums smaller than they are.
-        spent = (plan.n_blocks - 1) / freedom
-        covariance = spent * block_sandwich(scores, np.eye(len(values)), plan.n_blocks)
-        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
-        half = wide * np.sqrt(np.diag(covariance))
-    common = {"ci_level": ci_level, "ci_method": plan.ci_method}
-    found = [
-        estimate(name, value, float(h), t_factor=1.0, common=common)
-        for (name, value), h in zip(values.items(), half, strict=True)
-    ]
-    return tuple(p if p.stands else replace(p, unbounded=values[p.name]) for p in found)
+def _half_widths(scores: np.ndarray, plan: BlockPlan, ci_level: float) -> np.ndarray:
+    count = scores.shape[1]
+    if not plan.n_blocks:
+        return np.full(count, np.nan)
+    covariance = fitted_sandwich(scores, np.eye(count), plan.n_blocks)
+    factor = t_factor(ci_level, plan.n_blocks - count)
+    return np.asarray(factor * np.sqrt(np.diag(covariance)))
 
 
 def _warnings(values: dict[str, float], plan: BlockPlan) -> tuple[str, ...]:
-    notes = [f"undecided: {plan.doubt}"] if plan.doubt else []
-    notes += [plan.caution] if plan.caution else []
+    warnings = [f"undecided: {plan.doubt}"] if plan.doubt else []
+    warnings += [plan.caution] if plan.caution else []
     if values["stiffness"] < 0.0:
-        notes.append(
-            "the stiffness is negative: turn the sign of torque or angle, or give the inertia "
-            "if the dither is faster than the resonance"
+        warnings.append(
+            f"{NEGATIVE_STIFFNESS}, or give the inertia if the dither is faster than the resonance"
         )
-    return tuple(notes)
+    return tuple(warnings)
 
 
 def _series(moved: _Harmonic, load: _Harmonic, phase: np.ndarray) -> LoopSeries:
@@ -234,11 +219,11 @@ def _series(moved: _Harmonic, load: _Harmonic, phase: np.ndarray) -> LoopSeries:
     bins = min(_SERIES_POINTS, max(8, phase.size // 8))
     index = np.minimum((turn * bins).astype(int), bins - 1)
     count = np.bincount(index, minlength=bins)
-    seen = count > 0
+    filled = count > 0
     wave = np.exp(1j * phase)
 
     def averaged(values: np.ndarray) -> tuple[float, ...]:
-        mean = np.bincount(index, values, bins)[seen] / count[seen]
+        mean = np.bincount(index, values, bins)[filled] / count[filled]
         return tuple(mean.tolist())
 
     torque = np.real(load.phasor * wave)

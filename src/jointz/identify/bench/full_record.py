@@ -5,17 +5,19 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student_t
 
-from jointz.core.bench_fits import FullRecordFit, estimate
 from jointz.core.errors import DataError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.joint_fit import FitSeries
 from jointz.identify.bench.bench_band import BandRecord, band_hz, band_record
-from jointz.identify.bench.bench_lag import LARGEST_CONDITION, LagChoice, LagModel, choose_lag
+from jointz.identify.bench.bench_lag import LARGEST_CONDITION, LagChoice, LagKind, choose_lag
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.identify.bench.bench_regression import Regression
+from jointz.identify.bench.bench_regression import LoadModel, LoadRegression
+from jointz.identify.series.block_regression import t_factor
+from jointz.identify.series.joint_record import PARAMETERS, check_level
+from jointz.results.bench.bench_fits import FullRecordFit, estimate
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.joint_fit import FitSeries
 
+_WHERE = "fit_full_record"
 #: Below this share of samples with known friction, a note is made.
 _FEW_KEPT = 0.3
 #: Angle noise that would take this share off inertia, were it not corrected, is noted.
@@ -52,7 +54,7 @@ def fit_full_record(
     *,
     friction: bool = True,
     lag_s: float | tuple[float, float] | None = None,
-    lag_model: LagModel | None = None,
+    lag_model: LagKind | None = None,
     intrinsic: Impedance | None = None,
     torque_gain_sd: float = 0.0,
     angle_gain_sd: float = 0.0,
@@ -125,29 +127,37 @@ def fit_full_record(
     >>> round(fit.parameter("stiffness").value, 2)
     160.0
     """
-    _check_arguments(torque_gain_sd, angle_gain_sd, ci_level)
+    check_level(_WHERE, ci_level)
     known = _known_lag(lag_s)
+    if min(torque_gain_sd, angle_gain_sd) < 0.0:
+        raise DataError(
+            f"{_WHERE}: expected gain sds >= 0, got {torque_gain_sd:g} and {angle_gain_sd:g}. Give "
+            "relative sds, such as 0.01."
+        )
     even = even_records(trials)
     records = [band_record(record, friction=friction) for record in even]
     notes: list[str] = []
     friction = friction and _friction_can_be_told(records, notes)
-    chosen = choose_lag(records, known_s=known, model=lag_model, friction=friction)
+    chosen = choose_lag(LoadModel(records, friction), known_s=known, kind=lag_model)
     regression = chosen.regression
     notes += _quality_notes(records, chosen)
-    if chosen.model == "mixed" and lag_model is None:
+    if chosen.kind == "mixed" and lag_model is None:
         notes.append(_mixed_note(chosen))
     values, covariance = _calibrated(
         regression, chosen.covariance, intrinsic=intrinsic, gain_sd=(torque_gain_sd, angle_gain_sd)
     )
     if any(trial.angle_per_torque_sd for trial in trials):
-        twisted = [
-            band_record(record, friction=friction)
-            for record in even_records([_twisted(trial) for trial in trials])
-        ]
-        other = choose_lag(twisted, known_s=known, model=chosen.model, friction=friction)
+        twisted = even_records(
+            [
+                replace(trial, angle=trial.angle - trial.angle_per_torque_sd * trial.torque)
+                for trial in trials
+            ]
+        )
+        model = LoadModel([band_record(record, friction=friction) for record in twisted], friction)
+        other = choose_lag(model, known_s=known, kind=chosen.kind)
         covariance = covariance + _twist_covariance(chosen, other)
     held = known is not None and known[1] == 0.0
-    names = _names(friction=friction, lag_is_free=not held)
+    names = [*PARAMETERS, *["coulomb_friction"] * friction, *["torque_lag"] * (not held)]
     covariance = _of_parameters(covariance, chosen, len(names))
     complete = bool(np.isfinite(covariance).all())
     return FullRecordFit(
@@ -158,7 +168,7 @@ def fit_full_record(
             n_fitted=len(chosen.covariance),
             ci_level=ci_level,
         ),
-        lag_model="given" if held and lag_model is None else chosen.model,
+        lag_model="given" if held and lag_model is None else chosen.kind,
         filter_time_s=regression.lag.filter_time_s,
         vaf_pct=100.0 * (1.0 - _power(regression.residual) / _power(regression.measured)),
         residual_sd_nm=float(np.std(regression.residual)),
@@ -182,13 +192,8 @@ def fit_full_record(
     )
 
 
-def _twisted(trial: BenchTrial) -> BenchTrial:
-    """Return a trial whose torque shows one sd more as angle."""
-    return replace(trial, angle=trial.angle - trial.angle_per_torque_sd * trial.torque)
-
-
 def _twist_covariance(chosen: LagChoice, other: LagChoice) -> np.ndarray:
-    """Return what one sd of torque seen as angle adds: the square of what it changes."""
+    """Return the covariance by one sd of torque seen as angle: the square of the change."""
     moved = np.zeros(len(chosen.covariance))
     n = chosen.regression.values.size
     moved[:n] = other.regression.values - chosen.regression.values
@@ -202,12 +207,12 @@ def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float]
         return None
     value, sd = lag_s if isinstance(lag_s, tuple) else (lag_s, 0.0)
     if not sd >= 0.0:
-        raise DataError(f"fit_full_record: expected an sd of the lag >= 0, got {sd:g} s.")
+        raise DataError(f"{_WHERE}: expected an sd of the lag >= 0, got {sd:g} s.")
     return value, sd
 
 
 def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.ndarray:
-    """Return the covariance of the parameters that are told; infinite for those that are not."""
+    """Return the covariance of the decided parameters; infinite for the others."""
     out = np.full((count, count), np.inf)
     decided = chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION
     if decided:
@@ -216,21 +221,6 @@ def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.
         if chosen.range_s is not None:  # a lag is a damping
             out[_DAMPING, :] = out[:, _DAMPING] = np.inf
     return out
-
-
-def _check_arguments(torque_gain_sd: float, angle_gain_sd: float, ci_level: float) -> None:
-    if min(torque_gain_sd, angle_gain_sd) < 0.0:
-        raise DataError(
-            f"fit_full_record: expected gain sds >= 0, got {torque_gain_sd:g} and "
-            f"{angle_gain_sd:g}. Give relative sds, such as 0.01."
-        )
-    if not 0.0 < ci_level < 1.0:
-        raise DataError(f"fit_full_record: expected 0 < ci_level < 1, got {ci_level:g}. Use 0.95.")
-
-
-def _names(*, friction: bool, lag_is_free: bool) -> list[str]:
-    names = ["stiffness", "damping", "inertia"]
-    return names + ["coulomb_friction"] * friction + ["torque_lag"] * lag_is_free
 
 
 def _friction_can_be_told(records: Sequence[BandRecord], notes: list[str]) -> bool:
@@ -249,13 +239,13 @@ def _friction_can_be_told(records: Sequence[BandRecord], notes: list[str]) -> bo
 
 
 def _calibrated(
-    regression: Regression,
+    regression: LoadRegression,
     covariance: np.ndarray,
     *,
     intrinsic: Impedance | None,
     gain_sd: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Subtract the intrinsic impedance; add what calibration does not know to the covariance.
+    """Subtract the intrinsic impedance; add the error of the calibration to the covariance.
 
     Rows beyond the values' belong to the lag; the first of them is its total where that is
     free.
@@ -265,12 +255,12 @@ def _calibrated(
     by_angle = np.zeros(len(covariance))
     by_angle[:3] = regression.values[:3]
     known = intrinsic or Impedance()
-    own = np.zeros(len(covariance))
-    own[:3] = known.stiffness_sd, known.damping_sd, known.inertia_sd
+    known_sds = np.zeros(len(covariance))
+    known_sds[:3] = known.stiffness_sd, known.damping_sd, known.inertia_sd
     values = np.append(regression.values, regression.lag.total_s)
     values[:3] -= known.stiffness, known.damping, known.inertia
     added = gain_sd[0] ** 2 * np.outer(by_torque, by_torque)
-    added += gain_sd[1] ** 2 * np.outer(by_angle, by_angle) + np.diag(own**2)
+    added += gain_sd[1] ** 2 * np.outer(by_angle, by_angle) + np.diag(known_sds**2)
     return values, covariance + added
 
 
@@ -291,7 +281,7 @@ def _parameters(
             "degrees of freedom"
         ),
     }
-    factor = float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
+    factor = t_factor(ci_level, freedom)
     return tuple(
         estimate(name, float(value), float(sd), t_factor=factor, common=common)
         for (name, value), sd in zip(values.items(), sds, strict=True)
@@ -343,7 +333,7 @@ def _power(x: np.ndarray) -> float:
     return float(np.mean(x**2))
 
 
-def _series(even: EvenRecord, record: BandRecord, regression: Regression) -> FitSeries:
+def _series(even: EvenRecord, record: BandRecord, regression: LoadRegression) -> FitSeries:
     """Return the middle of the first trial, thinned; samples left out are not drawn."""
     count = int(record.keep.sum())
     time = even.time_s[record.keep]

@@ -1,4 +1,4 @@
-"""What perturbations add: the responses of pairs of runs, perturbed less unperturbed."""
+"""Responses of pairs of runs: perturbed less unperturbed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,6 @@ from scipy.ndimage import map_coordinates
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec
 from jointz.identify.bench.bench_records import white_noise_sd
-from jointz.identify.bench.run_alignment import reference_shift
 from jointz.identify.preparation.conditioning import Stretch, condition
 from jointz.identify.preparation.pulses import Pulse, pulses_from_command, with_measured_amplitudes
 from jointz.identify.series.joint_record import Samples, gather_record
@@ -22,29 +21,15 @@ _ROLL_OFF = 8
 
 @dataclass(frozen=True, slots=True)
 class PairResponses:
-    """The responses of one pair of runs.
+    """The responses of one pair of runs."""
 
-    Parameters
-    ----------
-    pulses : tuple of Pulse
-        The pulses that both runs hold, on the perturbed run's clock.
-    windows : (p, 4, n) float
-        Angle (rad), velocity, acceleration and torque (N*m), unperturbed run subtracted.
-    left_out : tuple of (Pulse, str)
-        The other pulses, and why.
-    shift_s : float
-        How much later the unperturbed run began the reference.
-    rate_hz : float
-        Samples a second.
-    acceleration_noise_sd : float, rad/s^2
-        What white noise of both angles leaves in a response's acceleration.
-    """
-
-    pulses: tuple[Pulse, ...]
+    pulses: tuple[Pulse, ...]  # the pulses that both runs hold, on the perturbed run's clock
+    # angle (rad), velocity, acceleration and torque (N*m), unperturbed run subtracted
     windows: np.ndarray
-    left_out: tuple[tuple[Pulse, str], ...]
-    shift_s: float
-    rate_hz: float
+    left_out: tuple[tuple[Pulse, str], ...]  # the other pulses, and why
+    shift_s: float  # how much later the unperturbed run began the reference
+    rate_hz: float  # samples a second
+    # rad/s^2: what white noise of both angles leaves in a response's acceleration
     acceleration_noise_sd: float
 
 
@@ -63,7 +48,7 @@ class _Run:
         return float(self.stretch.time[0])
 
     def holds(self, begin_s: float, end_s: float) -> bool:
-        """Tell whether a window lies inside, away from what the filter spoils."""
+        """Tell whether a window lies inside, away from the edges that the filter spoils."""
         first, last = self.start_s + self.guard_s, float(self.stretch.time[-1]) - self.guard_s
         half_a_sample = 0.5 / self.rate_hz
         return begin_s >= first - half_a_sample and end_s <= last + half_a_sample
@@ -78,40 +63,19 @@ def pair_responses(
     cutoff_hz: float,
     where: str,
 ) -> PairResponses:
-    """Return the response to every pulse that both runs of a pair hold.
-
-    Parameters
-    ----------
-    pair : (unperturbed, perturbed)
-        The runs.
-    pulses : sequence of Pulse or None
-        Of the perturbed run; read off its command where None.
-    align : str
-        The channel that both runs follow.
-    window_s : float, s
-        Length of a response.
-    cutoff_hz : float, Hz
-        Low-pass before anything is cut.
-    where : str
-        The pair, for messages.
-
-    Raises
-    ------
-    DataError
-        When samples cannot be trusted, or the two have other rates or references.
-    """
-    wanted = () if pulses is not None else ("command",)
+    """Return the response to every pulse that both runs of a pair hold."""
+    needed = () if pulses is not None else ("command",)
     unperturbed = _run(pair[0], f"{where}, unperturbed", align, cutoff_hz=cutoff_hz)
-    perturbed = _run(pair[1], f"{where}, perturbed", align, wanted, cutoff_hz=cutoff_hz)
+    perturbed = _run(pair[1], f"{where}, perturbed", align, needed, cutoff_hz=cutoff_hz)
     check_same_rate(where, unperturbed.rate_hz, perturbed.rate_hz)
-    found = pulses_from_command(perturbed.recording) if pulses is None else tuple(pulses)
-    found = with_measured_amplitudes(found, perturbed.recording)
-    shift_s = _shift(unperturbed, perturbed, found, window_s=window_s, where=where)
+    planned = pulses_from_command(perturbed.recording) if pulses is None else tuple(pulses)
+    planned = with_measured_amplitudes(planned, perturbed.recording)
+    shift_s = _shift(unperturbed, perturbed, planned, window_s=window_s, where=where)
     kept: list[Pulse] = []
     windows: list[np.ndarray] = []
     left_out: list[tuple[Pulse, str]] = []
-    ends = [*(later.onset_s for later in found[1:]), np.inf]
-    for pulse, end_s in zip(found, ends, strict=False):
+    ends = [*(later.onset_s for later in planned[1:]), np.inf]
+    for pulse, end_s in zip(planned, ends, strict=False):
         if end_s < pulse.onset_s + window_s:
             left_out.append((pulse, "another pulse begins inside its window"))
             continue
@@ -133,20 +97,7 @@ def pair_responses(
 
 
 def check_same_rate(where: str, expected_hz: float, rate_hz: float) -> None:
-    """Refuse runs of different sampling rates.
-
-    Parameters
-    ----------
-    where : str
-        Whose rate, for messages.
-    expected_hz, rate_hz : float
-        The two.
-
-    Raises
-    ------
-    DataError
-        When they differ by more than 1 %.
-    """
+    """Refuse runs of different sampling rates."""
     if abs(rate_hz - expected_hz) > _SAME_RATE * expected_hz:
         raise DataError(
             f"{where}: expected {expected_hz:.5g} Hz in all runs, got {rate_hz:.5g} Hz. Fit runs "
@@ -158,11 +109,11 @@ def _run(
     samples: Samples,
     where: str,
     align: str,
-    wanted: tuple[str, ...] = (),
+    needed: tuple[str, ...] = (),
     *,
     cutoff_hz: float,
 ) -> _Run:
-    required = ("time", "angle", "torque", align, *wanted)
+    required = ("time", "angle", "torque", align, *needed)
     record = gather_record(
         samples, dict.fromkeys(required), rate_hz=None, where=where, required=required
     )
@@ -223,3 +174,88 @@ def _acceleration_noise_sd(unperturbed: _Run, perturbed: _Run, cutoff_hz: float)
     frequency = np.linspace(0.0, perturbed.rate_hz / 2.0, 2000)
     gain = (2.0 * np.pi * frequency) ** 2 / (1.0 + (frequency / cutoff_hz) ** _ROLL_OFF)
     return float(np.sqrt(power * np.mean(gain**2)))
+
+
+#: How far apart the beginnings are looked for, at least this share of the shorter run in common.
+_SEARCH_S = 5.0
+_LEAST_COMMON = 0.5
+_COARSE_HZ = 100.0
+#: Shifts whose error is within this share of the reference's variance of the best are as good:
+#: a periodic reference has many, the smallest is taken.
+_AS_GOOD = 1e-3
+#: Larger disagreement, as a share of the reference's variance, is another reference.
+_MOST_DIFFERENT = 0.05
+_PASSES = 10
+_CONVERGED_S = 1e-9
+
+
+def reference_shift(
+    reference: np.ndarray, other: np.ndarray, *, rate_hz: float, keep: np.ndarray, where: str
+) -> float:
+    """Return the delay of the other run along the reference, s."""
+    variance = float(np.var(reference[keep])) if keep.any() else 0.0
+    if variance <= 1e-18 * float(np.max(np.abs(reference), initial=0.0)) ** 2:
+        raise DataError(
+            f"{where}: expected a reference that moves, got {reference[0]:.6g} throughout. Name "
+            "the channel that both runs follow with align=."
+        )
+    shift = _coarse(reference, other, rate_hz, keep) / rate_hz
+    shift = _refined(reference, other, shift, rate_hz=rate_hz, keep=keep)
+    difference, _ = _shifted_difference(reference, other, shift, rate_hz=rate_hz, keep=keep)
+    share = float(np.mean(difference**2)) / variance if difference.size else np.inf
+    if share > _MOST_DIFFERENT:
+        raise DataError(
+            f"{where}: expected two runs along one reference, got references that differ by "
+            f"{100.0 * share:.3g} % of their variance at best. Pair each perturbed run with the "
+            "unperturbed run of the same reference."
+        )
+    return shift
+
+
+def _coarse(reference: np.ndarray, other: np.ndarray, rate_hz: float, keep: np.ndarray) -> int:
+    """Return the best shift in samples, to one in a hundredth of a second."""
+    every = max(1, round(rate_hz / _COARSE_HZ))
+    first, second, kept = reference[::every], other[::every], keep[::every]
+    most = round(_SEARCH_S * rate_hz / every)
+    fewest = int(_LEAST_COMMON * min(first.size, second.size))
+    errors: dict[int, float] = {}
+    for lag in range(-most, most + 1):
+        begin, end = max(0, -lag), min(first.size, second.size - lag)
+        if end - begin < max(fewest, 1):
+            continue
+        inside = kept[begin:end]
+        difference = (first[begin:end] - second[begin + lag : end + lag])[inside]
+        if difference.size:
+            errors[lag] = float(np.mean(difference**2))
+    if not errors:
+        return 0
+    as_good = min(errors.values()) + _AS_GOOD * float(np.var(first))
+    return every * min((lag for lag, e in errors.items() if e <= as_good), key=abs)
+
+
+def _refined(
+    reference: np.ndarray, other: np.ndarray, shift: float, *, rate_hz: float, keep: np.ndarray
+) -> float:
+    """Improve a shift by Gauss-Newton steps."""
+    for _ in range(_PASSES):
+        difference, slope = _shifted_difference(reference, other, shift, rate_hz=rate_hz, keep=keep)
+        power = float(slope @ slope)
+        if power == 0.0:
+            break
+        step = float(difference @ slope) / power
+        shift += step
+        if abs(step) < _CONVERGED_S:
+            break
+    return shift
+
+
+def _shifted_difference(
+    reference: np.ndarray, other: np.ndarray, shift: float, *, rate_hz: float, keep: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first reference less the shifted other one, and the slope of the latter."""
+    at = np.arange(reference.size) + shift * rate_hz
+    used = keep & (at >= 0.0) & (at <= other.size - 1)
+    grid = np.arange(other.size)
+    shifted = np.interp(at[used], grid, other)
+    slope = np.interp(at[used], grid, np.gradient(other) * rate_hz)
+    return reference[used] - shifted, slope

@@ -1,37 +1,34 @@
-"""Perturbation stiffness out of pairs of runs: perturbed less unperturbed (2.2.3, 3.2.3)."""
+"""Perturbation stiffness from pairs of runs: perturbed less unperturbed (2.2.3, 3.2.3)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student_t
 
 from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
+from jointz.identify.bench.bench_estimates import NEGATIVE_STIFFNESS, bench_estimates
 from jointz.identify.bench.paired_responses import PairResponses, check_same_rate, pair_responses
-from jointz.identify.bench.static_stiffness import check_level
-from jointz.identify.methods.cells import PARAMETERS
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.conditioning import ACCELERATION, ANGLE, TORQUE
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.series.joint_record import Samples
-from jointz.kernels.block_sandwich import block_sandwich
+from jointz.identify.series.block_regression import fitted_sandwich, t_factor
+from jointz.identify.series.joint_record import Samples, check_level
 from jointz.kernels.bounded_lsq import condition_numbers, least_squares, normal_equations
+from jointz.results.bench.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
 
 _WHERE = "identify_paired_runs"
 _FEWEST_PULSES = 2
 _DUST_RAD = 1e-9
 _DUST_NM = 1e-9
-#: Share of the acceleration that may be noise before it is told.
+#: Share of noise in the acceleration above which a warning is given.
 _TOLD_NOISE_SHARE = 0.002
 
 
 @dataclass(frozen=True, slots=True)
 class _Responses:
-    """What all pairs give: pulses with the number of their pair, (p, 4, n) responses."""
+    """Responses of all pairs: pulses with the number of their pair, (p, 4, n) windows."""
 
     pulses: tuple[tuple[int, Pulse], ...]
     windows: np.ndarray
@@ -48,7 +45,7 @@ def identify_paired_runs(
     cutoff_hz: float = 20.0,
     ci_level: float = 0.95,
 ) -> PairedRunsFit:
-    """Fit K, B and J to what perturbations add to runs along one reference.
+    """Fit K, B and J to the differences of perturbed and unperturbed runs along one reference.
 
     Parameters
     ----------
@@ -86,7 +83,7 @@ def identify_paired_runs(
     -----
     torque = K*angle + B*velocity + J*acceleration (2.1), by least squares without bounds, on
     the differences. The unperturbed run is shifted to where its reference passes as the
-    perturbed run's does (:func:`jointz.identify.bench.run_alignment.reference_shift`) and read
+    perturbed run's does (:func:`jointz.identify.bench.paired_responses.reference_shift`) and read
     between its samples. Interval: sandwich with the pulses as clusters, Student's t with as
     many degrees of freedom as there are pulses beyond three; it does not know the gain of a
     sensor. Whatever is late in the torque record, or follows the pulse only (friction that
@@ -97,19 +94,19 @@ def identify_paired_runs(
     """
     check_level(_WHERE, ci_level)
     _check_settings(pairs, pulses, window_s)
-    given = [None] * len(pairs) if pulses is None else list(pulses)
-    found = [
+    tables = [None] * len(pairs) if pulses is None else list(pulses)
+    pair_results = [
         pair_responses(
             pair,
-            mine,
+            table,
             align=align,
             window_s=window_s,
             cutoff_hz=cutoff_hz,
             where=f"{_WHERE}: pair {number}",
         )
-        for number, (pair, mine) in enumerate(zip(pairs, given, strict=True), start=1)
+        for number, (pair, table) in enumerate(zip(pairs, tables, strict=True), start=1)
     ]
-    responses = _joined(found)
+    responses = _joined(pair_results)
     gram, moment, power = normal_equations(responses.windows)
     pooled = least_squares(gram.sum(axis=0)[None], moment.sum(axis=0)[None])[0]
     if not np.isfinite(pooled).all():
@@ -120,19 +117,24 @@ def identify_paired_runs(
         )
     error = float(power.sum() - 2.0 * pooled @ moment.sum(axis=0))
     error += float(pooled @ gram.sum(axis=0) @ pooled)
-    noise_share = _noise_share(found, responses)
-    parameters, method = _parameters(pooled, gram, moment, ci_level)
+    noise_share = _noise_share(pair_results, responses)
+    half_width, ci_method = _half_widths(pooled, gram, moment, ci_level)
     return PairedRunsFit(
-        parameters=parameters,
+        parameters=bench_estimates(
+            dict(zip(PARAMETERS, pooled.tolist(), strict=True)),
+            half_width,
+            ci_level=ci_level,
+            ci_method=ci_method,
+        ),
         pulses=_singles(responses, gram, moment, power),
         left_out=responses.left_out,
-        shifts_s=tuple(pair.shift_s for pair in found),
+        shifts_s=tuple(pair.shift_s for pair in pair_results),
         vaf_pct=100.0 * (1.0 - error / float(power.sum())),
         rate_hz=responses.rate_hz,
         cutoff_hz=cutoff_hz,
         window_s=window_s,
         condition_number=float(condition_numbers(gram.sum(axis=0)[None])[0]),
-        ci_method=method,
+        ci_method=ci_method,
         settings={
             "align": align,
             "acceleration_noise_share": noise_share,
@@ -164,20 +166,20 @@ def _check_settings(
         raise DataError(f"{_WHERE}: " + " ".join(problems))
 
 
-def _joined(found: Sequence[PairResponses]) -> _Responses:
+def _joined(pairs: Sequence[PairResponses]) -> _Responses:
     """Put the responses of all pairs together, if there are enough of them."""
-    for number, pair in enumerate(found, start=1):
-        check_same_rate(f"{_WHERE}: pair {number}", found[0].rate_hz, pair.rate_hz)
-    numbered = list(enumerate(found, start=1))
+    for number, pair in enumerate(pairs, start=1):
+        check_same_rate(f"{_WHERE}: pair {number}", pairs[0].rate_hz, pair.rate_hz)
+    numbered = list(enumerate(pairs, start=1))
     responses = _Responses(
         pulses=tuple((number, pulse) for number, pair in numbered for pulse in pair.pulses),
-        windows=np.concatenate([pair.windows for pair in found]),
+        windows=np.concatenate([pair.windows for pair in pairs]),
         left_out=tuple(
             f"pair {number}, pulse at {pulse.onset_s:.6g} s: {why}"
             for number, pair in numbered
             for pulse, why in pair.left_out
         ),
-        rate_hz=found[0].rate_hz,
+        rate_hz=pairs[0].rate_hz,
     )
     _check_responses(responses)
     return responses
@@ -207,33 +209,24 @@ def _check_responses(responses: _Responses) -> None:
             )
 
 
-def _parameters(
+def _half_widths(
     pooled: np.ndarray, gram: np.ndarray, moment: np.ndarray, ci_level: float
-) -> tuple[tuple[ParameterEstimate, ...], str]:
+) -> tuple[np.ndarray, str]:
+    """Return half of the intervals, with the pulses as clusters, and how they were made."""
     n_pulses, freedom = len(gram), len(gram) - len(PARAMETERS)
-    half, method = np.full(len(PARAMETERS), np.nan), "none: three pulses or fewer"
-    if freedom > 0:
-        scores = moment - gram @ pooled
-        size = np.sqrt(np.diagonal(gram.sum(axis=0)))
-        bread = gram.sum(axis=0) / np.outer(size, size)
-        spent = (n_pulses - 1) / freedom
-        scaled = spent * block_sandwich(scores / size, bread, n_pulses)
-        wide = float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
-        half = wide * np.sqrt(np.diag(scaled)) / size
-        method = f"sandwich over {n_pulses} pulses, Student's t"
-    common = {"ci_level": ci_level, "ci_method": method}
-    found = [
-        estimate(name, float(value), float(h), t_factor=1.0, common=common)
-        for name, value, h in zip(PARAMETERS, pooled, half, strict=True)
-    ]
-    raw = zip(found, pooled.tolist(), strict=True)
-    return tuple(p if p.stands else replace(p, unbounded=value) for p, value in raw), method
+    if freedom <= 0:
+        return np.full(len(PARAMETERS), np.nan), "none: three pulses or fewer"
+    size = np.sqrt(np.diagonal(gram.sum(axis=0)))
+    scores, bread = moment - gram @ pooled, gram.sum(axis=0) / np.outer(size, size)
+    scaled = fitted_sandwich(scores / size, bread, n_pulses)
+    half_width = t_factor(ci_level, freedom) * np.sqrt(np.diag(scaled)) / size
+    return half_width, f"sandwich over {n_pulses} pulses, Student's t"
 
 
 def _singles(
     responses: _Responses, gram: np.ndarray, moment: np.ndarray, power: np.ndarray
 ) -> tuple[PairedPulse, ...]:
-    """Fit every pulse by itself; one that decides nothing is left out."""
+    """Fit every pulse by itself; a pulse without a finite fit is left out."""
     values = least_squares(gram, moment)
     explained = 2.0 * np.einsum("pk,pk->p", values, moment)
     explained -= np.einsum("pk,pkl,pl->p", values, gram, values)
@@ -254,22 +247,22 @@ def _singles(
     )
 
 
-def _noise_share(found: Sequence[PairResponses], responses: _Responses) -> float:
-    """Return which share of the responses' acceleration is noise of the angle."""
-    noise = sum(len(pair.pulses) * pair.acceleration_noise_sd**2 for pair in found)
+def _noise_share(pairs: Sequence[PairResponses], responses: _Responses) -> float:
+    """Return the share of noise in the power of the responses' acceleration."""
+    noise = sum(len(pair.pulses) * pair.acceleration_noise_sd**2 for pair in pairs)
     return float(noise / len(responses.pulses) / np.mean(responses.windows[:, ACCELERATION] ** 2))
 
 
 def _warnings(pooled: np.ndarray, noise_share: float) -> tuple[str, ...]:
-    notes = []
+    warnings = []
     if pooled[0] < 0.0:
-        notes.append("the stiffness is negative: turn the sign of torque or angle")
+        warnings.append(NEGATIVE_STIFFNESS)
     if noise_share > _TOLD_NOISE_SHARE:
-        notes.append(
+        warnings.append(
             f"about {100.0 * noise_share:.2g} % of the acceleration is noise of the angle: "
             "inertia and stiffness read low, the damping high. Lower cutoff_hz"
         )
-    return tuple(notes)
+    return tuple(warnings)
 
 
 def _mean_response(responses: _Responses, pooled: np.ndarray) -> MeanResponse:

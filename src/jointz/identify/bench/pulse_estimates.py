@@ -1,4 +1,4 @@
-"""Every pulse of a bench by itself, as 2.2.3 has it: what the statistics of 2.2.4 compare."""
+"""Every pulse of a bench by itself (2.2.3), for the statistics of 2.2.4."""
 
 from collections.abc import Sequence
 
@@ -20,24 +20,7 @@ def pulse_estimates(
     responses: np.ndarray,
     sources: Sequence[Source],
 ) -> tuple[PulseEstimate, ...]:
-    """Fit torque = K*angle + B*velocity + J*acceleration to every response by itself.
-
-    Parameters
-    ----------
-    participant : str
-        The load.
-    candidates : sequence of Candidate
-        The pulses.
-    responses : (p, 4, n) float
-        Angle (rad), velocity, acceleration and torque (N*m), unperturbed motion subtracted.
-    sources : sequence of Source
-        The recordings, for the direction of the reference.
-
-    Returns
-    -------
-    tuple of PulseEstimate
-        In the order of the pulses; one whose regressors are singular is left out.
-    """
+    """Fit torque = K*angle + B*velocity + J*acceleration to every response by itself."""
     gram, moment, power = normal_equations(responses)
     values = least_squares(gram, moment)
     fitted = np.einsum("pk,pkt->pt", values, responses[:, :TORQUE])

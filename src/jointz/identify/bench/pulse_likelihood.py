@@ -5,14 +5,14 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.signal import savgol_filter
-from scipy.stats import t as student_t
 
-from jointz.core.bench_fits import PulseFit, estimate
 from jointz.core.errors import DataError
-from jointz.core.joint_fit import FitSeries
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.kernels.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
-from jointz.kernels.second_order_recursion import REACH
+from jointz.identify.series.block_regression import t_factor
+from jointz.kernels.series.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
+from jointz.kernels.series.second_order_recursion import REACH
+from jointz.results.bench.bench_fits import PulseFit, estimate
+from jointz.results.series.joint_fit import FitSeries
 
 Signal = Literal["response", "raw"]
 
@@ -32,15 +32,10 @@ _PARAMETERS = ("stiffness", "damping", "inertia", "torque_lag")
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevels:
-    """White noise of the two records.
+    """White noise of the two records."""
 
-    Parameters
-    ----------
-    angle_sd_rad, torque_sd_nm : float
-        Standard deviations, rad and N*m; one may be zero. After the subtraction of an
-        unperturbed record they are larger by the square root of two.
-    """
-
+    # standard deviations, rad and N*m; one may be zero. After the subtraction of an unperturbed
+    # record they are larger by the square root of two
     angle_sd_rad: float
     torque_sd_nm: float
 
@@ -94,7 +89,7 @@ def fit_pulse(
     Notes
     -----
     The true torque at every sample is unknown and profiled out, with torque linear
-    between samples; see :mod:`jointz.kernels.second_order`. With noise of the encoder
+    between samples; see :mod:`jointz.kernels.series.second_order`. With noise of the encoder
     only, the RMSE is within 5 % of the Cramer-Rao bound. A lag between samples
     is a windowed sinc, which leaves white noise white wherever a load can move.
     Where the residuals are larger than the noise says, intervals are widened by them.
@@ -225,7 +220,7 @@ def _result(
     usable = fit.converged and fit.condition_number < _LARGEST_CONDITION
     sds = np.sqrt(np.diag(covariance)) if usable else np.full(len(names), np.inf)
     common: dict[str, Any] = {"ci_level": _CI_LEVEL, "ci_method": "information of the likelihood"}
-    factor = float(student_t.ppf((1.0 + _CI_LEVEL) / 2.0, max(freedom, 1)))
+    factor = t_factor(_CI_LEVEL, max(freedom, 1))
     time = start_s + record.step_s * np.arange(record.angle.size)
     torque = _shifted_torque(record, float(fit.values[3]))
     torque = torque - fit.values[4]

@@ -1,28 +1,29 @@
 """Static stiffness of a bench (3.2.2): the slope of torque over angle, moved slowly."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jointz.core import provenance
-from jointz.core.bench_fits import estimate
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.stiffness_fit import LoopSeries, StiffnessFit
-from jointz.identify.actuators.actuator_regression import Regression, regress
-from jointz.identify.actuators.actuator_terms import is_constant
+from jointz.identify.bench.bench_estimates import (
+    NEGATIVE_STIFFNESS,
+    bench_estimates,
+    check_excited,
+)
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, white_noise_sd
-from jointz.identify.series.joint_record import JointRecord, Samples, gather_record
+from jointz.identify.series.block_regression import BlockRegression, regress
+from jointz.identify.series.joint_record import JointRecord, Samples, check_level, gather_record
 from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 
 _WHERE = "identify_static_stiffness"
+#: A slope that explains less of the torque is undecided, %.
+_LEAST_VAF_PCT = 50.0
 #: What the low-pass spoils at both ends of a record, in periods of its cut-off.
 _EDGE_PERIODS = 4.5
-#: Share of the angle's variance that may be noise: told above the first, refused above the second.
+#: Share of noise in the angle's variance: noted above the first, refused above the second.
 _TOLD_NOISE_SHARE = 1e-3
 _MOST_NOISE_SHARE = 0.05
 _FEWEST_OF_A_DIRECTION = 0.05
@@ -107,10 +108,12 @@ def identify_static_stiffness(
     >>> round(fit.parameter("stiffness").value)
     146
     """
-    given = {"angle": angle, "torque": torque, "time": time, "direction": direction}
-    record = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
-    _check(record, cutoff_hz, ci_level)
-    deflection, load, way = _moving(*_prepared(record, cutoff_hz))
+    arrays = {"angle": angle, "torque": torque, "time": time, "direction": direction}
+    record = gather_record(recording, arrays, rate_hz=rate_hz, where=_WHERE)
+    check_level(_WHERE, ci_level)
+    check_excited(_WHERE, record.channels)
+    _check_direction(record)
+    deflection, load, way = _prepared(record, cutoff_hz)
     columns = {"stiffness": deflection, "bias": np.ones(deflection.size)}
     if way is not None:
         columns |= {"coulomb_friction": way, "load_friction": way * np.abs(load)}
@@ -122,137 +125,100 @@ def identify_static_stiffness(
             "record torques of several sizes both ways.",
         )
     share = _noise_share(record, fit, deflection, cutoff_hz)
-    settings = {
-        "cutoff_hz": cutoff_hz,
-        "friction": way is not None,
-        "angle_noise_share": share,
-        "ci_level": ci_level,
-        "sha256": record.sha256,
-        "jointz": provenance.software()["jointz"],
-    }
+    vaf_pct = 100.0 * (1.0 - float(np.var(fit.residual) / np.var(load)))
+    if vaf_pct < _LEAST_VAF_PCT and not fit.doubt:
+        fit = replace(
+            fit,
+            doubt=f"the angle explains {max(vaf_pct, 0.0):.2g} % of the torque: check that angle "
+            "and torque are not exchanged; move slowly, damping and inertia must not count",
+        )
+    kept = [i for i, name in enumerate(fit.names) if name != "bias"]
+    half_width = np.full(len(fit.names), np.nan) if fit.doubt else fit.half_width
     return StiffnessFit(
         method="static",
-        parameters=tuple(_parameter(n, fit, ci_level) for n in columns if n != "bias"),
-        vaf_pct=100.0 * (1.0 - float(np.var(fit.residual) / np.var(load))),
+        parameters=bench_estimates(
+            {fit.names[i]: fit.values[i] for i in kept},
+            half_width[kept],
+            ci_level=ci_level,
+            ci_method=fit.ci_method,
+        ),
+        vaf_pct=vaf_pct,
         frequency_hz=None,
         excursion_rad=float(np.ptp(deflection)),
         n_samples=load.size,
         rate_hz=record.rate_hz,
         ci_method=fit.ci_method,
-        settings=settings,
+        settings={
+            "cutoff_hz": cutoff_hz,
+            "friction": way is not None,
+            "angle_noise_share": share,
+            "ci_level": ci_level,
+            **record.origin(),
+        },
         warnings=_warnings(fit, share),
         series=_series(deflection, load, load - fit.residual),
     )
 
 
-def check_level(where: str, ci_level: float) -> None:
-    """Refuse a level of intervals that is none.
-
-    Parameters
-    ----------
-    where : str
-        Name of the calling function.
-    ci_level : float
-        The level.
-
-    Raises
-    ------
-    DataError
-        When it does not lie between 0 and 1.
-    """
-    if not 0.0 < ci_level < 1.0:
-        raise DataError(f"{where}: ci_level: expected 0 < ci_level < 1, got {ci_level}.")
+def _check_direction(record: JointRecord) -> None:
+    if "direction" not in record.channels:
+        return
+    ways = np.sign(record.channels["direction"])
+    rarer = min(float(np.mean(ways > 0)), float(np.mean(ways < 0)))
+    if rarer < _FEWEST_OF_A_DIRECTION:
+        raise DataError(
+            f"{_WHERE}: direction: expected motion both ways, got {100.0 * rarer:.2g} % of "
+            "the samples one way. Record a whole cycle, or leave the direction out.",
+            channel="direction",
+        )
 
 
-def check_excited(where: str, channels: Mapping[str, np.ndarray]) -> None:
-    """Refuse a bench record that is too short, or in which angle or torque stands still.
-
-    Parameters
-    ----------
-    where : str
-        Name of the calling function.
-    channels : mapping
-        With ``angle`` and ``torque``.
-
-    Raises
-    ------
-    DataError
-        Below 50 samples.
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
-    n = channels["angle"].size
-    if n < FEWEST_SAMPLES:
-        raise DataError(f"{where}: expected at least {FEWEST_SAMPLES} samples, got {n}.")
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
-        if is_constant(channels[name]):
-            raise EstimationError(
-                code,
-                f"{where}: the {name} is {channels[name][0]:.6g} throughout; expected one that "
-                "changes. Look for a dead sensor, or load the bench more.",
-            )
-
-
-def _check(record: JointRecord, cutoff_hz: float | None, ci_level: float) -> None:
-    check_level(_WHERE, ci_level)
-    check_excited(_WHERE, record.channels)
-    if cutoff_hz is not None:
-        n, edge = record.time.size, _edge(record, cutoff_hz)
-        if not 0.0 < cutoff_hz < record.rate_hz / 2.0:
-            raise DataError(
-                f"{_WHERE}: cutoff_hz: expected between 0 and half the sampling rate, "
-                f"{record.rate_hz / 2.0:g} Hz, got {cutoff_hz:g}."
-            )
-        if n - 2 * edge < FEWEST_SAMPLES:
-            raise DataError(
-                f"{_WHERE}: cutoff_hz {cutoff_hz:g} spoils {_EDGE_PERIODS / cutoff_hz:.3g} s at "
-                f"both ends of the record of {n / record.rate_hz:.3g} s. Record longer, or "
-                "raise cutoff_hz."
-            )
-    if "direction" in record.channels:
-        ways = np.sign(record.channels["direction"])
-        rarer = min(float(np.mean(ways > 0)), float(np.mean(ways < 0)))
-        if rarer < _FEWEST_OF_A_DIRECTION:
-            raise DataError(
-                f"{_WHERE}: direction: expected motion both ways, got {100.0 * rarer:.2g} % of "
-                "the samples one way. Record a whole cycle, or leave the direction out.",
-                channel="direction",
-            )
-
-
-def _edge(record: JointRecord, cutoff_hz: float) -> int:
-    return round(_EDGE_PERIODS / cutoff_hz * record.rate_hz) if cutoff_hz > 0.0 else 0
+def _spoilt_samples(record: JointRecord, cutoff_hz: float) -> int:
+    """Return the samples that the low-pass spoils at either end; refuse a useless low-pass."""
+    half = record.rate_hz / 2.0
+    if not 0.0 < cutoff_hz < half:
+        raise DataError(
+            f"{_WHERE}: cutoff_hz: expected between 0 and half the sampling rate, {half:g} Hz, "
+            f"got {cutoff_hz:g}."
+        )
+    edge = round(_EDGE_PERIODS / cutoff_hz * record.rate_hz)
+    if record.time.size - 2 * edge < FEWEST_SAMPLES:
+        raise DataError(
+            f"{_WHERE}: cutoff_hz {cutoff_hz:g} spoils {_EDGE_PERIODS / cutoff_hz:.3g} s at "
+            f"both ends of the record of {record.seconds:.3g} s. Record longer, or raise "
+            "cutoff_hz."
+        )
+    return edge
 
 
 def _prepared(
     record: JointRecord, cutoff_hz: float | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return angle, torque and the sign of the direction, low-passed where that is asked for."""
-    values = [record.channels["angle"], record.channels["torque"]]
+    """Return angle, torque and the sign of the direction, low-passed if requested.
+
+    Samples where the angle stands are left out: friction may be anything there.
+    """
+    angle, torque = record.channels["angle"], record.channels["torque"]
     way = np.sign(record.channels["direction"]) if "direction" in record.channels else None
-    if cutoff_hz is None:
-        return values[0] - values[0].mean(), values[1], way
-    inside = slice(_edge(record, cutoff_hz), record.time.size - _edge(record, cutoff_hz))
-    angle, torque = (
-        lowpass_zero_phase(x, cutoff_hz=cutoff_hz, rate_hz=record.rate_hz)[inside] for x in values
-    )
-    return angle - angle.mean(), torque, None if way is None else way[inside]
-
-
-def _moving(
-    deflection: np.ndarray, load: np.ndarray, way: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Leave out where the angle stands: friction may be anything there."""
+    if cutoff_hz is not None:
+        edge = _spoilt_samples(record, cutoff_hz)
+        inside = slice(edge, record.time.size - edge)
+        angle, torque = (
+            lowpass_zero_phase(x, cutoff_hz=cutoff_hz, rate_hz=record.rate_hz)[inside]
+            for x in (angle, torque)
+        )
+        way = None if way is None else way[inside]
+    angle = angle - angle.mean()
     if way is None or way.all():
-        return deflection, load, way
+        return angle, torque, way
     moving = way != 0.0
-    return deflection[moving], load[moving], way[moving]
+    return angle[moving], torque[moving], way[moving]
 
 
 def _noise_share(
-    record: JointRecord, fit: Regression, deflection: np.ndarray, cutoff_hz: float | None
+    record: JointRecord, fit: BlockRegression, deflection: np.ndarray, cutoff_hz: float | None
 ) -> float:
-    """Return which share of the angle's variance is noise; refuse where it is much of it.
+    """Return the share of noise in the angle's variance; refuse a large one.
 
     Steps from level to level read as noise too, but noise would be seen in the residual.
     """
@@ -274,34 +240,21 @@ def _noise_share(
     return share
 
 
-def _parameter(name: str, fit: Regression, ci_level: float) -> ParameterEstimate:
-    value = fit.value(name)
-    half = np.nan if fit.doubt else float(fit.half_width[fit.names.index(name)])
-    common = {"ci_level": ci_level, "ci_method": fit.ci_method}
-    found = estimate(name, value, half, t_factor=1.0, common=common)
-    return found if found.stands else replace(found, unbounded=value)
-
-
-def _warnings(fit: Regression, share: float) -> tuple[str, ...]:
-    notes = [f"undecided: {fit.doubt}"] if fit.doubt else []
-    notes += [fit.caution] if fit.caution else []
+def _warnings(fit: BlockRegression, share: float) -> tuple[str, ...]:
+    warnings = [f"undecided: {fit.doubt}"] if fit.doubt else []
+    warnings += [fit.caution] if fit.caution else []
     if fit.value("stiffness") < 0.0:
-        notes.append("the stiffness is negative: turn the sign of torque or angle")
+        warnings.append(NEGATIVE_STIFFNESS)
     if share > _TOLD_NOISE_SHARE:
-        notes.append(
+        warnings.append(
             f"about {100.0 * share:.2g} % of the angle's variance is noise: the stiffness reads "
             "low by as much"
         )
-    return tuple(notes)
+    return tuple(warnings)
 
 
 def _series(angle: np.ndarray, measured: np.ndarray, modelled: np.ndarray) -> LoopSeries:
     """Thin the loop for a figure."""
     shown = slice(None, None, max(1, -(-angle.size // _SERIES_POINTS)))
-    offset = measured.mean()
-    values: dict[str, Any] = {
-        "angle": angle,
-        "measured": measured - offset,
-        "modelled": modelled - offset,
-    }
-    return LoopSeries(**{name: tuple(v[shown].tolist()) for name, v in values.items()})
+    columns = (angle, measured - measured.mean(), modelled - measured.mean())
+    return LoopSeries(*(tuple(values[shown].tolist()) for values in columns))

@@ -1,27 +1,21 @@
 r"""Impedance of the exoskeleton's own frame, hanging alone.
 
-:math:`\tau + f\,\tau_f = K\sin x + B\dot x + J\ddot x` on average responses, the encoder's motion
-being as good as free of noise: what is left is the actuator's torque error, which pulses average
-out, and which is told from pulse to pulse.
+:math:`\tau + f\,\tau_f = K\sin x + B\dot x + J\ddot x` on average responses. The encoder's motion
+is nearly free of noise: the error left is that of the actuator's torque, which pulses average
+out, and whose size is estimated from pulse to pulse.
 """
 
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
-from jointz.core.estimates import REACH_95
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecord, average_pulses
-from jointz.identify.calibration.steady_fit import RefusedError, thinned
+from jointz.identify.calibration.calibration_step import RefusedError, calibration_step, step_series
+from jointz.identify.calibration.pulse_averages import PulsedRecord, average_pulses, left_out_notes
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
+from jointz.results.estimates import REACH_95
 
 _NAMES = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
 _LEAD_S, _LENGTH_S = 0.15, 0.6
@@ -39,71 +33,47 @@ _METHOD = (
 )
 
 
+@calibration_step("frame", *_NAMES)
 def fit_frame(record: PulsedRecord, *, known: CalibrationSpec | None = None) -> CalibrationFit:
-    """Find stiffness, damping and inertia of what moves beyond the place of the torque.
+    """Estimate stiffness, damping and inertia of the frame beyond the place of the torque.
 
-    Parameters
-    ----------
-    record : PulsedRecord
-        The exoskeleton hanging alone, pushed both ways.
-    known : CalibrationSpec, optional
-        ``torque_gain`` and ``friction_gain``, where they are known.
-
-    Returns
-    -------
-    CalibrationFit
-        ``intrinsic_stiffness`` (gravity of the frame), ``intrinsic_damping`` and
-        ``intrinsic_inertia``, in units of true torque. A frame of no account gives values about
-        zero with an sd, which is an answer too.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     The inertia of the rotor is in the torque already. Samples slower than 0.15 rad/s are left
-    out: at rest, friction is whatever it needs to be. The gain of the friction is a nuisance
+    out: at rest, static friction takes any value. The gain of the friction is a nuisance
     with a prior, 1 +- 0.2 where nothing is known.
     """
     known = known or CalibrationSpec()
-    try:
-        average = average_pulses(record, lead_s=_LEAD_S, length_s=_LENGTH_S, name="pulses")
-        return _fitted(average, known)
-    except RefusedError as refused:
-        return CalibrationFit("frame", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(average: PulseAverage, known: CalibrationSpec) -> CalibrationFit:
+    average = average_pulses(record, lead_s=_LEAD_S, length_s=_LENGTH_S, name="pulses")
     rate = 1.0 / average.period_s
     angle, driving, friction = (
         lowpass_zero_phase(rows, cutoff_hz=_CUTOFF_HZ, rate_hz=rate)
         for rows in (average.motor_angle, average.driving, average.friction)
     )
     velocity = derivative(angle, rate_hz=rate)
-    bend = derivative(velocity, rate_hz=rate)
-    motion = np.stack([np.sin(angle), velocity, bend, -friction], axis=-1)
+    acceleration = derivative(velocity, rate_hz=rate)
+    motion = np.stack([np.sin(angle), velocity, acceleration, -friction], axis=-1)
     inside = (average.time_s > 0.0) & (average.time_s < _LENGTH_S - _EDGE_S)
     inside &= np.abs(velocity.mean(axis=0)) > _SLOW_RAD_S
     values, noise = _regressed(driving[:, inside], motion[:, inside])
     prior = known.friction_gain or _FRICTION_GAIN
     values, covariance, from_prior = _with_prior(values, noise, prior)
     gain = known.torque_gain or _TORQUE_GAIN
-    entries = tuple(_entry(i, values, (covariance, from_prior), gain) for i in range(3))
-    shown = (motion.mean(axis=0) @ values)[inside]
+    variances = np.column_stack([np.diag(covariance), np.diag(from_prior)])
+    entries = (
+        _entry(name, float(value), own, gain)
+        for name, value, own in zip(_NAMES, values[:3], variances[:3], strict=True)
+    )
     return CalibrationFit(
         step="frame",
-        entries=entries,
+        entries=tuple(entries),
         reported=(decided("friction_gain", values[3], {"noise": np.sqrt(covariance[3, 3])}),),
         method=_METHOD,
         n_samples=int(inside.sum()) * average.count,
-        notes=_notes(average),
+        notes=left_out_notes(average),
         settings={"cutoff_hz": _CUTOFF_HZ, "n_pulses": average.count},
-        series=CalibrationSeries(
-            x=thinned(average.time_s[inside]),
-            measured=thinned(driving.mean(axis=0)[inside]),
-            modelled=thinned(shown),
+        series=step_series(
+            average.time_s[inside],
+            driving.mean(axis=0)[inside],
+            (motion.mean(axis=0) @ values)[inside],
             x_label="time after the onset (s)",
             y_label="torque by the current, without friction (N*m)",
         ),
@@ -132,9 +102,9 @@ def _regressed(torque: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.n
 def _with_prior(
     values: np.ndarray, covariance: np.ndarray, prior: Calibrated
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return values and covariance with the gain of friction drawn to what is known of it.
+    """Return values and covariance with the gain of friction drawn to its prior.
 
-    The third is the part of the covariance that the prior's sd makes.
+    The third is the part of the covariance due to the prior's sd.
     """
     variance = prior.sd**2
     gain = covariance[:, 3] / (covariance[3, 3] + variance)
@@ -143,24 +113,13 @@ def _with_prior(
     return drawn, left, np.outer(gain, gain) * variance
 
 
-def _entry(
-    i: int,
-    values: np.ndarray,
-    covariances: tuple[np.ndarray, np.ndarray],
-    gain: Calibrated,
-) -> CalibrationEntry:
-    covariance, from_prior = covariances
-    of_friction = min(float(from_prior[i, i]), float(covariance[i, i]))
-    value = float(values[i]) / gain.value
+def _entry(name: str, value: float, variances: np.ndarray, gain: Calibrated) -> CalibrationEntry:
+    """Return an entry; variances are in all, and by the prior of the friction."""
+    total, of_friction = float(variances[0]), float(variances.min())
+    value /= gain.value
     parts = {
-        "noise": float(np.sqrt(covariance[i, i] - of_friction)) / gain.value,
+        "noise": float(np.sqrt(total - of_friction)) / gain.value,
         "friction": float(np.sqrt(of_friction)) / gain.value,
         "torque_gain": abs(value) * gain.sd / gain.value,
     }
-    return decided(_NAMES[i], value, parts)
-
-
-def _notes(average: PulseAverage) -> tuple[str, ...]:
-    if average.n_left_out == 0:
-        return ()
-    return (f"{average.n_left_out} pulses left out: not from rest, or at the record's ends.",)
+    return decided(name, value, parts)

@@ -17,22 +17,30 @@ from scipy.optimize import least_squares
 from jointz.core.study import Calibrated
 from jointz.kernels.joint_response import MOTION, joint_motion, sensed
 
-#: Parameters.
-NAMES = (
-    "log_inertia",
-    "stiffness",
-    "damping",
-    "damping_weighted",
-    "stiffness_more",
-    "inertia_more",
-    "gain_ratio",
-    "friction_gain",
-    "cross_talk",
-    "lag",
-    "delay",
-    "log_resonance",
-    "resonance_damping",
-)
+#: Parameter -> mean and sd before the data (wide where nothing is known), lowest and highest
+#: value of the search, and its step.
+_PARAMETERS = {
+    "log_inertia": (float(np.log(0.15)), 1.5, -7.0, 2.5, 0.1),
+    "stiffness": (15.0, 30.0, -100.0, 1e3, 1.0),
+    "damping": (1.0, 2.0, -5.0, 50.0, 0.1),
+    "damping_weighted": (1.0, 2.0, -5.0, 50.0, 0.1),
+    "stiffness_more": (0.0, 1.0, -20.0, 20.0, 0.5),
+    "inertia_more": (0.0, 1e-3, -0.5, 0.5, 1e-3),
+    "gain_ratio": (1.0, 0.3, 0.2, 5.0, 0.05),
+    "friction_gain": (1.0, 0.2, 0.0, 3.0, 0.1),
+    "cross_talk": (0.0, 3e-4, -0.05, 0.05, 1e-4),
+    "lag": (0.008, 0.008, 0.0, 0.06, 1e-3),
+    "delay": (0.003, 0.003, -0.02, 0.04, 1e-3),
+    "log_resonance": (
+        float(np.log(30.0)),
+        0.4,
+        float(np.log(6.0)),
+        float(np.log(150.0)),
+        0.1,
+    ),
+    "resonance_damping": (0.3, 0.1, 0.03, 0.97, 0.1),
+}
+NAMES = tuple(_PARAMETERS)
 (
     LOG_INERTIA,
     STIFFNESS,
@@ -48,39 +56,8 @@ NAMES = (
     LOG_RESONANCE,
     RESONANCE_DAMPING,
 ) = range(len(NAMES))
-#: Mean and sd before the data; wide where nothing is known.
-_PRIOR = {
-    "log_inertia": (float(np.log(0.15)), 1.5),
-    "stiffness": (15.0, 30.0),
-    "damping": (1.0, 2.0),
-    "damping_weighted": (1.0, 2.0),
-    "stiffness_more": (0.0, 1.0),
-    "inertia_more": (0.0, 1e-3),
-    "gain_ratio": (1.0, 0.3),
-    "friction_gain": (1.0, 0.2),
-    "cross_talk": (0.0, 3e-4),
-    "lag": (0.008, 0.008),
-    "delay": (0.003, 0.003),
-    "log_resonance": (float(np.log(30.0)), 0.4),
-    "resonance_damping": (0.3, 0.1),
-}
-#: What the search may reach, and its steps.
-_REACH = {
-    "log_inertia": (-7.0, 2.5, 0.1),
-    "stiffness": (-100.0, 1e3, 1.0),
-    "damping": (-5.0, 50.0, 0.1),
-    "damping_weighted": (-5.0, 50.0, 0.1),
-    "stiffness_more": (-20.0, 20.0, 0.5),
-    "inertia_more": (-0.5, 0.5, 1e-3),
-    "gain_ratio": (0.2, 5.0, 0.05),
-    "friction_gain": (0.0, 3.0, 0.1),
-    "cross_talk": (-0.05, 0.05, 1e-4),
-    "lag": (0.0, 0.06, 1e-3),
-    "delay": (-0.02, 0.04, 1e-3),
-    "log_resonance": (float(np.log(6.0)), float(np.log(150.0)), 0.1),
-    "resonance_damping": (0.03, 0.97, 0.1),
-}
-_LOW, _HIGH, _SCALE = np.array([_REACH[name] for name in NAMES]).T
+_PRIOR = {name: row[:2] for name, row in _PARAMETERS.items()}
+_LOW, _HIGH, _SCALE = np.array([row[2:] for row in _PARAMETERS.values()]).T
 _STARTS = (0.06, 0.2, 0.6)
 _SUBSTEP_S = 1e-3
 _LEAST_SD = 1e-6
@@ -92,24 +69,12 @@ KNOWN_LAG = len(NAMES)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingCell:
-    """The average response of one condition.
+    """The average response of one condition."""
 
-    Parameters
-    ----------
-    angle : (n,) float, rad
-        Measured, from rest.
-    torque : (2, n) float, N*m
-        Without friction, and friction.
-    noise : (n, n) float, rad^2
-        Covariance of the error of the average.
-    period_s : float, s
-        Between samples.
-    """
-
-    angle: np.ndarray
-    torque: np.ndarray
-    noise: np.ndarray
-    period_s: float
+    angle: np.ndarray  # measured, from rest
+    torque: np.ndarray  # without friction, and friction
+    noise: np.ndarray  # covariance of the error of the average
+    period_s: float  # s: between samples
 
     def root(self) -> np.ndarray:
         """Return a whitening matrix: its product with the noise's errors has unit covariance."""
@@ -121,66 +86,27 @@ class HangingCell:
 
 @dataclass(frozen=True, slots=True)
 class KnownWeight:
-    """What was strapped on.
+    """Inertia and stiffness that a strapped weight adds about the joint."""
 
-    Parameters
-    ----------
-    inertia, stiffness : Calibrated, kg*m^2, N*m/rad
-        About the joint; weight times distance.
-    """
-
-    inertia: Calibrated
-    stiffness: Calibrated
+    inertia: Calibrated  # kg*m^2
+    stiffness: Calibrated  # N*m/rad: weight times distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HangingPosterior:
-    """Mode and covariance under one model of the sensor.
+    """Mode and covariance under one model of the sensor."""
 
-    Parameters
-    ----------
-    values : (13,) float
-        By the places above.
-    bread : (13, 13) float
-        Inverse of the curvature; zero where a parameter is idle.
-    prior_sd : (13,) float
-        Of every parameter before the data.
-    lag_sd_s : float, s
-        Of what was known of the total lag; infinite where nothing was.
-    log_evidence : float
-        Up to a constant that both models share.
-    misfit : float
-        Squared distance from the data over the degrees of freedom; about 1.
-    fitted : tuple of (n,) float, rad
-        Angles that the sensor would show.
-    motions : tuple of (n,) float, rad
-        The joint's own.
-    """
-
-    values: np.ndarray
-    bread: np.ndarray
-    prior_sd: np.ndarray
-    lag_sd_s: float
-    log_evidence: float
-    misfit: float
-    fitted: tuple[np.ndarray, ...]
-    motions: tuple[np.ndarray, ...]
+    values: np.ndarray  # by the places above
+    bread: np.ndarray  # inverse of the curvature; zero where a parameter is idle
+    prior_sd: np.ndarray  # of every parameter before the data
+    lag_sd_s: float  # s: of what was known of the total lag; infinite where nothing was
+    log_evidence: float  # up to a constant that both models share
+    misfit: float  # squared distance from the data over the degrees of freedom; about 1
+    fitted: tuple[np.ndarray, ...]  # angles that the sensor would show
+    motions: tuple[np.ndarray, ...]  # the joint's own
 
     def variances(self, slopes: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the variance of a function of the parameters, by where it comes from.
-
-        Parameters
-        ----------
-        slopes : (13,) float
-            Derivatives of the function.
-
-        Returns
-        -------
-        noise : float
-            What the noise of the data makes; more where the model misfits.
-        priors : (14,) float
-            What the prior of every parameter makes, then what was known of the total lag.
-        """
+        """Return the variance of a function of the parameters, by where it comes from."""
         reach = slopes @ self.bread
         of_lag = (reach[LAG] + reach[DELAY]) / self.lag_sd_s
         priors = np.append(reach / self.prior_sd, of_lag) ** 2
@@ -189,21 +115,7 @@ class HangingPosterior:
 
 
 class HangingModel:
-    """Finds the posterior mode of one or two conditions under one sensor.
-
-    Parameters
-    ----------
-    cells : sequence of HangingCell
-        Bare, then weighted where there is one.
-    weight : KnownWeight or None
-        What was added in the second.
-    known : mapping of str to tuple
-        Name of a parameter -> mean and sd, in place of the usual ones.
-    resonance : bool
-        Whether tissue resonates before the sensor.
-    total_lag : tuple of float, s
-        Mean and sd of lag and delay together, as they are known; an infinite sd: not at all.
-    """
+    """Finds the posterior mode of one or two conditions under one sensor."""
 
     def __init__(
         self,
@@ -236,27 +148,19 @@ class HangingModel:
         for inertia in _STARTS:
             start = self._mean.copy()
             start[LOG_INERTIA] = np.log(inertia)
-            found = least_squares(
+            fit = least_squares(
                 self._distances,
                 np.clip(start, _LOW + 1e-9, _HIGH - 1e-9)[self._free],
                 bounds=(_LOW[self._free], _HIGH[self._free]),
                 x_scale=_SCALE[self._free],
                 max_nfev=60,
             )
-            fits.append(found)
-        best = min(fits, key=lambda found: float(found.cost))
+            fits.append(fit)
+        best = min(fits, key=lambda fit: float(fit.cost))
         return self._posterior(np.asarray(best.x))
 
     def joint(self, values: np.ndarray, i: int) -> tuple[float, float, float]:
-        """Return K, B, J of a condition, in measured units.
-
-        Parameters
-        ----------
-        values : (13,) float
-            Parameters.
-        i : int
-            Which condition.
-        """
+        """Return K, B, J of a condition, in measured units."""
         K, B, J = values[STIFFNESS], values[DAMPING], np.exp(values[LOG_INERTIA])
         if i == 1 and self._weight is not None:
             ratio = values[GAIN_RATIO]
@@ -266,15 +170,7 @@ class HangingModel:
         return float(K), float(B), float(J)
 
     def respond(self, values: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the sensor shows and how the joint moves, rad, at the samples.
-
-        Parameters
-        ----------
-        values : (13,) float
-            Parameters.
-        i : int
-            Which condition.
-        """
+        """Return the angle that the sensor shows and that of the joint, rad, at the samples."""
         cell = self._cells[i]
         K, B, J = self.joint(values, i)
         substeps = max(1, round(cell.period_s / _SUBSTEP_S))
@@ -306,13 +202,11 @@ class HangingModel:
             root @ (cell.angle - self.respond(values, i)[0])
             for i, (cell, root) in enumerate(zip(self._cells, self._roots, strict=True))
         ]
-        apart = np.concatenate([*parts, self._from_prior(values)])
-        return np.asarray(np.nan_to_num(apart, nan=1e6))
-
-    def _from_prior(self, values: np.ndarray) -> np.ndarray:
+        from_prior = ((values - self._mean) / self._sd)[self._free]
         known, sd = self._total_lag
         of_lag = (values[LAG] + values[DELAY] - known) / sd
-        return np.append(((values - self._mean) / self._sd)[self._free], of_lag)
+        apart = np.concatenate([*parts, np.append(from_prior, of_lag)])
+        return np.asarray(np.nan_to_num(apart, nan=1e6))
 
     def _posterior(self, free: np.ndarray) -> HangingPosterior:
         at = self._distances(free)

@@ -6,32 +6,29 @@ filter takes more of fast motion than a delay does, so that g depends on it. The
 filter in L is weighed by the data, flat between none and all.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
 from jointz.gait.timestamps import find_gaps
-from jointz.identify.calibration.hinge_checks import check_rigid, check_swing
-from jointz.identify.calibration.steady_fit import (
+from jointz.identify.calibration.calibration_step import (
     RefusedError,
+    calibration_step,
+    check_same_sign,
     checked_channels,
-    sandwich,
-    thinned,
+    middle_range,
+    step_series,
+    weighted_moments,
 )
+from jointz.identify.calibration.steady_fit import linear_fit, sandwich
 from jointz.kernels.block_sandwich import correlation_time
 from jointz.kernels.joint_response import sensed
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 
-_NAMES = ("angle_lag_s", "angle_gain")
-#: Shares of the filter that are tried, first over all, then where the weight is: steps wider than
-#: what the data tell apart would put the gain beside the truth, by more than its sd.
+#: Candidate shares of the filter, first from 0 to 1, then where the weight is: steps too wide
+#: for the data would bias the gain by more than its sd.
 _SHARES = 11
 _FINER = 2
 _NO_WEIGHT = 1e-4
@@ -41,11 +38,19 @@ _PASSES = 12
 _LAG_RANGE_S = (-0.05, 0.1)
 #: The filter's memory of what came before the record, or before a hole.
 _SETTLED_S = 0.4
-_LARGEST_LAG_SD_S, _LARGEST_GAIN_SD = 0.5e-3, 0.03
+_LARGEST_SDS = {"angle_lag_s": 0.5e-3, "angle_gain": 0.03}
 #: The encoder may come so much after the angle before the channels count as swapped, s.
 _AHEAD_S = 2e-3
 _GAIN_RANGE = (0.5, 2.0)
 _SHOWN_S = 4.0
+_LEAST_SWING_RAD = float(np.radians(3.0))
+#: Samples at the end of the range, share of all, and what the encoder does meanwhile, share of
+#: its swing.
+_CLIPPED_SHARE, _GOES_ON = 0.01, 0.1
+_PLAY_RAD, _CLEAR_SDS = float(np.radians(0.25)), 5.0
+_SLIP_RAD = float(np.radians(1.0))
+#: Residual of the fit, over means of 0.1 s.
+_SMOOTH_S, _LEFT_RAD, _LEFT_SHARE = 0.1, float(np.radians(0.6)), 0.08
 _METHOD = (
     "the encoder, delayed and filtered, fitted to the angle; share of the filter weighed; block "
     "sandwich"
@@ -54,7 +59,7 @@ _METHOD = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Swing:
-    """A record, and which of its samples count."""
+    """A record, and the samples that enter the fit."""
 
     time: np.ndarray
     angle: np.ndarray
@@ -85,69 +90,43 @@ class _Candidate:
     residual: np.ndarray
 
 
+@calibration_step("hinge", "angle_lag_s", "angle_gain")
 def fit_hinge(time: np.ndarray, angle: np.ndarray, motor_angle: np.ndarray) -> CalibrationFit:
-    """Find lag and gain of a goniometer that is clamped to the hinge of an encoder.
+    """Estimate lag and gain of a goniometer that is clamped to the hinge of an encoder.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps; the nominal rate is not used.
-    angle : (n,) float, rad
-        The goniometer's.
-    motor_angle : (n,) float, rad
-        The encoder's, at the hinge.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_lag_s``, the total lag, and ``angle_gain``, measured over true; ``undecided``
-        where the swing is too slow or too small (sd of the lag above 0.5 ms), ``failed:CODE``
-        where the two differ by more than a rigid hinge can.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
     The encoder is taken to be without noise: its steps (4e-5 rad on an ActPack) are a millionth
-    of the variance of the swing, and take as little off the gain. A lag of the encoder itself
-    is not seen; it would come off that of the goniometer.
+    of the variance of the swing, and lower the gain by as little. A lag of the encoder itself
+    is not seen; it reduces the estimated lag of the goniometer.
     """
-    try:
-        channels = checked_channels(time, angle=angle, motor_angle=motor_angle)
-        return _fitted(*channels)
-    except RefusedError as refused:
-        return CalibrationFit("hinge", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(time: np.ndarray, angle: np.ndarray, encoder: np.ndarray) -> CalibrationFit:
-    check_swing(angle, encoder)
+    time, angle, encoder = checked_channels(time, angle=angle, motor_angle=motor_angle)
+    _check_swing(angle, encoder)
     swing = _Swing(time, angle, encoder, _settled(time))
-    candidates, chances = _weighed_candidates(swing)
+    candidates, chances = _weighted_candidates(swing)
     best = candidates[int(np.argmax(chances))]
+    values = np.array([c.values for c in candidates])
+    _check_values(chances @ values)
     used = time[swing.counts]
-    _check_values(chances @ np.array([c.values for c in candidates]))
-    check_rigid(used, encoder[swing.counts], best.residual)
-    entries = _entries(swing, candidates, chances)
+    _check_rigid(used, encoder[swing.counts], best.residual)
+    shares = [c.share for c in candidates]
+    delays = (1.0 - np.array(shares)) * values[:, 0]
+    delay_s, _, delay_sd = weighted_moments(chances, delays)
     shown = used < used[0] + _SHOWN_S
-    modelled = angle[swing.counts] - best.residual
+    measured = angle[swing.counts]
     return CalibrationFit(
         step="hinge",
-        entries=entries,
-        reported=(_delay(candidates, chances),),
+        entries=_entries(swing, candidates, chances),
+        reported=(decided("angle_delay_s", float(delay_s), {"delay_or_filter": float(delay_sd)}),),
         method=_METHOD,
         n_samples=int(swing.counts.sum()),
         notes=(
-            f"Of the lag {best.share:.0%} as a filter fits best, {candidates[0].share:.0%} to "
-            f"{candidates[-1].share:.0%} are possible.",
+            f"Of the lag {best.share:.0%} as a filter fits best, {shares[0]:.0%} to "
+            f"{shares[-1]:.0%} are possible.",
         ),
-        settings={"filter_shares": [one.share for one in candidates]},
-        series=CalibrationSeries(
-            x=thinned(used[shown]),
-            measured=thinned(np.degrees(angle[swing.counts][shown])),
-            modelled=thinned(np.degrees(modelled[shown])),
+        settings={"filter_shares": shares},
+        series=step_series(
+            used[shown],
+            np.degrees(measured[shown]),
+            np.degrees((measured - best.residual)[shown]),
             x_label="time (s)",
             y_label="angle shown (deg)",
         ),
@@ -155,7 +134,7 @@ def _fitted(time: np.ndarray, angle: np.ndarray, encoder: np.ndarray) -> Calibra
 
 
 def _settled(time: np.ndarray) -> np.ndarray:
-    """Return which samples a filter shows without what came before the record or a hole."""
+    """Return the samples that a filter shows free of the time before the record or a gap."""
     counts = time >= time[0] + _SETTLED_S
     for _, after in find_gaps(time):
         counts &= (time < after) | (time >= after + _SETTLED_S)
@@ -163,7 +142,7 @@ def _settled(time: np.ndarray) -> np.ndarray:
     return np.asarray(counts & (time <= time[-1] + _LAG_RANGE_S[0]))
 
 
-def _weighed_candidates(swing: _Swing) -> tuple[list[_Candidate], np.ndarray]:
+def _weighted_candidates(swing: _Swing) -> tuple[list[_Candidate], np.ndarray]:
     """Return fits with shares of the filter over all that is possible, and their weights."""
     low, high = 0.0, 1.0
     for _ in range(_FINER):
@@ -177,7 +156,7 @@ def _weighed_candidates(swing: _Swing) -> tuple[list[_Candidate], np.ndarray]:
 
 def _candidate(swing: _Swing, share: float) -> _Candidate:
     """Return the fit with this share of the lag in the filter (Gauss and Newton)."""
-    y, lag_s, low_high = swing.angle[swing.counts], 0.005, _LAG_RANGE_S
+    y, lag_s = swing.angle[swing.counts], 0.005
     for _ in range(_PASSES):
         late = swing.shown(lag_s, share)
         slope = (swing.shown(lag_s + _LAG_STEP_S, share) - late) / _LAG_STEP_S
@@ -188,7 +167,7 @@ def _candidate(swing: _Swing, share: float) -> _Candidate:
         derivatives = np.column_stack([gain * slope, level])
         residual = y - level @ np.array([gain, offset])
         step = float(np.linalg.lstsq(derivatives, residual, rcond=None)[0][0])
-        lag_s = float(np.clip(lag_s + step, *low_high))
+        lag_s = float(np.clip(lag_s + step, *_LAG_RANGE_S))
         if abs(step) < 1e-7:
             break
     return _Candidate(share, np.array([lag_s, gain, offset]), derivatives, residual)
@@ -208,29 +187,69 @@ def _chances(swing: _Swing, candidates: list[_Candidate]) -> np.ndarray:
 
 def _entries(
     swing: _Swing, candidates: list[_Candidate], chances: np.ndarray
-) -> tuple[CalibrationEntry, CalibrationEntry]:
+) -> tuple[CalibrationEntry, ...]:
     time, size = swing.time[swing.counts], float(np.std(swing.angle))
     variances = np.array(
         [np.diag(sandwich(time, c.derivatives, c.residual, size=size)[0]) for c in candidates]
     )
     values = np.array([c.values for c in candidates])
-    mean = chances @ values
-    noise, kind = np.sqrt(chances @ variances), np.sqrt(chances @ (values - mean) ** 2)
-    lag_s, gain = float(mean[0]), float(mean[1])
-    return (
+    mean, noise, kind = weighted_moments(chances, values, variances)
+    return tuple(
         decided(
-            "angle_lag_s",
-            lag_s,
-            {"noise": noise[0], "delay_or_filter": kind[0]},
-            largest_sd=_LARGEST_LAG_SD_S,
-        ),
-        decided(
-            "angle_gain",
-            gain,
-            {"noise": noise[1], "delay_or_filter": kind[1]},
-            largest_sd=_LARGEST_GAIN_SD,
-        ),
+            name,
+            float(mean[i]),
+            {"noise": noise[i], "delay_or_filter": kind[i]},
+            largest_sd=largest_sd,
+        )
+        for i, (name, largest_sd) in enumerate(_LARGEST_SDS.items())
     )
+
+
+def _check_swing(angle: np.ndarray, encoder: np.ndarray) -> None:
+    """Refuse a record without motion, with opposite signs or with a sensor at its end."""
+    for name, values in (("angle", angle), ("motor_angle", encoder)):
+        swing = middle_range(values)
+        if swing < _LEAST_SWING_RAD:
+            detail = f"{name} swings by {np.degrees(swing):.2g} deg, expected 3 deg or more"
+            raise RefusedError(CalibrationFailure.NO_MOTION, detail)
+    check_same_sign(angle, encoder, "encoder")
+    for end, at in (("highest", angle == angle.max()), ("lowest", angle == angle.min())):
+        goes_on = float(np.ptp(encoder[at])) / float(np.ptp(encoder))
+        if at.mean() > _CLIPPED_SHARE and goes_on > _GOES_ON:
+            detail = f"{at.mean():.1%} of the samples have the {end} angle"
+            raise RefusedError(CalibrationFailure.CLIPPED, detail)
+
+
+def _check_rigid(time: np.ndarray, encoder: np.ndarray, residual: np.ndarray) -> None:
+    """Refuse a residual that no rigid hinge leaves."""
+    velocity = np.gradient(encoder, time)
+    columns = np.column_stack([np.sign(velocity), velocity, encoder, np.ones(time.size)])
+    without = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    apart = float(np.ptp(_block_values(time, without, 1.0, np.median)))
+    if apart > _SLIP_RAD:
+        detail = f"its difference from the encoder moves by {np.degrees(apart):.2g} deg"
+        raise RefusedError(CalibrationFailure.SLIP, detail)
+    play = linear_fit(time, residual, columns)
+    width = abs(float(play.values[0]))
+    if width > max(_PLAY_RAD, _CLEAR_SDS * play.sd(0)):
+        detail = f"the angle differs by {np.degrees(2.0 * width):.2g} deg between the directions"
+        raise RefusedError(CalibrationFailure.PLAY, detail)
+    left = float(np.std(_block_values(time, residual, _SMOOTH_S, np.mean)))
+    if left > max(_LEFT_RAD, _LEFT_SHARE * float(np.std(encoder))):
+        raise RefusedError(CalibrationFailure.NOT_RIGID, f"{np.degrees(left):.2g} deg RMS are left")
+
+
+def _block_values(
+    time: np.ndarray,
+    values: np.ndarray,
+    length_s: float,
+    statistic: Callable[[np.ndarray], float],
+) -> np.ndarray:
+    """Return a statistic of each block of time that has samples enough."""
+    blocks = ((time - time[0]) / length_s).astype(int)
+    parts = np.split(values, np.flatnonzero(np.diff(blocks)) + 1)
+    enough = 0.5 * float(np.median([part.size for part in parts]))
+    return np.array([statistic(part) for part in parts if part.size >= enough])
 
 
 def _check_values(values: np.ndarray) -> None:
@@ -244,11 +263,3 @@ def _check_values(values: np.ndarray) -> None:
     if not _GAIN_RANGE[0] <= gain <= _GAIN_RANGE[1]:
         detail = f"angle_gain {gain:.3g}, expected {_GAIN_RANGE[0]:g} to {_GAIN_RANGE[1]:g}"
         raise RefusedError(CalibrationFailure.GAIN_OUT_OF_RANGE, detail)
-
-
-def _delay(candidates: list[_Candidate], chances: np.ndarray) -> CalibrationEntry:
-    """Return the part of the lag that is a pure delay, as far as the data tell it."""
-    delays = np.array([(1.0 - c.share) * c.values[0] for c in candidates])
-    mean = float(chances @ delays)
-    between = float(np.sqrt(chances @ (delays - mean) ** 2))
-    return decided("angle_delay_s", mean, {"delay_or_filter": between})

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
 from jointz.core.errors import DataError
 from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    calibration_step,
+    step_series,
+)
 from jointz.identify.calibration.hanging_model import (
     CROSS_TALK,
     DELAY,
@@ -32,17 +29,21 @@ from jointz.identify.calibration.hanging_model import (
     HangingPosterior,
     KnownWeight,
 )
-from jointz.identify.calibration.leg_strap import strap_entry
-from jointz.identify.calibration.pulse_averages import PulseAverage, PulsedRecord, average_pulses
-from jointz.identify.calibration.steady_fit import RefusedError, thinned
+from jointz.identify.calibration.pulse_averages import (
+    PulseAverage,
+    PulsedRecord,
+    average_pulses,
+    left_out_notes,
+)
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.noise_covariance import shrunk_covariance
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 
-_NAMES = ("angle_lag_s", "torque_gain")
 _LEAD_S, _LENGTH_S = 0.05, 0.4
 _CONDITIONS = ("bare", "weighted")
 _UNIT_GAIN = Calibrated(value=1.0, sd=0.0)
-_NOTHING = Calibrated(value=0.0, sd=0.0)
+_ZERO = Calibrated(value=0.0, sd=0.0)
 #: Entry of the calibration -> parameter of the model that it is known for.
 _KNOWN = {"friction_gain": "friction_gain", "angle_per_torque": "cross_talk"}
 #: Sd of what a body may add to the lag of an instrument beside the resonance of its tissue, s.
@@ -78,6 +79,27 @@ class _Sensors:
     posteriors: tuple[HangingPosterior, ...]
     weights: np.ndarray
 
+    @classmethod
+    def of(
+        cls, cells: list[HangingCell], weight: KnownWeight | None, known: CalibrationSpec
+    ) -> "_Sensors":
+        priors = {
+            name: (entry.value, max(entry.sd, 1e-6))
+            for source, name in _KNOWN.items()
+            if (entry := getattr(known, source)) is not None
+        }
+        lag, total_lag = known.angle_lag_s, (0.0, np.inf)
+        if lag is not None:
+            total_lag = lag.value, float(np.hypot(lag.sd, _BODY_LAG_SD_S))
+        models = [
+            HangingModel(cells, weight, priors, resonance=tissue, total_lag=total_lag)
+            for tissue in (False, True)
+        ]
+        posteriors = tuple(model.fit() for model in models)
+        logs = np.array([posterior.log_evidence for posterior in posteriors])
+        chances = np.exp(logs - logs.max())
+        return cls(models[0], posteriors, chances / chances.sum())
+
     @property
     def best(self) -> HangingPosterior:
         return self.posteriors[int(np.argmax(self.weights))]
@@ -103,6 +125,7 @@ class _Sensors:
         return decided(name, mean, parts, largest_sd=largest_sd)
 
 
+@calibration_step("leg", "angle_lag_s", "torque_gain")
 def fit_leg(
     bare: PulsedRecord,
     weighted: PulsedRecord | None = None,
@@ -110,36 +133,8 @@ def fit_leg(
     weight: KnownWeight | None = None,
     known: CalibrationSpec | None = None,
 ) -> CalibrationFit:
-    r"""Find lag, gain of the torque and tissue from pulses on a relaxed hanging leg.
+    r"""Estimate lag, gain of the torque and tissue from pulses on a relaxed hanging leg.
 
-    Parameters
-    ----------
-    bare : PulsedRecord
-        The leg in the exoskeleton.
-    weighted : PulsedRecord, optional
-        The same with a known weight strapped to the shank.
-    weight : KnownWeight, optional
-        What was strapped on; goes with ``weighted``.
-    known : CalibrationSpec, optional
-        ``angle_gain``, ``friction_gain``, ``angle_per_torque``, the ``intrinsic_*`` of the
-        frame, and ``angle_lag_s`` where a hinge told it: the instrument is as late on a leg, to
-        1 ms, and what is later than that is tissue.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_lag_s`` (total, without tissue), ``torque_gain`` and, where the tissue is
-        decided, ``tissue_hz``. Beside them K, B and J of the leg in true units, and
-        ``strap_compliance``, what the encoder moves more than the leg.
-
-    Raises
-    ------
-    DataError
-        When lengths differ, time does not increase, or one of ``weighted`` and ``weight`` is
-        missing.
-
-    Notes
-    -----
     The response of the goniometer's angle to the measured torque gives J times the gain of the
     torque over that of the angle; the known weight gives their ratio, and ``angle_gain`` the
     gain of the torque. The errors of both gains are then alike, and their ratio, which K and J
@@ -151,31 +146,22 @@ def fit_leg(
     known = known or CalibrationSpec()
     if (weighted is None) != (weight is None):
         raise DataError("fit_leg: expected a weighted record and its weight, or neither.")
-    try:
-        records = [bare] if weighted is None else [bare, weighted]
-        return _fitted(records, weight, known)
-    except RefusedError as refused:
-        return CalibrationFit("leg", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(
-    records: list[PulsedRecord], weight: KnownWeight | None, known: CalibrationSpec
-) -> CalibrationFit:
+    records = [bare] if weighted is None else [bare, weighted]
     averages = [
         average_pulses(record, lead_s=_LEAD_S, length_s=_LENGTH_S, name=name)
         for record, name in zip(records, _CONDITIONS, strict=False)
     ]
     cells = [_cell(average, known) for average in averages]
-    sensors = _sensors(cells, weight, known)
+    sensors = _Sensors.of(cells, weight, known)
     _check_fit(cells, sensors.best)
-    tissue = _tissue(sensors)
     entries = [_lag(sensors), _torque_gain(sensors, weight, known)]
-    reported = [*_joint(sensors, weight, known), strap_entry(averages, cells, sensors.best, known)]
-    (entries if tissue[0].stands else reported).extend(tissue[:1])
+    reported = [*_joint(sensors, weight, known), _strap(averages, cells, sensors.best, known)]
+    resonance, damping = _tissue(sensors)
+    (entries if resonance.available else reported).append(resonance)
     return CalibrationFit(
         step="leg",
         entries=tuple(entries),
-        reported=tuple(reported) + tissue[1:],
+        reported=(*reported, damping),
         method=_METHOD,
         n_samples=sum(cell.angle.size for cell in cells),
         notes=_notes(averages, sensors),
@@ -183,10 +169,10 @@ def _fitted(
             "n_pulses": [average.count for average in averages],
             "tissue_probability": float(sensors.weights[1]),
         },
-        series=CalibrationSeries(
-            x=thinned(np.concatenate([average.time_s for average in averages])),
-            measured=thinned(np.degrees(np.concatenate([cell.angle for cell in cells]))),
-            modelled=thinned(np.degrees(np.concatenate(sensors.best.fitted))),
+        series=step_series(
+            np.concatenate([average.time_s for average in averages]),
+            np.degrees(np.concatenate([cell.angle for cell in cells])),
+            np.degrees(np.concatenate(sensors.best.fitted)),
             x_label="time after the onset (s)",
             y_label="angle shown (deg)",
         ),
@@ -204,14 +190,14 @@ def _cell(average: PulseAverage, known: CalibrationSpec) -> HangingCell:
 
 
 def _model_error(time_s: np.ndarray, largest: float) -> np.ndarray:
-    """Return the covariance of what a linear model misses: friction at turns, gravity's sine."""
+    """Return the covariance of the linear model's error: friction at turns, gravity's sine."""
     alike = np.exp(-np.abs(time_s[:, None] - time_s) / _MODEL_TIME_S)
     half = 0.5 * (alike + np.eye(time_s.size))
     return np.asarray((_MODEL_SHARE * largest) ** 2 * half)
 
 
 def _intrinsic_torque(average: PulseAverage, known: CalibrationSpec) -> np.ndarray:
-    """Return what moves the frame itself, N*m."""
+    """Return the torque that moves the frame itself, N*m."""
     rate = 1.0 / average.period_s
     motion = average.motor_angle.mean(axis=0)
     velocity = derivative(motion, rate_hz=rate)
@@ -221,28 +207,8 @@ def _intrinsic_torque(average: PulseAverage, known: CalibrationSpec) -> np.ndarr
         (known.intrinsic_damping, velocity),
         (known.intrinsic_inertia, derivative(velocity, rate_hz=rate)),
     ):
-        torque += (entry or _NOTHING).value * part
+        torque += (entry or _ZERO).value * part
     return torque
-
-
-def _sensors(
-    cells: list[HangingCell], weight: KnownWeight | None, known: CalibrationSpec
-) -> _Sensors:
-    priors = {
-        name: (entry.value, max(entry.sd, 1e-6))
-        for of, name in _KNOWN.items()
-        if (entry := getattr(known, of)) is not None
-    }
-    lag = known.angle_lag_s
-    total = (0.0, np.inf) if lag is None else (lag.value, float(np.hypot(lag.sd, _BODY_LAG_SD_S)))
-    models = [
-        HangingModel(cells, weight, priors, resonance=tissue, total_lag=total)
-        for tissue in (False, True)
-    ]
-    posteriors = tuple(model.fit() for model in models)
-    logs = np.array([posterior.log_evidence for posterior in posteriors])
-    chances = np.exp(logs - logs.max())
-    return _Sensors(models[0], posteriors, chances / chances.sum())
 
 
 def _budget(posterior: HangingPosterior, derived: Derived) -> dict[str, float]:
@@ -282,7 +248,7 @@ def _torque_gain(
 
 
 def _tissue(sensors: _Sensors) -> tuple[CalibrationEntry, ...]:
-    """Return resonance and damping of the tissue, undecided where nothing tells of them."""
+    """Return resonance and damping of the tissue, undecided without evidence of tissue."""
     names = ("tissue_hz", "tissue_damping")
     chance = float(sensors.weights[1])
     if chance < _DECIDED:
@@ -311,11 +277,45 @@ def _joint(
         return derived
 
     places = {"stiffness": 0, "damping": 1, "inertia": 2}
-    found = [sensors.entry(name, of(i, 0), more=more) for name, i in places.items()]
+    entries = [sensors.entry(name, of(i, 0), more=more) for name, i in places.items()]
     if weight:
-        found += [sensors.entry(f"{name}_weighted", of(i, 1)) for name, i in places.items()]
-    found.append(sensors.entry("friction_gain", lambda values: float(values[FRICTION_GAIN])))
-    return tuple(found)
+        entries += [sensors.entry(f"{name}_weighted", of(i, 1)) for name, i in places.items()]
+    entries.append(sensors.entry("friction_gain", lambda values: float(values[FRICTION_GAIN])))
+    return tuple(entries)
+
+
+def _strap(
+    averages: list[PulseAverage],
+    cells: list[HangingCell],
+    best: HangingPosterior,
+    known: CalibrationSpec,
+) -> CalibrationEntry:
+    """Return the compliance between encoder and joint.
+
+    The motion of the joint is the model's, so that lag and tissue of the goniometer are out of
+    it. The sd is that of an error of the angle's gain, of the scatter over pulses and of what
+    the line leaves: inside a condition the error hardly changes, so that each counts once.
+    """
+    angle_gain, torque_gain = (
+        1.0 if entry is None else entry.value for entry in (known.angle_gain, known.torque_gain)
+    )
+    gain_sd = 0.0 if known.angle_gain is None else known.angle_gain.sd
+    apart, through, motions = [], [], []
+    for average, cell, motion in zip(averages, cells, best.motions, strict=True):
+        apart.append(average.motor_angle.mean(axis=0) - motion / angle_gain)
+        total = cell.torque[0] + best.values[FRICTION_GAIN] * cell.torque[1]
+        through.append(total / torque_gain)
+        motions.append(motion)
+    torque, motion = np.concatenate(through), np.concatenate(motions)
+    # Along with the torque the joint moves: an error of its gain is not the strap's.
+    columns = np.column_stack([torque, motion])
+    inverse = np.linalg.pinv(columns)
+    difference = np.concatenate(apart)
+    value = float(inverse[0] @ difference)
+    left = difference - columns @ (inverse @ difference)
+    spread = float(np.std(left)) / float(np.std(torque))
+    parts = {"model": spread, "angle_gain": abs(value) * gain_sd}
+    return decided("strap_compliance", value, parts)
 
 
 def _check_fit(cells: list[HangingCell], best: HangingPosterior) -> None:
@@ -330,11 +330,9 @@ def _notes(averages: list[PulseAverage], sensors: _Sensors) -> tuple[str, ...]:
     chance = float(sensors.weights[1])
     notes = [
         f"A sensor behind resonating tissue has {chance:.0%} of the evidence, one on a rigid "
-        f"limb {1.0 - chance:.0%}."
+        f"limb {1.0 - chance:.0%}.",
+        *left_out_notes(*averages),
     ]
-    left_out = sum(average.n_left_out for average in averages)
-    if left_out:
-        notes.append(f"{left_out} pulses left out: not from rest, or at the record's ends.")
     if sensors.best.misfit > 1.5:
         notes.append(
             f"The model misses the responses by {sensors.best.misfit:.1f} times their noise, in "

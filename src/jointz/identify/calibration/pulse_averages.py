@@ -1,12 +1,15 @@
-"""Responses to pulses from rest, both signs turned to one and averaged."""
+"""Responses to pulses from rest, averaged over both signs."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    checked_channels,
+)
+from jointz.results.bench.calibration_failure import CalibrationFailure
 
 #: Rest before a pulse, s: its mean is the zero of a response.
 _REST_S = 0.2
@@ -24,53 +27,28 @@ _SLIDING_RAD_S, _SMOOTHING_S = 0.05, 4e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulsedRecord:
-    """A record of something that hangs and is pushed both ways.
+    """A record of something that hangs and is pushed both ways."""
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    angle : (n,) float, rad
-        The goniometer's.
-    motor_angle : (n,) float, rad
-        The encoder's, at the output.
-    driving : (n,) float, N*m
-        Torque on the joint out of the current, without friction.
-    friction : (n,) float, N*m
-        What the stated friction adds to it, of full size whenever there is motion.
-    onset_s, amplitude_nm : (m,) float, s, N*m
-        Of the pulses.
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
-    motor_angle: np.ndarray
-    driving: np.ndarray
+    time: np.ndarray  # increasing time stamps
+    angle: np.ndarray  # the goniometer's
+    motor_angle: np.ndarray  # the encoder's, at the output
+    driving: np.ndarray  # torque on the joint out of the current, without friction
+    # what the stated friction adds to it, of full size whenever there is motion
     friction: np.ndarray
-    onset_s: np.ndarray
+    onset_s: np.ndarray  # of the pulses
     amplitude_nm: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseAverage:
-    """The pulses of a record, those of negative sign turned, what was before them taken off.
+    """Responses to the pulses of a record: negative ones turned, the level before subtracted."""
 
-    Parameters
-    ----------
-    time_s : (n,) float, s
-        From the onset.
-    angle, motor_angle, driving, friction : (m, n) float, rad, rad, N*m, N*m
-        A row a pulse.
-    n_left_out : int
-        Pulses that did not begin at rest, or run past the record.
-    """
-
-    time_s: np.ndarray
-    angle: np.ndarray
+    time_s: np.ndarray  # from the onset
+    angle: np.ndarray  # a row a pulse
     motor_angle: np.ndarray
     driving: np.ndarray
     friction: np.ndarray
-    n_left_out: int
+    n_left_out: int  # pulses that did not begin at rest, or run past the record
 
     @property
     def count(self) -> int:
@@ -83,27 +61,17 @@ class PulseAverage:
         return float(self.time_s[1] - self.time_s[0])
 
 
+def left_out_notes(*averages: PulseAverage) -> tuple[str, ...]:
+    """Return a note of the pulses that were left out."""
+    count = sum(average.n_left_out for average in averages)
+    note = f"{count} pulses excluded: not from rest, or at the record's ends."
+    return (note,) if count else ()
+
+
 def average_pulses(
     record: PulsedRecord, *, lead_s: float, length_s: float, name: str
 ) -> PulseAverage:
-    """Cut the responses out of a record.
-
-    Parameters
-    ----------
-    record : PulsedRecord
-        The record.
-    lead_s, length_s : float, s
-        Samples begin so long before an onset and end so long after it.
-    name : str
-        Of the condition, for messages.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-    RefusedError
-        When there are too few pulses from rest, or the two signs are answered differently.
-    """
+    """Cut the responses out of a record."""
     time, *channels = checked_channels(
         record.time,
         angle=record.angle,
@@ -138,7 +106,7 @@ def average_pulses(
 
 
 def _states(encoder: np.ndarray, signs: np.ndarray, since: np.ndarray) -> np.ndarray:
-    """Return angle and velocity at the onsets, by a line through what comes before, (m, 2)."""
+    """Return angle and velocity at the onsets, (m, 2), by a line through the samples before."""
     if not len(encoder):
         return np.zeros((0, 2))
     last = (since >= -_STATE_S) & (since <= 0.0)
@@ -176,7 +144,7 @@ def _share_of_friction(encoder: np.ndarray, period_s: float) -> np.ndarray:
 
 
 def _at_rest(encoder: np.ndarray, since: np.ndarray, name: str) -> np.ndarray:
-    """Return which pulses begin at rest."""
+    """Return a mask of the pulses that begin at rest."""
     if not len(encoder):
         return np.zeros(0, dtype=bool)
     before = since < 0.0

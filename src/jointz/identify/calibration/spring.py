@@ -11,24 +11,100 @@ The error also turns the motion about, where it is slow: it goes along with the 
 motion that the current alone would give serves as instrument.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from math import tanh
 
 import numpy as np
+from scipy.stats import t as student_t
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import (
-    CalibrationEntry,
-    CalibrationFit,
-    CalibrationSeries,
-    decided,
-    failed,
-)
 from jointz.core.study import Calibrated, TorqueModelSpec
-from jointz.identify.calibration.driven_motion import driven_velocity
-from jointz.identify.calibration.instrumented_fit import InstrumentedFit, Instruments
-from jointz.identify.calibration.steady_fit import RefusedError, checked_channels, thinned
+from jointz.identify.calibration.calibration_step import (
+    RefusedError,
+    calibration_step,
+    check_same_sign,
+    check_torque,
+    checked_channels,
+    middle_range,
+    step_series,
+    weighted_moments,
+)
+from jointz.identify.calibration.steady_fit import blocks_for
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
+from jointz.results.estimates import REACH_95
 
-_NAMES = ("torque_gain", "friction_gain")
+#: Added to the moments' covariance before it is inverted, share of its trace.
+_EVEN_SHARE = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InstrumentedFit:
+    """A linear fit."""
+
+    values: np.ndarray  # coefficients
+    # squared distance of the moments from zero: chi squared with as many degrees of freedom as
+    # there are instruments more than coefficients
+    distance: float
+    residual: np.ndarray  # measured minus modelled
+
+
+class Instruments:
+    """Instruments of one signal, for any number of models of it."""
+
+    def __init__(self, time: np.ndarray, y: np.ndarray, columns: np.ndarray) -> None:
+        self._time, self._y = time, y
+        self._z = columns / np.sqrt(np.mean(columns**2, axis=0))
+        self._weights = np.linalg.inv(self._z.T @ self._z)
+        self._starts = np.zeros(1, dtype=int)
+        self._lost = 0
+
+    def weigh(self, residual: np.ndarray, *, fitted: int) -> None:
+        """Weigh the moments by their covariance."""
+        n_blocks = blocks_for(self._time, residual, size=float(np.std(self._y)), fitted=fitted)
+        self._starts = np.arange(n_blocks) * residual.size // n_blocks
+        self._lost = fitted
+        sums = np.add.reduceat(self._z * residual[:, None], self._starts, axis=0)
+        covariance = sums.T @ sums * n_blocks / (n_blocks - fitted)
+        size = float(np.trace(covariance))
+        if size > 0.0:  # else nothing is left that could be weighed
+            even = _EVEN_SHARE * size * np.eye(len(covariance))
+            self._weights = np.linalg.inv(covariance + even)
+
+    @cached_property
+    def _against_signal(self) -> np.ndarray:
+        return np.asarray(self._z.T @ self._y)
+
+    def fit(self, regressors: np.ndarray) -> InstrumentedFit:
+        """Fit the signal by regressors."""
+        cross = self._z.T @ regressors
+        values = self._solved(cross, self._against_signal)
+        missed = self._against_signal - cross @ values
+        residual = self._y - regressors @ values
+        return InstrumentedFit(values, float(missed @ self._weights @ missed), residual)
+
+    def sds(self, regressors: np.ndarray) -> np.ndarray:
+        """Return the sd of the coefficients."""
+        n = self._starts.size
+        ends = [*self._starts[1:], len(self._y)]
+        parts = [slice(a, b) for a, b in zip(self._starts, ends, strict=True)]
+        cross = np.array([self._z[part].T @ regressors[part] for part in parts])
+        signal = np.array([self._z[part].T @ self._y[part] for part in parts])
+        without = np.array(
+            [
+                self._solved(cross.sum(axis=0) - block, signal.sum(axis=0) - moment)
+                for block, moment in zip(cross, signal, strict=True)
+            ]
+        )
+        scatter = np.sqrt((n - 1) / n * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
+        return np.asarray(scatter * student_t.ppf(0.975, n - self._lost) / REACH_95)
+
+    def _solved(self, cross: np.ndarray, signal: np.ndarray) -> np.ndarray:
+        leaning = cross.T @ self._weights
+        return np.asarray(np.linalg.solve(leaning @ cross, leaning @ signal))
+
+
 #: Velocities at which friction is taken to have grown to three quarters, rad/s.
 _SMOOTHNESS_RAD_S = np.geomspace(0.003, 0.2, 22)
 #: The same for the instruments: two, that tell level and smoothness apart.
@@ -38,10 +114,8 @@ _FITTED = 4  # gain, friction, its smoothness, offset
 _WEIGHINGS = 2
 _SMOOTHING_S = 0.006
 _LEAST_MOTION_RAD = 0.02
-_LEAST_TORQUE_NM = 2.0
-_BOTH_WAYS = 0.3
 _GAIN_RANGE = (0.5, 2.0)
-_LARGEST_GAIN_SD, _LARGEST_FRICTION_SD = 0.1, 0.3
+_LARGEST_SDS = {"torque_gain": 0.1, "friction_gain": 0.3}
 #: The slopes of the two directions may differ by so much of their mean.
 _UNLIKE = 0.1
 _METHOD = (
@@ -52,7 +126,7 @@ _METHOD = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pull:
-    """A record: torque of the spring and of the current, what drives and holds."""
+    """A record: torque of the spring and of the current, velocity and friction."""
 
     time: np.ndarray
     spring: np.ndarray
@@ -85,6 +159,7 @@ class _Candidate:
     sign: np.ndarray
 
 
+@calibration_step("spring", *_LARGEST_SDS)
 def fit_spring(
     time: np.ndarray,
     motor_angle: np.ndarray,
@@ -93,81 +168,41 @@ def fit_spring(
     model: TorqueModelSpec,
     stiffness: Calibrated,
 ) -> CalibrationFit:
-    """Find gain of the torque and friction from slow motion against a known spring.
+    """Estimate gain of the torque and friction from slow motion against a known spring.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    motor_angle : (n,) float, rad
-        Of the encoder, at the output.
-    current : (n,) float, A
-        Of the motor.
-    model : TorqueModelSpec
-        Torque per ampere and frictions as stated.
-    stiffness : Calibrated, N*m/rad
-        Of the spring, with its sd, and of nothing else: the frame lies on its side, so that its
-        weight does not turn it.
-
-    Returns
-    -------
-    CalibrationFit
-        ``torque_gain`` (measured over true) and ``friction_gain`` (true over stated); beside
-        them torque constant and frictions of their own.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
-    Viscous friction is taken as stated, inertia as nothing: the motion is slow. Friction grows
-    with a tanh of the velocity, how fast is weighed by the data. The sd of the spring enters
+    Viscous friction is taken as stated and inertia as zero: the motion is slow. Friction grows
+    with a tanh of the velocity; how fast is weighted by the data. The sd of the spring enters
     both gains in full.
     """
-    try:
-        channels = checked_channels(time, motor_angle=motor_angle, current=current)
-        return _fitted(channels, model, stiffness)
-    except RefusedError as refused:
-        return CalibrationFit("spring", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(
-    channels: tuple[np.ndarray, ...], model: TorqueModelSpec, stiffness: Calibrated
-) -> CalibrationFit:
-    pull = _pull(channels, model, stiffness.value)
+    time, angle, current = checked_channels(time, motor_angle=motor_angle, current=current)
+    drive = model.gear_ratio * model.torque_constant * current
+    _check_motion(angle, drive)
+    velocity = _velocity(time, angle)
+    spring = stiffness.value * angle + model.viscous_friction * velocity
+    friction = model.coulomb_friction + model.gear_friction * np.abs(current)
+    _check_linear(spring, drive, -friction * np.sign(velocity))
+    driven = driven_velocity(
+        time, drive, friction, stiffness=stiffness.value, smooth_rad_s=_DRIVEN_RAD_S
+    )
+    pull = _Pull(time, spring, drive, current, velocity, driven, friction)
     candidates = _candidates(pull)
-    entries = _entries(candidates, stiffness)
     best = max(candidates, key=lambda c: c.chance)
     return CalibrationFit(
         step="spring",
-        entries=entries,
+        entries=_gains(candidates, stiffness),
         reported=_constants(pull, candidates, model, stiffness),
         method=_METHOD,
-        n_samples=pull.time.size,
+        n_samples=time.size,
         notes=(f"Friction grows to three quarters within {best.smooth_rad_s:.2g} rad/s.",),
         settings={"stiffness": stiffness.value, "stiffness_sd": stiffness.sd},
-        series=CalibrationSeries(
-            x=thinned(pull.drive),
-            measured=thinned(pull.spring),
-            modelled=thinned(pull.spring - best.fit.residual),
+        series=step_series(
+            drive,
+            spring,
+            spring - best.fit.residual,
             x_label="torque by the current, without friction (N*m)",
             y_label="torque of the spring (N*m)",
         ),
     )
-
-
-def _pull(channels: tuple[np.ndarray, ...], model: TorqueModelSpec, stiffness: float) -> _Pull:
-    time, angle, current = channels
-    drive = model.gear_ratio * model.torque_constant * current
-    _check_motion(angle, drive)
-    velocity = _velocity(time, angle)
-    spring = stiffness * angle + model.viscous_friction * velocity
-    size = model.coulomb_friction + model.gear_friction * np.abs(current)
-    _check_linear(spring, drive, -size * np.sign(velocity))
-    driven = driven_velocity(time, drive, size, stiffness=stiffness, smooth_rad_s=_DRIVEN_RAD_S)
-    return _Pull(time, spring, drive, current, velocity, driven, size)
 
 
 def _velocity(time: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -183,8 +218,8 @@ def _candidates(pull: _Pull) -> list[_Candidate]:
     signs = [np.tanh(pull.velocity / smooth) for smooth in _SMOOTHNESS_RAD_S]
     columns = [pull.columns(sign) for sign in signs]
     by_current = [pull.columns(sign)[:, 1] for sign in pull.driven_signs()]
-    given = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
-    instruments = Instruments(pull.time, pull.spring, given)
+    columns_of_instruments = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
+    instruments = Instruments(pull.time, pull.spring, columns_of_instruments)
     for _ in range(_WEIGHINGS):
         best = min((instruments.fit(c) for c in columns), key=lambda fit: fit.distance)
         instruments.weigh(best.residual, fitted=_FITTED)
@@ -199,37 +234,39 @@ def _candidates(pull: _Pull) -> list[_Candidate]:
     ]
 
 
-def _entries(
-    candidates: list[_Candidate], stiffness: Calibrated
-) -> tuple[CalibrationEntry, CalibrationEntry]:
+def _gains(candidates: list[_Candidate], stiffness: Calibrated) -> tuple[CalibrationEntry, ...]:
     values = np.array([c.fit.values[:2] for c in candidates])
     sds = np.array([c.sds[:2] for c in candidates])
     values[:, 0] = 1.0 / values[:, 0]
     sds[:, 0] *= values[:, 0] ** 2
-    mean, parts = _weighed(candidates, values, sds, stiffness)
-    low, high = _GAIN_RANGE
-    if not low <= mean[0] <= high:
-        detail = f"torque_gain {mean[0]:.3g}, expected {low:g} to {high:g}"
+    entries = _entries(_LARGEST_SDS, candidates, values, sds, stiffness)
+    gain, (low, high) = entries[0].value or 0.0, _GAIN_RANGE
+    if not low <= gain <= high:
+        detail = f"torque_gain {gain:.3g}, expected {low:g} to {high:g}"
         raise RefusedError(CalibrationFailure.GAIN_OUT_OF_RANGE, detail)
-    return (
-        decided(_NAMES[0], mean[0], parts[0], largest_sd=_LARGEST_GAIN_SD),
-        decided(_NAMES[1], mean[1], parts[1], largest_sd=_LARGEST_FRICTION_SD),
-    )
+    return entries
 
 
-def _weighed(
-    candidates: list[_Candidate], values: np.ndarray, sds: np.ndarray, stiffness: Calibrated
-) -> tuple[list[float], list[dict[str, float]]]:
-    """Return the means of values over the candidates, and the budgets of their sd."""
+def _entries(
+    largest_sds: Mapping[str, float | None],
+    candidates: list[_Candidate],
+    values: np.ndarray,
+    sds: np.ndarray,
+    stiffness: Calibrated,
+) -> tuple[CalibrationEntry, ...]:
+    """Return entries by name: means over the candidates, and the budgets of their sd."""
     chances = np.array([c.chance for c in candidates])
-    mean = chances @ values
-    noise, between = np.sqrt(chances @ sds**2), np.sqrt(chances @ (values - mean) ** 2)
+    mean, noise, between = weighted_moments(chances, values, sds**2)
     of_spring = np.abs(mean) * stiffness.sd / stiffness.value
-    parts = [
-        {"noise": noise[i], "friction_model": between[i], "spring": of_spring[i]}
-        for i in range(mean.size)
-    ]
-    return mean.tolist(), parts
+    return tuple(
+        decided(
+            name,
+            float(mean[i]),
+            {"noise": noise[i], "friction_model": between[i], "spring": of_spring[i]},
+            largest_sd=largest_sd,
+        )
+        for i, (name, largest_sd) in enumerate(largest_sds.items())
+    )
 
 
 def _constants(
@@ -237,35 +274,25 @@ def _constants(
 ) -> tuple[CalibrationEntry, ...]:
     """Return torque constant and both frictions, each by itself."""
     by_current = [pull.apart(sign)[:, 1:3] for sign in pull.driven_signs()]
-    given = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
-    instruments = Instruments(pull.time, pull.spring, given)
+    columns_of_instruments = np.column_stack([pull.drive, np.ones(pull.time.size), *by_current])
+    instruments = Instruments(pull.time, pull.spring, columns_of_instruments)
     best = max(candidates, key=lambda c: c.chance)
     instruments.weigh(best.fit.residual, fitted=_FITTED + 1)
-    columns = [pull.apart(one.sign) for one in candidates]
+    columns = [pull.apart(c.sign) for c in candidates]
     scales = np.array([abs(model.torque_constant), 1.0, 1.0])
     values = scales * np.array([instruments.fit(c).values[:3] for c in columns])
     sds = scales * np.array([instruments.sds(c)[:3] for c in columns])
-    mean, parts = _weighed(candidates, values, sds, stiffness)
     names = ("torque_constant", "coulomb_friction", "gear_friction")
-    return tuple(decided(name, mean[i], parts[i]) for i, name in enumerate(names))
+    return _entries(dict.fromkeys(names), candidates, values, sds, stiffness)
 
 
 def _check_motion(angle: np.ndarray, drive: np.ndarray) -> None:
-    moved = float(np.subtract(*np.quantile(angle, [0.98, 0.02])))
-    low, high = (float(v) for v in np.quantile(drive, [0.02, 0.98]))
-    if high - low < _LEAST_TORQUE_NM:
-        detail = f"torque from {low:.3g} to {high:.3g} N*m, expected {_LEAST_TORQUE_NM:g} or more"
-        raise RefusedError(CalibrationFailure.NO_TORQUE, detail)
-    if high < _BOTH_WAYS * -low or -low < _BOTH_WAYS * high:
-        detail = f"torque from {low:.3g} to {high:.3g} N*m"
-        raise RefusedError(CalibrationFailure.ONE_DIRECTION, detail)
+    check_torque(drive)
+    moved = middle_range(angle)
     if moved < _LEAST_MOTION_RAD:
         detail = f"the spring moves by {moved:.2g} rad, expected {_LEAST_MOTION_RAD:g} or more"
         raise RefusedError(CalibrationFailure.NO_MOTION, detail)
-    together = float(np.corrcoef(angle, drive)[0, 1])
-    if together < 0.0:
-        detail = f"correlation of angle and torque {together:.2f}"
-        raise RefusedError(CalibrationFailure.OPPOSITE_SIGN, detail)
+    check_same_sign(angle, drive, "torque")
 
 
 def _check_linear(spring: np.ndarray, drive: np.ndarray, friction: np.ndarray) -> None:
@@ -276,3 +303,44 @@ def _check_linear(spring: np.ndarray, drive: np.ndarray, friction: np.ndarray) -
     if apart > _UNLIKE:
         detail = f"the slopes of the two directions differ by {apart:.0%}"
         raise RefusedError(CalibrationFailure.NOT_LINEAR, detail)
+
+
+_STEP_S = 0.01
+_SMALL_RAD = 1e-9
+_PASSES = 30
+
+
+def driven_velocity(
+    time: np.ndarray,
+    drive: np.ndarray,
+    friction: np.ndarray,
+    *,
+    stiffness: float,
+    smooth_rad_s: float,
+) -> np.ndarray:
+    """Return the velocity that torque and friction give, rad/s."""
+    grid = np.arange(time[0], time[-1] + _STEP_S, _STEP_S)
+    pulls, holds = (np.interp(grid, time, values).tolist() for values in (drive, friction))
+    angle, velocity = pulls[0] / stiffness, []
+    for pull, hold in zip(pulls, holds, strict=True):
+        step = _step(pull - stiffness * angle, hold, stiffness, _STEP_S * smooth_rad_s)
+        angle += step
+        velocity.append(step / _STEP_S)
+    return np.asarray(np.interp(time, grid, velocity))
+
+
+def _step(pull: float, hold: float, stiffness: float, smooth_rad: float) -> float:
+    """Return the root of ``stiffness * x + hold * tanh(x / smooth_rad) = pull``.
+
+    By Newton's method from zero, of the size: there the left side is steepest, so that no step
+    passes the root.
+    """
+    x, size = 0.0, abs(pull)
+    for _ in range(_PASSES):
+        share = tanh(x / smooth_rad)
+        slope = stiffness + hold * (1.0 - share**2) / smooth_rad
+        change = (size - stiffness * x - hold * share) / slope
+        x += change
+        if change < _SMALL_RAD:
+            break
+    return x if pull > 0.0 else -x

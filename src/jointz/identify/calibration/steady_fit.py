@@ -1,133 +1,41 @@
-"""Records checked, and straight-line fits whose sd takes noise that is correlated in time."""
+"""Straight-line fits whose sd takes noise that is correlated in time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student_t
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.errors import DataError
-from jointz.core.estimates import REACH_95
+from jointz.identify.calibration.calibration_step import RefusedError
 from jointz.kernels.block_sandwich import (
     CORRELATION_TIMES_PER_BLOCK,
     block_sandwich,
     correlation_time,
     count_blocks,
 )
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.estimates import REACH_95
 
-#: More samples without a number than this share, and the record is refused.
-_MOST_LOST = 0.1
-_FEWEST_SAMPLES = 100
 _SPARE_BLOCKS = 6
 #: Residuals this small against the signal are rounding: their correlation means nothing.
 _ROUNDING = 1e-9
 
 
-class RefusedError(Exception):
-    """A record that tells nothing: a code and what was found; caught at the step's door.
-
-    Parameters
-    ----------
-    code : CalibrationFailure
-        What is wrong.
-    detail : str
-        Where, expected and found.
-    """
-
-    def __init__(self, code: CalibrationFailure, detail: str) -> None:
-        super().__init__(detail)
-        self.code = code
-        self.detail = detail
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyFit:
-    """A linear fit.
+    """A linear fit."""
 
-    Parameters
-    ----------
-    values : (p,) float
-        Coefficients.
-    covariance : (p, p) float
-        Of their error.
-    residual : (n,) float
-        Measured minus modelled.
-    n_blocks : int
-        Independent blocks behind the covariance.
-    """
-
-    values: np.ndarray
-    covariance: np.ndarray
-    residual: np.ndarray
-    n_blocks: int
+    values: np.ndarray  # coefficients
+    covariance: np.ndarray  # of their error
+    residual: np.ndarray  # measured minus modelled
+    n_blocks: int  # independent blocks behind the covariance
 
     def sd(self, i: int) -> float:
-        """Return the sd of a coefficient.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the sd of a coefficient."""
         return float(np.sqrt(self.covariance[i, i]))
 
 
-def checked_channels(time: np.ndarray, **channels: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return time and channels where all have a number.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps; they may jitter and have holes.
-    **channels : (n,) float
-        Name -> samples.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-    RefusedError
-        ``not_finite`` or ``too_short``.
-    """
-    time = np.asarray(time, dtype=float)
-    values = {name: np.asarray(channel, dtype=float) for name, channel in channels.items()}
-    for name, channel in values.items():
-        if channel.shape != time.shape or time.ndim != 1:
-            raise DataError(
-                f"calibration: expected time and {name} of one length, got {time.shape} and "
-                f"{channel.shape}. Give channels of one record."
-            )
-    if not np.isfinite(time).all() or np.any(np.diff(time) <= 0.0):
-        raise DataError("calibration: expected time stamps that increase. Sort the record first.")
-    good = np.isfinite(list(values.values())).all(axis=0)
-    lost = 1.0 - float(good.mean()) if good.size else 0.0
-    if lost > _MOST_LOST:
-        worst = min(values, key=lambda name: np.isfinite(values[name]).sum())
-        detail = f"{lost:.0%} of the samples have no number, most in {worst}"
-        raise RefusedError(CalibrationFailure.NOT_FINITE, detail)
-    if good.sum() < _FEWEST_SAMPLES:
-        detail = f"expected {_FEWEST_SAMPLES} samples or more, found {int(good.sum())}"
-        raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
-    return (time[good], *(channel[good] for channel in values.values()))
-
-
 def linear_fit(time: np.ndarray, y: np.ndarray, regressors: np.ndarray) -> SteadyFit:
-    """Fit a signal by regressors, least squares, with a block sandwich for the covariance.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    y : (n,) float
-        The signal.
-    regressors : (n, p) float
-        A column a coefficient.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short`` where the residual is correlated over too much of the record.
-    """
+    """Fit a signal by regressors, least squares, with a block sandwich for the covariance."""
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scaled = regressors / scale
     values = np.linalg.lstsq(scaled, y, rcond=None)[0]
@@ -141,24 +49,8 @@ def sandwich(
 ) -> tuple[np.ndarray, int]:
     """Return the covariance of a least-squares fit, and the blocks behind it.
 
-    It is widened to what Student's t asks of so few blocks, so that twice the sd is a 95 %
+    It is widened by Student's t for so few blocks: 1.96 sd reach to the ends of a 95 %
     interval.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    derivatives : (n, p) float
-        Of the model by its parameters.
-    residual : (n,) float
-        What the fit leaves.
-    size : float
-        Of the signal: a residual that is rounding of it is not correlated.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short``.
     """
     p = derivatives.shape[1]
     n_blocks = blocks_for(time, residual, size=size, fitted=p)
@@ -170,24 +62,7 @@ def sandwich(
 
 
 def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: int) -> int:
-    """Return how many independent blocks a residual makes.
-
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing.
-    residual : (n,) float
-        What the fit leaves.
-    size : float
-        Of the signal: a residual that is rounding of it is not correlated.
-    fitted : int
-        Numbers that were fitted.
-
-    Raises
-    ------
-    RefusedError
-        ``too_short``.
-    """
+    """Return how many independent blocks a residual makes."""
     duration_s = float(time[-1] - time[0])
     rate = (time.size - 1) / duration_s
     exact = float(np.std(residual)) <= _ROUNDING * size
@@ -202,17 +77,3 @@ def blocks_for(time: np.ndarray, residual: np.ndarray, *, size: float, fitted: i
         )
         raise RefusedError(CalibrationFailure.TOO_SHORT, detail)
     return n_blocks
-
-
-def thinned(values: np.ndarray, most: int = 2000) -> tuple[float, ...]:
-    """Return at most so many samples, for a figure.
-
-    Parameters
-    ----------
-    values : (n,) float
-        Samples.
-    most : int
-        At most so many.
-    """
-    step = max(1, -(-values.size // most))
-    return tuple(float(v) for v in values[::step])

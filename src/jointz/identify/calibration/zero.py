@@ -1,17 +1,17 @@
-"""What the goniometer shows at the joint's true zero."""
+"""Angle that the goniometer shows at the joint's true zero."""
 
 import numpy as np
 
-from jointz.core.calibration_failure import CalibrationFailure
-from jointz.core.calibration_fit import CalibrationFit, CalibrationSeries, decided, failed
-from jointz.identify.calibration.steady_fit import (
+from jointz.identify.calibration.calibration_step import (
     RefusedError,
+    calibration_step,
     checked_channels,
-    linear_fit,
-    thinned,
+    step_series,
 )
+from jointz.identify.calibration.steady_fit import linear_fit
+from jointz.results.bench.calibration_failure import CalibrationFailure
+from jointz.results.bench.calibration_fit import CalibrationFit, decided
 
-_NAMES = ("angle_zero_rad",)
 #: The angle may move so much over the record before it counts as drift, rad.
 _DRIFT_RAD = np.radians(0.5)
 #: Means of a second may differ so much before it counts as movement, rad.
@@ -22,44 +22,13 @@ _SECOND_S, _SHORTEST_S = 1.0, 5.0
 _METHOD = "mean of the record; sd from means of blocks longer than the noise is correlated"
 
 
+@calibration_step("zero", "angle_zero_rad")
 def fit_zero(time: np.ndarray, angle: np.ndarray) -> CalibrationFit:
-    """Find what the goniometer shows while the joint rests at its zero.
+    """Estimate the angle that the goniometer shows while the joint rests at its zero.
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Increasing time stamps.
-    angle : (n,) float, rad
-        As recorded.
-
-    Returns
-    -------
-    CalibrationFit
-        ``angle_zero_rad``; ``failed:not_still``, ``failed:drift``, ``failed:too_short`` or
-        ``failed:not_finite`` instead of a wrong number.
-
-    Raises
-    ------
-    DataError
-        When lengths differ or time does not increase.
-
-    Notes
-    -----
-    How near the posture was to the anatomical zero, no record tells: that is not in the sd.
-
-    Examples
-    --------
-    >>> t = np.arange(10000) / 500.0
-    >>> fit_zero(t, 0.02 + 1e-3 * np.sin(60.0 * t)).entry("angle_zero_rad").status
-    'ok'
+    No record tells how near the posture was to the anatomical zero: that is not in the sd.
     """
-    try:
-        return _fitted(*checked_channels(time, angle=angle))
-    except RefusedError as refused:
-        return CalibrationFit("zero", failed(_NAMES, refused.code, refused.detail))
-
-
-def _fitted(time: np.ndarray, angle: np.ndarray) -> CalibrationFit:
+    time, angle = checked_channels(time, angle=angle)
     duration_s = float(time[-1] - time[0])
     if duration_s < _SHORTEST_S:
         detail = f"expected {_SHORTEST_S:g} s or more, found {duration_s:.2g} s"
@@ -83,10 +52,10 @@ def _fitted(time: np.ndarray, angle: np.ndarray) -> CalibrationFit:
         n_samples=time.size,
         notes=("How near the posture was to the anatomical zero is not in the sd.",),
         settings={"n_blocks": level.n_blocks},
-        series=CalibrationSeries(
-            x=thinned(time),
-            measured=thinned(np.degrees(angle)),
-            modelled=thinned(np.full(time.size, np.degrees(value))),
+        series=step_series(
+            time,
+            np.degrees(angle),
+            np.full(time.size, np.degrees(value)),
             x_label="time (s)",
             y_label="angle shown (deg)",
         ),
@@ -98,8 +67,7 @@ def _check_still(time: np.ndarray, angle: np.ndarray) -> None:
     seconds = ((time - time[0]) / _SECOND_S).astype(int)
     counts = np.bincount(seconds)
     full = np.flatnonzero(counts >= np.median(counts) / 2)
-    levels = np.array([np.median(angle[seconds == second]) for second in full])
-    apart = float(np.ptp(levels))
+    apart = float(np.ptp([np.median(angle[seconds == second]) for second in full]))
     if apart > _STILL_RAD:
         detail = f"means of a second differ by {np.degrees(apart):.2g} deg"
         raise RefusedError(CalibrationFailure.NOT_STILL, detail)

@@ -1,1 +1,1 @@
-"""The family of estimators that regress pulse by pulse, and the registry of all methods."""
+"""Estimators that fit every cell by itself."""

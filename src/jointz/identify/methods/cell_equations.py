@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.methods.cell_parameters import (
     BootstrapSpread,
     Point,
     Replicates,
+    Spread,
     parameter_estimates,
     undecided_parameters,
 )
@@ -28,9 +28,18 @@ from jointz.kernels.bounded_lsq import (
     condition_numbers,
     least_squares,
     nonnegative_least_squares,
+    normal_equations,
 )
+from jointz.results.estimates import ParameterEstimate
 
+#: Gram matrices (n, 3, 3) and moments (n, 3) of averages (n, 4, samples).
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def torque_on_motion(averages: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normal equations of torque on angle, velocity and acceleration."""
+    gram, moment, _ = normal_equations(averages)
+    return gram, moment
 
 
 def fitted_by_equations(
@@ -41,48 +50,56 @@ def fitted_by_equations(
     windows: Windows | None = None,
     lag_s: float = 0.0,
     nuisance: tuple[ParameterEstimate, ...] = (),
+    rng: np.random.Generator | None = None,
 ) -> CellFit:
-    """Solve the equations of the average and of its resamples.
-
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows: of their average VAF and response are told.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-    equations : callable
-        From averages (R, 4, n) to gram (R, 3, 3) and moment (R, 3) of K, B, J.
-    windows : Windows, optional
-        Those whose averages the equations take; the filtered ones by default.
-    lag_s : float, s
-        How late the torque is found to be.
-    nuisance : tuple of ParameterEstimate
-        What else was estimated.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned``, ``constant_angle`` or ``constant_torque``.
-    """
-    used = windows or cell.filtered
+    """Solve the equations of the average and of its resamples."""
+    windows = windows or cell.filtered
     average = cell.filtered.responses().mean(axis=0)
-    gram, moment = equations(used.responses().mean(axis=0)[None])
+    gram, moment = equations(windows.responses().mean(axis=0)[None])
+    point, condition = solve_average(gram, moment, average, bounded=settings.bounded)
+    replicates = solve_resamples(*equations(linear_averages(windows, settings)), settings)
+    rng = rng or np.random.default_rng([settings.seed, 1])
+    spread = BootstrapSpread(
+        replicates, settings, with_strides=windows.baseline.has_strides, rng=rng
+    )
+    return cell_fit(
+        average, point, spread, settings, condition=condition, lag_s=lag_s, nuisance=nuisance
+    )
+
+
+def solve_average(
+    gram: np.ndarray, moment: np.ndarray, average: np.ndarray, *, bounded: bool
+) -> tuple[Point, float]:
+    """Return the solution for an average response and its condition number."""
     condition = float(condition_numbers(gram)[0])
     check_average(average, condition)
     free = least_squares(gram, moment)[0]
-    value, held = free, 0
-    replicates = _solved(*equations(linear_averages(used, settings))).decided()
-    if settings.bounded:
-        bounded, active = nonnegative_least_squares(gram, moment)
-        value, held = bounded[0], int(active[0])
-    else:
-        replicates = replicates.freed()
-    point = Point(without_dust(value, average), free, held)
-    what = "pulses" if used.baseline.own else "pulses and unperturbed strides"
-    spread = BootstrapSpread(
-        replicates, settings, what=what, rng=np.random.default_rng([settings.seed, 1])
-    )
-    fitted = _late(point.value @ average[:TORQUE], lag_s, settings.rate_hz)
+    if not bounded:
+        return Point(without_dust(free, average), free, 0), condition
+    values, active = nonnegative_least_squares(gram, moment)
+    return Point(without_dust(values[0], average), free, int(active[0])), condition
+
+
+def solve_resamples(gram: np.ndarray, moment: np.ndarray, settings: FitSettings) -> Replicates:
+    """Return the solutions for resampled averages, without those that are singular."""
+    values, active = nonnegative_least_squares(gram, moment)
+    replicates = Replicates(values, least_squares(gram, moment), active).decided()
+    return replicates if settings.bounded else replicates.freed()
+
+
+def cell_fit(
+    average: np.ndarray,
+    point: Point,
+    spread: Spread,
+    settings: FitSettings,
+    *,
+    condition: float,
+    lag_s: float = 0.0,
+    nuisance: tuple[ParameterEstimate, ...] = (),
+) -> CellFit:
+    """Return a fit with its intervals, and the torque that it gives at the average motion."""
+    time = np.arange(average.shape[1]) / settings.rate_hz
+    fitted = np.interp(time - lag_s, time, point.value @ average[:TORQUE])
     return CellFit(
         parameters=parameter_estimates(point, spread, settings),
         vaf_pct=vaf_pct(average, fitted),
@@ -96,17 +113,7 @@ def fitted_by_equations(
 def undecided(
     cell: CellData, settings: FitSettings, nuisance: tuple[ParameterEstimate, ...] = ()
 ) -> CellFit:
-    """Return a cell that its data do not decide.
-
-    Parameters
-    ----------
-    cell : CellData
-        The cell.
-    settings : FitSettings
-        Mass, and whether values per kg are expected.
-    nuisance : tuple of ParameterEstimate
-        What else was looked for.
-    """
+    """Return a fit whose parameters are undecided."""
     average = cell.filtered.responses().mean(axis=0)
     return CellFit(
         parameters=undecided_parameters(settings),
@@ -119,33 +126,6 @@ def undecided(
 
 
 def white_noise_sd(values: np.ndarray) -> float:
-    """Return the sd of the white noise of a record, from its fourth differences.
-
-    Parameters
-    ----------
-    values : (n,) float
-        A record whose motion is slow beside its samples.
-
-    Returns
-    -------
-    float
-        At least a billionth of the range: a record without noise still has digits.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> round(white_noise_sd(rng.normal(0.0, 2.0, 10_000)), 1)
-    2.0
-    """
+    """Return the sd of the white noise of a record, from its fourth differences."""
     fourth = np.diff(values, 4)
     return float(max(np.sqrt((fourth**2).mean() / 70.0), 1e-9 * np.ptp(values)))
-
-
-def _solved(gram: np.ndarray, moment: np.ndarray) -> Replicates:
-    bounded, active = nonnegative_least_squares(gram, moment)
-    return Replicates(bounded, least_squares(gram, moment), active)
-
-
-def _late(torque: np.ndarray, lag_s: float, rate_hz: float) -> np.ndarray:
-    time = np.arange(torque.size) / rate_hz
-    return np.asarray(np.interp(time - lag_s, time, torque))

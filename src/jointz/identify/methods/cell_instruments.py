@@ -1,4 +1,4 @@
-"""Torque on motion of a cell with the commanded torque as the instrument."""
+"""Regression of torque on motion with the commanded torque as the instrument."""
 
 import numpy as np
 from scipy.signal import lfilter
@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identify.methods.cell_equations import fitted_by_equations
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_COMMAND,
     CellData,
@@ -16,48 +17,32 @@ from jointz.identify.preparation.cell_data import (
 from jointz.identify.preparation.conditioning import TORQUE
 from jointz.kernels.bounded_lsq import condition_numbers, normal_equations
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.kernels.second_order_recursion import transfer_coefficients
+from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
-#: Passes of the refined instruments; they change little after the second.
+#: Refinements of the instruments, which change little after the second.
 _PASSES = 3
-#: A joint that makes instruments has at least this share of torque over motion.
+#: Least K, B and J of the joint for the instruments, as a share of torque over motion.
 _FLOOR = 1e-3
-#: Instruments whose worst direction has less than this in common with the motion are noise.
+#: Least correlation of the instruments with the motion.
 _LEAST_CORRELATION = 0.02
-#: A joint that makes instruments turns or decays over at least so many samples.
+#: Least time constant of the joint for the instruments, samples.
 _FEWEST_SAMPLES = 3.0
-#: Periods of the cut-off that a command is held for, so that the filter ends.
-_HELD_PERIODS = 5.0
+#: Padding of the command with its last value, in periods of the cut-off.
+_PADDING_PERIODS = 5.0
 
 
 def instrumental_variable(cell: CellData, settings: FitSettings) -> CellFit:
     """Regress torque on motion with instruments made of the commanded torque.
 
-    The instruments are angle, velocity and acceleration of the second-order system, joint and
-    device together, that the command would drive: its constants are those that the command
-    itself is regressed on the motion with, refined three times (P. C. Young, Recursive
-    Estimation and Time-Series Analysis, 2011, chapter 8). What arises inside the joint, or comes
-    back through the device, has nothing in common with them (SCIENCE trap 4).
+    The instruments are angle, velocity and acceleration of a second-order system, joint and device
+    together, driven by the command. Its constants are from a regression of the command on the
+    motion, refined three times (P. C. Young, Recursive Estimation and Time-Series Analysis, 2011,
+    chapter 8). They are independent of torque that arises inside the joint or comes back through
+    the device (SCIENCE trap 4).
 
-    Parameters
-    ----------
-    cell : CellData
-        Filtered windows, and raw ones with the commanded torque.
-    settings : FitSettings
-        Resamples, calibration, bounds and cut-off.
-
-    Raises
-    ------
-    EstimationError
-        ``no_command`` when no command is recorded, ``constant_command`` when it stands still,
-        ``not_coherent`` when it has too little in common with the motion,
-        or what :func:`jointz.identify.preparation.cell_data.check_average` refuses.
-
-    Notes
-    -----
-    Needs no noise model, and no knowledge of the delay from command to torque: instruments
-    that are late are weaker, not wrong. A lag between angle and torque, a wrong baseline and a
-    wrong torque gain bias it as they do least squares.
+    It needs no noise model and no delay from command to torque, because late instruments are weaker
+    but not wrong. A lag between angle and torque, a wrong baseline and a wrong torque gain bias it
+    like least squares.
     """
     average = cell.filtered.responses().mean(axis=0)
     check_average(average, float(condition_numbers(normal_equations(average[None])[0])[0]))
@@ -88,10 +73,10 @@ def _filtered_command(cell: CellData, settings: FitSettings) -> np.ndarray:
             "instrumental_variable: the channel 'command' does not change in the pulses' windows. "
             "Give the torque that was commanded, or take another method.",
         )
-    held = round(_HELD_PERIODS * settings.rate_hz / settings.cutoff_hz)
-    padded = np.pad(command, held, mode="edge")
+    padding = round(_PADDING_PERIODS * settings.rate_hz / settings.cutoff_hz)
+    padded = np.pad(command, padding, mode="edge")
     smooth = lowpass_zero_phase(padded, cutoff_hz=settings.cutoff_hz, rate_hz=settings.rate_hz)
-    return smooth[held : held + command.size]
+    return smooth[padding : padding + command.size]
 
 
 def _instruments(average: np.ndarray, command: np.ndarray, lead: int, rate_hz: float) -> np.ndarray:
@@ -115,7 +100,7 @@ def _instruments(average: np.ndarray, command: np.ndarray, lead: int, rate_hz: f
 
 
 def _slow(values: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Return the values with an inertia large enough for the motion to last some samples."""
+    """Return the values with an inertia large enough for a motion of several samples."""
     K, B, J = values
     step = _FEWEST_SAMPLES / rate_hz
     return np.array([K, B, max(J, K * step**2, B * step)])
@@ -128,3 +113,8 @@ def _driven(values: np.ndarray, torque: np.ndarray, rate_hz: float) -> np.ndarra
     velocity = np.gradient(angle) * rate_hz
     acceleration = (torque - values[0] * angle - values[1] * velocity) / values[2]
     return np.stack([angle, velocity, acceleration])
+
+
+INSTRUMENTAL_VARIABLE = CellMethod(
+    "instrumental_variable", "matched_strides", instrumental_variable, raw=True
+)

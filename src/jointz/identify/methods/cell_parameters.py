@@ -1,18 +1,19 @@
-"""From replicates or a jackknife to the parameters of a cell: intervals, bounds, values per kg."""
+"""Parameters of a cell with intervals, from replicates or a jackknife."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import Calibrated
 from jointz.identify.preparation.calibration import relative_sd
-from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, calibration_sd
+from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, intrinsic_impedance
+from jointz.results.estimates import ParameterEstimate
 
 _PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
 _LEVEL = 0.95
@@ -21,156 +22,80 @@ _ONE_SIDED_Z = 1.6448536269514722
 
 @dataclass(frozen=True, slots=True)
 class Replicates:
-    """Estimates of resamples, one row each.
+    """Estimates of resamples, one row each."""
 
-    Parameters
-    ----------
-    bounded, unbounded : (R, 3) float
-        K, B, J; NaN where singular.
-    active : (R,) uint8
-        Bit i is set where parameter i is held at zero.
-    """
-
-    bounded: np.ndarray
+    bounded: np.ndarray  # K, B, J; NaN where singular
     unbounded: np.ndarray
-    active: np.ndarray
+    active: np.ndarray  # bit i is set if parameter i is fixed at zero
 
     def decided(self) -> "Replicates":
-        """Leave out resamples that were singular.
-
-        Raises
-        ------
-        EstimationError
-            ``ill_conditioned`` when none is left.
-        """
+        """Return the replicates without singular ones."""
         fine = np.isfinite(self.bounded).all(axis=1)
         if not fine.any():
             raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
         return Replicates(self.bounded[fine], self.unbounded[fine], self.active[fine])
 
     def freed(self) -> "Replicates":
-        """Forget the bounds."""
+        """Return the replicates without bounds."""
         return Replicates(self.unbounded, self.unbounded, np.zeros_like(self.active))
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """An estimate before its interval.
+    """An estimate before its interval."""
 
-    Parameters
-    ----------
-    value : (3,) float
-        K, B, J as reported.
-    unbounded : (3,) float
-        Without bounds.
-    held : int
-        Bit i is set where parameter i is held at zero.
-    """
-
-    value: np.ndarray
-    unbounded: np.ndarray
-    held: int
+    value: np.ndarray  # K, B, J as reported
+    unbounded: np.ndarray  # without bounds
+    held: int  # likewise
 
 
 class Spread(ABC):
-    """How far an estimate may be off; one interval a parameter.
+    """Uncertainty of an estimate: an interval for each parameter."""
 
-    Parameters
-    ----------
-    active : (R,) uint8
-        Of each replicate: bit i is set where parameter i stood at the bound.
-    """
+    kind: str  # of the two-sided interval
+    basis: str  # the data of the interval, in words
 
     def __init__(self, active: np.ndarray) -> None:
         self._active = active
 
     def share_at_bound(self, i: int) -> float:
-        """Return the share of replicates of parameter i that stood at the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        """
+        """Return the share of replicates of parameter i at the bound."""
         return float((self._active >> i & 1).mean())
 
     @abstractmethod
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
     ) -> tuple[float, float]:
-        """Return both ends, the intrinsic impedance subtracted; one-sided at the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
-        """
-
-    @abstractmethod
-    def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
+        """Return both ends without the intrinsic impedance; one-sided at the bound."""
 
 
 class BootstrapSpread(Spread):
-    """Percentiles of the replicates.
+    """Percentiles of the replicates."""
 
-    Parameters
-    ----------
-    replicates : Replicates
-        All of them decided.
-    settings : FitSettings
-        Gains and intrinsic impedance are drawn for each replicate.
-    what : str
-        What was resampled.
-    rng : numpy.random.Generator
-        Source of the draws.
-    """
+    kind = "percentile interval"
 
     def __init__(
         self,
         replicates: Replicates,
         settings: FitSettings,
         *,
-        what: str,
+        with_strides: bool,
         rng: np.random.Generator,
     ) -> None:
         super().__init__(replicates.active)
         scale, intrinsic = _calibration_draws(settings, len(replicates.bounded), rng)
         self._bounded = scale[:, None] * replicates.bounded - intrinsic
         self._free = scale[:, None] * replicates.unbounded - intrinsic
-        self._made = f"of {settings.n_resamples} bootstrap resamples of {what}"
+        drawn = "pulses and unperturbed strides" if with_strides else "pulses"
+        self.basis = f"of {settings.n_resamples} bootstrap resamples of {drawn}"
 
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
     ) -> tuple[float, float]:
-        """Return the percentile interval, one-sided where the bound is active.
+        """Return the percentile interval, one-sided if the bound is active.
 
-        Where all replicates stand at the bound their percentile would be a
-        zero-width interval; the limit is then what the spread of the unbounded
-        replicates allows above the bound.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
+        If all replicates are at the bound, their percentile would be an interval of zero width;
+        the limit then follows from the spread of the unbounded replicates.
         """
         del point  # percentiles need no centre
         draws = self._bounded[:, i]
@@ -181,34 +106,15 @@ class BootstrapSpread(Spread):
         reach = bound + _ONE_SIDED_Z * float(self._free[:, i].std())
         return bound, max(limit, reach)
 
-    def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
-        return f"{_kind('percentile interval', at_bound=at_bound)} {self._made}"
-
 
 class JackknifeSpread(Spread):
     """Student's t over the estimates that leave one pulse out.
 
-    Parameters
-    ----------
-    left_out : Replicates
-        One row a pulse left out.
-    instrument_shift : (3,) float
-        How far one sd of the lag, and of torque seen as angle, moves K, B and J.
-    settings : FitSettings
-        Calibration.
-
-    Notes
-    -----
     B. Efron, "The jackknife, the bootstrap and other resampling plans" (1982),
     chapter 3; n - 1 degrees of freedom. Errors of the calibration are added in square.
     """
+
+    kind = "Student's t interval"
 
     def __init__(
         self, left_out: Replicates, instrument_shift: np.ndarray, settings: FitSettings
@@ -216,25 +122,14 @@ class JackknifeSpread(Spread):
         super().__init__(left_out.active)
         self._sd = [_jackknife_sd(v) for v in (left_out.bounded, left_out.unbounded)]
         self._n = len(left_out.bounded)
+        self.basis = f"of the delete-one jackknife over {self._n} pulses"
         self._instrument_shift = instrument_shift
         self._settings = settings
 
     def interval(
         self, i: int, point: Point, *, bound: float, at_bound: bool
     ) -> tuple[float, float]:
-        """Return estimate and quantile of t times its sd, one-sided where the bound is active.
-
-        Parameters
-        ----------
-        i : int
-            Which of K, B, J.
-        point : Point
-            The estimate.
-        bound : float
-            Where the bound is, the intrinsic impedance subtracted.
-        at_bound : bool
-            Whether it is active.
-        """
+        """Return the t interval, one-sided if the bound is active."""
         bounded, free = (self._total(sd[i], i, point) for sd in self._sd)
         value = float(point.value[i]) + bound
         if not at_bound:
@@ -243,46 +138,24 @@ class JackknifeSpread(Spread):
         one_sided = float(student_t.ppf(_LEVEL, self._n - 1))
         return bound, max(value + one_sided * bounded, bound + one_sided * free)
 
-    def method(self, *, at_bound: bool) -> str:
-        """Say in words how the interval was made.
-
-        Parameters
-        ----------
-        at_bound : bool
-            Whether the bound is active.
-        """
-        kind = _kind("Student's t interval", at_bound=at_bound)
-        return f"{kind} of the delete-one jackknife over {self._n} pulses"
-
     def _total(self, sd: float, i: int, point: Point) -> float:
         known = self._settings.calibration
         gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
-        intrinsic = calibration_sd(getattr(known, f"intrinsic_{PARAMETERS[i]}"))
-        parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic]
+        intrinsic_sd = intrinsic_impedance(known)[1][i]
+        parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic_sd]
         return float(np.linalg.norm(parts))
 
 
 def parameter_estimates(
     point: Point, spread: Spread, settings: FitSettings
 ) -> tuple[ParameterEstimate, ...]:
-    """Return K, B, J and the values per kg with intervals and statuses.
-
-    Parameters
-    ----------
-    point : Point
-        The estimate.
-    spread : Spread
-        How far it may be off.
-    settings : FitSettings
-        Intrinsic impedance and mass.
-    """
-    entries = [getattr(settings.calibration, f"intrinsic_{name}") for name in PARAMETERS]
+    """Return K, B, J and the values per kg with intervals and statuses."""
     estimates = []
     for i, name in enumerate(PARAMETERS):
-        entry = entries[i]
-        known = 0.0 if entry is None else entry.value
+        known = intrinsic_impedance(settings.calibration)[0][i]
         share = spread.share_at_bound(i)
         at_bound = bool(point.held >> i & 1) or share >= 0.5 or point.value[i] == 0.0
+        kind = "one-sided upper limit" if at_bound else spread.kind
         low, high = spread.interval(i, point, bound=float(0.0 - known), at_bound=at_bound)
         estimates.append(
             ParameterEstimate(
@@ -292,7 +165,7 @@ def parameter_estimates(
                 ci_high=high,
                 status="at_bound" if at_bound else "ok",
                 ci_level=_LEVEL,
-                ci_method=spread.method(at_bound=at_bound),
+                ci_method=f"{kind} {spread.basis}",
                 share_at_bound=share,
                 unbounded=float(point.unbounded[i] - known),
             )
@@ -304,39 +177,19 @@ def parameter_estimates(
 def failed_parameters(
     failure: Failure, *, mass_kg: float | None, wants_per_mass: bool
 ) -> tuple[ParameterEstimate, ...]:
-    """Return the rows of a cell without an estimate.
-
-    Parameters
-    ----------
-    failure : Failure
-        Why.
-    mass_kg : float or None
-        The participant's mass.
-    wants_per_mass : bool
-        Whether values per kg are expected.
-    """
+    """Return the rows of a cell without an estimate."""
     return _empty(failure.status, per_mass=mass_kg is not None or wants_per_mass)
 
 
 def undecided_parameters(settings: FitSettings) -> tuple[ParameterEstimate, ...]:
-    """Return the rows of a cell that its data do not decide.
-
-    Parameters
-    ----------
-    settings : FitSettings
-        Mass, and whether values per kg are expected.
-    """
-    wanted = settings.mass_kg is not None or settings.wants_per_mass
-    return _empty("undecided", per_mass=wanted)
+    """Return the rows of an undecided cell."""
+    per_mass = settings.mass_kg is not None or settings.wants_per_mass
+    return _empty("undecided", per_mass=per_mass)
 
 
 def _empty(status: str, *, per_mass: bool) -> tuple[ParameterEstimate, ...]:
     names = [*PARAMETERS, *(_PER_MASS.values() if per_mass else ())]
     return tuple(ParameterEstimate(name, None, None, None, status) for name in names)
-
-
-def _kind(two_sided: str, *, at_bound: bool) -> str:
-    return "one-sided upper limit" if at_bound else two_sided
 
 
 def _jackknife_sd(left_out: np.ndarray) -> np.ndarray:
@@ -347,15 +200,13 @@ def _jackknife_sd(left_out: np.ndarray) -> np.ndarray:
 def _calibration_draws(
     settings: FitSettings, n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw the gain left over (n,) and the intrinsic impedance (n, 3)."""
+    """Draw the remaining gain (n,) and the intrinsic impedance (n, 3)."""
     calibration = settings.calibration
     scale = _gain_draws(calibration.angle_gain, n, rng) / _gain_draws(
         calibration.torque_gain, n, rng
     )
-    entries = [getattr(calibration, f"intrinsic_{name}") for name in PARAMETERS]
-    known = np.array([0.0 if e is None else e.value for e in entries])
-    spread = np.array([calibration_sd(e) for e in entries])
-    return scale, known + spread * rng.standard_normal((n, len(PARAMETERS)))
+    values, sds = intrinsic_impedance(calibration)
+    return scale, values + sds * rng.standard_normal((n, len(PARAMETERS)))
 
 
 def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -367,15 +218,7 @@ def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> n
 def per_mass(
     estimates: Sequence[ParameterEstimate], mass_kg: float | None
 ) -> tuple[ParameterEstimate, ...]:
-    """Return the values per kg; failed ones where the mass is missing.
-
-    Parameters
-    ----------
-    estimates : sequence of ParameterEstimate
-        K, B and J.
-    mass_kg : float or None
-        The participant's mass.
-    """
+    """Return the values per kg, failed if the mass is missing."""
     return tuple(_divided(e, _PER_MASS[e.name], mass_kg) for e in estimates if e.name in _PER_MASS)
 
 
@@ -383,14 +226,6 @@ def _divided(estimate: ParameterEstimate, name: str, mass: float | None) -> Para
     if mass is None:
         return ParameterEstimate(name, None, None, None, Failure.MASS_MISSING.status)
 
-    def per_kg(value: float | None) -> float | None:
-        return None if value is None else value / mass
-
-    return replace(
-        estimate,
-        name=name,
-        value=per_kg(estimate.value),
-        ci_low=per_kg(estimate.ci_low),
-        ci_high=per_kg(estimate.ci_high),
-        unbounded=per_kg(estimate.unbounded),
-    )
+    values = {f: getattr(estimate, f) for f in ("value", "ci_low", "ci_high", "unbounded")}
+    per_kg: dict[str, Any] = {f: v if v is None else v / mass for f, v in values.items()}
+    return replace(estimate, name=name, **per_kg)

@@ -25,63 +25,29 @@ _LEAST_FREEDOM = 4
 def redrawn_averages(
     windows: Windows, settings: FitSettings, rng: np.random.Generator, weights: np.ndarray
 ) -> np.ndarray:
-    """Return the averages of filtered responses under resampling, each drawn to the letter.
-
-    Parameters
-    ----------
-    windows : Windows
-        Filtered.
-    settings : FitSettings
-        To the letter of 4.2.3 only pulses are drawn, otherwise strides too.
-    rng : numpy.random.Generator
-        Source of randomness.
-    weights : (n_resamples, n_pulse) float
-        What is left of each pulse in a resample.
-
-    Returns
-    -------
-    (n_resamples, 4, n) float
-        Averages; the torque is shifted by a draw of the lag that may be left over, the motion
-        turned by a draw of the angle that torque may still show.
-    """
+    """Return the averages of filtered responses under exact resampling."""
     baseline, responses = windows.baseline, windows.responses()
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
-    if not (settings.letter or baseline.own):
+    if baseline.has_strides and not settings.letter:
         n_strides = baseline.n_sources
         draws = resample_weights(n_strides, settings.n_resamples, rng, block=baseline.block)
-        # The mean that was subtracted gives way to the mean of the strides drawn.
+        # The mean of the drawn strides replaces the subtracted mean.
         change = baseline.weights(draws) - baseline.weights(np.ones((1, n_strides)))
         change *= (weights * windows.turned[:, 0, 0])[:, :, None]
         strides = baseline.windows.reshape(-1, averages.shape[1])
         averages -= change.reshape(len(weights), -1) @ strides
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    return _twisted(_lagged(averages, settings, rng), settings, rng)
+    return _with_instrument_errors(averages, settings, rng, raw=False)
 
 
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     """Return the averages under resampling, to first order in what each stride adds.
 
-    Parameters
-    ----------
-    windows : Windows
-        Filtered or raw.
-    settings : FitSettings
-        Resamples, seed and calibration.
-
-    Returns
-    -------
-    (n_resamples, 4, n) float
-        Averages; the torque (of raw windows, where they have a lead) is shifted by a draw of
-        the lag that may be left over, the motion turned by a draw of the angle that torque may
-        still show.
-
-    Notes
-    -----
-    A resample's average is that of its pulses minus the sum of what its strides change, as if
-    the pulses were all there: the product of both changes, one over the number of pulses
-    smaller, is left out. That takes a hundredth of the time. Deviations of n pulses are drawn
-    larger by ``sqrt(n / (n - 1))``, which a bootstrap lacks, and by the quantile of Student's t
-    over the normal one; below five pulses no more than for five, or averages would be none.
+    A resample's average is that of its pulses minus the effects of its strides on the average of
+    all pulses. The product of both changes, smaller by the number of pulses, is neglected, which
+    takes a hundredth of the time. Deviations of n pulses are enlarged by ``sqrt(n / (n - 1))``,
+    which a bootstrap lacks, and by the quantile of Student's t over the normal one, for fewer than
+    five pulses that of five.
     """
     rng = np.random.default_rng(settings.seed)
     responses, baseline = windows.responses(), windows.baseline
@@ -89,24 +55,22 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
     flat = responses.reshape(n, -1)
     weights = resample_weights(n, settings.n_resamples, rng) - 1.0 / n
     averages = flat.mean(axis=0) + _widening(n) * (weights @ flat)
-    if not baseline.own:
+    if baseline.has_strides:
         count = baseline.n_sources
         draws = resample_weights(count, settings.n_resamples, rng, block=baseline.block)
         averages -= (draws * count - 1.0) @ _stride_influence(windows)
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    if windows.lead:
-        return _raw_twisted(_raw_lagged(averages, settings, rng), settings, rng)
-    return _twisted(_lagged(averages, settings, rng), settings, rng)
+    return _with_instrument_errors(averages, settings, rng, raw=windows.lead > 0)
 
 
 def _widening(n: int) -> float:
-    """Return how much larger than in a bootstrap the deviations of n pulses are drawn."""
+    """Return the enlargement of the deviations of n pulses."""
     freedom = max(n - 1, _LEAST_FREEDOM)
     return float(np.sqrt(n / (n - 1)) * student_t.ppf(0.975, freedom) / norm.ppf(0.975))
 
 
 def _stride_influence(windows: Windows) -> np.ndarray:
-    """Return what one stride more adds to the average baseline, (n_sources, 4 * n)."""
+    """Return the change of the average baseline by one more stride, (n_sources, 4 * n)."""
     baseline = windows.baseline
     counts = np.maximum(baseline.valid.sum(axis=1), 1)
     share = windows.signs / (len(windows.signs) * counts)
@@ -117,86 +81,39 @@ def _stride_influence(windows: Windows) -> np.ndarray:
     return influence
 
 
-def _lagged(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
-    """Shift each resample's torque by a draw of the lag that may be left over."""
-    sd = lag_sd(settings.calibration)
-    if not sd:
-        return averages
-    late = rng.normal(0.0, sd, size=(len(averages), 1))
-    averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=settings.rate_hz)
-    return averages
-
-
 def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
-    """Return a low-passed torque later by a small time, to second order.
-
-    Parameters
-    ----------
-    torque : (..., n) float, N*m
-        The torque.
-    late_s : (..., 1) float, s
-        How much later.
-    rate_hz : float
-        Sampling rate.
-    """
+    """Return a low-passed torque later by a small time, to second order."""
     rate = derivative(torque, rate_hz=rate_hz)
     curvature = derivative(rate, rate_hz=rate_hz)
     return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
 
 
-def _twisted(averages: np.ndarray, settings: FitSettings, rng: np.random.Generator) -> np.ndarray:
-    """Turn each resample's motion by a draw of what torque may still make the sensor show."""
-    sd = twist_sd(settings.calibration)
-    if not sd:
-        return averages
-    twist = rng.normal(0.0, sd, size=(len(averages), 1, 1))
-    averages[:, :TORQUE] -= twist * shown_by(averages[:, TORQUE], rate_hz=settings.rate_hz)
-    return averages
-
-
 def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
-    """Return the motion that 1 rad/(N*m) of torque seen as angle shows.
-
-    Parameters
-    ----------
-    torque : (..., n) float, N*m
-        Low-passed.
-    rate_hz : float
-        Sampling rate.
-
-    Returns
-    -------
-    (..., 3, n) float
-        Angle, velocity and acceleration.
-    """
+    """Return the apparent motion by 1 rad/(N*m) of torque seen as angle."""
     rate = derivative(torque, rate_hz=rate_hz)
     return np.stack([torque, rate, derivative(rate, rate_hz=rate_hz)], axis=-2)
 
 
-def _raw_twisted(
-    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
+def _with_instrument_errors(
+    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator, *, raw: bool
 ) -> np.ndarray:
-    """Do the same to an unfiltered angle."""
-    sd = twist_sd(settings.calibration)
-    if not sd:
-        return averages
-    twist = rng.normal(0.0, sd, size=(len(averages), 1))
-    averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
-    return averages
-
-
-def _raw_lagged(
-    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
-) -> np.ndarray:
-    """Do the same to an unfiltered torque, by the derivatives of its local cubic."""
-    sd = lag_sd(settings.calibration)
-    if not sd:
-        return averages
-    late = rng.normal(0.0, sd, size=(len(averages), 1))
-    mean = averages[:, RAW_TORQUE].mean(axis=0)
-    width = 2 * max(2, round(_SMOOTH_S * settings.rate_hz)) + 1
-    rate, curvature = (
-        savgol_filter(mean, width, 3, deriv=order, delta=1.0 / settings.rate_hz) for order in (1, 2)
-    )
-    averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
+    """Draw the remaining errors of lag and of torque seen as angle for each resample."""
+    count, rate_hz = len(averages), settings.rate_hz
+    if sd := lag_sd(settings.calibration):
+        late = rng.normal(0.0, sd, size=(count, 1))
+        if raw:  # by the derivatives of the local cubic of the mean
+            mean = averages[:, RAW_TORQUE].mean(axis=0)
+            width = 2 * max(2, round(_SMOOTH_S * rate_hz)) + 1
+            rate, curvature = (
+                savgol_filter(mean, width, 3, deriv=k, delta=1.0 / rate_hz) for k in (1, 2)
+            )
+            averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
+        else:
+            averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=rate_hz)
+    if sd := twist_sd(settings.calibration):
+        twist = rng.normal(0.0, sd, size=(count, 1))
+        if raw:
+            averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
+        else:
+            averages[:, :TORQUE] -= twist[:, None] * shown_by(averages[:, TORQUE], rate_hz=rate_hz)
     return averages

@@ -1,9 +1,9 @@
-"""A cell's angle simulated from its measured torque: output error, and errors in both records."""
+"""Simulation of a cell's angle from its measured torque, with errors in one or both records."""
 
 import numpy as np
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.identify.methods.cell_equations import fitted_by_equations, undecided, white_noise_sd
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_ANGLE,
     RAW_TORQUE,
@@ -20,35 +20,22 @@ from jointz.kernels.bounded_lsq import (
     nonnegative_least_squares,
     normal_equations,
 )
-from jointz.kernels.second_order_averages import Drive, DrivenFit, fit_driven, refit
+from jointz.kernels.series.second_order_averages import Drive, DrivenFit, fit_driven, refit
+from jointz.results.estimates import ParameterEstimate
 
-#: A free lag is looked for from these, s.
+#: Initial values of a free lag, s.
 _START_LAGS_S = (0.0, -0.008, 0.008)
-#: An inertia to start from is at least this share of torque over acceleration.
+#: Least initial inertia, as a share of torque over acceleration.
 _FLOOR = 1e-2
-#: With fewer, a torque that is linear between samples is no longer a pulse's.
+#: Fewest samples for a torque that is linear between samples.
 _FEWEST_SAMPLES = 10
 
 
 def output_error(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the angle that the average torque drives from rest, with white weights.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below ten in a window.
-
-    Notes
-    -----
-    All error is that of the angle; the torque is taken as it was measured, without lag. The
-    inertia stays positive, or nothing could be simulated.
+    All error is that of the angle; the torque is taken as measured, without lag. The inertia
+    stays positive, which the simulation needs.
     """
     return _fitted(cell, settings, lag_sd_s=0.0, torque_noise=False)
 
@@ -56,23 +43,9 @@ def output_error(cell: CellData, settings: FitSettings) -> CellFit:
 def errors_in_variables(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit the average response with noise in angle and torque, and a lag between them.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below ten in a window.
-
-    Notes
-    -----
-    The criterion of :mod:`jointz.kernels.second_order`. The lag is free, within 20 ms or what
-    the windows' margin holds; a lag under ``[calibration]`` is shifted out before, and its sd
-    is the prior of what is left over. A lag at the end of its range is ``undecided``.
+    The criterion is that of :mod:`jointz.kernels.series.second_order`. The lag is free within 20 ms
+    or the margin of the windows; a lag under ``[calibration]`` is removed before, and its sd is the
+    prior of the remaining lag. A lag at the end of its range is ``undecided``.
     """
     known = settings.calibration.angle_lag_s or settings.calibration.torque_lag_s
     sd = lag_sd(settings.calibration) if known else None
@@ -98,7 +71,7 @@ def _fitted(
     floor = _FLOOR * np.abs(filtered[TORQUE]).max() / np.abs(filtered[2]).max()
     start[2] = max(start[2], floor)
     fit = _best(angle, torque, start, drive, bounded=settings.bounded)
-    nuisance = _lag_found(fit, drive)
+    nuisance = _lag(fit, drive)
     if not fit.converged or (nuisance and nuisance[0].status == "undecided"):
         return undecided(cell, settings, nuisance)
 
@@ -127,11 +100,17 @@ def _best(
     return min(fits, key=lambda fit: fit.cost if fit.converged else np.inf)
 
 
-def _lag_found(fit: DrivenFit, drive: Drive) -> tuple[ParameterEstimate, ...]:
-    """Return the lag of the torque behind the angle, where it was looked for."""
+def _lag(fit: DrivenFit, drive: Drive) -> tuple[ParameterEstimate, ...]:
+    """Return the lag of the torque behind the angle, if it was estimated."""
     if drive.lag_sd_s == 0.0:
         return ()
     lag = float(fit.values[3])
     inside = fit.converged and abs(lag) < drive.lead * drive.step_s
     value = lag if inside else None
     return (ParameterEstimate("torque_lag", value, None, None, "ok" if inside else "undecided"),)
+
+
+OUTPUT_ERROR = CellMethod("output_error", "matched_strides", output_error, raw=True)
+ERRORS_IN_VARIABLES = CellMethod(
+    "errors_in_variables", "matched_strides", errors_in_variables, raw=True
+)

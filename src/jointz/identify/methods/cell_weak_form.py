@@ -1,8 +1,9 @@
-"""The equation of a cell integrated against test functions: no record is differentiated."""
+"""Weak form of a cell's equation: integrals with test functions in place of derivatives."""
 
 import numpy as np
 
 from jointz.identify.methods.cell_equations import fitted_by_equations, white_noise_sd
+from jointz.identify.methods.cell_estimator import CellMethod
 from jointz.identify.preparation.cell_data import (
     RAW_ANGLE,
     RAW_TORQUE,
@@ -13,32 +14,17 @@ from jointz.identify.preparation.cell_data import (
 )
 from jointz.kernels.weak_form import FEWEST_SAMPLES, bumps, weak_equations, weak_fit
 
-#: Noise that the weights allow for at least, of the range: sums of samples are not integrals
-#: where torque has a corner.
+#: Least noise of the weights, as a share of the range: sums of samples differ from integrals if
+#: torque has a corner.
 _LEAST_NOISE = 3e-4
 
 
 def weak_form(cell: CellData, settings: FitSettings) -> CellFit:
     """Fit K, B, J to the integrated equation of the unfiltered average.
 
-    Parameters
-    ----------
-    cell : CellData
-        Raw windows, with what lies before the onset.
-    settings : FitSettings
-        Resamples, bounds, calibration, mass.
-
-    Raises
-    ------
-    EstimationError
-        When the responses have no answer; ``too_few_samples`` below 26 in the window and the margin
-        before it (about 220 Hz for 0.1 s).
-
-    Notes
-    -----
-    Generalised least squares with the covariance that white noise of angle and torque takes in
-    the integrals (:mod:`jointz.kernels.weak_form`); the size of that noise is read off the
-    average. The weights are held while resamples are solved.
+    Generalised least squares with the covariance of the integrals of white noise of angle and
+    torque (:mod:`jointz.kernels.weak_form`); the size of that noise is estimated from the average.
+    Resamples are solved with the same weights.
     """
     windows = cell.unfiltered()
     last = windows.recorded.shape[2] - windows.lead
@@ -56,3 +42,6 @@ def weak_form(cell: CellData, settings: FitSettings) -> CellFit:
         return weak_equations(angles, torques, functions, whitener, angle_sd=sd[0])
 
     return fitted_by_equations(cell, settings, equations, windows=windows)
+
+
+WEAK_FORM = CellMethod("weak_form", "matched_strides", weak_form, raw=True)

@@ -15,24 +15,13 @@ from jointz.identify.preparation.baselines import Baseline, StridePool
 from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.identify.preparation.conditioning import ANGLE, Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+from jointz.identify.study_kinds import StudyKind
 
 _UNFILTERED = ("angle", "torque", "command")
 
 
 class WindowCutter:
-    """Cuts windows out of a participant's recordings.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The participant's recordings.
-    settings : ParticipantSettings
-        Window, and whether it is walking.
-    baseline : str
-        What is subtracted.
-    window_s : float, s
-        Length of the windows.
-    """
+    """Cuts windows out of a participant's recordings."""
 
     def __init__(
         self,
@@ -49,32 +38,19 @@ class WindowCutter:
         self._pools: dict[tuple[int, ...], StridePool] = {}
 
     def cut(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
-        """Cut the pulses' windows and their baselines, recording by recording.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            The pulses.
-
-        Returns
-        -------
-        windows : (n_pulse, 4, n) float
-            As recorded.
-        baseline : Baseline
-            Unperturbed windows of each.
-        """
+        """Return the windows of pulses and their baselines."""
         order = [c.source for c in candidates]
-        parts = []
-        for index in dict.fromkeys(order):
-            mine = [c for c in candidates if c.source == index]
-            parts.append((index, *self._of_source(index, mine)))
+        parts = [
+            (index, *self._of_source(index, [c for c in candidates if c.source == index]))
+            for index in dict.fromkeys(order)
+        ]
         windows = np.concatenate([w for _, w, _ in parts])
         baseline = _stacked([(self._home(index), b) for index, _, b in parts])
-        if not self._settings.walking:  # trials do not drift as posture does in walking
+        if not self._settings.kind.drifts:
             baseline = replace(baseline, block=1)
-        # Back into the order of the candidates.
-        placed = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
-        back = np.argsort(placed)
+        # In the order of the candidates.
+        by_source = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
+        back = np.argsort(by_source)
         return windows[back], baseline.take(back)
 
     def _of_source(
@@ -98,23 +74,22 @@ class WindowCutter:
         return windows, baselines.matched_strides(pool, onsets, elapsed, angle, window_s=window_s)
 
     def _home(self, index: int) -> tuple[int, ...]:
-        """Return which recordings make the baseline of the pulses of one."""
+        """Return the recordings whose strides are the baseline of the pulses of one."""
         if self._baseline != "unperturbed_mean":
             return (index,)
         unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
-        # A new donning moves the sensor; on a bench every trial has a reference of its own.
-        keys = ("session", "side") if self._settings.walking else ("session", "side", "trial")
-        alike = most_alike(self._sources[index].given, unperturbed, keys=keys)
-        return tuple(k for k, s in enumerate(self._sources) if any(s.given is a for a in alike))
+        keys = self._settings.kind.reference_keys
+        nearest = most_alike(self._sources[index].given, unperturbed, keys=keys)
+        return tuple(k for k, s in enumerate(self._sources) if any(s.given is r for r in nearest))
 
     def _pool(self, home: tuple[int, ...]) -> StridePool:
         if home not in self._pools:
             sources = [self._sources[k] for k in home]
-            own = self._baseline == "matched_strides"
+            matched = self._baseline == "matched_strides"
             self._pools[home] = (
-                _own_pool(sources[0])
-                if own
-                else _unperturbed_pool(sources, walking=self._settings.walking)
+                _perturbed_pool(sources[0])
+                if matched
+                else _unperturbed_pool(sources, self._settings.kind)
             )
         return self._pools[home]
 
@@ -127,7 +102,7 @@ def _no_baseline(windows: np.ndarray) -> Baseline:
 
 
 def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
-    """Join baselines of several recordings; strides are shared where their home is."""
+    """Join baselines of several recordings, which share strides if they share recordings."""
     widest = max(b.windows.shape[1] for _, b in parts)
     windows, sources, valid = [], [], []
     first: dict[tuple[int, ...], int] = {}
@@ -148,11 +123,11 @@ def _stacked(parts: Sequence[tuple[tuple[int, ...], Baseline]]) -> Baseline:
     )
 
 
-def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool:
-    """Collect the strides of the unperturbed condition; a bench trial is one stride."""
+def _unperturbed_pool(sources: Sequence[Source], kind: StudyKind) -> StridePool:
+    """Return the strides of the unperturbed condition; a bench trial is one stride."""
     recordings, starts, onsets = [], [], []
     for source in sources:
-        if walking and source.strides is None:
+        if kind.by_gait and source.strides is None:
             continue
         recordings.append(source.signals)
         onsets.append(_onsets(source))
@@ -163,8 +138,8 @@ def _unperturbed_pool(sources: Sequence[Source], *, walking: bool) -> StridePool
     return StridePool(tuple(recordings), tuple(starts), tuple(onsets))
 
 
-def _own_pool(source: Source) -> StridePool:
-    """Collect the strides of a perturbed recording that neither hold nor follow a pulse."""
+def _perturbed_pool(source: Source) -> StridePool:
+    """Return the strides of a perturbed recording without a pulse and not after one."""
     if source.strides is None:
         return StridePool((), (), ())
     after_one = np.concatenate([[False], source.undisturbed[:-1]])
@@ -177,21 +152,7 @@ def _onsets(source: Source) -> np.ndarray:
 
 
 def unfiltered_source(source: Source, *, lead_s: float) -> Source:
-    """Return a recording whose rows are those of unfiltered windows, a lead earlier.
-
-    Parameters
-    ----------
-    source : Source
-        The recording, made ready.
-    lead_s : float, s
-        A window cut at an onset begins so much before it.
-
-    Returns
-    -------
-    Source
-        Its rows are the filtered angle, by which strides are matched, then angle, torque and
-        commanded torque as sampled, ``lead_s`` late.
-    """
+    """Return a recording with the rows of unfiltered windows, shifted by a lead."""
     signals = source.signals
     lead = round(lead_s * signals.rate_hz)
     runs = tuple(_unfiltered(stretch, source, lead) for stretch in signals.stretches)
@@ -221,22 +182,21 @@ def _unfiltered(stretch: Stretch, source: Source, lead: int) -> Stretch:
 
 
 def _measured(recording: xr.Dataset, known: CalibrationSpec, part: slice) -> dict[str, np.ndarray]:
-    """Return the records that are there, of the joint and not of its instruments."""
-    found = {n: recording[n].to_numpy()[part] for n in _UNFILTERED if n in recording}
-    torque = found.get("torque", np.zeros(found["angle"].size))
-    found["angle"] = joint_angle(found["angle"], torque, known)
-    if "torque" in found:
-        found["torque"] = torque / value_of(known.torque_gain, 1.0)
-    if "command" in found:
-        found["command"] = _held(found["command"])
-    return found
+    """Return the recorded channels, corrected for the instruments."""
+    channels = {n: recording[n].to_numpy()[part] for n in _UNFILTERED if n in recording}
+    torque = channels.get("torque", np.zeros(channels["angle"].size))
+    channels["angle"] = joint_angle(channels["angle"], torque, known)
+    if "torque" in channels:
+        channels["torque"] = torque / value_of(known.torque_gain, 1.0)
+    if "command" in channels:
+        channels["command"] = _without_gaps(channels["command"])
+    return channels
 
 
-def _held(values: np.ndarray) -> np.ndarray:
-    """Return a record with missing samples as the last known one, zero before the first.
+def _without_gaps(values: np.ndarray) -> np.ndarray:
+    """Return a command with the last known sample in gaps, zero before the first.
 
-    Gaps of angle or torque end a stretch; those of the command need not, for it is no data but
-    an instrument.
+    Gaps of angle or torque end a stretch; the command is only an instrument.
     """
     known = np.isfinite(values)
     last = np.maximum.accumulate(np.where(known, np.arange(values.size), -1))
@@ -244,14 +204,14 @@ def _held(values: np.ndarray) -> np.ndarray:
 
 
 def _at(
-    wanted: np.ndarray, time: np.ndarray, values: np.ndarray, lag: Calibrated | None
+    new_time: np.ndarray, time: np.ndarray, values: np.ndarray, lag: Calibrated | None
 ) -> np.ndarray:
-    """Return a record at other times, its lag shifted out."""
+    """Return a channel at new times, without its lag."""
     late_s = 0.0 if lag is None else lag.value
-    if not late_s and wanted.size == time.size and np.array_equal(wanted, time):
+    if not late_s and new_time.size == time.size and np.array_equal(new_time, time):
         return values
     rate = (time.size - 1) / (time[-1] - time[0])
     uniform, even = resample_stretch(time, values, step_s=1.0 / rate)
     step = (uniform[-1] - uniform[0]) / (uniform.size - 1)
-    where = (wanted + late_s - uniform[0]) / step
+    where = (new_time + late_s - uniform[0]) / step
     return np.asarray(map_coordinates(even, [where], order=3, mode="nearest"))

@@ -7,43 +7,42 @@ length over which it stays alike are integrated over a grid by their evidence.
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from jointz.core.analysis import StudyAnalysis
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import REACH_95, CellEstimate, decides
 from jointz.core.gait_phases import mean_phase
-from jointz.core.person_estimates import person_cells
-from jointz.core.phase_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
-from jointz.core.pooled_estimates import (
+from jointz.core.provenance import software
+from jointz.identify.recommended.steep_change import Widened, widen_steep
+from jointz.kernels.series.periodic_process import periodic_curve
+from jointz.kernels.statistics.pooling_posterior import partial_pooling
+from jointz.results.estimates import REACH_95, CellEstimate, decides
+from jointz.results.person_estimates import person_cells
+from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
+from jointz.results.statistics.pooled_estimates import (
     UnboundedEstimate,
     estimate_without_priors,
     unbounded_estimate,
 )
-from jointz.core.provenance import software
-from jointz.identify.recommended.steep_change import Widened, widen_steep
-from jointz.kernels.partial_pooling import partial_pooling
-from jointz.kernels.periodic_process import periodic_curve
+from jointz.results.study_analysis import StudyAnalysis
 
 _LEVEL = 0.95
 _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
-#: Fewer phases make no curve.
+#: Fewest phases of a curve.
 _FEWEST = 4
-#: Estimates that all lie so many sd above zero make a curve that is smooth in its logarithm.
+#: If all estimates lie so many sds above zero, the logarithm of the curve is smooth.
 _CLEAR = 2.0
-#: In a window a response tells of B earlier than of K: share of the way from onset to K's centre.
+#: B is estimated earlier in the window than K: share of the time from onset to K's centre.
 _DAMPING_SHARE = 0.8
 _GRID_PCT = np.arange(0.0, 100.5, 1.0)
-_MADE = "periodic Gaussian process, length and amplitude by evidence"
+_CI_METHOD = "periodic Gaussian process, length and amplitude by evidence"
 _SETTINGS = ("study", "joint", "method", "window_s")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Measured:
-    """Values at phases, cycles, the covariance of their errors, and what never averages out."""
+    """Values at phases (cycles), the covariance of their errors, and systematic errors."""
 
     phases: np.ndarray
     values: np.ndarray
@@ -66,24 +65,24 @@ def phase_curve(
     Parameters
     ----------
     analysis : StudyAnalysis
-        Of a walking study, by the recommended method.
+        Analysis of a walking study by the recommended method.
     participant : str, optional
-        Whose curves, with session and side where the study has them: ``S01, left``; by default
-        those of everyone and of the mean over people.
+        A participant, with session and side if the study has them: ``S01, left``; by default
+        all participants and the mean over them.
     parameters : sequence of str
-        Of what: ``stiffness``, ``damping`` and both per kg.
+        Names among ``stiffness``, ``damping`` and both per kg.
 
     Returns
     -------
     PhaseCurve
-        Who has estimates at fewer than four phases has no curve: the warnings say so.
+        Participants with estimates at fewer than four phases have no curve, but a warning.
 
     Raises
     ------
     DataError
-        For a participant that the analysis does not have.
+        If the analysis does not include the participant.
     EstimationError
-        ``no_pulses`` when no participant has estimates at four phases.
+        ``no_pulses`` if no participant has estimates at four phases.
 
     Notes
     -----
@@ -91,32 +90,38 @@ def phase_curve(
     Introduction to Gaussian processes, equation 47), flat prior of the level, l between 5 and
     50 % of the cycle and a between 0.1 and 3 times the range of the estimates, both with even
     chances in the logarithm. Where all estimates lie two sd above zero the process is that of
-    the logarithm. An estimate stands where in the window the response tells of K, or of B.
-    Errors other than noise - lag, gains, drift inside the window, model - are alike at
-    neighbouring phases: their variance is added whole to the band instead of averaging out
-    along the curve. The curve of the mean goes through the means over people, their intervals
-    over people (:mod:`jointz.kernels.partial_pooling`) added whole, so that what lies between
-    the timing points is as uncertain for many people as for one.
+    the logarithm. Each estimate is placed at the mean time in the window at which the response
+    depends on K, or on B. Errors other than noise (lag, gains, drift inside the window, model) are
+    similar at neighbouring phases: their variance is added in full to the band instead of
+    averaging out along the curve. The curve of the mean goes through the means over people; their
+    intervals over people (:mod:`jointz.stats.partial_pooling`) are added in full, so that values
+    between the timing points are as uncertain for many people as for one.
 
-    An estimate whose window lies on a rise or fall of K that both neighbours vouch for, and that
-    the estimator has not followed, is wider here than in the analysis and may be undecided
-    (:mod:`jointz.identify.recommended.steep_change`); where most people's are, so is their mean's.
-    Windows shorter than 100 ms do not help there.
+    An estimate whose window lies on a change of K that both neighbours show, and that the
+    estimator has not followed, has a wider interval here than in the analysis and may be undecided
+    (:mod:`jointz.identify.recommended.steep_change`); if most people's do, so does their mean.
+    Windows shorter than 100 ms do not help.
 
-    Misleads where K or B change within less than 5 % of the cycle, such as at heel strike: a
-    smooth curve rounds a step off, and an estimate is itself a mean over its window. Between
-    timing points the band is the process', not the data's. Bands are pointwise.
+    The curve misleads if K or B change within less than 5 % of the cycle, such as at heel strike:
+    a smooth curve rounds off a step, and an estimate is itself a mean over its window. Between
+    timing points the band depends on the process more than on the data. Bands are pointwise.
     """
     people = list(dict.fromkeys(cell.label for cell in analysis.cells))
     rows = {cell.label for cell in analysis.cells if cell.participant == participant}
-    if len(rows) == 1:  # a plain id says enough
+    if len(rows) == 1:  # the id is unambiguous
         (participant,) = rows
     if participant is not None and participant not in people:
         raise DataError(
             f"phase_curve: expected one of the participants {'; '.join(people)}, got "
             f"{participant!r}."
         )
-    asked = people if participant is None else [participant]
+    known = {p.name for cell in analysis.cells for p in cell.parameters} | set(_PARAMETERS)
+    if isinstance(parameters, str) or not set(parameters) <= known:
+        raise DataError(
+            f"phase_curve: parameters: expected a list out of {', '.join(sorted(known))}; got "
+            f"{parameters!r}."
+        )
+    chosen = people if participant is None else [participant]
     follows = {model.label: model.curve_probability for model in analysis.models}
     widened = widen_steep(analysis.cells, follows)
     everybody, wide = person_cells(analysis.cells), person_cells(widened.cells)
@@ -126,24 +131,24 @@ def phase_curve(
         if cell.budget != plain.budget
     }
     bands: list[ParameterBand] = []
-    warnings = _said_steep(widened, asked)
+    warnings = _steep_warnings(widened, chosen)
     for name in parameters:
         table = {
             person: _estimates([c for c in widened.cells if c.label == person], name)
-            for person in asked
+            for person in chosen
         }
-        for person, found in table.items():
-            if len(found) >= _FEWEST:
-                bands.append(_band(person, name, _points(found, name), _measured(found)))
+        for person, placed in table.items():
+            if len(placed) >= _FEWEST:
+                bands.append(_band(person, name, _points(placed, name), _measured(placed)))
             elif name in ("stiffness", "damping"):
                 warnings.append(
-                    f"no curve of {name} of {person}: estimates at {len(found)} phases, "
+                    f"no curve of {name} of {person}: estimates at {len(placed)} phases, "
                     f"expected {_FEWEST} or more of the recommended method."
                 )
         if participant is None and len(people) > 1:
-            # As they are: who seems steep at a point where others do not is not to weigh less.
-            own = _estimates(everybody, name, estimate_without_priors)
-            mean = _mean_band(name, own, steep_people)
+            # Not widened: a single person's steep change must not reduce that person's weight.
+            placed = _estimates(everybody, name, estimate_without_priors)
+            mean = _mean_band(name, placed, steep_people)
             bands += [] if mean is None else [mean]
     if not bands:
         raise EstimationError(Failure.NO_PULSES.value, f"phase_curve: {' '.join(warnings)}")
@@ -151,8 +156,9 @@ def phase_curve(
         gait_pct=tuple(_GRID_PCT.tolist()),
         bands=tuple(bands),
         ci_level=_LEVEL,
-        ci_method=_MADE,
-        settings=_settings(analysis.settings),
+        ci_method=_CI_METHOD,
+        settings={n: analysis.settings[n] for n in _SETTINGS if n in analysis.settings}
+        | software(),
         warnings=tuple(warnings),
     )
 
@@ -160,16 +166,16 @@ def phase_curve(
 def timing_points_of_phases(
     measured_pct: np.ndarray, *, width_pct: float = 5.0, fewest: int = 5
 ) -> dict[str, float]:
-    """Return timing points for pulses that fall anywhere in the cycle.
+    """Return timing points for pulses at arbitrary phases of the cycle.
 
     Parameters
     ----------
     measured_pct : (n,) float
         Measured phases of the onsets, % of the cycle; NaN where unknown.
     width_pct : float
-        Of the groups.
+        Width of the groups.
     fewest : int
-        Pulses that make a timing point.
+        Fewest pulses of a timing point.
 
     Returns
     -------
@@ -179,13 +185,13 @@ def timing_points_of_phases(
     Raises
     ------
     DataError
-        When the width is not a part of the cycle, or no group has enough pulses.
+        If the width is no part of the cycle, or no group has enough pulses.
 
     Notes
     -----
-    Pulses of a group that is too small go to the nearest timing point, as all pulses do. A
-    pulse's window spans about 9 % of the cycle: groups much narrower than 5 % cost pulses
-    without telling more; in wider ones K changes from pulse to pulse.
+    Pulses of a group that is too small go to the nearest timing point, as all pulses do. The
+    window of a pulse spans about 9 % of the cycle: groups much narrower than 5 % lose pulses
+    without more resolution; in wider ones K changes from pulse to pulse.
 
     Examples
     --------
@@ -210,13 +216,9 @@ def timing_points_of_phases(
     return points
 
 
-def _settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: settings[name] for name in _SETTINGS if name in settings} | software()
-
-
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """An estimate and where in the cycle it was made, %."""
+    """An estimate and its phase in the cycle, %."""
 
     cell: CellEstimate
     estimate: UnboundedEstimate
@@ -228,17 +230,17 @@ def _estimates(
     name: str,
     of: Callable[[CellEstimate, str], UnboundedEstimate | None] = unbounded_estimate,
 ) -> list[_Placed]:
-    """Return the cells that have an estimate and a place in the cycle, in order of phase."""
-    found = []
-    for cell in cells:
-        estimate, place = of(cell, name), _place(cell, name)
-        if estimate is not None and place is not None:
-            found.append(_Placed(cell, estimate, place))
-    return sorted(found, key=lambda placed: placed.gait_pct)
+    """Return the cells that have an estimate and a phase, in order of phase."""
+    placed = [
+        _Placed(cell, estimate, place)
+        for cell in cells
+        if (estimate := of(cell, name)) is not None and (place := _place(cell, name)) is not None
+    ]
+    return sorted(placed, key=lambda p: p.gait_pct)
 
 
 def _place(cell: CellEstimate, name: str) -> float | None:
-    """Return where in the cycle the response tells of a parameter, %."""
+    """Return the phase at which a parameter is estimated, %."""
     onset, centre = cell.onset_gait_pct, cell.centre_gait_pct
     if onset is None or centre is None:
         return None
@@ -246,34 +248,34 @@ def _place(cell: CellEstimate, name: str) -> float | None:
     return (onset + share * ((centre - onset) % 100.0)) % 100.0
 
 
-def _points(found: Sequence[_Placed], name: str) -> tuple[CurvePoint, ...]:
+def _points(placed: Sequence[_Placed], name: str) -> tuple[CurvePoint, ...]:
     points = []
-    for placed in found:
-        estimate, parameter = placed.estimate, placed.cell.parameter(name)
+    for p in placed:
+        estimate, parameter = p.estimate, p.cell.parameter(name)
         points.append(
             CurvePoint(
-                timing_point=placed.cell.timing_point,
-                gait_pct=placed.gait_pct,
+                timing_point=p.cell.timing_point,
+                gait_pct=p.gait_pct,
                 value=estimate.value,
                 ci_low=estimate.value - REACH_95 * estimate.sd,
                 ci_high=estimate.value + REACH_95 * estimate.sd,
-                decided=parameter is not None and parameter.stands,
+                decided=parameter is not None and parameter.available,
             )
         )
     return tuple(points)
 
 
-def _measured(found: Sequence[_Placed]) -> _Measured:
+def _measured(placed: Sequence[_Placed]) -> _Measured:
     return _Measured(
-        phases=np.array([placed.gait_pct for placed in found]) / 100.0,
-        values=np.array([placed.estimate.value for placed in found]),
-        covariance=np.diag([placed.estimate.sd**2 for placed in found]),
-        systematic=np.array([placed.estimate.systematic_sd for placed in found]),
+        phases=np.array([p.gait_pct for p in placed]) / 100.0,
+        values=np.array([p.estimate.value for p in placed]),
+        covariance=np.diag([p.estimate.sd**2 for p in placed]),
+        systematic=np.array([p.estimate.systematic_sd for p in placed]),
     )
 
 
-def _said_steep(widened: Widened, people: Sequence[str]) -> list[str]:
-    """Say where estimates lie on a rise inside the window, and what was done about it."""
+def _steep_warnings(widened: Widened, people: Sequence[str]) -> list[str]:
+    """Return a warning about windows on a steep change of K."""
     counts = Counter(point for person, point in widened.steep if person in people)
     where = ", ".join(f"{point} ({n} of {len(people)} people)" for point, n in counts.items())
     return [
@@ -284,11 +286,11 @@ def _said_steep(widened: Widened, people: Sequence[str]) -> list[str]:
 
 
 def _mean_band(
-    name: str, found: Sequence[_Placed], steep: Mapping[tuple[str, str], CellEstimate]
+    name: str, estimates: Sequence[_Placed], steep: Mapping[tuple[str, str], CellEstimate]
 ) -> ParameterBand | None:
-    """Return the curve through the means over people; None for too few of them."""
+    """Return the curve through the means over people, None for too few of them."""
     by_point: dict[str, list[_Placed]] = {}
-    for placed in found:
+    for placed in estimates:
         by_point.setdefault(placed.cell.timing_point, []).append(placed)
     most = max(map(len, by_point.values()), default=0)
     several = [
@@ -311,7 +313,7 @@ def _mean_band(
         phases=np.array([at for at, _, _ in several]) / 100.0,
         values=pooled.mean,
         covariance=np.diag(np.nansum(sds**2, axis=1) / n**2 + common**2),
-        # Who is above the mean at one phase mostly is so at the next: that does not average out.
+        # People above the mean at one phase mostly are so at the next: no averaging.
         systematic=half / REACH_95,
     )
     typical = REACH_95 * np.nanmedian(sds, axis=1)  # as means over people are decided
@@ -333,9 +335,9 @@ def _mean_band(
 def _common_sd(
     group: Sequence[_Placed], name: str, steep: Mapping[tuple[str, str], CellEstimate]
 ) -> float:
-    """Return the sd of what a steep window does to all people alike: no mean removes it.
+    """Return the sd of the error by a steep change that is common to people.
 
-    What most people's neighbours vouch for is common; what few do belongs to these.
+    A mean does not remove it. A change that only few people show is not common.
     """
     sds = []
     for placed in group:

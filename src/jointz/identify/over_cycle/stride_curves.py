@@ -1,4 +1,4 @@
-"""Angle and moment of single strides of somebody who was never perturbed."""
+"""Angle and moment of single strides of a participant who was never perturbed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,64 +14,37 @@ NODES = 101
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrideCurves:
-    """Strides of one participant, session and side, over the gait cycle.
-
-    Parameters
-    ----------
-    participant, side : str
-        Whose; "" where the study does not tell the side.
-    angle : (n_stride, NODES) float, rad
-        Joint angle, in the study's positive direction.
-    moment : (n_stride, NODES) float, N*m
-        Torque on the joint, in the same direction.
-    session : str
-        "" where the study does not tell it.
-    """
+    """Strides of one participant, session and side, over the gait cycle."""
 
     participant: str
-    side: str
-    angle: np.ndarray
-    moment: np.ndarray
-    session: str = ""
+    side: str  # "" if the study does not state it
+    angle: np.ndarray  # joint angle, in the study's positive direction
+    moment: np.ndarray  # torque on the joint, in the same direction
+    session: str = ""  # likewise
 
 
 def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCurves, ...]:
-    """Return the strides walked without a device, where a moment was recorded with the angle.
+    """Return the strides without a device, if a moment was recorded with the angle.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        All recordings of this participant.
-
-    Returns
-    -------
-    tuple of StrideCurves
-        One a session and side; none of a participant who wore a device somewhere: the torque of
-        such recordings is that of the device.
-
-    Notes
-    -----
-    Accepted strides that the user did not leave out and that miss no sample count; between samples
-    the line is straight. Gains and lags under ``[calibration]`` are those of the device's
+    These are the accepted strides without missing samples that the user has not excluded,
+    interpolated linearly. Gains and lags under ``[calibration]`` are those of the device's
     instruments and are not applied.
     """
-    found: dict[Unit, list[np.ndarray]] = {}
+    curves: dict[Unit, list[np.ndarray]] = {}
     if any(source.given.condition != "no_device" for source in sources):
         return ()
     for source in sources:
-        found.setdefault(unit_of(source.given), []).extend(_strides(source))
+        curves.setdefault(unit_of(source.given), []).extend(_strides(source))
     return tuple(
         StrideCurves(participant, side, angle, moment, session)
-        for (session, side), strides in found.items()
+        for (session, side), strides in curves.items()
         if strides
         for angle, moment in [np.stack(strides, axis=1)]
     )
 
 
 def _strides(source: Source) -> Iterator[np.ndarray]:
-    """Yield angle and moment of every stride that counts, (2, NODES)."""
+    """Yield angle and moment of every usable stride, (2, NODES)."""
     recording = source.given.recording
     if source.strides is None or "torque" not in recording:
         return

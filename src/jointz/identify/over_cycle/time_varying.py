@@ -1,5 +1,6 @@
 """Impedance of a joint over the gait cycle, from continuous random perturbation."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import get_args
 
@@ -9,12 +10,6 @@ import numpy.typing as npt
 from jointz.core import provenance
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
-from jointz.core.time_varying_fit import TimeVaryingFit
-from jointz.identify.over_cycle.time_varying_curves import (
-    curve_warnings,
-    parameter_curves,
-    phase_responses,
-)
 from jointz.identify.over_cycle.time_varying_segments import (
     CycleSignals,
     PhaseEstimate,
@@ -30,9 +25,17 @@ from jointz.identify.over_cycle.time_varying_strides import (
     lay_out,
     locate_strikes,
 )
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.series.frequency_response_spectra import Input, TorqueSide, prepare_record
-from jointz.identify.series.joint_record import JointRecord, Samples, check_choice, gather_record
+from jointz.identify.series.joint_record import (
+    JointRecord,
+    Samples,
+    check_choice,
+    gather_record,
+    sign_warnings,
+)
 from jointz.kernels.resampling import resample_weights
+from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
 
 _WHERE = "identify_time_varying"
 #: Share of the input's power that must be left without what all strides have in common.
@@ -124,7 +127,7 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
     Ensemble and short-segment method: at every phase, the segments of all strides
     are taken in real time about it, their mean over strides is removed, and the
     rest is one sample of a joint whose stiffness is K + K'(t - centre):
-    :mod:`jointz.kernels.ensemble_response` has the sources. Samples are weighed
+    :mod:`jointz.kernels.series.ensemble_response` has the sources. Samples are weighed
     by the inverse covariance of the residual over a segment, so the slow
     variation of the movement from stride to stride hardly counts. Bands
     resample strides and hold noise only: not the lag between sensors (T reads as B +
@@ -172,9 +175,10 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
 def _estimate_cycle(
     record: JointRecord, used: ChosenStrides, settings: TimeVaryingSettings
 ) -> TimeVaryingFit:
-    """Estimate all phases and put them together."""
+    """Return the curves of all phases."""
     gait = (np.arange(settings.n_phases) + 0.5) / settings.n_phases
-    instrument = _instrument(record, settings.input)
+    measured = "torque" if settings.input == "torque" else None
+    instrument = "command" if "command" in record.channels else measured
     layout = lay_out(record, used, gait, settings)
     signals = filter_signals(
         record.channels,
@@ -186,11 +190,11 @@ def _estimate_cycle(
     weights = resample_weights(
         used.start_s.size, settings.resamples, np.random.default_rng(settings.seed)
     )
-    found = [
+    estimates = [
         _estimate(signals, layout, phase, settings.input, weights)
         for phase in range(settings.n_phases)
     ]
-    curves = parameter_curves(found, ci_level=settings.ci_level)
+    curves = parameter_curves(estimates, ci_level=settings.ci_level)
     n_used, n_excluded = used.start_s.size, sum(used.excluded.values())
     return TimeVaryingFit(
         estimator="least_squares" if instrument is None else "instrumental_variable",
@@ -198,9 +202,9 @@ def _estimate_cycle(
         gait_pct=tuple((100.0 * gait).tolist()),
         parameters=curves,
         response_of="admittance" if settings.input == "torque" else "impedance",
-        responses=phase_responses(found, layout.response_lags, record.rate_hz),
-        vaf_pct=tuple(one.response.vaf_pct if one else None for one in found),
-        second_order_vaf_pct=tuple(one.fit.vaf_pct if one else None for one in found),
+        responses=phase_responses(estimates, layout.response_lags, record.rate_hz),
+        vaf_pct=tuple(e.response.vaf_pct if e else None for e in estimates),
+        second_order_vaf_pct=tuple(e.fit.vaf_pct if e else None for e in estimates),
         status="ok" if all(c.n_decided == settings.n_phases for c in curves) else "undecided",
         n_used=n_used,
         n_excluded=n_excluded,
@@ -223,15 +227,8 @@ def _estimate_cycle(
     )
 
 
-def _instrument(record: JointRecord, perturbed: str) -> str | None:
-    """Return the channel that moved the joint and is free of what the joint did."""
-    if "command" in record.channels:
-        return "command"
-    return "torque" if perturbed == "torque" else None
-
-
 def _check_varies(signals: CycleSignals, layout: SegmentLayout, name: str) -> None:
-    """Refuse a perturbation that repeats with the stride: nothing is left without the mean."""
+    """Raise EstimationError for a perturbation that repeats with the stride."""
     source = signals.angle if signals.instrument is None else signals.instrument
     cut = source[layout.centres]
     if float(np.sum((cut - cut.mean(axis=0)) ** 2)) > _REPEATED * float(np.sum(cut**2)):
@@ -255,8 +252,94 @@ def _estimate(
     perturbed: str,
     weights: np.ndarray,
 ) -> PhaseEstimate | None:
-    """Return the estimate of a phase, None where its equations have no solution."""
+    """Return the estimate of a phase, None if its equations have no solution."""
     try:
         return estimate_phase(signals, layout, phase, perturbed=perturbed, resampling=weights)
     except (ValueError, np.linalg.LinAlgError):
         return None
+
+
+#: Undecided: half the interval is more than this share of the parameter's size over the cycle.
+_WIDEST = 0.5
+
+
+def parameter_curves(
+    estimates: Sequence[PhaseEstimate | None], *, ci_level: float
+) -> tuple[ParameterCurve, ...]:
+    """Return stiffness, damping and inertia over the cycle with their intervals."""
+    return tuple(_curve(estimates, k, name, ci_level) for k, name in enumerate(PARAMETERS))
+
+
+def _curve(
+    estimates: Sequence[PhaseEstimate | None], k: int, name: str, ci_level: float
+) -> ParameterCurve:
+    tails = (0.5 * (1.0 - ci_level), 0.5 * (1.0 + ci_level))
+    raw = [None if e is None else float(e.fit.values[k]) for e in estimates]
+    ends = [None if e is None else np.quantile(e.fit.replicates[:, k], tails) for e in estimates]
+    sizes = [abs(value) for value in raw if value is not None]
+    widest = _WIDEST * float(np.median(sizes)) if sizes else 0.0
+    rows: list[tuple[float | None, float | None, float | None, str]] = []
+    for value, end in zip(raw, ends, strict=True):
+        if end is None:
+            rows.append((None, None, None, Failure.ILL_CONDITIONED.status))
+        elif 0.5 * (end[1] - end[0]) <= widest:
+            rows.append((value, float(end[0]), float(end[1]), "ok"))
+        else:
+            rows.append((None, None, None, "undecided"))
+    values, lows, highs, statuses = zip(*rows, strict=True)
+    return ParameterCurve(
+        name=name, value=values, ci_low=lows, ci_high=highs, status=statuses, raw=tuple(raw)
+    )
+
+
+def phase_responses(
+    estimates: Sequence[PhaseEstimate | None], lags: np.ndarray, rate_hz: float
+) -> PhaseResponses:
+    """Return the impulse responses of all phases, per second instead of per step."""
+    step_s = float(lags[1] - lags[0]) / rate_hz
+    each = [None if e is None else e.response for e in estimates]
+    return PhaseResponses(
+        lag_s=tuple((lags / rate_hz).tolist()),
+        response=tuple(tuple((r.response / step_s).tolist()) if r else () for r in each),
+        sd=tuple(tuple((r.sd / step_s).tolist()) if r else () for r in each),
+        n_kept=tuple(r.n_kept if r else 0 for r in each),
+    )
+
+
+def curve_warnings(
+    curves: Sequence[ParameterCurve], *, instrument: str | None, n_excluded: int, n_used: int
+) -> tuple[str, ...]:
+    """Return warnings for readers of the curves."""
+    notes = [
+        f"{curve.name} is undecided at {len(curve.value) - curve.n_decided} of "
+        f"{len(curve.value)} phases: take more strides, a longer segment or a larger perturbation"
+        for curve in curves
+        if curve.n_decided < len(curve.value)
+    ]
+    if any(0 < 2 * curve.n_decided < len(curve.value) for curve in curves):
+        notes.append(
+            "with most phases undecided the others passed by luck, and values read low: do not "
+            "use them"
+        )
+    notes += _sign_notes(curves)
+    if instrument == "torque":
+        notes.append(
+            "the measured torque is the instrument: a device that reacts to the joint biases K and "
+            "J; give the commanded torque"
+        )
+    if instrument is None:
+        notes.append(
+            "least squares of torque on angle: torque inside the joint, and movement that varies "
+            "between strides, bias K and J towards zero; give the command where there is one"
+        )
+    if n_excluded > n_used:
+        notes.append(f"{n_excluded} of {n_used + n_excluded} strides were excluded")
+    return tuple(notes)
+
+
+def _sign_notes(curves: Sequence[ParameterCurve]) -> list[str]:
+    """Return a warning if all of K, B and J are negative over most of the cycle."""
+    decided = [[value for value in curve.value if value is not None] for curve in curves]
+    if not all(decided) or any(np.median(values) >= 0.0 for values in decided):
+        return []
+    return sign_warnings([float(np.median(values)) for values in decided])

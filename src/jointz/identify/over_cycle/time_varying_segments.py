@@ -1,11 +1,12 @@
-"""Short segments about one phase of every stride, and what is estimated from them."""
+"""Short segments about one phase of every stride, and estimates from them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.ensemble_response import (
+from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.kernels.series.ensemble_response import (
     EnsembleResponse,
     SegmentFit,
     cross_predicted,
@@ -13,94 +14,46 @@ from jointz.kernels.ensemble_response import (
     fit_segments,
     without_mean,
 )
-from jointz.kernels.filtering import lowpass_zero_phase
 
 
 @dataclass(frozen=True, slots=True)
 class CycleSignals:
-    """Low-passed signals of a whole record, all (n,).
+    """Low-passed signals of a whole record, all (n,)."""
 
-    Parameters
-    ----------
-    time : float, s
-        From the middle of the record.
-    angle, velocity, acceleration : float
-        rad, rad/s, rad/s^2.
-    angle_moment : float, rad*s
-        Time times angle, low-passed after multiplying: a stiffness that changes
-        in time acts on the angle before the filter, not after it.
-    torque : float, N*m
-        On the joint.
-    instrument : float or None
-        What moved the joint and is free of what the joint did; None for least
-        squares.
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
+    time: np.ndarray  # s: from the middle of the record
+    angle: np.ndarray  # rad, rad/s, rad/s^2
     velocity: np.ndarray
     acceleration: np.ndarray
+    # rad*s: time times angle, low-passed after multiplying: a stiffness that changes in time acts
+    # on the angle before the filter, not after it
     angle_moment: np.ndarray
-    torque: np.ndarray
+    torque: np.ndarray  # N*m: on the joint
+    # perturbation that does not depend on the joint; None for least squares
     instrument: np.ndarray | None
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentLayout:
-    """Where the segments lie, in samples.
+    """Where the segments lie, in samples."""
 
-    Parameters
-    ----------
-    centres : (n_stride, n_phase) int
-        Centre of the segment of every stride at every phase.
-    offsets : (n,) int
-        Samples of a segment, about its centre.
-    response_lags, instrument_lags : (m,) int
-        Lags of the impulse response and of the instrument.
-    """
-
-    centres: np.ndarray
-    offsets: np.ndarray
-    response_lags: np.ndarray
+    centres: np.ndarray  # centre of the segment of every stride at every phase
+    offsets: np.ndarray  # samples of a segment, about its centre
+    response_lags: np.ndarray  # lags of the impulse response and of the instrument
     instrument_lags: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseEstimate:
-    """What one phase of the cycle gave.
+    """Estimates at one phase of the cycle."""
 
-    Parameters
-    ----------
-    response : EnsembleResponse
-        Impulse response.
-    fit : SegmentFit
-        Stiffness, damping, inertia, and the stiffness gained over half a segment.
-    """
-
-    response: EnsembleResponse
-    fit: SegmentFit
+    response: EnsembleResponse  # impulse response
+    fit: SegmentFit  # stiffness, damping, inertia, and the stiffness gained over half a segment
 
 
 def filter_signals(
     channels: dict[str, np.ndarray], *, rate_hz: float, cutoff_hz: float, instrument: str | None
 ) -> CycleSignals:
-    """Low-pass and differentiate a whole record, before anything is cut.
-
-    Parameters
-    ----------
-    channels : dict of (n,) float
-        ``angle``, ``torque`` and the instrument.
-    rate_hz, cutoff_hz : float
-        Sampling rate and corner of the zero-phase fourth-order Butterworth
-        filter, the same on all.
-    instrument : str or None
-        Name of the channel that is the instrument.
-
-    Returns
-    -------
-    CycleSignals
-        Filtered signals.
-    """
+    """Low-pass and differentiate a whole record, before anything is cut."""
     angle = channels["angle"]
     time = (np.arange(angle.size) - angle.size // 2) / rate_hz
 
@@ -130,32 +83,6 @@ def estimate_phase(
 ) -> PhaseEstimate:
     """Estimate impulse response and second-order joint at one phase.
 
-    Parameters
-    ----------
-    signals : CycleSignals
-        Signals of the record.
-    layout : SegmentLayout
-        Where the segments lie.
-    phase : int
-        Column of ``layout.centres``.
-    perturbed : str
-        ``torque`` or ``angle``: the input of the impulse response.
-    resampling : (R, n_stride) float
-        Weights of the resampled strides.
-
-    Returns
-    -------
-    PhaseEstimate
-        Response, and coefficients with replicates.
-
-    Raises
-    ------
-    ValueError
-        When the segments hold no variation between strides, or cannot tell the
-        parameters apart.
-
-    Notes
-    -----
     Over a segment about time c: torque = (K + K'(t - c)) angle + B velocity +
     J acceleration. Without the slope K' the filter turns it into damping: 1 % in the
     mean with segments of 0.1 s, 4 % with 0.2 s, where K goes from 30 to 150 N*m/rad

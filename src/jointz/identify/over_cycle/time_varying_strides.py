@@ -1,4 +1,4 @@
-"""Which strides a time-varying estimate uses, and where its segments lie in the record."""
+"""Strides and segments of a time-varying estimate."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -31,23 +31,7 @@ _LONGEST_SEGMENT = 0.5
 
 @dataclass(frozen=True, slots=True)
 class TimeVaryingSettings:
-    """What was chosen; see :func:`jointz.identify.over_cycle.time_varying.identify_time_varying`.
-
-    Parameters
-    ----------
-    input, torque_acts_on : str
-        What was perturbed; which side the torque acts on.
-    segment_s, length_s : float
-        Length of a segment; longest lag of the impulse response.
-    n_phases : int
-        Phases.
-    cutoff_hz : float
-        Low-pass filter.
-    resamples, seed : int
-        Of the bootstrap.
-    ci_level : float
-        Level of the intervals.
-    """
+    """Settings of :func:`jointz.identify_time_varying`."""
 
     input: str
     torque_acts_on: str
@@ -60,18 +44,7 @@ class TimeVaryingSettings:
     ci_level: float
 
     def check(self, rate_hz: float) -> None:
-        """Raise ValueError for a setting outside its range.
-
-        Parameters
-        ----------
-        rate_hz : float
-            Sampling rate of the record.
-
-        Raises
-        ------
-        ValueError
-            The message names the setting and its range.
-        """
+        """Raise ValueError for a setting outside its range."""
         highest = rate_hz / _SAMPLES_PER_PERIOD
         if not 0.0 < self.cutoff_hz <= highest:
             raise ValueError(
@@ -93,15 +66,7 @@ class TimeVaryingSettings:
 
 @dataclass(frozen=True, slots=True)
 class ChosenStrides:
-    """Strides that are used, and why the others are not.
-
-    Parameters
-    ----------
-    start_s, duration_s : (n,) float, s
-        Of the strides used.
-    excluded : dict of str to int
-        How many were left out, by code.
-    """
+    """Strides for an estimate, and counts of the excluded ones by code."""
 
     start_s: np.ndarray
     duration_s: np.ndarray
@@ -109,13 +74,7 @@ class ChosenStrides:
 
 
 def default_length_s(perturbed: str) -> float:
-    """Return the longest lag of the impulse response that is taken by default, s.
-
-    Parameters
-    ----------
-    perturbed : str
-        ``torque`` or ``angle``.
-    """
+    """Return the default longest lag of the impulse response, s."""
     return _ADMITTANCE_S if perturbed == "torque" else _IMPEDANCE_S
 
 
@@ -124,29 +83,7 @@ def locate_strikes(
     given_s: npt.ArrayLike | None,
     record: JointRecord,
 ) -> np.ndarray:
-    """Return the heel strikes: those given, else those of the recording's contact.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping, pandas.DataFrame or None
-        What the user gave.
-    given_s : (k,) float, s, optional
-        Heel strikes that the user gave.
-    record : JointRecord
-        The record, for its time.
-
-    Returns
-    -------
-    (k,) float, s
-        Heel strikes.
-
-    Raises
-    ------
-    DataError
-        When those given are not a list of numbers.
-    EstimationError
-        ``no_heel_strikes``.
-    """
+    """Return the heel strikes: those given, else those of the recording's contact."""
     if given_s is not None:
         strikes = np.asarray(given_s, dtype=float)
         if strikes.ndim != 1 or not np.all(np.isfinite(strikes)):
@@ -174,27 +111,7 @@ def locate_strikes(
 def choose_strides(
     record: JointRecord, strikes: np.ndarray, settings: TimeVaryingSettings
 ) -> ChosenStrides:
-    """Return the strides inside the accepted band whose segments lie inside the record.
-
-    Parameters
-    ----------
-    record : JointRecord
-        The record.
-    strikes : (k,) float, s
-        Heel strikes.
-    settings : TimeVaryingSettings
-        How far a segment reaches.
-
-    Returns
-    -------
-    ChosenStrides
-        At least 30.
-
-    Raises
-    ------
-    DataError
-        When there are fewer, or a segment is longer than half a stride.
-    """
+    """Return the accepted strides whose segments lie inside the record."""
     strides = find_strides(strikes, np.empty((0, 2)))
     longest = max(settings.length_s, _ADMITTANCE_S)
     reach = 0.5 * settings.segment_s + longest + _GUARD_PERIODS / settings.cutoff_hz
@@ -210,7 +127,7 @@ def choose_strides(
     excluded = dict(sorted(Counter(codes).items()))
     count = int(np.count_nonzero(good))
     if count < _FEWEST_STRIDES:
-        why = ", ".join(f"{n} {code}" for code, n in excluded.items()) or "none left out"
+        why = ", ".join(f"{n} {code}" for code, n in excluded.items()) or "none excluded"
         raise DataError(
             f"{_WHERE}: expected at least {_FEWEST_STRIDES} strides, found {count} of "
             f"{strides.start_s.size} ({why}). Record more strides; a stride must last 0.75 to 1.33 "
@@ -228,25 +145,7 @@ def choose_strides(
 def lay_out(
     record: JointRecord, used: ChosenStrides, gait: np.ndarray, settings: TimeVaryingSettings
 ) -> SegmentLayout:
-    """Return where the segments of all strides lie.
-
-    Parameters
-    ----------
-    record : JointRecord
-        The record.
-    used : ChosenStrides
-        Strides.
-    gait : (n_phase,) float
-        Phases, 0 to 1.
-    settings : TimeVaryingSettings
-        Lengths.
-
-    Returns
-    -------
-    SegmentLayout
-        Segments keep real time about a phase: the joint's dynamics do not stretch
-        with the stride.
-    """
+    """Return where the segments of all strides lie."""
     rate = record.rate_hz
     step = max(1, round(rate / (_SAMPLES_PER_PERIOD * settings.cutoff_hz)))
     at = used.start_s[:, np.newaxis] + gait * used.duration_s[:, np.newaxis] - record.time[0]

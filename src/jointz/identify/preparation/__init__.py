@@ -1,1 +1,1 @@
-"""Recordings made ready: signals, pulses, what is subtracted, what is known of the instruments."""
+"""Preparation of recordings: signals, pulses, baselines, calibration."""

@@ -1,5 +1,6 @@
-"""Which pulse belongs to which timing point or group, and which must be left out."""
+"""Assignment of pulses to timing points or groups, with a code for each excluded pulse."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,37 +20,14 @@ from jointz.identify.preparation.sources import ParticipantSettings, Source
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A pulse on its way into a cell.
+    """A pulse with its timing point and, if it is excluded, its code."""
 
-    Parameters
-    ----------
-    source : int
-        Index of its recording among the sources.
-    pulse : Pulse
-        The pulse.
-    record : PulseRecord
-        What will be reported of it.
-    elapsed_s : float, s
-        Time since the last heel strike, or since the start of a bench trial.
-    predicted_pct : float or None, % of the gait cycle
-        Phase of the onset as predicted from the strides before it.
-    """
-
-    source: int
+    source: int  # index of its recording among the sources
     pulse: Pulse
     record: PulseRecord
-    elapsed_s: float
+    elapsed_s: float  # s: time since the last heel strike, or since the start of a bench trial
+    # % of the gait cycle: phase of the onset as predicted from the strides before it
     predicted_pct: float | None = None
-
-    def coded(self, code: str) -> "Candidate":
-        """Return the candidate, left out with a code.
-
-        Parameters
-        ----------
-        code : str
-            Why.
-        """
-        return replace(self, record=replace(self.record, code=str(code)))
 
 
 def assign_pulses(
@@ -60,50 +38,28 @@ def assign_pulses(
     baseline: str,
     alone: bool = False,
 ) -> list[Candidate]:
-    """Give every pulse its timing point or group, and a code where it cannot be used.
+    """Return every pulse with its timing point or group, and a code if it is excluded.
 
-    Parameters
-    ----------
-    participant : str
-        The id.
-    sources : sequence of Source
-        The participant's recordings.
-    settings : ParticipantSettings
-        Timing points, groups, window.
-    baseline : str
-        What will be subtracted; ``pre_pulse`` asks nothing of the gait.
-    alone : bool
-        Whether the only pulse at a timing point can be used.
-
-    Returns
-    -------
-    list of Candidate
-        Every pulse of the perturbed recordings.
-
-    Notes
-    -----
-    A pulse's timing point is the one its table names; without it, the time
-    since the last heel strike over the mean of the last three accepted
-    strides, modulo one, takes the nearest timing point (DESIGN section 4). A phase
-    that cannot be trusted leaves a pulse out only where its timing point or its
-    baseline is made of the gait.
+    A pulse's timing point is the one its table names; otherwise the time since the last heel
+    strike over the mean of the last three accepted strides, modulo one, takes the nearest timing
+    point. An unreliable phase excludes a pulse only if its timing point or its baseline depends
+    on the phase. ``alone`` keeps the only usable pulse of a timing point.
     """
-    found = []
+    candidates: list[Candidate] = []
     for index, source in enumerate(sources):
         if source.given.condition == "perturbed" and source.pulses:
-            found += _of_source(participant, index, source, settings, baseline=baseline)
-    if alone:
-        return found
-    usable = [c.record.timing_point for c in found if not c.record.code]
+            candidates += _candidates(participant, index, source, settings, baseline=baseline)
+    usable = Counter(c.record.timing_point for c in candidates if not c.record.code)
+    lone = Exclusion.LONE_PULSE.value
     return [
-        c.coded(Exclusion.LONE_PULSE)
-        if not c.record.code and usable.count(c.record.timing_point) == 1
+        replace(c, record=replace(c.record, code=lone))
+        if not (alone or c.record.code) and usable[c.record.timing_point] == 1
         else c
-        for c in found
+        for c in candidates
     ]
 
 
-def _of_source(
+def _candidates(
     participant: str,
     index: int,
     source: Source,
@@ -112,99 +68,89 @@ def _of_source(
     baseline: str,
 ) -> list[Candidate]:
     onsets = np.array([p.onset_s for p in source.pulses])
-    asked = np.array([baseline != "pre_pulse" or _by_phase(p, settings) for p in source.pulses])
-    phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings, asked)
-    labels = _labels(source, phase_pct, settings)
-    overlap_codes = _overlaps(source.pulses, settings.perturbations.window_s)
-    _, window_codes = source.signals.cut(
-        onsets, before_s=0.0, after_s=settings.perturbations.window_s
+    window_s, file = settings.perturbations.window_s, source.given.file
+    by_gait, grouped = settings.kind.by_gait, settings.perturbations.group is not None
+    needs_phase = np.array(
+        [
+            baseline != "pre_pulse" or (by_gait and not grouped and not p.timing_point)
+            for p in source.pulses
+        ]
     )
-    damage_s = damage_of(source.given.recording)
-    damage = [damage_near(damage_s, *_reach(p, source, settings)) for p in source.pulses]
-    grouped = settings.perturbations.group is not None
+    phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings, needs_phase)
+    labels = _labels(source, phase_pct, settings)
+    overlap_codes = _overlaps(source.pulses, window_s)
+    _, window_codes = source.signals.cut(onsets, before_s=0.0, after_s=window_s)
+    damage_s, guard_s = damage_of(source.given.recording), source.signals.guard_s
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     outside = is_outside(onsets, source)
     measured_pct = np.full(onsets.size, np.nan)
     if source.strides is not None:
         measured_pct = measured_phase(onsets, source.strides)
-    found = []
+    candidates = []
     for k, pulse in enumerate(source.pulses):
-        user = settings.left_out_by(source.given.file, pulse.onset_s)
-        edge = Exclusion.EDGE_OF_RECORD.value if outside[k] else ""
-        no_group = "" if labels[k] else nameless.value
-        spoilt = Exclusion.DAMAGED_LOG.value if damage[k] else ""
-        codes = (edge, spoilt, phase_codes[k], no_group, overlap_codes[k], window_codes[k])
-        detail = "its onset lies outside the perturbed samples" if outside[k] else damage[k]
+        last_s = max(window_s, _known(pulse.duration_s) or 0.0)
+        damage = damage_near(damage_s, pulse.onset_s - guard_s, pulse.onset_s + last_s + guard_s)
+        user = settings.left_out_by(file, pulse.onset_s)
+        codes = (
+            Exclusion.EDGE_OF_RECORD.value if outside[k] else "",
+            Exclusion.DAMAGED_LOG.value if damage else "",
+            phase_codes[k],
+            "" if labels[k] else nameless.value,
+            overlap_codes[k],
+            window_codes[k],
+        )
+        detail = "its onset lies outside the perturbed samples" if outside[k] else damage
         record = PulseRecord(
             participant=participant,
-            recording=source.given.file,
+            recording=file,
             onset_s=pulse.onset_s,
             duration_s=_known(pulse.duration_s),
             amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
-            target_pct=settings.timing_points.get(labels[k]) if settings.walking else None,
+            target_pct=settings.timing_points.get(labels[k]) if by_gait else None,
             measured_pct=_known(measured_pct[k]),
             code=Exclusion.USER.value if user else next(filter(None, codes), ""),
             detail=user.reason if user else detail,
         )
-        found.append(Candidate(index, pulse, record, float(elapsed_s[k]), _known(phase_pct[k])))
-    return found
-
-
-def _reach(pulse: Pulse, source: Source, settings: ParticipantSettings) -> tuple[float, float]:
-    """Return from when to when a pulse or its filtered window needs the recording, s."""
-    last_s = max(settings.perturbations.window_s, _known(pulse.duration_s) or 0.0)
-    guard_s = source.signals.guard_s
-    return pulse.onset_s - guard_s, pulse.onset_s + last_s + guard_s
+        candidates.append(
+            Candidate(index, pulse, record, float(elapsed_s[k]), _known(phase_pct[k]))
+        )
+    return candidates
 
 
 def _known(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def _by_phase(pulse: Pulse, settings: ParticipantSettings) -> bool:
-    """Tell whether a pulse takes its timing point from the gait, not from a name or group."""
-    grouped = settings.perturbations.group is not None
-    return settings.walking and not grouped and not pulse.timing_point
-
-
 def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
-    """Tell which pulses begin before or after all samples of a recording, (n,) bool.
-
-    Parameters
-    ----------
-    onsets : (n,) float, s
-        Of the pulses.
-    source : Source
-        The recording.
-    """
+    """Return whether onsets lie before or after all samples of a recording, (n,) bool."""
     time = source.given.recording["time"].to_numpy()
     return np.asarray((onsets < time[0]) | (onsets > time[-1]))
 
 
 def _phases(
-    onsets: np.ndarray, source: Source, settings: ParticipantSettings, asked: np.ndarray
+    onsets: np.ndarray, source: Source, settings: ParticipantSettings, needed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Return predicted phase (%), time since the last strike (s) and codes of each onset.
 
-    Where nobody asked, what cannot be trusted is unknown instead of coded.
+    An unreliable phase has a code if the phase is needed, and is NaN otherwise.
     """
     unknown = np.full(onsets.size, np.nan)
-    if not settings.walking and source.strides is None:
+    if not settings.kind.by_gait and source.strides is None:
         return unknown, onsets - source.given.recording["time"].to_numpy()[0], [""] * onsets.size
     if source.strides is None:
         return unknown, unknown, [""] * onsets.size
     if source.strides.start_s.size == 0:
-        silent = np.where(asked, Exclusion.NO_HEEL_STRIKES.value, "")
-        return unknown, unknown, silent.tolist()
+        codes = np.where(needed, Exclusion.NO_HEEL_STRIKES.value, "")
+        return unknown, unknown, codes.tolist()
     phase = gait_phase(onsets, source.strides)
-    known = asked | (np.array(phase.code) == "")
+    known = needed | (np.array(phase.code) == "")
     codes = np.where(known, phase.code, "")
     return np.where(known, phase.pct, np.nan), phase.elapsed_s, codes.tolist()
 
 
 def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings) -> list[str]:
-    """Return each pulse's timing point, group, trial or case; "" where it has none."""
+    """Return each pulse's timing point, group, trial or case; "" if it has none."""
     group = settings.perturbations.group
     if group is not None:
         return _group_labels(source, group, settings)
@@ -214,7 +160,7 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     labels = []
     for pulse, pct in zip(source.pulses, phase_pct, strict=True):
         nearest = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
-        labels.append(pulse.timing_point or (nearest if settings.walking else case))
+        labels.append(pulse.timing_point or (nearest if settings.kind.by_gait else case))
     if ALL_POINTS in labels:
         file = source.given.file
         raise DataError(
@@ -241,17 +187,7 @@ def _group_labels(source: Source, group: GroupSpec, settings: ParticipantSetting
 def label_names(perturbations: PerturbationsSpec, seen: Sequence[str]) -> list[str]:
     """Return the groups or timing points that a study has results for, in their order.
 
-    Parameters
-    ----------
-    perturbations : PerturbationsSpec
-        Of the study.
-    seen : sequence of str
-        Labels of pulses that were found.
-
-    Notes
-    -----
-    Of the usual timing points, which no study named, those without a pulse are left out, unless
-    all are.
+    Default timing points without a pulse are left out, unless none has a pulse.
     """
     if perturbations.group is not None:
         return group_names(perturbations.group)
@@ -263,25 +199,14 @@ def label_names(perturbations: PerturbationsSpec, seen: Sequence[str]) -> list[s
 
 
 def group_names(group: GroupSpec) -> list[str]:
-    """Return the names of the groups, with the study's own edges and unit.
-
-    Parameters
-    ----------
-    group : GroupSpec
-        The groups.
-
-    Examples
-    --------
-    >>> group_names(GroupSpec(channel="ankle_position", edges=(-0.45, -0.15, 0.0), unit="rad"))
-    ['-0.45..-0.15 rad', '-0.15..0 rad']
-    """
+    """Return the names of the groups, with edges and unit as in the study file."""
     unit = f" {group.unit}" if group.unit else ""
     return [f"{a:g}..{b:g}{unit}" for a, b in pairwise(group.edges)]
 
 
 def _overlaps(pulses: Sequence[Pulse], window_s: float) -> list[str]:
     codes = [""] * len(pulses)
-    latest_s = -np.inf  # a long pulse may outlast a short one inside it; NaN ends nothing
+    latest_s = -np.inf  # a long pulse may outlast a short one inside it; NaN is ignored
     for i, (pulse, following) in enumerate(pairwise(pulses)):
         latest_s = max(latest_s, pulse.onset_s + pulse.duration_s)
         if following.onset_s < pulse.onset_s + window_s:

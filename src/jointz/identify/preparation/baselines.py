@@ -1,4 +1,4 @@
-"""What the joint would have done without the pulse: three baselines.
+"""Three baselines: the motion and torque of the joint without the pulse.
 
 ``unperturbed_mean``
     Mean of the unperturbed condition, aligned at heel strike, in time
@@ -22,7 +22,7 @@ from jointz.identify.preparation.conditioning import ANGLE, Conditioned
 PRE_PULSE_S = 0.05
 MATCH_S = 0.15
 N_MATCHES = 10
-#: Posture wanders: strides resemble their neighbours, and are resampled with them.
+#: Posture drifts, so that neighbouring strides are similar and are resampled together.
 STRIDE_BLOCK = 4
 N_NEIGHBOURS = 100
 _FEWEST_MATCHES = 3
@@ -33,40 +33,27 @@ _ANGLE_ONLY = slice(ANGLE, ANGLE + 1)
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Unperturbed windows for every pulse of a cell.
+    """Unperturbed windows for every pulse of a cell."""
 
-    Parameters
-    ----------
-    windows : (n_pulse, k, 4, n) float
-        Candidate unperturbed windows of each pulse; 0 where not valid.
-    sources : (n_pulse, k) int
-        The stride each window is from; strides are what is resampled.
-    valid : (n_pulse, k) bool
-        Which windows there are.
-    block : int
-        Strides are resampled in runs of so many neighbours.
-    """
-
-    windows: np.ndarray
-    sources: np.ndarray
-    valid: np.ndarray
-    block: int = 1
+    windows: np.ndarray  # alternative windows of each pulse, (n_pulse, k, 4, n); 0 if not valid
+    sources: np.ndarray  # the stride of each window; strides are resampled
+    valid: np.ndarray  # which windows exist
+    block: int = 1  # number of neighbouring strides that are resampled together
 
     @property
     def codes(self) -> list[str]:
-        """``""`` for each pulse that has a baseline, else ``no_baseline``."""
-        there = np.asarray(self.valid.any(axis=1)).tolist()
-        return ["" if any_valid else Exclusion.NO_BASELINE.value for any_valid in there]
+        """``""`` for each pulse with a baseline, else ``no_baseline``."""
+        return ["" if row.any() else Exclusion.NO_BASELINE.value for row in self.valid]
 
     @property
     def n_sources(self) -> int:
-        """How many strides there are to draw from."""
+        """Number of strides to draw from."""
         return int(self.sources.max(initial=-1)) + 1
 
     @property
-    def own(self) -> bool:
-        """Whether each pulse is its own baseline: then there is nothing to draw."""
-        return bool(self.sources.shape[1] == 1)
+    def has_strides(self) -> bool:
+        """Whether there are strides to draw; otherwise each pulse is its own baseline."""
+        return bool(self.sources.shape[1] != 1)
 
     def mean(self) -> np.ndarray:
         """Return the mean window of each pulse, (n_pulse, 4, n)."""
@@ -74,19 +61,9 @@ class Baseline:
         return np.asarray(self.windows.sum(axis=1) / counts[:, None, None])
 
     def weights(self, draws: np.ndarray) -> np.ndarray:
-        """Return the weight of every window in its pulse's mean, under resampled strides.
+        """Return the weight of every window in its pulse's mean, for resampled strides.
 
-        A draw that holds none of a pulse's strides falls back to all of them.
-
-        Parameters
-        ----------
-        draws : (n_resamples, n_sources) float
-            How often each stride was drawn.
-
-        Returns
-        -------
-        (n_resamples, n_pulse, k) float
-            Each pulse's weights sum to one.
+        A draw without any of a pulse's strides uses all of them.
         """
         weights = draws[:, self.sources] * self.valid
         totals = weights.sum(axis=2, keepdims=True)
@@ -94,13 +71,7 @@ class Baseline:
         return np.asarray(weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-300))
 
     def take(self, pulses: np.ndarray) -> "Baseline":
-        """Return the baseline of some of the pulses.
-
-        Parameters
-        ----------
-        pulses : (m,) int or bool
-            Which pulses.
-        """
+        """Return the baseline of some of the pulses."""
         return replace(
             self,
             windows=self.windows[pulses],
@@ -111,46 +82,21 @@ class Baseline:
 
 @dataclass(frozen=True, slots=True)
 class StridePool:
-    """Unperturbed strides to learn from: where each begins, in which recording.
-
-    Parameters
-    ----------
-    recordings : tuple of Conditioned
-        The recordings.
-    starts_s : tuple of (m,) float, s
-        Heel strikes (or starts of a bench trial) in each.
-    onsets_s : tuple of (k,) float, s
-        Pulses in each, in order: a window that reaches into one is not valid.
-    """
+    """Unperturbed strides of one or more recordings."""
 
     recordings: tuple[Conditioned, ...]
-    starts_s: tuple[np.ndarray, ...]
-    onsets_s: tuple[np.ndarray, ...]
+    starts_s: tuple[np.ndarray, ...]  # heel strikes (or starts of a bench trial) in each
+    onsets_s: tuple[np.ndarray, ...]  # of pulses; a window with one inside is not valid
 
     @property
     def size(self) -> int:
-        """How many strides there are."""
+        """Number of strides."""
         return sum(len(s) for s in self.starts_s)
 
     def windows(
         self, elapsed_s: Sequence[float], *, window_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Cut one window a stride and elapsed time.
-
-        Parameters
-        ----------
-        elapsed_s : (p,) float, s
-            Time since the stride's start.
-        window_s : float, s
-            Length of the window.
-
-        Returns
-        -------
-        windows : (p, m, 4, n) float
-            0 where a window could not be cut.
-        valid : (p, m) bool
-            Which ones could.
-        """
+        """Return a window for each elapsed time and stride, and whether it is valid."""
         elapsed = np.asarray(elapsed_s, dtype=float)
         parts = []
         for recording, starts in zip(self.recordings, self.starts_s, strict=True):
@@ -162,18 +108,7 @@ class StridePool:
         return np.where(valid[:, :, None, None], windows, 0.0), valid
 
     def undisturbed(self, until_s: np.ndarray) -> np.ndarray:
-        """Tell where no pulse begins between a stride's start and the end of a window.
-
-        Parameters
-        ----------
-        until_s : (p,) float, s
-            End of each window, from the stride's start.
-
-        Returns
-        -------
-        (p, m) bool
-            One column a stride.
-        """
+        """Return whether no pulse begins between a stride's start and a time after it."""
         return np.concatenate(
             [
                 np.searchsorted(onsets, starts)
@@ -185,17 +120,7 @@ class StridePool:
 
 
 def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: float) -> Baseline:
-    """Return every unperturbed stride at the same time since heel strike.
-
-    Parameters
-    ----------
-    pool : StridePool
-        Strides of the unperturbed condition.
-    elapsed_s : (p,) float, s
-        Time of each pulse since its heel strike.
-    window_s : float, s
-        Length of the window.
-    """
+    """Return every unperturbed stride at the same time since heel strike."""
     windows, valid = pool.windows(elapsed_s, window_s=window_s)
     sources = np.broadcast_to(np.arange(pool.size), valid.shape)
     return Baseline(windows, sources, valid, STRIDE_BLOCK)
@@ -209,39 +134,23 @@ def matched_strides(
     *,
     window_s: float,
 ) -> Baseline:
-    """Return the unperturbed strides most alike before the onset, among those nearby.
+    """Return the unperturbed strides most similar before the onset, among those nearby.
 
-    Parameters
-    ----------
-    pool : StridePool
-        Strides of the perturbed recording far from any pulse; one recording.
-    onsets_s : (p,) float, s
-        Onset of each pulse.
-    elapsed_s : (p,) float, s
-        Time of each pulse since its heel strike.
-    before : (p, n) float, rad
-        Filtered angle of each pulse over the :data:`MATCH_S` before its onset.
-    window_s : float, s
-        Length of the window.
-
-    Notes
-    -----
-    Alike means the smallest root mean square difference of angle. The angle
-    alone is compared: torque is near zero between pulses. Only the
-    :data:`N_NEIGHBOURS` strides nearest in time are looked at: posture and
-    sensors drift over half an hour of walking.
+    Similarity is the root mean square difference of the angle; torque is near zero between
+    pulses. Only the :data:`N_NEIGHBOURS` strides nearest in time are compared, because posture
+    and sensors drift over half an hour of walking.
     """
     (recording,), (starts,) = pool.recordings, pool.starts_s
     every = max(1, int(recording.rate_hz / _MATCH_HZ))
     undisturbed = pool.undisturbed(np.asarray(elapsed_s) + window_s)
     best = np.zeros((len(before), min(N_MATCHES, starts.size)), dtype=int)
     moments = np.zeros(best.shape)
-    for i, (onset, elapsed, own) in enumerate(zip(onsets_s, elapsed_s, before, strict=True)):
+    for i, (onset, elapsed, angle) in enumerate(zip(onsets_s, elapsed_s, before, strict=True)):
         near = np.sort(np.argsort(np.abs(starts - onset), kind="stable")[:N_NEIGHBOURS])
         others, _ = recording.cut(
             starts[near] + elapsed, before_s=MATCH_S, after_s=0.0, rows=_ANGLE_ONLY, every=every
         )
-        distance = ((others[:, 0] - own[::every]) ** 2).mean(axis=1)
+        distance = ((others[:, 0] - angle[::every]) ** 2).mean(axis=1)
         distance[~undisturbed[i, near]] = np.nan
         best[i] = near[np.argsort(distance, kind="stable")[: best.shape[1]]]  # NaN comes last
         moments[i] = starts[best[i]] + elapsed
@@ -253,15 +162,7 @@ def matched_strides(
 
 
 def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
-    """Return each pulse's own level before its onset, held over the window.
-
-    Parameters
-    ----------
-    before : (p, 4, m) float
-        Signals over the :data:`PRE_PULSE_S` before each onset.
-    n_samples : int
-        Length of the window in samples.
-    """
+    """Return each pulse's own level before its onset, held over the window."""
     level = before.mean(axis=2, keepdims=True)
     windows = np.repeat(level, n_samples, axis=2)[:, None]
     valid = np.isfinite(windows[:, :, 0, 0])

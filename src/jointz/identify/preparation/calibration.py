@@ -1,4 +1,4 @@
-"""What is known of the instruments behind an average over several recordings."""
+"""Calibration of the instruments of an average over several recordings."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -7,47 +7,24 @@ import numpy as np
 
 from jointz.core.study import Calibrated, CalibrationSpec
 
-#: Entries whose absence does not mean a perfect instrument, and whose mean means nothing.
+#: Entries that are no errors of a response, so that their mean has no meaning.
 _NO_ERRORS = ("contact_threshold_v", "contact_release_v", "tissue_hz")
 
 
 def value_of(entry: Calibrated | None, default: float) -> float:
-    """Return the value of a calibration's entry.
-
-    Parameters
-    ----------
-    entry : Calibrated or None
-        The entry.
-    default : float
-        What holds without one.
-    """
+    """Return the value of a calibration's entry."""
     return default if entry is None else float(entry.value)
 
 
 def relative_sd(gain: Calibrated | None) -> float:
-    """Return the sd of a gain over its value, zero without one.
-
-    Parameters
-    ----------
-    gain : Calibrated or None
-        The entry.
-    """
+    """Return the sd of a gain over its value, zero without one."""
     return 0.0 if gain is None else gain.sd / gain.value
 
 
 def joint_angle(angle: np.ndarray, torque: np.ndarray, known: CalibrationSpec) -> np.ndarray:
-    """Return the angle of the joint: what torque made the sensor show off, its gain divided out.
+    """Return the angle of the joint, corrected for torque seen as angle and for the gain.
 
-    Parameters
-    ----------
-    angle, torque : (n,) float, rad, N*m
-        As recorded; no torque is zero torque.
-    known : CalibrationSpec
-        Of the instruments.
-
-    Notes
-    -----
-    The sensor's mount twists at once, so that the torque of the same sample counts.
+    The mount of the sensor twists without delay, with the torque of the same sample.
     """
     twist, gain = known.angle_per_torque, value_of(known.angle_gain, 1.0)
     if twist is not None:
@@ -56,13 +33,7 @@ def joint_angle(angle: np.ndarray, torque: np.ndarray, known: CalibrationSpec) -
 
 
 def twist_sd(known: CalibrationSpec) -> float:
-    """Return the sd of the angle shown per torque, of the joint's angle, rad/(N*m).
-
-    Parameters
-    ----------
-    known : CalibrationSpec
-        Of the instruments.
-    """
+    """Return the sd of the torque seen as angle, rad/(N*m) of the joint's angle."""
     twist = known.angle_per_torque
     return 0.0 if twist is None else twist.sd / value_of(known.angle_gain, 1.0)
 
@@ -72,34 +43,11 @@ def pooled_calibration(
 ) -> CalibrationSpec:
     """Combine the calibrations of the pulses of a cell.
 
-    Parameters
-    ----------
-    calibrations : sequence of CalibrationSpec
-        One a pulse; at least one.
-    usual : mapping of str to Calibrated, optional
-        Entry -> what it is taken to be where other recordings have it and this one has not.
-
-    Returns
-    -------
-    CalibrationSpec
-        Mean values over the pulses, and the sd of their mean error. It is that of the
-        pulses where they all have the same.
-
-    Notes
-    -----
-    Holds to first order, for recordings whose responses are alike: where a share
-    ``w_k`` of the pulses has the error ``e_k``, their average has the sum of
-    ``w_k * e_k``. Equal entries are one calibration and share their error; the errors
-    of others are independent. A recording without an entry, and not in ``usual``, has perfect
-    instruments. What is no error of a response, the levels of a footswitch and the resonance of
-    tissue, is left out where the recordings do not agree and ``usual`` does not say.
-
-    Examples
-    --------
-    >>> def session(value):
-    ...     return CalibrationSpec(intrinsic_stiffness=Calibrated(value=value, sd=1.0))
-    >>> pooled_calibration([session(4.0), session(6.0)]).intrinsic_stiffness
-    Calibrated(value=5.0, sd=0.7071067811865476)
+    To first order, for similar responses: if a share ``w_k`` of the pulses has the error ``e_k``,
+    their average has the error ``sum(w_k * e_k)``. Equal entries are one calibration with one
+    error; errors of different entries are independent. A missing entry takes its value from
+    ``usual``, else the instrument is perfect. Entries that are no errors of a response (levels of
+    a footswitch, resonance of tissue) are dropped if the recordings differ and ``usual`` has none.
     """
     pooled = {}
     for name in CalibrationSpec.model_fields:
@@ -120,6 +68,6 @@ def _mean(
     values = np.array([entry.value for entry in counts])
     sds = np.array([entry.sd for entry in counts])
     value = float(shares @ values)
-    # What is left of a gain after its division is relative.
+    # The remaining error of a gain is relative.
     sd = value * np.linalg.norm(shares * sds / values) if gain else np.linalg.norm(shares * sds)
     return Calibrated(value=value, sd=float(sd))

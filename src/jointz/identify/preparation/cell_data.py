@@ -1,4 +1,4 @@
-"""What goes into the fit of a cell and what comes out of it, whatever the method."""
+"""Input and result of the fit of a cell, common to all methods."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,84 +7,49 @@ import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.estimates import ParameterEstimate, Response
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE
+from jointz.results.estimates import ParameterEstimate, Response
 
 PARAMETERS = ("stiffness", "damping", "inertia")
-#: Rows of the windows that methods for unfiltered signals take.
+#: Rows of unfiltered windows.
 MATCHED_ANGLE, RAW_ANGLE, RAW_TORQUE, RAW_COMMAND = range(4)
-#: Below this motion a response is numerical dust, not a movement.
+#: Smaller signals are numerical noise, not a response.
 _DUST_RAD = 1e-9
 _DUST_NM = 1e-9
-#: Regressors this alike cannot be told apart from rounding.
+#: Largest condition number of the regressors.
 _WORST_CONDITION = 1e6
-#: A value below this share of its natural scale is zero.
+#: A value below this share of torque over motion is rounding.
 _DUST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class FitSettings:
-    """Settings of a fit.
+    """Settings of a fit."""
 
-    Parameters
-    ----------
-    n_resamples : int
-        Bootstrap resamples.
-    seed : int
-        Every cell starts its generator from this seed, so that a result does
-        not depend on which other cells there are.
-    rate_hz : float
-        Sampling rate of the responses.
-    letter : bool
-        To the letter of 4.2.3: the unperturbed mean is held fixed and the mean
-        over replicates is reported. Otherwise unperturbed strides are
-        resampled too and the plug-in estimate is reported.
-    calibration : CalibrationSpec
-        Standard deviations go into the intervals, intrinsic impedance is
-        subtracted.
-    mass_kg : float or None
-        For values per kg.
-    wants_per_mass : bool
-        Whether values per kg are expected even when the mass is missing.
-    bounded : bool
-        Whether K, B, J >= 0 is asked for, as in 4.2.3; 2.2.3 does not.
-    cutoff_hz : float
-        Of the low-pass that the responses went through.
-    """
-
-    n_resamples: int
-    seed: int
-    rate_hz: float
+    n_resamples: int  # bootstrap resamples
+    seed: int  # every cell starts its generator from it, independently of other cells
+    rate_hz: float  # sampling rate of the responses
+    # as 4.2.3 does: the unperturbed mean is fixed, and the mean over replicates is reported.
+    # Otherwise unperturbed strides are resampled too, and the plug-in estimate is reported
     letter: bool
+    # its sds widen the intervals, intrinsic impedance is subtracted
     calibration: CalibrationSpec
-    mass_kg: float | None = None
-    wants_per_mass: bool = True
-    bounded: bool = True
-    cutoff_hz: float = 20.0
+    mass_kg: float | None = None  # for values per kg
+    wants_per_mass: bool = True  # whether values per kg are expected even if the mass is missing
+    bounded: bool = True  # whether K, B, J >= 0 is required, as in 4.2.3, not in 2.2.3
+    cutoff_hz: float = 20.0  # of the low-pass filter of the responses
 
 
 @dataclass(frozen=True, slots=True)
 class Windows:
-    """Windows of the pulses of a cell, and what they would have been without a pulse.
+    """Windows of the pulses of a cell and their baseline."""
 
-    Parameters
-    ----------
-    recorded : (n_pulse, 4, n) float
-        With the baseline still in them.
-    signs : (n_pulse,) float
-        Direction of each pulse; responses are turned by it before averaging.
-    baseline : Baseline
-        Unperturbed windows of each pulse.
-    lead : int
-        Samples before the onset, the same behind the end of the window.
-    """
-
-    recorded: np.ndarray
-    signs: np.ndarray
-    baseline: Baseline
-    lead: int = 0
+    recorded: np.ndarray  # baseline included
+    signs: np.ndarray  # direction of each pulse; responses are turned by it before averaging
+    baseline: Baseline  # unperturbed windows of each pulse
+    lead: int = 0  # samples before the onset, and as many after the end of the window
 
     @property
     def turned(self) -> np.ndarray:
@@ -98,76 +63,42 @@ class Windows:
 
 @dataclass(frozen=True, slots=True)
 class CellData:
-    """All that a method may use of a cell.
+    """Data of a cell for a method."""
 
-    Parameters
-    ----------
-    filtered : Windows
-        Angle (rad), velocity, acceleration and torque (N*m) from each onset, low-passed.
-    raw : Windows or None
-        Angle for matching strides, angle, torque and commanded torque as sampled, from
-        ``lead`` samples before each onset; None where the method does not ask for it.
-    """
-
+    # angle (rad), velocity, acceleration and torque (N*m) from each onset, low-passed
     filtered: Windows
+    # angle for matching strides, angle, torque and commanded torque as sampled, from ``lead``
+    # samples before each onset; None unless the method needs them
     raw: Windows | None = None
 
     def unfiltered(self) -> Windows:
-        """Return the raw windows; a method that takes them says so in its entry."""
+        """Return the raw windows, which a method with ``raw`` has."""
         if self.raw is None:
             raise ValueError(
                 "CellData: this method takes unfiltered windows, found none. Cut them too "
-                "(Method.raw)."
+                "(CellMethod.raw)."
             )
         return self.raw
 
 
 @dataclass(frozen=True, slots=True)
 class CellFit:
-    """The fit of one cell.
+    """The fit of one cell."""
 
-    Parameters
-    ----------
-    parameters : tuple of ParameterEstimate
-        K, B, J and values per kg.
-    vaf_pct : float or None
-        Of the torque of the average filtered response (2.7), %; None where undecided.
-    condition_number : float or None
-        Of the scaled regressors; None where undecided.
-    displacement_rad : float
-        Largest angle of the average response.
-    response : Response or None
-        The average response; None where undecided.
-    nuisance : tuple of ParameterEstimate
-        What had to be estimated beside the impedance.
-    """
-
-    parameters: tuple[ParameterEstimate, ...]
+    parameters: tuple[ParameterEstimate, ...]  # K, B, J and values per kg
+    # of the torque of the average filtered response (2.7), %; None where undecided
     vaf_pct: float | None
-    condition_number: float | None
-    displacement_rad: float
-    response: Response | None
-    nuisance: tuple[ParameterEstimate, ...] = ()
+    condition_number: float | None  # of the scaled regressors; None where undecided
+    displacement_rad: float  # largest angle of the average response
+    response: Response | None  # the average response; None where undecided
+    nuisance: tuple[ParameterEstimate, ...] = ()  # estimates beside the impedance
 
 
 Fit = Callable[[CellData, FitSettings], CellFit]
 
 
 def check_average(average: np.ndarray, condition: float) -> None:
-    """Refuse an average response that has no answer.
-
-    Parameters
-    ----------
-    average : (4, n) float
-        Angle, velocity, acceleration, torque.
-    condition : float
-        Condition number of the scaled regressors.
-
-    Raises
-    ------
-    EstimationError
-        ``constant_angle``, ``constant_torque`` or ``ill_conditioned``.
-    """
+    """Raise EstimationError for an average response that cannot be fitted."""
     for row, dust, failure in (
         (ANGLE, _DUST_RAD, Failure.CONSTANT_ANGLE),
         (TORQUE, _DUST_NM, Failure.CONSTANT_TORQUE),
@@ -179,22 +110,7 @@ def check_average(average: np.ndarray, condition: float) -> None:
 
 
 def check_samples(n: int, fewest: int, *, method: str) -> None:
-    """Refuse windows of too few samples.
-
-    Parameters
-    ----------
-    n : int
-        Samples of a window.
-    fewest : int
-        What the method needs.
-    method : str
-        Its name.
-
-    Raises
-    ------
-    EstimationError
-        ``too_few_samples``.
-    """
+    """Raise EstimationError for windows of too few samples."""
     if n < fewest:
         raise EstimationError(
             Failure.TOO_FEW_SAMPLES,
@@ -204,32 +120,14 @@ def check_samples(n: int, fewest: int, *, method: str) -> None:
 
 
 def without_dust(point: np.ndarray, average: np.ndarray) -> np.ndarray:
-    """Return K, B, J with zero for values that are rounding beside torque over motion.
-
-    Parameters
-    ----------
-    point : (3,) float
-        K, B, J.
-    average : (4, n) float
-        Angle, velocity, acceleration, torque.
-    """
+    """Return K, B, J with zero for values that are rounding."""
     motion = np.abs(average[:TORQUE]).max(axis=1)
     dust = _DUST_SHARE * np.abs(average[TORQUE]).max() / motion
     return np.where(np.abs(point) < dust, 0.0, point)
 
 
 def response_of(average: np.ndarray, fitted: np.ndarray, *, rate_hz: float) -> Response:
-    """Return the average response with the torque fitted to it.
-
-    Parameters
-    ----------
-    average : (4, n) float
-        Angle, velocity, acceleration, torque.
-    fitted : (n,) float, N*m
-        Torque of the model.
-    rate_hz : float
-        Sampling rate.
-    """
+    """Return the average response with the torque fitted to it."""
     return Response(
         time_s=np.arange(average.shape[1]) / rate_hz,
         angle=average[ANGLE],
@@ -239,57 +137,34 @@ def response_of(average: np.ndarray, fitted: np.ndarray, *, rate_hz: float) -> R
 
 
 def vaf_pct(average: np.ndarray, fitted: np.ndarray) -> float:
-    """Return the share of the torque's second moment that a fit explains (2.7), %.
-
-    Parameters
-    ----------
-    average : (4, n) float
-        Angle, velocity, acceleration, torque.
-    fitted : (n,) float, N*m
-        Torque of the model.
-    """
+    """Return the share of the torque's second moment that a fit explains (2.7), %."""
     power = (average[TORQUE] ** 2).sum()
     return float(100.0 * (1.0 - ((fitted - average[TORQUE]) ** 2).sum() / power))
 
 
 def calibration_sd(entry: Calibrated | None) -> float:
-    """Return the sd of a calibration's entry, zero without one.
-
-    Parameters
-    ----------
-    entry : Calibrated or None
-        The entry.
-    """
+    """Return the sd of a calibration's entry, zero without one."""
     return 0.0 if entry is None else entry.sd
 
 
-def lag_sd(calibration: CalibrationSpec) -> float:
-    """Return the sd of the lag between angle and torque, s; only their difference matters.
+def intrinsic_impedance(known: CalibrationSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Return the device's own K, B and J in the torque, zero if unknown, and their sds."""
+    none = Calibrated(value=0.0, sd=0.0)
+    entries = [getattr(known, f"intrinsic_{name}") or none for name in PARAMETERS]
+    return np.array([e.value for e in entries]), np.array([e.sd for e in entries])
 
-    Parameters
-    ----------
-    calibration : CalibrationSpec
-        What is known of the instruments.
-    """
+
+def lag_sd(calibration: CalibrationSpec) -> float:
+    """Return the sd of the lag between angle and torque, s; only their difference matters."""
     lags = (calibration.angle_lag_s, calibration.torque_lag_s)
     angle, torque = (calibration_sd(lag) for lag in lags)
     return float(np.hypot(angle, torque))
 
 
 def dead_signals(windows: np.ndarray) -> list[str]:
-    """Name the signal that stands still in each window, before anything is subtracted.
+    """Return a code for each window with a constant signal, before a baseline is subtracted.
 
-    What is subtracted moves: a dead sensor minus a baseline looks like a response.
-
-    Parameters
-    ----------
-    windows : (n, 4, T) float
-        Angle, velocity, acceleration, torque as measured; NaN where missing.
-
-    Returns
-    -------
-    list of str
-        ``constant_angle``, ``constant_torque``, or ``""``.
+    A dead sensor minus a moving baseline looks like a response.
     """
     angle = np.ptp(windows[:, ANGLE], axis=1) < _DUST_RAD
     torque = np.ptp(windows[:, TORQUE], axis=1) < _DUST_NM

@@ -1,4 +1,4 @@
-"""From a recording to filtered signals on a uniform clock, calibrated.
+"""Filtered and calibrated signals of a recording on a uniform clock.
 
 Angle and torque go through the same zero-phase filter, derivatives are taken
 of the filtered angle, and only then is anything cut (SCIENCE trap 5): the
@@ -28,27 +28,13 @@ _SLOWEST_HZ = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A run of filtered samples without a gap.
+    """A run of filtered samples without a gap."""
 
-    Parameters
-    ----------
-    time : (n,) float, s
-        Time stamps; kept, because a clock may drift against its nominal rate.
-    signals : (4, n) float
-        Angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m).
-    """
-
-    time: np.ndarray
-    signals: np.ndarray
+    time: np.ndarray  # time stamps; kept, because a clock may drift against its nominal rate
+    signals: np.ndarray  # angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m)
 
     def nearest(self, times_s: np.ndarray) -> np.ndarray:
-        """Return the index of the sample nearest to each time.
-
-        Parameters
-        ----------
-        times_s : (k,) float, s
-            Times inside the stretch.
-        """
+        """Return the index of the sample nearest to each time."""
         after = np.clip(np.searchsorted(self.time, times_s), 1, self.time.size - 1)
         earlier = times_s - self.time[after - 1] < self.time[after] - times_s
         return np.asarray(after - earlier)
@@ -56,28 +42,14 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Conditioned:
-    """A recording ready for cutting windows.
+    """Stretches of a recording from which windows are cut."""
 
-    Parameters
-    ----------
-    stretches : tuple of Stretch
-        In order of time.
-    rate_hz : float
-        Samples a second, the same in all stretches.
-    guard_s : float, s
-        What the filter smears: a window keeps this far from a stretch's ends.
-    start_s, end_s : float, s
-        First and last time stamp of the recording.
-    gaps : (k, 2) float, s
-        Holes in the time stamps.
-    """
-
-    stretches: tuple[Stretch, ...]
-    rate_hz: float
-    guard_s: float
-    start_s: float
+    stretches: tuple[Stretch, ...]  # in order of time
+    rate_hz: float  # samples a second, the same in all stretches
+    guard_s: float  # distance that windows keep from a stretch's ends, for the filter
+    start_s: float  # first and last time stamp of the recording
     end_s: float
-    gaps: np.ndarray
+    gaps: np.ndarray  # gaps in the time stamps, (n, 2) s
 
     def cut(
         self,
@@ -88,44 +60,27 @@ class Conditioned:
         rows: slice = slice(None),
         every: int = 1,
     ) -> tuple[np.ndarray, list[str]]:
-        """Cut one window a start.
-
-        Parameters
-        ----------
-        starts_s : (k,) float, s
-            Where the windows begin; the nearest sample is taken.
-        before_s, after_s : float, s
-            How far the window reaches before and after its start.
-        rows : slice
-            Which of the four signals.
-        every : int
-            Take every so-manieth sample: the signals are low-passed.
-
-        Returns
-        -------
-        windows : (k, 4, n) float
-            NaN where a window could not be cut.
-        codes : list of str
-            ``""``, or why not: a code of :class:`jointz.core.codes.Exclusion`.
-        """
+        """Return one window for each start, NaN and a code if there is none."""
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
         n_rows = len(range(4)[rows])
         offsets = np.arange(-n_before, n_after, every)
         windows = np.full((starts.size, n_rows, offsets.size), np.nan)
         codes = [""] * starts.size
-        home = self._home(starts - before_s - self.guard_s, starts + after_s + self.guard_s)
-        for index in np.unique(home[home >= 0]):
-            chosen = np.flatnonzero(home == index)
+        stretch_of = self._stretch_of(
+            starts - before_s - self.guard_s, starts + after_s + self.guard_s
+        )
+        for index in np.unique(stretch_of[stretch_of >= 0]):
+            chosen = np.flatnonzero(stretch_of == index)
             stretch = self.stretches[index]
             columns = stretch.nearest(starts[chosen])[:, None] + offsets
             windows[chosen] = stretch.signals[rows][:, columns].transpose(1, 0, 2)
-        for k in np.flatnonzero(home < 0):
-            codes[k] = self._why_not(starts[k] - before_s, starts[k] + after_s)
+        for k in np.flatnonzero(stretch_of < 0):
+            codes[k] = self._exclusion(starts[k] - before_s, starts[k] + after_s)
         return windows, codes
 
-    def _home(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return the index of the stretch that holds each window whole, else -1."""
+    def _stretch_of(self, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return the index of the stretch that contains each whole window, else -1."""
         if not self.stretches:
             return np.full(begins.size, -1)
         first = np.array([s.time[0] for s in self.stretches])
@@ -135,7 +90,7 @@ class Conditioned:
         inside = (index >= 0) & (ends <= last[np.maximum(index, 0)] + half_a_sample)
         return np.where(inside, index, -1)
 
-    def _why_not(self, begin: float, end: float) -> str:
+    def _exclusion(self, begin: float, end: float) -> str:
         if begin - self.guard_s < self.start_s or end + self.guard_s > self.end_s:
             return Exclusion.EDGE_OF_RECORD.value
         near = (self.gaps[:, 0] < end + self.guard_s) & (self.gaps[:, 1] > begin - self.guard_s)
@@ -149,38 +104,18 @@ def condition(
     calibration: CalibrationSpec,
     target_rate_hz: float | None = None,
 ) -> Conditioned:
-    """Filter, differentiate and calibrate a recording.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle`` and ``torque``; without a device the torque is zero.
-    cutoff_hz : float
-        Of the fourth-order zero-phase Butterworth low-pass on both sides.
-    calibration : CalibrationSpec
-        Gains are divided out, what torque made the angle's sensor show is taken off, lags are
-        shifted out, each by its own value.
-    target_rate_hz : float, optional
-        Rate the signals are wanted at; the recording's own by default.
-
-    Returns
-    -------
-    Conditioned
-        Signals of every stretch that is long enough for the filter.
-
-    Raises
-    ------
-    DataError
-        When the cut-off lies above half the sampling rate.
-    """
+    """Filter, differentiate and calibrate a recording."""
     time = recording["time"].to_numpy()
     raw = _calibrated(recording, calibration)
     own_rate = rate_hz(time)
     if cutoff_hz >= own_rate / 2:
+        # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
+        slow = own_rate < _SLOWEST_HZ
+        remedy = "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
         raise DataError(
             f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
             f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. "
-            f"{_todo_about(own_rate)}",
+            f"{remedy}",
             path=str(recording.attrs.get("file")),
         )
     lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
@@ -206,12 +141,6 @@ def condition(
     )
 
 
-def _todo_about(rate: float) -> str:
-    # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
-    slow = rate < _SLOWEST_HZ
-    return "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
-
-
 def torque_from_current(
     recording: xr.Dataset,
     model: TorqueModelSpec,
@@ -219,29 +148,7 @@ def torque_from_current(
     cutoff_hz: float,
     known: CalibrationSpec | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the torque on the joint from motor current (equations 3.3 and 4.1), and its friction.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``current`` and any of ``motor_velocity``, ``motor_angle``,
-        ``velocity`` or ``angle``; all of the output, after the gear.
-    model : TorqueModelSpec
-        Constants of the actuator.
-    cutoff_hz : float
-        Low-pass of a velocity or acceleration that has to be differentiated.
-    known : CalibrationSpec, optional
-        ``friction_gain``, by which the friction is multiplied, and ``torque_gain``, that of the
-        torque constant. It will be divided out of all, as it is of a torque that was measured;
-        so all but what the current drives is multiplied by it.
-
-    Returns
-    -------
-    torque : (n,) float, N*m
-        NaN where current or motion are missing.
-    friction : (n,) float, N*m
-        The part of it that friction makes: it is known worse than the rest.
-    """
+    """Return joint torque from motor current (equations 3.3 and 4.1), and its friction."""
     current = recording["current"].to_numpy()
     velocity, acceleration = _motor_motion(recording, cutoff_hz)
     size = model.coulomb_friction + model.gear_friction * np.abs(current)
@@ -254,7 +161,7 @@ def torque_from_current(
 
 
 def _motor_motion(recording: xr.Dataset, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return velocity and acceleration of the output, as measured as possible.
+    """Return velocity and acceleration of the output, from measured channels if possible.
 
     The sign of a differentiated velocity is taken after the low-pass; the
     acceleration is left as it is: the torque it goes into is low-passed later,
@@ -305,20 +212,20 @@ def _stretch(
         signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
     signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)
     signals[ACCELERATION] = derivative(signals[VELOCITY], rate_hz=own_rate)
-    wanted = uniform
+    new_time = uniform
     if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
-        wanted = np.arange(uniform[0], uniform[-1], 1.0 / rate)
+        new_time = np.arange(uniform[0], uniform[-1], 1.0 / rate)
     late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
-    if wanted is not uniform or late_s.any():
+    if new_time is not uniform or late_s.any():
         # A cubic spline: the signals are low-passed, and a straight line would damp them.
-        where = (wanted - uniform[0] + late_s[:, None]) * own_rate
+        where = (new_time - uniform[0] + late_s[:, None]) * own_rate
         signals = np.stack(
             [
                 map_coordinates(row, [place], order=3, mode="nearest")
                 for row, place in zip(signals, where, strict=True)
             ]
         )
-    return Stretch(time=wanted, signals=signals)
+    return Stretch(time=new_time, signals=signals)
 
 
 def _calibrated(

@@ -1,4 +1,4 @@
-"""Where the perturbation pulses of a recording are."""
+"""Perturbation pulses of a recording."""
 
 from dataclasses import dataclass, replace
 
@@ -13,16 +13,16 @@ from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
 
 #: A command above this share of its largest value is a pulse.
 _COMMAND_SHARE = 1e-3
-#: A step counts as one when its speed reaches this share of the fastest steps'.
+#: Least speed of a step, as a share of the fastest steps.
 _SPEED_SHARE = 0.3
-#: A step begins where its speed first exceeds this share of its own peak.
+#: A step begins when its speed first exceeds this share of its peak.
 _ONSET_SHARE = 0.1
 _QUIET_S = 0.06
 _BEFORE_S = 0.05
 _TYPICAL_PULSE_S = 0.1
 _SETTLE_S = (0.03, 0.08)
 _QUIET_SHARE = 0.2
-#: Longest rise of a step, and what the filter adds to it in periods of its cut-off.
+#: Longest rise of a step, and its prolongation by the filter in periods of the cut-off.
 _RISE_S = 0.1
 _SMEAR_PERIODS = 0.5
 _SIZE_SHARE = 0.5
@@ -30,22 +30,12 @@ _SIZE_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """One pulse as planned or found.
+    """One perturbation pulse."""
 
-    Parameters
-    ----------
-    onset_s, duration_s : float, s
-        Commanded onset and length.
-    amplitude : float
-        N*m, or rad for a step of the angle; signed, NaN where unknown.
-    timing_point : str
-        As the pulse table names it, else "".
-    """
-
-    onset_s: float
+    onset_s: float  # commanded
     duration_s: float
-    amplitude: float
-    timing_point: str = ""
+    amplitude: float  # N*m, or rad for a step of the angle; signed, NaN if unknown
+    timing_point: str = ""  # as in the pulse table
 
     @property
     def sign(self) -> float:
@@ -54,13 +44,7 @@ class Pulse:
 
 
 def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
-    """Return the pulses of a pulse table, in order of time.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        ``onset_s``, ``duration_s``, ``amplitude_nm``, ``timing_point``.
-    """
+    """Return the pulses of a pulse table, in order of time."""
     ordered = table.sort_values("onset_s", kind="stable")
     names = ("onset_s", "duration_s", "amplitude_nm")
     numbers = ordered[list(names)].to_numpy(dtype=float)
@@ -72,21 +56,7 @@ def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
 
 
 def with_measured_amplitudes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tuple[Pulse, ...]:
-    """Fill amplitudes that a table does not give: responses are turned by their sign.
-
-    Parameters
-    ----------
-    pulses : tuple of Pulse
-        Pulses of a table.
-    recording : xarray.Dataset
-        Its command is read, else its torque, which one whose torque is computed from a
-        current has not: the mean over the pulse (or 0.1 s) less that of the 50 ms before it.
-
-    Returns
-    -------
-    tuple of Pulse
-        The pulses; NaN stays where there is nothing to read.
-    """
+    """Return pulses with measured amplitudes in place of missing ones, whose sign is needed."""
     name = next((n for n in ("command", "torque") if n in recording), None)
     if name is None or not any(np.isnan(p.amplitude) for p in pulses):
         return pulses
@@ -107,14 +77,7 @@ def _measured(time: np.ndarray, torque: np.ndarray, pulse: Pulse) -> float:
 
 
 def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
-    """Return the runs in which the commanded torque is not zero.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``command``; 0 outside pulses. Samples that are missing or not finite belong
-        to a pulse where there is one on both sides of them, else they count as 0.
-    """
+    """Return the runs in which the commanded torque is not zero."""
     command = recording["command"].to_series().where(np.isfinite)
     before, after = command.ffill().fillna(0.0), command.bfill().fillna(0.0)
     bridged = command.fillna(before.where(after != 0.0, 0.0))
@@ -126,11 +89,6 @@ def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tup
 
     The two recordings are aligned at their first samples; only what both cover
     is compared.
-
-    Parameters
-    ----------
-    recording, unperturbed : xarray.Dataset
-        With ``reference``.
     """
     time = recording["time"].to_numpy()
     other = unperturbed["time"].to_numpy()
@@ -140,7 +98,7 @@ def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tup
     reference = recording["reference"].to_numpy()
     difference = np.where(common, reference - plain, 0.0)
     difference = np.nan_to_num(difference)
-    # Rounding of two logs of the same reference is not a pulse.
+    # Rounding differs between two logs of the same reference.
     noise = 1e-6 * float(np.nanmax(np.abs(reference), initial=0.0))
     difference[np.abs(difference) <= noise] = 0.0
     return _runs(time, difference)
@@ -149,39 +107,30 @@ def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tup
 def pulses_from_angle(recording: xr.Dataset, *, cutoff_hz: float) -> tuple[Pulse, ...]:
     """Return the steps of the angle itself, for position perturbations.
 
-    A step is a burst of speed after at least 60 ms of quiet. It begins where
-    the speed of the filtered angle first exceeds a tenth of its peak: the
-    filter that the analysis applies smears a step, and the whole of its
-    response must lie inside the window. It ends soon, as a rise of 0.1 s does:
-    what lasts longer is motion, however quiet it is where it turns.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle``.
-    cutoff_hz : float
-        Low-pass of the analysis.
+    A step is a burst of speed after at least 60 ms of rest. It begins when the speed of the
+    filtered angle first exceeds a tenth of its peak, because the filter of the analysis smears a
+    step and its whole response must lie inside the window. A rise longer than 0.1 s is a movement.
     """
     time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
     rate = rate_hz(time)
     longest = round((_RISE_S + _SMEAR_PERIODS / cutoff_hz) * rate)
-    found: list[Pulse] = []
+    steps: list[Pulse] = []
     for part in stretches(time, np.isfinite(angle)):
         if part.stop - part.start > shortest_record():
             smooth = lowpass_zero_phase(angle[part], cutoff_hz=cutoff_hz, rate_hz=rate)
             speed = derivative(smooth, rate_hz=rate)
-            found += _steps(time[part], angle[part], speed, rate_hz=rate, longest=longest)
-    if not found:
+            steps += _steps(time[part], angle[part], speed, rate_hz=rate, longest=longest)
+    if not steps:
         return ()
-    typical = float(np.median([abs(p.amplitude) for p in found]))
-    return tuple(p for p in found if abs(p.amplitude) > _SIZE_SHARE * typical)
+    typical = float(np.median([abs(p.amplitude) for p in steps]))
+    return tuple(p for p in steps if abs(p.amplitude) > _SIZE_SHARE * typical)
 
 
 def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
     size = np.abs(command)
     if not size.any():
         return ()
-    # Not the largest: a single spike must not hide the pulses.
+    # Not the maximum: a single spike must not hide the pulses.
     largest = float(np.percentile(size[size > 0], 99))
     active = np.concatenate([[False], size > _COMMAND_SHARE * largest, [False]])
     edges = np.flatnonzero(active[1:] != active[:-1])
@@ -196,10 +145,10 @@ def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
 def _steps(
     time: np.ndarray, angle: np.ndarray, speed: np.ndarray, *, rate_hz: float, longest: int
 ) -> list[Pulse]:
-    """Return the bursts of speed of at most ``longest`` samples that follow quiet."""
+    """Return the bursts of speed of at most ``longest`` samples after rest."""
     size = np.abs(speed)
     quiet, settled = round(_QUIET_S * rate_hz), [round(s * rate_hz) for s in _SETTLE_S]
-    # Where steps are rare the percentile is one of rest, not of steps.
+    # If steps are rare, the percentile is a speed at rest.
     fast = max(float(np.percentile(size, 99)), _SPEED_SHARE * float(size.max()))
     peaks, _ = find_peaks(size, height=_SPEED_SHARE * fast, distance=max(quiet, 1))
     steps: list[Pulse] = []

@@ -1,4 +1,4 @@
-"""A recording as it was sampled, on an even clock, for estimators that model sensors and noise."""
+"""Unfiltered signals on an even clock, for estimators that model sensors and noise."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import xarray as xr
 
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import value_of
-from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.preparation.conditioning import Conditioned, Stretch
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
 from jointz.kernels.derivatives import derivative
@@ -15,58 +15,36 @@ from jointz.kernels.filtering import shortest_record
 
 #: Rows of the signals: angle, torque without friction, what friction adds, commanded torque.
 RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
-#: Faster recordings are averaged down to about this: a leg has nothing to say above.
+#: Faster recordings are averaged down to about this rate, far above the band of a leg.
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
 _MOTOR_MOTION = ("motor_velocity", "motor_angle")
 
 
 def common_rate_hz(sources: Sequence[Source]) -> float:
-    """Return the rate that all perturbed recordings of a participant can be brought to.
-
-    Parameters
-    ----------
-    sources : sequence of Source
-        The participant's recordings.
-    """
+    """Return the sampling rate to which all perturbed recordings can be brought."""
     perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
     rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
     return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
 
 
 def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditioned:
-    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
-
-    Parameters
-    ----------
-    source : Source
-        A recording made ready.
-    target_hz : float, optional
-        Rate that is wanted; by default the recording's own, or 500 Hz where that is more.
-
-    Returns
-    -------
-    Conditioned
-        Rows: angle (rad), torque on the joint without friction (N*m), what the friction of the
-        actuator adds to it (N*m; zero where torque was measured), commanded torque (N*m). The
-        device's intrinsic impedance is taken out of the torque as far as the motion of its motor
-        was recorded: behind a soft strap it moves otherwise than the joint.
-    """
+    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted."""
     recording = source.given.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
     rows = _rows(source)
-    wanted = target_hz or rate / max(1, round(rate / _RATE_HZ))
-    every = max(1, round(rate / wanted))
+    new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
+    every = max(1, round(rate / new_rate))
     runs = []
     for part in stretches(time, np.isfinite(rows[:COMMAND]).all(axis=0)):
         if part.stop - part.start < max(2 * every, shortest_record()):
             continue
         even, signals = resample_stretch(time[part], rows[:, part], step_s=1.0 / rate)
-        runs.append(_at_rate(_averaged(even, signals, every), rate / every, wanted))
+        runs.append(_at_rate(_averaged(even, signals, every), rate / every, new_rate))
     return Conditioned(
         stretches=tuple(runs),
-        rate_hz=wanted,
+        rate_hz=new_rate,
         guard_s=0.0,
         start_s=float(time[0]),
         end_s=float(time[-1]),
@@ -75,14 +53,9 @@ def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditione
 
 
 def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
-    """Return which of the device's K, B and J are not taken out of the torque.
+    """Return which of the device's K, B and J remain in the torque.
 
-    Its motor's angle tells the torque of all three, its velocity that of damping and inertia.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
+    The motor's angle gives the torque of all three, its velocity that of damping and inertia.
     """
     if "motor_angle" in recording:
         return ()
@@ -106,11 +79,9 @@ def _rows(source: Source) -> np.ndarray:
 
 
 def _intrinsic_torque(source: Source) -> np.ndarray:
-    """Return the torque that moves the device itself, N*m, as far as its motor tells."""
-    recording, known = source.given.recording, source.given.calibration
-    stiffness, damping, inertia = (
-        value_of(getattr(known, f"intrinsic_{name}"), 0.0) for name in PARAMETERS
-    )
+    """Return the torque that moves the device itself, N*m, from the motion of its motor."""
+    recording = source.given.recording
+    (stiffness, damping, inertia), _ = intrinsic_impedance(source.given.calibration)
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
     name = next((n for n in _MOTOR_MOTION if n in recording), None)
@@ -138,7 +109,7 @@ def _channel(recording: xr.Dataset, name: str, n: int) -> np.ndarray:
 
 
 def _averaged(time: np.ndarray, signals: np.ndarray, every: int) -> Stretch:
-    """Average so many samples to one: angle and torque pass the same filter."""
+    """Average every so many samples; angle and torque pass the same filter."""
     if every == 1:
         return Stretch(time, signals)
     n = time.size // every
@@ -146,12 +117,9 @@ def _averaged(time: np.ndarray, signals: np.ndarray, every: int) -> Stretch:
     return Stretch(time[: n * every].reshape(n, every).mean(axis=1), blocks.mean(axis=2))
 
 
-def _at_rate(stretch: Stretch, rate: float, wanted: float) -> Stretch:
-    """Bring signals to another rate, straight between samples, where it differs enough to matter.
-
-    Windows are counted in samples: 1 ms late at the end of a long one is a rate 0.5 % off.
-    """
-    if abs(rate / wanted - 1.0) < _SAME_RATE:
+def _at_rate(stretch: Stretch, rate: float, new_rate: float) -> Stretch:
+    """Interpolate signals linearly to another rate, if it differs by more than the tolerance."""
+    if abs(rate / new_rate - 1.0) < _SAME_RATE:
         return stretch
-    time = np.arange(stretch.time[0], stretch.time[-1], 1.0 / wanted)
+    time = np.arange(stretch.time[0], stretch.time[-1], 1.0 / new_rate)
     return Stretch(time, np.stack([np.interp(time, stretch.time, row) for row in stretch.signals]))

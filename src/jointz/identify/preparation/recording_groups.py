@@ -1,55 +1,46 @@
-"""Groups of a walking participant's recordings: every session and side by itself."""
+"""Groups of a participant's recordings; in walking one for every session and side."""
 
 from collections.abc import Sequence
 
 from jointz.identify.preparation.sources import RecordingInput
+from jointz.identify.study_kinds import StudyKind
 
-#: Session and side, "" where they are not stated.
+#: Session and side, "" if they are not stated.
 Unit = tuple[str, str]
 
 
 def unit_of(recording: RecordingInput) -> Unit:
-    """Return session and side of a recording.
-
-    Parameters
-    ----------
-    recording : RecordingInput
-        The recording.
-    """
+    """Return session and side of a recording."""
     attrs = recording.recording.attrs
     return str(attrs["session"]), str(attrs["side"])
 
 
 def recording_groups(
-    recordings: Sequence[RecordingInput], *, walking: bool
+    recordings: Sequence[RecordingInput], kind: StudyKind
 ) -> list[tuple[Unit | None, list[RecordingInput]]]:
     """Return the recordings that are estimated together, with their session and side.
 
-    Parameters
-    ----------
-    recordings : sequence of RecordingInput
-        All recordings of one participant.
-    walking : bool
-        The cases of a bench are told apart by their timing points: they are one group.
-
-    Notes
-    -----
     The perturbed recordings of one session and side are a group. Unperturbed recordings of the
-    other side never belong to it; of the others those of the same session do, else those where
-    one of the two states no session, else all. A recording may belong to several groups. One that
-    belongs to none is in a last group, of None.
+    same or of an unstated side join it: those of the same session, else those for which one of
+    the two sessions is not stated, else all. A recording may be in several groups. Recordings
+    without a group form a last one, of None.
     """
     ordered = sorted(recordings, key=lambda r: r.condition != "perturbed")
     units = dict.fromkeys(unit_of(r) for r in ordered if r.condition == "perturbed")
-    if not walking or not units:
+    if not kind.by_side or not units:
         return [(("", ""), ordered)]
     groups: list[tuple[Unit | None, list[RecordingInput]]] = []
     for unit in units:
-        own = _unperturbed(unit, ordered)
-        own += [r for r in ordered if r.condition == "no_device" and not groups]
-        own += [r for r in ordered if r.condition == "perturbed" and unit_of(r) == unit]
-        groups.append((unit, [r for r in ordered if any(r is one for one in own)]))
-    rest = [r for r in ordered if not any(r is one for _, group in groups for one in group)]
+        members = set(map(id, _unperturbed(unit, ordered)))
+        members |= {
+            id(r)
+            for r in ordered
+            if (r.condition == "perturbed" and unit_of(r) == unit)
+            or (r.condition == "no_device" and not groups)
+        }
+        groups.append((unit, [r for r in ordered if id(r) in members]))
+    grouped = {id(r) for _, group in groups for r in group}
+    rest = [r for r in ordered if id(r) not in grouped]
     return [*groups, (None, rest)] if rest else groups
 
 
@@ -57,11 +48,14 @@ def _unperturbed(unit: Unit, recordings: Sequence[RecordingInput]) -> list[Recor
     """Return the unperturbed recordings that serve a session and side."""
     session, side = unit
 
-    def alike(recording: RecordingInput) -> int:
+    def agreement(recording: RecordingInput) -> int:
         other = unit_of(recording)[0]
         return 2 if other == session else int("" in (other, session))
 
-    there = [r for r in recordings if r.condition == "unperturbed"]
-    there = [r for r in there if "" in (side, unit_of(r)[1]) or side == unit_of(r)[1]]
-    best = max(map(alike, there), default=0)
-    return [r for r in there if alike(r) == best]
+    unperturbed = [
+        r
+        for r in recordings
+        if r.condition == "unperturbed" and ("" in (side, unit_of(r)[1]) or side == unit_of(r)[1])
+    ]
+    best = max(map(agreement, unperturbed), default=0)
+    return [r for r in unperturbed if agreement(r) == best]

@@ -1,4 +1,4 @@
-"""A participant's recordings made ready: torque, strides, pulses, filtered signals."""
+"""Prepared recordings of a participant: torque, strides, pulses, filtered signals."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,27 +29,18 @@ from jointz.identify.preparation.pulses import (
     pulses_from_table,
     with_measured_amplitudes,
 )
+from jointz.identify.study_kinds import StudyKind
 
 _STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
-#: What friction makes of a torque out of current: no name that a user's own channel would have.
+#: Channel of the friction in a torque from current, a name that no channel of a user has.
 FRICTION_OF_MODEL = "friction of the torque model"
-#: A line of exclusions.csv means the event this near.
+#: A line of exclusions.csv refers to an event within this time.
 SAME_TIME_S = 2e-3
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingInput:
-    """A recording with what the study says about it.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        The recording.
-    calibration : CalibrationSpec
-        What is known of the instruments in it.
-    pulse_table : pandas.DataFrame or None
-        Its pulse table.
-    """
+    """A recording with its calibration and pulse table."""
 
     recording: xr.Dataset
     calibration: CalibrationSpec
@@ -68,50 +59,23 @@ class RecordingInput:
 
 @dataclass(frozen=True, slots=True)
 class ParticipantSettings:
-    """What the study and the caller ask for.
+    """Settings of the study and of the analysis for one participant."""
 
-    Parameters
-    ----------
-    walking : bool
-        Walking or bench.
-    perturbations : PerturbationsSpec
-        Of the study.
-    group_edges : tuple of float
-        Edges of the groups, SI.
-    torque_model : TorqueModelSpec or None
-        Torque out of current.
-    methods : tuple of str
-        The chosen method, then those to compare it with.
-    n_resamples, seed : int
-        Of the bootstrap.
-    mass_kg : float or None
-        The participant's mass.
-    user_exclusions : tuple of UserExclusion
-        The user's own, of this participant.
-    joint, positive : str
-        Which joint, and its positive direction.
-    person : ParticipantSpec or None
-        Who it is: for the mass of the limb.
-    device : DeviceSpec or None
-        What hangs on the limb.
-    prior_scale : float
-        Multiplies what the recommended method expects of K, B and J before the data: results
-        that follow it are not decided by the data.
-    """
-
-    walking: bool
+    kind: StudyKind
     perturbations: PerturbationsSpec
-    group_edges: tuple[float, ...]
-    torque_model: TorqueModelSpec | None
-    methods: tuple[str, ...]
-    n_resamples: int
-    seed: int
-    mass_kg: float | None
-    user_exclusions: tuple[UserExclusion, ...] = ()
+    group_edges: tuple[float, ...] = ()  # SI
+    torque_model: TorqueModelSpec | None = None  # for torque from current
+    methods: tuple[str, ...] = ("recommended",)  # the chosen method, then those to compare it with
+    n_resamples: int = 1000  # of the bootstrap
+    seed: int = 0
+    mass_kg: float | None = None  # of the participant
+    user_exclusions: tuple[UserExclusion, ...] = ()  # of this participant
     joint: str = "knee"
-    positive: str = "flexion"
-    person: ParticipantSpec | None = None
-    device: DeviceSpec | None = None
+    positive: str = "flexion"  # the positive direction of the joint
+    person: ParticipantSpec | None = None  # for the mass of the limb
+    device: DeviceSpec | None = None  # worn on the limb
+    # factor on the priors of K, B and J of the recommended method: estimates that change with it
+    # are not determined by the data
     prior_scale: float = 1.0
 
     @property
@@ -120,16 +84,9 @@ class ParticipantSettings:
         return self.perturbations.timing_points or TIMING_POINTS
 
     def left_out_by(self, file: str, moment_s: float) -> UserExclusion | None:
-        """Return the line by which the user left out the pulse or stride that begins then.
+        """Return the user's exclusion of the pulse or stride that begins at a time.
 
-        The last line about it in ``exclusions.csv`` counts; None where nothing is left out.
-
-        Parameters
-        ----------
-        file : str
-            The recording, as the study names it.
-        moment_s : float, s
-            Onset of the pulse, or heel strike.
+        The last line about it in ``exclusions.csv`` counts; None if it is not excluded.
         """
         lines = [
             e
@@ -141,49 +98,19 @@ class ParticipantSettings:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A recording with its strides, pulses and filtered signals.
+    """A recording with its strides, pulses and filtered signals."""
 
-    Parameters
-    ----------
-    given : RecordingInput
-        The recording; its torque is there.
-    strides : Strides or None
-        None where it has no channel to find strikes in.
-    pulses : tuple of Pulse
-        In order of time.
-    signals : Conditioned
-        Filtered signals; without a stretch for a recording without device.
-    undisturbed : (n_stride,) bool
-        Strides that are accepted, hold no pulse and were not left out by the user.
-    """
-
-    given: RecordingInput
-    strides: Strides | None
-    pulses: tuple[Pulse, ...]
-    signals: Conditioned
-    undisturbed: np.ndarray
+    given: RecordingInput  # the recording, with torque
+    strides: Strides | None  # None if it has no channel with heel strikes
+    pulses: tuple[Pulse, ...]  # in order of time
+    signals: Conditioned  # filtered signals; without a stretch for a recording without device
+    undisturbed: np.ndarray  # accepted strides without a pulse that the user did not exclude
 
 
 def prepare_sources(
     recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> list[Source]:
-    """Make every recording of a participant ready.
-
-    All are brought to the rate of the first perturbed one.
-
-    Parameters
-    ----------
-    recordings : sequence of RecordingInput
-        All recordings of one participant.
-    settings : ParticipantSettings
-        What to do.
-
-    Raises
-    ------
-    DataError
-        When torque or the source of pulses is missing, or the filter does not
-        fit the sampling rate.
-    """
+    """Prepare the recordings of a participant, at the rate of the first perturbed one."""
     if not recordings:
         return []
     unperturbed = [r for r in recordings if r.condition == "unperturbed"]
@@ -235,20 +162,17 @@ def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> Record
 
 
 def _from_true_zero(given: RecordingInput) -> RecordingInput:
-    """Count the angle from the joint's true zero, where it is known.
-
-    Here, once: impedance does not ask for it, but postures, groups and what is shown do.
-    """
+    """Subtract the calibrated zero of the angle, which postures, groups and figures need."""
     zero, recording = given.calibration.angle_zero_rad, given.recording
     if zero is None:
         return given
     angle = recording["angle"]
-    turned = angle.copy(data=angle.to_numpy() - zero.value)
-    return replace(given, recording=recording.assign(angle=turned))
+    shifted = angle.copy(data=angle.to_numpy() - zero.value)
+    return replace(given, recording=recording.assign(angle=shifted))
 
 
 def _strides(given: RecordingInput) -> Strides | None:
-    """Return the strides, None where the recording has no channel to find them in."""
+    """Return the strides, None if the recording has no channel with heel strikes."""
     recording = given.recording
     if not any(name in recording for name in _STRIKE_CHANNELS):
         return None
@@ -265,7 +189,7 @@ def _pulses(
         table=given.pulse_table is not None, command="command" in given.recording
     )
     if given.condition == "unperturbed":
-        # A pulse in the unperturbed condition spoils its stride; only a command can show it.
+        # A pulse in the unperturbed condition disturbs its stride; only a command shows it.
         return pulses_from_command(given.recording) if "command" in given.recording else ()
     if source == "table":
         if given.pulse_table is None:
@@ -288,10 +212,10 @@ def _pulses(
 
 
 def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
-    """Refuse a timing point that the study's own list does not have: most likely a slip."""
+    """Raise DataError for timing points that the study's list does not have."""
     known = settings.perturbations.timing_points
     unknown = {p.timing_point for p in pulses if p.timing_point} - set(known or ())
-    if settings.walking and known and unknown:
+    if settings.kind.by_gait and known and unknown:
         raise DataError(
             f"{file}: its pulse table names the timing point(s) {', '.join(sorted(unknown))}, "
             f"perturbations.timing_points has {', '.join(known)}. Correct one of them.",
@@ -300,13 +224,7 @@ def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettin
 
 
 def usual_source(*, table: bool, command: bool) -> str:
-    """Return where pulses are read off where a study does not say.
-
-    Parameters
-    ----------
-    table, command : bool
-        Whether there is a pulse table, and a channel of what was commanded.
-    """
+    """Return the default source of pulses."""
     if table:
         return "table"
     return "command" if command else "reference"
@@ -315,22 +233,7 @@ def usual_source(*, table: bool, command: bool) -> str:
 def most_alike(
     given: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
 ) -> list[RecordingInput]:
-    """Return the recordings that share most with one: its session, side or trial.
-
-    Parameters
-    ----------
-    given : RecordingInput
-        The recording.
-    others : sequence of RecordingInput
-        Where to choose from.
-    keys : sequence of str
-        Attributes to compare; an earlier one counts more than all later ones.
-
-    Returns
-    -------
-    list of RecordingInput
-        All that are equally alike; without anything in common, all others.
-    """
+    """Return the recordings that share most of session, side or trial with one."""
 
     def shared(other: RecordingInput) -> tuple[bool, ...]:
         return tuple(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)
@@ -345,7 +248,7 @@ def _undisturbed(
     pulses: Sequence[Pulse],
     settings: ParticipantSettings,
 ) -> np.ndarray:
-    """Return which strides are accepted, hold no pulse and were not left out by the user."""
+    """Return the accepted strides without a pulse that the user did not exclude."""
     if strides is None:
         return np.zeros(0, dtype=bool)
     onsets = np.array([p.onset_s for p in pulses])

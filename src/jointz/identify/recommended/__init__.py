@@ -1,1 +1,1 @@
-"""The recommended estimator of walking: prediction, joint and sensor together, refusals."""
+"""The recommended estimator of walking: prediction, joint and sensor, checks."""

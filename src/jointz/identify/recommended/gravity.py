@@ -1,4 +1,4 @@
-"""What gravity adds to the stiffness of a joint: mass of limb and device, posture, correction."""
+"""Gravity stiffness of a joint: masses of limb and device, posture, correction."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,9 +6,9 @@ from math import cos, exp, hypot, isfinite, radians, sin, tau
 from statistics import NormalDist
 from types import MappingProxyType
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.gait_phases import PHASES
 from jointz.core.study import DeviceSpec, ParticipantSpec
+from jointz.results.estimates import ParameterEstimate
 
 #: Name of the estimate that :func:`corrected_stiffness` returns.
 CORRECTED_STIFFNESS = "stiffness_gravity_corrected"
@@ -20,9 +20,9 @@ STANCE_NOTE = (
 
 _GRAVITY = 9.81  # m/s^2
 _STANCE_END_PCT = PHASES["PSW"][1]
-# Adults of both sexes, where nobody wrote a height down.
+# Adults of both sexes, for an unknown height.
 _AVERAGE_HEIGHT_M, _HEIGHT_SD_M = 1.70, 0.10
-# Of mass times distance of the centre: a person against the table; a scale and a tape.
+# Relative sd of mass times distance of the centre: by the table; by a scale and a tape.
 _TABLE_SD, _MEASURED_SD = 0.10, 0.05
 
 
@@ -36,9 +36,9 @@ class _Proportions:
 
 # Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, table 4.1 (mass, centre
 # as a share of the segment) and figure 4.1 (segment as a share of height). The total leg of the
-# table ends at the medial malleolus: hip height .530 less ankle height .039. The ends that the
-# table gives foot and hand (second metatarsal, second knuckle) have no length in the figure:
-# their centres are ours, from .152 and .108 of height, and less certain.
+# table ends at the medial malleolus: hip height .530 less ankle height .039. The figure has no
+# lengths for foot and hand as the table defines them (to the second metatarsal, second knuckle):
+# their centres are estimated from .152 and .108 of height, and less certain.
 _PROPORTIONS: Mapping[str, _Proportions] = MappingProxyType(
     {
         "knee": _Proportions("shank and foot", 0.061, 0.606 * 0.246),
@@ -59,22 +59,12 @@ _THIGH_HARMONICS_DEG = ((15.37, -4.40), (-2.83, -1.27), (-0.30, 1.54))
 
 @dataclass(frozen=True, slots=True)
 class HangingMass:
-    """A mass that turns with the distal segment of a joint.
-
-    Parameters
-    ----------
-    mass_kg, centre_m : float, kg, m
-        The mass, and the distance of its centre from the joint.
-    relative_sd : float
-        Standard deviation of mass times distance, as a share of it.
-    source : str
-        Where the figures come from.
-    """
+    """A mass that turns with the distal segment of a joint."""
 
     mass_kg: float
-    centre_m: float
-    relative_sd: float
-    source: str
+    centre_m: float  # distance of its centre from the joint
+    relative_sd: float  # of mass times distance
+    source: str  # of the values
 
     @property
     def moment_nm(self) -> float:
@@ -89,25 +79,13 @@ class HangingMass:
 
 @dataclass(frozen=True, slots=True)
 class GravityStiffness:
-    """What gravity adds to the apparent stiffness of a joint in one posture.
+    """Stiffness by gravity in one posture: corrected = apparent - value."""
 
-    Parameters
-    ----------
-    value, sd : float, N*m/rad
-        Positive where gravity pulls back: corrected = apparent - value.
-    segment_angle_rad : float
-        Of the distal segment from the vertical, forward positive.
-    source : str
-        Of masses and posture.
-    note : str
-        What the value leaves out; empty where nothing.
-    """
-
-    value: float
+    value: float  # N*m/rad, positive if gravity pulls back
     sd: float
-    segment_angle_rad: float
-    source: str
-    note: str = ""
+    segment_angle_rad: float  # of the distal segment from the vertical, forward positive
+    source: str  # of masses and posture
+    note: str = ""  # on effects that the value does not include
 
 
 def limb_gravity(
@@ -115,58 +93,31 @@ def limb_gravity(
 ) -> HangingMass | None:
     """Return mass and centre of the limb beyond a joint, by the proportions of an average body.
 
-    Parameters
-    ----------
-    mass_kg : float, kg
-        Body mass.
-    height_m : float, m, optional
-        Body height. Without it 1.70 m is taken, with an sd of 0.10 m.
-    joint : str
-        Name of the joint; ``left knee`` is a knee.
-
-    Returns
-    -------
-    HangingMass or None
-        None for a joint without an entry: known are ankle, knee, hip, wrist, elbow, shoulder.
-
-    Raises
-    ------
-    ValueError
-        When mass or height is not a positive number.
-
-    Notes
-    -----
     Shares of body mass and height of Winter (2009), table 4.1 and figure 4.1; of a knee .061 of
     the mass at .606 of .246 of the height. One person differs from the table by about 10 % (1 sd)
     in mass times distance. It misleads for children, amputees and very heavy people: weigh and
     measure, and write ``limb_mass_kg`` and ``limb_centre_m``. Foot and hand: 30 %.
-
-    Examples
-    --------
-    >>> limb = limb_gravity(73.0, 1.74)
-    >>> round(limb.mass_kg, 2), round(limb.centre_m, 3), round(limb.moment_nm, 1)
-    (4.45, 0.259, 11.3)
     """
-    for name, given in (("mass_kg", mass_kg), ("height_m", height_m)):
-        if given is not None and not (isfinite(given) and given > 0.0):
-            raise ValueError(f"limb_gravity: {name}: expected a number above 0, got {given}.")
-    known = _PROPORTIONS.get(_joint(joint))
-    if known is None:
+    for name, value in (("mass_kg", mass_kg), ("height_m", height_m)):
+        if value is not None and not (isfinite(value) and value > 0.0):
+            raise ValueError(f"limb_gravity: {name}: expected a number above 0, got {value}.")
+    limb = _PROPORTIONS.get(_joint(joint))
+    if limb is None:
         return None
-    source = f"{known.segment} by Winter's table 4.1"
+    source = f"{limb.segment} by Winter's table 4.1"
     if height_m is None:
         spread = _HEIGHT_SD_M / _AVERAGE_HEIGHT_M
-        height, sd = _AVERAGE_HEIGHT_M, hypot(known.relative_sd, spread)
+        height, sd = _AVERAGE_HEIGHT_M, hypot(limb.relative_sd, spread)
         source += f", height not given: {height:.2f} m taken"
     else:
-        height, sd = height_m, known.relative_sd
-    return HangingMass(known.mass_share * mass_kg, known.centre_share * height, sd, source)
+        height, sd = height_m, limb.relative_sd
+    return HangingMass(limb.mass_share * mass_kg, limb.centre_share * height, sd, source)
 
 
 def hanging_masses(
     joint: str, person: ParticipantSpec, device: DeviceSpec | None = None
 ) -> tuple[HangingMass, ...]:
-    """Return all that hangs beyond a joint: the limb as measured, else by table, and the device.
+    """Return the masses beyond a joint: limb, as measured or else by table, and device.
 
     Parameters
     ----------
@@ -175,16 +126,16 @@ def hanging_masses(
     person : ParticipantSpec
         The participant of the study.
     device : DeviceSpec, optional
-        What is worn.
+        The device on the limb.
 
     Returns
     -------
     tuple of HangingMass
-        Empty where the limb is not known: a device alone would be half a correction.
+        Empty if the limb is not known: the device alone would be half a correction.
 
     Notes
     -----
-    Values of the study carry an sd of 5 %: what a scale and a tape reach on a body.
+    Values of the study have an sd of 5 %, the accuracy of a scale and a tape on a body.
     """
     limb: HangingMass | None = None
     if person.limb_mass_kg is not None and person.limb_centre_m is not None:
@@ -201,21 +152,9 @@ def hanging_masses(
 def thigh_angle(gait_pct: float) -> float:
     """Return the flexion of the thigh from the vertical in normal walking, rad.
 
-    Parameters
-    ----------
-    gait_pct : float
-        % of the gait cycle.
-
-    Notes
-    -----
     Hip angle of Winter (natural cadence, level ground, young adults) with an upright trunk, as a
     Fourier series of three harmonics. People, speeds and exoskeletons differ from it:
     ``POSTURE_SD_RAD``, 8 deg.
-
-    Examples
-    --------
-    >>> round(thigh_angle(0.0), 2)
-    0.34
     """
     turn = tau * gait_pct / 100.0
     return radians(
@@ -236,49 +175,49 @@ def gravity_stiffness(
     positive: str = "flexion",
     angle_sd_rad: float = 0.0,
 ) -> GravityStiffness | None:
-    r"""Return what gravity adds to the stiffness of a joint at a moment of walking.
+    r"""Return the gravity stiffness of a joint at a moment of walking.
 
     Parameters
     ----------
     masses : sequence of HangingMass
-        All that hangs beyond the joint, see :func:`hanging_masses`.
+        Masses beyond the joint, see :func:`hanging_masses`.
     joint : str
         ``knee`` or ``hip``, with or without a side.
     angle_rad : float
-        Joint angle in the study's positive direction, zero with straight leg and trunk. Best in
-        the middle of the motion that the stiffness was estimated from.
+        Joint angle in the study's positive direction, zero with straight leg and trunk; best at
+        the middle of the motion from which the stiffness was estimated.
     gait_pct : float
         % of the gait cycle at that moment.
     positive : str
         The study's positive direction.
     angle_sd_rad : float
-        Sd of the angle's calibrated zero; 0 adds nothing to that of the posture.
+        Sd of the calibrated zero of the angle, which is added to that of the posture.
 
     Returns
     -------
     GravityStiffness or None
-        None where nothing hangs, or the posture is not known: other joints than knee and hip,
+        None without masses, or if the posture is not known: joints other than knee and hip,
         motion out of the sagittal plane.
 
     Raises
     ------
     ValueError
-        When angle or phase is not finite.
+        If angle or phase is not finite.
 
     Notes
     -----
     Gravity turns a segment at the angle :math:`\alpha` from the vertical with the torque
     :math:`-m g l \sin\alpha`; its slope about a posture is :math:`m g l \cos\alpha`, negative
     when the segment is above the horizontal. For the knee :math:`\alpha` is thigh less knee
-    flexion, for the hip its flexion (trunk upright, straight knee). The thigh is taken as held
-    while the pulse lasts. Errors of masses are independent of each other; that of the posture,
+    flexion, for the hip its flexion (trunk upright, straight knee). The thigh is assumed to be
+    fixed during the pulse. Errors of masses are independent of each other; that of the posture,
     8 deg, is common to all of them. It misleads in stance: see the note of the result.
 
     Examples
     --------
     >>> leg = limb_gravity(73.0, 1.74)
-    >>> found = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
-    >>> round(found.value, 1), round(found.sd, 1)
+    >>> gravity = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
+    >>> round(gravity.value, 1), round(gravity.sd, 1)
     (9.5, 1.3)
     """
     if not (isfinite(angle_rad) and isfinite(gait_pct)):
@@ -307,28 +246,8 @@ def gravity_stiffness(
 def corrected_stiffness(
     apparent: ParameterEstimate, gravity: GravityStiffness
 ) -> ParameterEstimate:
-    """Return the stiffness without what gravity adds, as an estimate of its own.
+    """Return the stiffness without the gravity stiffness, as a separate estimate.
 
-    Parameters
-    ----------
-    apparent : ParameterEstimate
-        ``stiffness``, N*m/rad.
-    gravity : GravityStiffness
-        What to take off.
-
-    Returns
-    -------
-    ParameterEstimate
-        ``stiffness_gravity_corrected``: value, interval, unbounded value and bound moved by
-        ``-gravity.value``. It may be negative. Without a value where ``apparent`` has none.
-
-    Raises
-    ------
-    ValueError
-        When ``apparent`` is not the stiffness of the joint.
-
-    Notes
-    -----
     The ends of the interval move out by the quantile of ``ci_level`` times ``gravity.sd``, in
     quadrature. At a bound the lower end is the bound, which moves and does not widen; the upper
     end is a one-sided limit.
@@ -339,25 +258,25 @@ def corrected_stiffness(
         )
     value, low, high = apparent.value, apparent.ci_low, apparent.ci_high
     free = apparent.unbounded
-    moved = replace(
+    corrected = replace(
         apparent,
         name=CORRECTED_STIFFNESS,
         value=None if value is None else value - gravity.value,
         unbounded=None if free is None else free - gravity.value,
     )
     if value is None or low is None or high is None:
-        return moved
+        return corrected
     one_sided = apparent.status == "at_bound"
     tail = 1.0 - apparent.ci_level if one_sided else 0.5 * (1.0 - apparent.ci_level)
-    own = NormalDist().inv_cdf(1.0 - tail) * gravity.sd
-    below = value - low if one_sided else hypot(value - low, own)
-    above = hypot(high - value, own)
+    reach = NormalDist().inv_cdf(1.0 - tail) * gravity.sd
+    below = value - low if one_sided else hypot(value - low, reach)
+    above = hypot(high - value, reach)
     centre = value - gravity.value
-    return replace(moved, ci_low=centre - below, ci_high=centre + above)
+    return replace(corrected, ci_low=centre - below, ci_high=centre + above)
 
 
 def _joint(name: str) -> str:
-    """Return the joint that a study's free name means, "" where none that is known."""
+    """Return the joint in a name of the study, "" if there is no known one."""
     words = name.lower().replace("_", " ").replace("-", " ").split()
     return next((joint for joint in _PROPORTIONS if joint in words), "")
 

@@ -1,4 +1,4 @@
-"""Pulses that are none: copies, pulses without torque, torque that never reached the joint."""
+"""Pulses to exclude: copies, pulses without torque, torque that did not reach the joint."""
 
 from collections.abc import Sequence
 
@@ -11,48 +11,31 @@ from jointz.identify.preparation.raw_signals import DRIVING, FRICTION, RAW_ANGLE
 from jointz.identify.recommended.unperturbed_prediction import Predicted
 from jointz.kernels.robust_spread import robust_sd
 
-#: A copied window may begin so many samples beside the onset that was logged for it.
+#: A copied window may begin so many samples before or after its logged onset.
 _SHIFTS = 2
-#: Torque below this share of what was commanded, or of what most pulses reached, is none.
+#: Torque below this share of the command, or of what most pulses reached, is none.
 _LEAST_TORQUE = 0.2
-#: High and usual: a level that most of a pulse reaches, a pulse that most pulses are like.
+#: Percentiles: the level of a pulse over its samples, and the usual level over pulses.
 _REACHED_PCT, _LIKE_PCT = 90.0, 75.0
-#: A joint that moves by less than this share of what others do with this torque did not get it ...
-_LEAST_ANSWER = 0.4
-#: ... where walking itself moves it by no more than this share (sd).
-_TELLING = 0.15
-#: Torque of half a pulse in one unperturbed stride of twenty is no accident.
+#: A joint that moves by less than this share of the usual response did not feel the torque, if
+#: walking itself moves it by no more than the second share (sd).
+_LEAST_RESPONSE, _LARGEST_NOISE = 0.4, 0.15
+#: Torque of this share of a pulse, in this share of the unperturbed strides, is from stray pulses.
 _STRAY_SIZE, _STRAY_SHARE = 0.5, 0.05
 _EVERY, _EVEN_SHARE = 5, 1e-2
 
 
 def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: float) -> list[bool]:
-    """Tell which pulses have the very samples of an earlier one.
+    """Return which pulses have the same samples as an earlier one.
 
-    Two windows of a noisy sensor are never the same: identical ones are one window, copied, and
-    a mean over them knows less than it seems to.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle`` and ``torque``, or ``current`` where torque was made of it: what is made
-        of a record is filtered, and no copy is one to the last bit.
-    pulses : sequence of Pulse
-        In order of time.
-    window_s : float, s
-        What is compared, from the onset on.
-
-    Returns
-    -------
-    list of bool
-        The first of each kind is none.
+    Two windows of a noisy sensor are never identical, so that identical ones are copies.
     """
     time = recording["time"].to_numpy()
     driving = "current" if "current" in recording else "torque"
     signals = np.stack([recording[name].to_numpy() for name in ("angle", driving)])
     seen: set[bytes] = set()
     copies = []
-    # One length for all: onsets that lie on a sample fall to either side of it.
+    # One length for all: rounding moves onsets that coincide with a sample.
     n = int(window_s / float(np.median(np.diff(time)))) - 2 * _SHIFTS if time.size > 1 else 0
     for pulse in pulses:
         first = int(np.searchsorted(time, pulse.onset_s))
@@ -64,80 +47,53 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
 
 
 def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
-    """Name the pulses whose torque did not come, or whose torque the joint did not feel.
+    """Return a code for pulses without torque, or whose torque did not reach the joint.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    amplitudes_nm : (n_response,) float, N*m
-        What was commanded, without sign; NaN where that is not known.
-
-    Returns
-    -------
-    list of str
-        ``no_torque``, ``no_response`` or ``""``, one a response.
-
-    Notes
-    -----
-    Torque is compared with the command, or with that of the other pulses. One that was commanded
-    no torque, where others were some, is no pulse. The answer of the joint is its angle along the
-    average response, per torque: pulses of other sizes are alike in it. Where walking alone moves
-    the joint as much, or all pulses failed alike, this tells nothing;
-    :mod:`jointz.identify.recommended.response_checks` looks at the average.
+    Torque is compared with the command, or with that of the other pulses; a command of zero among
+    others is no pulse. The response of the joint is its angle projected on the average response,
+    per torque. This shows nothing if walking alone moves the joint as much, or if all pulses
+    failed; :mod:`jointz.identify.recommended.response_checks` checks the average.
     """
     torque = predicted.responses[:, DRIVING] + predicted.responses[:, FRICTION]
     codes = np.full(len(torque), "", dtype=object)
     if not len(torque):
         return []
     known = bool(np.isfinite(amplitudes_nm).all() and amplitudes_nm.any())
-    # What one of no torque reached is no multiple of it, and no measure for the others.
-    asked = np.where(amplitudes_nm > 0.0, np.maximum(amplitudes_nm, 1e-9), np.inf)
-    size = asked if known else np.ones(len(torque))
-    # Torque of the wrong sign is torque: what it did to the joint tells of that.
+    # A command of zero gives no ratio.
+    commanded = np.where(amplitudes_nm > 0.0, np.maximum(amplitudes_nm, 1e-9), np.inf)
+    size = commanded if known else np.ones(len(torque))
+    # A wrong sign is found by the response of the joint.
     reached = np.percentile(np.abs(torque), _REACHED_PCT, axis=1) / size
     usual = max(1.0 if known else 0.0, float(np.percentile(reached, _LIKE_PCT)))
-    came = reached >= _LEAST_TORQUE * usual
-    codes[~came] = Exclusion.NO_TORQUE.value
-    if came.sum() > 1:
-        felt = _felt(predicted, torque, came)
-        codes[came & ~felt] = Exclusion.NO_RESPONSE.value
+    pushed = reached >= _LEAST_TORQUE * usual
+    codes[~pushed] = Exclusion.NO_TORQUE.value
+    if pushed.sum() > 1:
+        codes[pushed & ~_felt(predicted, torque, pushed)] = Exclusion.NO_RESPONSE.value
     return [str(code) for code in codes]
 
 
 def stray_pulses(predicted: Predicted, amplitude_nm: float) -> bool:
-    """Tell whether the strides that were learned from hold pulses that nobody commanded.
+    """Return whether the unperturbed strides contain pulses.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    amplitude_nm : float, N*m
-        Usual size of a pulse.
-
-    Notes
-    -----
-    That is so where table and signals do not belong together: a table a stride late, a clock
-    that was restarted.
+    This happens if the pulse table does not match the signals: a table that is late by a stride, a
+    clock that was restarted.
     """
     torque = predicted.misses[:, DRIVING] + predicted.misses[:, FRICTION]
     large = np.percentile(np.abs(torque), _REACHED_PCT, axis=1) > _STRAY_SIZE * amplitude_nm
     return bool(large.mean() > _STRAY_SHARE)
 
 
-def _felt(predicted: Predicted, torque: np.ndarray, came: np.ndarray) -> np.ndarray:
-    """Tell which pulses moved the joint as most do, as far as walking lets that be told."""
-    angle, misses = predicted.responses[:, RAW_ANGLE], predicted.misses[:, RAW_ANGLE]
-    # Every few samples: a covariance that few strides can tell of.
-    angle, misses = angle[:, ::_EVERY], misses[:, ::_EVERY]
-    mean = angle[came].mean(axis=0)
+def _felt(predicted: Predicted, torque: np.ndarray, pushed: np.ndarray) -> np.ndarray:
+    """Return which pulses moved the joint as most do; all if walking hides it."""
+    # Every few samples, so that few strides determine the covariance.
+    angle = predicted.responses[:, RAW_ANGLE, ::_EVERY]
+    misses = predicted.misses[:, RAW_ANGLE, ::_EVERY]
     noise = np.cov(misses.T)
     noise += _EVEN_SHARE * np.trace(noise) / len(noise) * np.eye(len(noise))
-    shape = np.linalg.solve(noise, mean)
-    push = torque @ torque[came].mean(axis=0)
-    answer = angle @ shape / np.where(came, push / np.median(push[came]), 1.0)
-    usual = float(np.percentile(answer[came], _LIKE_PCT))
-    by_itself = misses @ shape
-    if not float(robust_sd(by_itself)) <= _TELLING * usual:
+    shape = np.linalg.solve(noise, angle[pushed].mean(axis=0))
+    push = torque @ torque[pushed].mean(axis=0)
+    response = angle @ shape / np.where(pushed, push / np.median(push[pushed]), 1.0)
+    usual = float(np.percentile(response[pushed], _LIKE_PCT))
+    if not float(robust_sd(misses @ shape)) <= _LARGEST_NOISE * usual:
         return np.ones(len(angle), dtype=bool)
-    return np.asarray(answer >= _LEAST_ANSWER * usual)
+    return np.asarray(response >= _LEAST_RESPONSE * usual)

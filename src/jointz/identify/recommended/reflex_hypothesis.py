@@ -1,8 +1,8 @@
-"""What if the muscles answered the stretch, besides: a hypothesis beside every other one.
+"""Hypotheses that the joint also has a stretch reflex.
 
-In the window of a pulse a reflex is late stiffness and less damping: pulses of one direction and
-size hardly tell it from K and B. The joint is not simulated anew; its answer to the torque of a
-reflex is one more linear term beside the parameters that were found.
+In the window of a pulse a reflex resembles late stiffness and less damping, so that pulses of one
+direction and size hardly distinguish it from K and B. The joint is not simulated again: its
+response to the torque of a reflex is added to the estimated parameters as a linear term.
 """
 
 from collections.abc import Sequence
@@ -13,34 +13,21 @@ import numpy as np
 from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
 from jointz.kernels.response_search import K
 
-#: When a reflex of leg muscles begins after the stretch.
+#: Latencies of reflexes of leg muscles after the stretch.
 LATENCIES_S = (0.03, 0.06)
-#: Reflex stiffness over K: as likely below zero (muscles that let go) as above.
+#: Prior sd of reflex stiffness over K, about zero: muscles may also relax.
 _GAIN_SD = 0.3
-#: Time to the peak of a twitch; velocity that counts as a displacement.
+#: Time to the peak of a twitch.
 _TWITCH_S = 0.04
-#: A joint without stiffness may have a reflex: of this share of torque over motion.
+#: Least stiffness that scales a reflex, as a share of torque over motion.
 _LEAST_SIZE = 0.2
 
 
 def reflex_shape(
     i: int, response: CellResponse, posterior: Posterior, *, latency_s: float
 ) -> np.ndarray:
-    """Return what a reflex as large as K would add to the angle of a timing point, (n,) rad.
+    """Return the change of the angle of a timing point by a reflex as large as K, (n,) rad.
 
-    Parameters
-    ----------
-    i : int
-        Which.
-    response : CellResponse
-        Of the timing point.
-    posterior : Posterior
-        Of the joint and its sensor; the motion is taken as the sensor shows it.
-    latency_s : float, s
-        From stretch to the beginning of the torque.
-
-    Notes
-    -----
     Velocity of stretch, half-wave rectified, delayed, through a critically damped twitch
     (Kearney, Stein & Parameswaran 1997, IEEE Transactions on Biomedical Engineering 44, 493).
     """
@@ -56,87 +43,66 @@ def reflex_shape(
 def moved_by(
     i: int, response: CellResponse, posterior: Posterior, *, pull: np.ndarray
 ) -> np.ndarray:
-    """Return the change of the shown angle where the joint is held back besides, (n,) rad.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    response : CellResponse
-        Its response.
-    posterior : Posterior
-        Of the joint and its sensor.
-    pull : (n,) float, rad
-        Torque that holds back, over K.
-    """
+    """Return the change of the measured angle by an additional torque against it, (n,) rad."""
     shown = posterior.fitted[i]
     kick = response_to_kick(posterior, i, period_s=response.period_s, n=shown.size)
-    met = float(np.abs(response.torque.sum(axis=0)).max() / np.abs(shown).max())
-    size = max(float(posterior.point(i)[K]), _LEAST_SIZE * met)
+    resistance = float(np.abs(response.torque.sum(axis=0)).max() / np.abs(shown).max())
+    size = max(float(posterior.point(i)[K]), _LEAST_SIZE * resistance)
     return np.asarray(-size * np.convolve(kick, pull)[: shown.size])
 
 
 def with_reflexes(
     posteriors: Sequence[Posterior], cells: Sequence[CellResponse]
 ) -> list[Posterior]:
-    """Return posteriors without a reflex, and with one of every latency, even chances.
+    """Return posteriors without a reflex and, equally probable, with one of each latency.
 
-    Parameters
-    ----------
-    posteriors : sequence of Posterior
-        Hypotheses without a reflex.
-    cells : sequence of CellResponse
-        The responses of the timing points.
-
-    Notes
-    -----
-    One gain for all timing points, reflex torque over K, joins the parameters. To first order
-    about the mode that is exact elimination of one more column of a regression, whose prior is
-    that of the gain.
+    The gain, reflex torque over K, is common to all timing points. It is added to first order
+    about the mode, as one more column of a regression with its own prior.
     """
     likeliest = max(posteriors, key=lambda p: p.log_evidence)
     weights = [cell.weights() for cell in cells]
-    found = [_less_likely(p, 0.5) for p in posteriors]
+    hypotheses = [_less_likely(p, 0.5) for p in posteriors]
     for latency_s in LATENCIES_S:
         shapes = [
             reflex_shape(i, cell, likeliest, latency_s=latency_s) for i, cell in enumerate(cells)
         ]
-        others = [_joined(p, cells, weights, shapes) for p in posteriors]
-        hypotheses = [replace(p.hypothesis, reflex_s=latency_s) for p in posteriors]
-        found += [
-            _less_likely(replace(p, hypothesis=h), 0.5 / len(LATENCIES_S))
-            for p, h in zip(others, hypotheses, strict=True)
-        ]
-    return found
+        for p in posteriors:
+            reflex = replace(
+                _with_reflex(p, cells, weights, shapes),
+                hypothesis=replace(p.hypothesis, reflex_s=latency_s),
+            )
+            hypotheses.append(_less_likely(reflex, 0.5 / len(LATENCIES_S)))
+    return hypotheses
 
 
 def _less_likely(posterior: Posterior, chance: float) -> Posterior:
     return replace(posterior, log_evidence=posterior.log_evidence + float(np.log(chance)))
 
 
-def _joined(
+def _with_reflex(
     posterior: Posterior,
     cells: Sequence[CellResponse],
     weights: Sequence[np.ndarray],
     shapes: Sequence[np.ndarray],
 ) -> Posterior:
-    """Return the posterior with the gain of a reflex among what was fitted."""
+    """Return the posterior with the gain of a reflex among the fitted parameters."""
     p = posterior
     along = sum(gain @ s for gain, s in zip(p.gains, shapes, strict=True))
     slope = np.linalg.solve(p.bread, along)
-    told = [s @ w for s, w in zip(shapes, weights, strict=True)]
-    curvature = sum(t @ s for t, s in zip(told, shapes, strict=True)) - slope @ along
+    weighted = [s @ w for s, w in zip(shapes, weights, strict=True)]
+    curvature = sum(t @ s for t, s in zip(weighted, shapes, strict=True)) - slope @ along
     curvature += _GAIN_SD**-2
-    left = [c.angle - f for c, f in zip(cells, p.fitted, strict=True)]
-    gain = float(sum(t @ r for t, r in zip(told, left, strict=True)) / curvature)
+    residuals = [c.angle - f for c, f in zip(cells, p.fitted, strict=True)]
+    gain = float(sum(t @ r for t, r in zip(weighted, residuals, strict=True)) / curvature)
     gains = tuple(
-        g - np.outer(along, (t - slope @ g) / curvature) for g, t in zip(p.gains, told, strict=True)
+        g - np.outer(along, (t - slope @ g) / curvature)
+        for g, t in zip(p.gains, weighted, strict=True)
     )
     bread = p.bread + np.outer(along, along) / curvature
     reach = along / (_GAIN_SD * curvature)
     covariance = bread @ p.prior_precision @ bread + np.outer(reach, reach)
     covariance += sum(g @ c.noise @ g.T for g, c in zip(gains, cells, strict=True))
-    # What the other parameters take back: their Jacobian times the change.
+    # Change of the fit by the other parameters: their Jacobian times their change.
     taken = [np.linalg.solve(w, g.T @ slope) for w, g in zip(weights, p.gains, strict=True)]
     return replace(
         p,

@@ -1,4 +1,4 @@
-"""Whether the responses can be those of a joint and its instruments at all; if not, why."""
+"""Checks whether responses can be those of a joint and its instruments."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,41 +14,34 @@ from jointz.identify.preparation.sources import FRICTION_OF_MODEL
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import JointPosterior, inertia_evidence
 
-#: Chance that a good timing point is called a misfit.
+#: Probability that a good timing point is called a misfit.
 _LEVEL = 1e-4
-#: Chance that walking alone makes a response as large, above which there is none.
+#: A response that walking alone makes as large with a higher probability is none.
 _NO_RESPONSE = 1e-3
-#: Sd of walking that the answer of a stiff joint (N*m/rad) must exceed to be missed.
+#: The response of a stiff joint (N*m/rad) must exceed so many sds of walking.
 _CLEAR, _STIFF = 4.0, 300.0
-#: Posterior sd, and a margin, by which the angle must lead the torque to be out of step.
+#: Posterior sds, and a margin, by which the angle leads the torque if they are out of step.
 _SD, _MARGIN_S = 2.0, 0.0005
-#: Sd by which the responses must move a calibrated lag to speak against it, and the share of the
-#: calibration's sd below which they tell nothing of it.
-_CONFLICT, _LEAST_TOLD = 4.5, 0.15
-#: No joint that is walked with turns further; one in degrees that are taken for radians does.
+#: Sds by which the responses move a calibrated lag that they contradict, and the least sd that is
+#: assumed for this, as a share of the calibration's.
+_CONFLICT, _LEAST_SHARE = 4.5, 0.15
+#: Widest range of a walking joint; degrees that are declared as radians exceed it.
 _WIDEST_RAD = np.pi
 _USUAL_PCT = (1.0, 99.0)
-#: Share of a pulse's samples at one and the same largest value that makes a flat top, how alike
-#: they are, and the share of the command below which a flat top is not what was asked for.
-_FLAT_SHARE, _SAME, _ASKED_SHARE = 0.2, 1e-9, 0.95
-#: Below this share of the command a flat top is no torque that came.
-_CAME_SHARE = 0.2
-#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) that the search leaves room for, and an
-#: inertia (kg*m^2) that no limb has.
+#: A flat top has this share of a pulse's samples at the largest value, within a tolerance; it is a
+#: sign of clipping if it lies between these shares of the command.
+_FLAT_SHARE, _SAME = 0.2, 1e-9
+_CLIPPED_SHARES = (0.2, 0.95)
+#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) of the search, and an inertia (kg*m^2) above
+#: that of any limb.
 _LARGEST = (4900.0, 98.0, 5.0)
-#: Odds against a calibrated lag beyond which it is wrong, and beyond which it is doubted.
+#: Odds against a calibrated lag above which it is wrong, and above which it is doubted.
 _ODDS, DOUBTFUL_ODDS = 1e4, 100.0
 _LARGEST_LOG = 700.0
 
 
 def angle_failure(recording: xr.Dataset) -> Failure | None:
-    """Return why the angle cannot be that of a joint in rad.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``angle``.
-    """
+    """Return why the angle cannot be that of a joint in rad, None if it can."""
     angle = recording["angle"].to_numpy()
     angle = angle[np.isfinite(angle)]
     if angle.size == 0:
@@ -58,28 +51,12 @@ def angle_failure(recording: xr.Dataset) -> Failure | None:
 
 
 def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | None:
-    """Return whether the torque looks clipped.
+    """Return a failure if the torque looks clipped.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset
-        With ``torque``, and ``current`` where it was made of it.
-    pulses : sequence of Pulse
-        With amplitudes in N*m.
-
-    Returns
-    -------
-    Failure or None
-        ``torque_saturated`` where the record stands at one and the same largest value in a fifth
-        of a pulse, and that is less than was commanded, but no less than a fifth.
-
-    Notes
-    -----
-    A motor at its limit looks like that, whose torque is true, and so does a sensor at its end,
-    whose torque is not: K, B and J are then too small by one factor, and the fit is as good. What
-    tells the two apart is the shape of the rise, by a factor of the likelihood that a lag which is
-    not known well takes back; so it is not tried. A flat top at the commanded torque is no sign
-    of either.
+    Both a motor at its limit, whose torque is correct, and a saturated sensor, whose torque is too
+    small, clip it; the latter makes K, B and J too small by one factor without a worse fit. The
+    shape of the rise distinguishes them only if the lag is known well, so this is not attempted.
+    A flat top at the commanded torque indicates neither.
     """
     if not pulses or not np.isfinite([p.amplitude for p in pulses]).all():
         return None
@@ -87,7 +64,11 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
     raw = recording["current"].to_numpy() if "current" in recording else torque
     if FRICTION_OF_MODEL in recording:
         torque = torque - recording[FRICTION_OF_MODEL].to_numpy()
-    spans = [np.searchsorted(time, [p.onset_s, p.onset_s + _length(p)]) for p in pulses]
+    durations = [p.duration_s if np.isfinite(p.duration_s) else 0.1 for p in pulses]
+    spans = [
+        np.searchsorted(time, [p.onset_s, p.onset_s + d])
+        for p, d in zip(pulses, durations, strict=True)
+    ]
     inside = [
         (p.sign * raw[a:b], p.sign * torque[a:b]) for p, (a, b) in zip(pulses, spans, strict=True)
     ]
@@ -97,27 +78,14 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
         at_top = record >= top - _SAME * abs(top)
         if record.size and at_top.mean() > _FLAT_SHARE:
             reached = float(np.median(driving[at_top])) / abs(pulse.amplitude)
-            clipped += _CAME_SHARE < reached < _ASKED_SHARE
+            clipped += _CLIPPED_SHARES[0] < reached < _CLIPPED_SHARES[1]
     return Failure.TORQUE_SATURATED if clipped > len(pulses) / 2 else None
-
-
-def _length(pulse: Pulse) -> float:
-    return pulse.duration_s if np.isfinite(pulse.duration_s) else 0.1
 
 
 def shared_failure(
     failures: Mapping[str, Failure | None], shared: Failure
 ) -> dict[str, Failure | None]:
-    """Return failures with one of the instruments for all that it explains.
-
-    Parameters
-    ----------
-    failures : mapping of str to Failure or None
-        Timing point -> why it has no estimate.
-    shared : Failure
-        What was found of sensors and actuator, which all timing points share: a misfit or a sign
-        that seems wrong is its consequence.
-    """
+    """Return failures with one of the instruments in place of those that it explains."""
     explained = (None, Failure.MODEL_MISFIT, Failure.OPPOSITE_SIGN)
     return {
         label: shared if failure in explained else failure for label, failure in failures.items()
@@ -125,22 +93,15 @@ def shared_failure(
 
 
 def response_failure(response: CellResponse) -> Failure | None:
-    """Return why an average response is none, before anything is fitted to it.
+    """Return why an average response cannot be fitted, None if it can.
 
-    Parameters
-    ----------
-    response : CellResponse
-        Of a timing point.
-
-    Notes
-    -----
-    A joint that is moved from rest takes in energy as long as its stiffness is that of a spring,
-    however late the sensor: where it gave energy, torque or angle has the wrong sign.
+    A joint that is moved from rest takes in energy as long as its stiffness is not negative,
+    whatever the lag of the sensor: if it gives energy, torque or angle has the wrong sign.
     """
     angle, torque = response.angle, response.torque.sum(axis=0)
     if float(angle @ response.weights() @ angle) < chi2.ppf(1.0 - _NO_RESPONSE, angle.size):
         error = _CLEAR * float(np.sqrt(np.diag(response.noise).max()))
-        # Where walking would hide a stiff joint's answer too, nothing is decided.
+        # Walking must not hide the response of a stiff joint, too.
         clear = error < float(np.abs(torque).max()) / _STIFF
         return Failure.CONSTANT_ANGLE if clear else None
     work = float(0.5 * (torque[1:] + torque[:-1]) @ np.diff(angle))
@@ -148,20 +109,15 @@ def response_failure(response: CellResponse) -> Failure | None:
 
 
 def common_failure(failures: Mapping[str, Failure | None]) -> dict[str, Failure | None]:
-    """Return failures with that of the most for all, where half of the timing points have one.
+    """Return failures with the most frequent one for all, if half of the timing points fail.
 
-    All share sensors and actuator: the others' answers are no better for having passed. Where
-    most do not move in response, a sign that seems wrong is one of chance.
-
-    Parameters
-    ----------
-    failures : mapping of str to Failure or None
-        Timing point -> why it is not worth a fit.
+    All share sensors and actuator, so that the others are no more reliable. If most do not move
+    in response, a wrong sign is due to chance.
     """
-    found = Counter(failure for failure in failures.values() if failure is not None)
-    if 2 * found.total() < len(failures):
+    counts = Counter(failure for failure in failures.values() if failure is not None)
+    if 2 * counts.total() < len(failures):
         return dict(failures)
-    usual = found.most_common(1)[0][0]
+    usual = counts.most_common(1)[0][0]
     by_chance = Failure.OPPOSITE_SIGN if usual is Failure.CONSTANT_ANGLE else None
     return {
         label: usual if failure in (None, by_chance) else failure
@@ -176,24 +132,11 @@ def lag_odds(
     *,
     window_s: float,
 ) -> float:
-    """Return the odds that the responses give against the lag that was calibrated; 0 without.
+    """Return the odds of the responses against the calibrated lag; 0 without a calibration.
 
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    responses : sequence of CellResponse
-        What was explained.
-    priors : Priors
-        What was known of the lag.
-    window_s : float, s
-        Of the motion.
-
-    Notes
-    -----
-    Evidence with the prior of a lag of which nothing is known, over that with the calibration's.
-    Of a calibration that is right it exceeds x in fewer than one case in x (Markov's inequality),
-    as long as the joint is one that the hypotheses hold.
+    This is the evidence with the prior of an unknown lag over that with the calibration's. For a
+    correct calibration it exceeds x in fewer than one case in x (Markov's inequality), if one of
+    the hypotheses is true.
     """
     unknown = replace(priors, lag_s=Priors().lag_s)
     if priors.lag_s == unknown.lag_s:
@@ -211,32 +154,19 @@ def lag_odds(
 def instrument_failure(
     posterior: JointPosterior, priors: Priors, *, odds: float, longest_s: float
 ) -> Failure | None:
-    """Return whether angle and torque are further apart in time than known, or can be followed.
+    """Return a failure if the lag contradicts its calibration or cannot be modelled.
 
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    priors : Priors
-        What was known of the lag.
-    odds : float
-        From :func:`lag_odds`.
-    longest_s : float, s
-        Lag that the windows have room for.
-
-    Notes
-    -----
-    A calibrated lag may be contradicted by the evidence or, where another hypothesis explains
-    that away, by being moved further than responses which agree with it would.
+    A calibrated lag is contradicted by the odds or, if another hypothesis explains these away, by
+    moving further than responses that agree with it would move it.
     """
     lag = posterior.lag_s()
     mean, sd = priors.lag_s
     if priors.lag_s != Priors().lag_s:
-        # Responses that agree with a calibration move it by what they add to its precision, and
-        # by what hypotheses disagree about.
+        # Responses that agree with a calibration move it by the precision that they add, and by
+        # the difference between hypotheses.
         apart = lag.sources["model"]
         added = sd**2 - (lag.variance - apart)
-        usual = np.sqrt(max(added + apart, (_LEAST_TOLD * sd) ** 2))
+        usual = np.sqrt(max(added + apart, (_LEAST_SHARE * sd) ** 2))
         moved = abs(lag.mean - mean) > _CONFLICT * usual
         return Failure.LAG_OUT_OF_RANGE if moved or odds > _ODDS else None
     if lag.mean > longest_s:
@@ -246,19 +176,8 @@ def instrument_failure(
 
 
 def fit_failure(i: int, posterior: JointPosterior, response: CellResponse) -> Failure | None:
-    """Return whether a joint and its sensor explain the response of a timing point.
+    """Return a failure if no joint and sensor explain the response of a timing point.
 
-    Parameters
-    ----------
-    i : int
-        Which.
-    posterior : JointPosterior
-        Of the participant.
-    response : CellResponse
-        What was explained.
-
-    Notes
-    -----
     The weighted sum of squares is chi-square distributed with at most as many degrees of freedom
     as there are samples, where the model holds; the chance of a false alarm is 1e-4 or less.
     """

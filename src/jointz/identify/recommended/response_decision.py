@@ -1,54 +1,45 @@
-"""From the posterior of a timing point to what is reported: values, intervals, refusals."""
+"""Reported values, intervals and statuses of a timing point, from its posterior."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from jointz.core.codes import Failure
-from jointz.core.estimates import REACH_95, ParameterEstimate, decides
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import relative_sd
-from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.recommended.instrument_knowledge import removed_variances
+from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior, Moments
 from jointz.kernels.bounded_normal import bounded_interval
+from jointz.kernels.response_search import CROSS_TALK, DELAY, FRICTION_GAIN, LAG, SHARED
+from jointz.results.estimates import REACH_95, ParameterEstimate, decides
 
 _LEVEL = 0.95
-#: Share of the variance that the prior's is of an estimate it has twice the sd of: more is not
-#: told by the data.
+#: If the prior has a larger share of an estimate's variance, the data do not determine it.
 _ASSUMED = 0.25
-#: Sd below zero beyond which the bound contradicts the data.
+#: An estimate that is more sds below zero contradicts the bound.
 _BELOW = 4.0
-#: Beyond these logarithms of kg*m^2 an inertia without prior is as good as unknown.
+#: Limits of the logarithm (kg*m^2) of an inertia estimated without prior.
 _LOG_INERTIA_RANGE = (-12.0, 6.0)
-_MADE = "posterior over hypotheses about joint and sensor; errors of virtual pulses, calibration"
+_CI_METHOD = (
+    "posterior over hypotheses about joint and sensor; errors of virtual pulses, calibration"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class NaturalSize:
-    """What K, B and J would be if each alone had answered the torque at the end of the window.
+    """Sizes that K, B and J would have if each alone resisted the torque over the window."""
 
-    Parameters
-    ----------
-    stiffness, damping, inertia : float
-        N*m/rad, N*m*s/rad, kg*m^2.
-    """
-
-    stiffness: float
+    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
     damping: float
     inertia: float
 
     @classmethod
     def of(cls, response: CellResponse) -> "NaturalSize":
-        """Return the sizes of an average response.
-
-        Parameters
-        ----------
-        response : CellResponse
-            Of the timing point.
-        """
+        """Return the sizes for an average response."""
         torque = float(np.abs(response.torque.sum(axis=0)).max())
         angle = float(np.abs(response.angle).max())
         length_s = float(response.samples_s[-1])
@@ -58,28 +49,16 @@ class NaturalSize:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What else goes into the rows of a timing point.
+    """What the estimates of a timing point depend on besides the posterior."""
 
-    Parameters
-    ----------
-    known : CalibrationSpec
-        Gains' sd and the intrinsic impedance.
-    subtract_intrinsic : tuple of str
-        Which of K, B and J still hold the device's own.
-    mass_kg : float or None
-        For values per kg.
-    natural : NaturalSize
-        By which a limit at the bound is measured.
-    """
-
-    known: CalibrationSpec
-    subtract_intrinsic: tuple[str, ...]
-    mass_kg: float | None
-    natural: NaturalSize
+    known: CalibrationSpec  # gains' sd and the intrinsic impedance
+    subtract_intrinsic: tuple[str, ...]  # which of K, B and J still include the device's
+    mass_kg: float | None  # for values per kg
+    natural: NaturalSize  # against which an upper limit is judged
 
     @property
     def gain_sd(self) -> float:
-        """Relative sd of what both gains leave open: common to K, B and J."""
+        """Relative sd of both gains together, common to K, B and J."""
         return float(
             np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
         )
@@ -88,71 +67,30 @@ class Decision:
 def decided_parameters(
     i: int, posterior: JointPosterior, decision: Decision
 ) -> tuple[ParameterEstimate, ...]:
-    """Return K, B, J and the values per kg of a timing point, or why there are none.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration, mass, sizes.
-
-    Returns
-    -------
-    tuple of ParameterEstimate
-        ``undecided`` where the interval reaches further up than half the value, or where a limit
-        at the bound is no small one or that of the prior; failed where a value is below zero by
-        more than its error explains.
-    """
-    rows = [
-        _row(name, m, decision, natural=getattr(decision.natural, name))
-        for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True)
-    ]
+    """Return K, B, J and the values per kg of a timing point, each with its status."""
+    rows = [_row(k, m, decision) for k, m in enumerate(_moments(i, posterior))]
     return (*rows, *per_mass(rows, decision.mass_kg))
 
 
 def error_budget(
     i: int, posterior: JointPosterior, decision: Decision
 ) -> dict[str, dict[str, float]]:
-    """Return where the uncertainty of K, B and J comes from: sd by source, SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration.
-    """
-    budget = {}
-    for name, m in zip(PARAMETERS, _moments(i, posterior), strict=True):
-        entry = getattr(decision.known, f"intrinsic_{name}")
-        budget[name] = {
+    """Return the error of K, B and J by source: sd, SI."""
+    intrinsic_sds = intrinsic_impedance(decision.known)[1].tolist()
+    return {
+        name: {
             **{source: float(np.sqrt(max(v, 0.0))) for source, v in m.sources.items()},
             "gain": decision.gain_sd * abs(m.mean),
-            "intrinsic": 0.0 if entry is None else entry.sd,
+            "intrinsic": intrinsic_sd,
         }
-    return budget
+        for name, m, intrinsic_sd in zip(
+            PARAMETERS, _moments(i, posterior), intrinsic_sds, strict=True
+        )
+    }
 
 
 def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, float]]:
-    """Return the part of each error that measuring the instruments would take away: sd, SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-
-    Returns
-    -------
-    dict
-        K, B and J -> what would be known exactly, by itself -> standard deviation.
-    """
+    """Return by how much measuring each instrument would reduce the errors: sd, SI."""
     sizes = (1.0, 1.0, _moments(i, posterior)[2].mean)  # the posterior's is of the logarithm of J
     picks = posterior.impedance_picks(i)
     return {
@@ -165,20 +103,7 @@ def instrument_shares(i: int, posterior: JointPosterior) -> dict[str, dict[str, 
 
 
 def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tuple[float, float]]]:
-    """Return what the priors of K, B and J did to the estimates of every timing point, SI.
-
-    Parameters
-    ----------
-    posterior : JointPosterior
-        Of the participant.
-    n_points : int
-        How many timing points it has.
-
-    Returns
-    -------
-    list of dict
-        K, B and J -> shift of the value, and variance taken off its error.
-    """
+    """Return how the priors of K, B and J changed value and variance of every estimate, SI."""
     mean, covariance = posterior.without_impedance_priors()
     effects = []
     for i in range(n_points):
@@ -194,25 +119,13 @@ def prior_effects(posterior: JointPosterior, n_points: int) -> list[dict[str, tu
 
 
 def error_covariance(i: int, posterior: JointPosterior, decision: Decision) -> np.ndarray:
-    """Return how the errors of K, B and J go together, (3, 3) SI.
-
-    Parameters
-    ----------
-    i : int
-        Which timing point.
-    posterior : JointPosterior
-        Of the participant.
-    decision : Decision
-        Calibration: errors of the gains are common to K, B and J, those of the intrinsic
-        impedance are not.
-    """
+    """Return the covariance of the errors of K, B and J, (3, 3) SI."""
     values = np.array([moments.mean for moments in _moments(i, posterior)])
     scale = np.array([1.0, 1.0, values[2]])  # the posterior's is of the logarithm of J
-    entries = [getattr(decision.known, f"intrinsic_{name}") for name in PARAMETERS]
-    intrinsic = [0.0 if entry is None else entry.sd**2 for entry in entries]
+    intrinsic = intrinsic_impedance(decision.known)[1] ** 2
     gains = decision.gain_sd**2 * np.outer(values, values)
-    own = posterior.impedance_covariance(i) * np.outer(scale, scale)
-    return np.asarray(own + gains + np.diag(intrinsic))
+    fit = posterior.impedance_covariance(i) * np.outer(scale, scale)
+    return np.asarray(fit + gains + np.diag(intrinsic))
 
 
 def _moments(i: int, posterior: JointPosterior) -> tuple[Moments, Moments, Moments]:
@@ -221,17 +134,16 @@ def _moments(i: int, posterior: JointPosterior) -> tuple[Moments, Moments, Momen
     return posterior.stiffness(i), posterior.damping(i), inertia
 
 
-def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> ParameterEstimate:
-    entry = getattr(decision.known, f"intrinsic_{name}")
-    intrinsic = 0.0 if entry is None else entry.value
+def _row(k: int, moments: Moments, decision: Decision) -> ParameterEstimate:
+    name = PARAMETERS[k]
+    intrinsic, intrinsic_sd = (float(x[k]) for x in intrinsic_impedance(decision.known))
     left_in = intrinsic if name in decision.subtract_intrinsic else 0.0
     value = moments.mean - left_in
-    parts = [np.sqrt(moments.variance), decision.gain_sd * moments.mean]
-    parts.append(0.0 if entry is None else entry.sd)
+    parts = (np.sqrt(moments.variance), decision.gain_sd * moments.mean, intrinsic_sd)
     sd = float(np.linalg.norm(parts))
     if name == "inertia":
-        low, high = (end - left_in for end in _positive_interval(moments.mean, sd))
-        low = max(low, 0.0)
+        factor = float(np.exp(REACH_95 * sd / moments.mean))  # its logarithm was estimated
+        low, high = max(moments.mean / factor - left_in, 0.0), moments.mean * factor - left_in
     else:
         low, high = bounded_interval(value, sd, level=_LEVEL)
     if high <= 0.0 or value < -_BELOW * sd:
@@ -239,8 +151,8 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
         return ParameterEstimate(name, None, None, None, status, unbounded=value)
     at_bound = low == 0.0
     assumed = moments.sources.get("prior", 0.0) > _ASSUMED * moments.variance
-    told = high <= 0.5 * natural and not assumed if at_bound else decides(value, high - value)
-    if not told:
+    small = high <= 0.5 * getattr(decision.natural, name) and not assumed
+    if not (small if at_bound else decides(value, high - value)):
         return ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
     return ParameterEstimate(
         name=name,
@@ -249,18 +161,58 @@ def _row(name: str, moments: Moments, decision: Decision, *, natural: float) -> 
         ci_high=high,
         status="at_bound" if at_bound else "ok",
         ci_level=_LEVEL,
-        ci_method=_MADE,
+        ci_method=_CI_METHOD,
         unbounded=value,
     )
-
-
-def _positive_interval(value: float, sd: float) -> tuple[float, float]:
-    """Return the interval of a mass: its logarithm is what was estimated."""
-    factor = float(np.exp(REACH_95 * sd / value))
-    return value / factor, value * factor
 
 
 def _exponential(moments: Moments) -> Moments:
     """Return the moments of exp(x), to first order."""
     value = float(np.exp(moments.mean))
     return Moments(value, {name: value**2 * v for name, v in moments.sources.items()})
+
+
+#: Measurable property of the instruments -> the shared parameters that sum to it.
+_MEASURABLE: Final[Mapping[str, Sequence[int]]] = {
+    "lag": (LAG, DELAY),
+    "friction": (FRICTION_GAIN,),
+    "cross_talk": (CROSS_TALK,),
+}
+#: Nodes and weights of a mean over a normal distribution.
+_NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+
+
+def removed_variances(posterior: JointPosterior, picks: np.ndarray) -> dict[str, float]:
+    """Return by how much knowing each instrument would reduce the variance of a sum of parameters.
+
+    By the law of total variance, the remaining variance is the mean, over the distribution of the
+    instrument, of the variance given its value, both within the hypotheses and between them, whose
+    probabilities depend on that value. Errors are taken as normal, effects as linear about each
+    mode.
+    """
+    removed = {}
+    for name, places in _MEASURABLE.items():
+        instrument = np.zeros(picks.size)
+        instrument[[picks.size - SHARED + place for place in places]] = 1.0
+        removed[name] = _removed(posterior, picks, instrument)
+    return removed
+
+
+def _removed(posterior: JointPosterior, picks: np.ndarray, instrument: np.ndarray) -> float:
+    weights, hypotheses = posterior.weights, posterior.posteriors
+    means, values = (np.array([x @ p.values for p in hypotheses]) for x in (picks, instrument))
+    spread, shared = (
+        np.array([x @ p.covariance @ instrument for p in hypotheses]) for x in (instrument, picks)
+    )
+    slopes, sds = shared / spread, np.sqrt(spread)
+    between = float(weights @ (means - weights @ means) ** 2)
+    nodes = values[:, None] + sds[:, None] * _NODES
+    chances = weights[:, None] * _NODE_WEIGHTS / _NODE_WEIGHTS.sum()
+    off = nodes.ravel()[:, None] - values
+    likely = np.log(np.maximum(weights, 1e-300)) - 0.5 * (off / sds) ** 2 - np.log(sds)
+    likely = np.exp(likely - likely.max(axis=1, keepdims=True))
+    likely /= likely.sum(axis=1, keepdims=True)
+    conditional = means + slopes * off
+    middles = (likely * conditional).sum(axis=1, keepdims=True)
+    remaining = float(chances.ravel() @ (likely * (conditional - middles) ** 2).sum(axis=1))
+    return max(float(weights @ (slopes * shared)) + between - remaining, 0.0)

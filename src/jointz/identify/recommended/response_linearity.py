@@ -1,30 +1,30 @@
-r"""Whether pulses of both directions, and of several sizes, are answered as by a linear joint.
+r"""Test whether a joint responds linearly to pulses of both directions and several sizes.
 
-A reflex that acts in one direction, a contact, or a stiffness that falls with the displacement
-leave an average response that a linear joint explains: stiffness, damping and their drift follow
-it. Only pulses that differ can tell.
+A reflex in one direction, a contact, or a stiffness that falls with displacement leaves an average
+response that a linear joint can explain. Only pulses that differ reveal it.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.stats import norm
 
 from jointz.core.codes import Doubt
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S, moved_by, reflex_shape
 from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
 from jointz.identify.recommended.response_posterior import JointPosterior
 from jointz.identify.recommended.walking_responses import PredictedCell
 from jointz.kernels.response_search import J_DEVIATION, LOG_J, PER_POINT, SHARED, B, K
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 
-#: Chance that a linear joint is called another, a participant and a kind of pulses.
+#: Probability that a linear joint is doubted, for each participant and kind of comparison.
 LEVEL = 1e-3
-#: Pulses of each kind at a timing point, below which nothing is compared there.
+#: Fewest pulses of each kind that are compared at a timing point.
 FEWEST = 8
-#: Sizes whose spread (sd) is a smaller share of their mean are one.
+#: Sizes with a smaller relative sd count as one size.
 _ONE_SIZE = 0.15
 _COMPARED = (Doubt.RESPONSES_DIFFER_WITH_DIRECTION, Doubt.RESPONSES_NOT_PROPORTIONAL)
 _TINY = 1e-300
@@ -32,32 +32,23 @@ _TINY = 1e-300
 
 @dataclass(frozen=True, slots=True)
 class Contrast:
-    """How responses differ between kinds of pulses, against what chance does.
+    """A difference of responses between kinds of pulses, and its significance."""
 
-    Parameters
-    ----------
-    doubt : Doubt
-        What it would mean.
-    p_value : float
-        Of the most telling of the comparisons, times their number.
-    shifts : mapping of str to (3,) float
-        Timing point -> what the difference does to K (N*m/rad), B (N*m*s/rad) and the logarithm
-        of J of the average pulse, if one direction alone has it; empty for sizes.
-    """
-
-    doubt: Doubt
-    p_value: float
+    doubt: Doubt  # raised by a significant difference
+    p_value: float  # the smallest of the comparisons, times their number
+    # timing point -> change of K (N*m/rad), B (N*m*s/rad) and log J of the average pulse by the
+    # difference, if one direction alone has it; empty for sizes
     shifts: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
-    def stands(self) -> bool:
-        """Whether a linear joint would hardly differ as much."""
+    def significant(self) -> bool:
+        """Whether the difference is significant."""
         return self.p_value < LEVEL
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Told:
-    """What one timing point tells: coefficient, its variance and weight for every shape."""
+class _Projection:
+    """Coefficient of every shape at one timing point, its variance and weight."""
 
     coefficient: np.ndarray
     variance: np.ndarray
@@ -70,23 +61,6 @@ def contrasts(
 ) -> tuple[Contrast, ...]:
     r"""Compare the responses to pulses of both directions, and of several sizes.
 
-    Parameters
-    ----------
-    cells : sequence of PredictedCell
-        The timing points of a participant.
-    responses : sequence of CellResponse
-        Their average responses.
-    posterior : JointPosterior
-        What explains these.
-
-    Returns
-    -------
-    tuple of Contrast
-        Of directions where some timing point has eight pulses of each, of sizes where some has
-        eight below and eight above the middle; none else.
-
-    Notes
-    -----
     What the measured torque does not explain of every response is projected on what a change of
     the stiffness, and a late answer (30 ms, twitch of 40 ms, to the velocity of stretch) would
     make of it, weighted with the noise. The projections are regressed on the size of the pulse,
@@ -101,38 +75,24 @@ def contrasts(
     pulses of one direction and size, is not seen. For sizes, a half-wave-rectified reflex without
     threshold is proportional too.
     """
-    found = []
+    results = []
     for doubt in _COMPARED:
-        told = [
-            one
+        projections = [
+            projection
             for i, (cell, response) in enumerate(zip(cells, responses, strict=True))
-            if (one := _told(doubt, i, cell, response, posterior)) is not None
+            if (projection := _projection(doubt, i, cell, response, posterior)) is not None
         ]
-        if told:
-            contrast, sizes = _together(doubt, told, posterior.friction_gain().variance)
+        if projections:
+            contrast, sizes = _pooled(doubt, projections, posterior.friction_gain().variance)
             if doubt is Doubt.RESPONSES_DIFFER_WITH_DIRECTION:
                 contrast = replace(contrast, shifts=_shifts(sizes, cells, responses, posterior))
-            found.append(contrast)
-    return tuple(found)
+            results.append(contrast)
+    return tuple(results)
 
 
-def doubted(estimate: CellEstimate, found: Sequence[Contrast]) -> CellEstimate:
-    """Widen a timing point's intervals by what a difference between directions does to them.
-
-    Parameters
-    ----------
-    estimate : CellEstimate
-        Of the recommended method.
-    found : sequence of Contrast
-        From :func:`contrasts`; those that do not stand change nothing.
-
-    Returns
-    -------
-    CellEstimate
-        A value is ``undecided`` where its interval then reaches further than half of it. The
-        budget counts the difference as one between models.
-    """
-    shifts = [c.shifts[estimate.timing_point] for c in found if c.stands and c.shifts]
+def doubted(estimate: CellEstimate, compared: Sequence[Contrast]) -> CellEstimate:
+    """Widen the intervals of a timing point by the effect of a difference between directions."""
+    shifts = [c.shifts[estimate.timing_point] for c in compared if c.significant and c.shifts]
     if not shifts:
         return estimate
     sizes = {p.name: p.unbounded or 0.0 for p in estimate.parameters}
@@ -145,7 +105,7 @@ def doubted(estimate: CellEstimate, found: Sequence[Contrast]) -> CellEstimate:
     rows = tuple(_widened(row, reach.get(row.name, 0.0)) for row in estimate.parameters)
     corrected = estimate.gravity_corrected
     if corrected is not None:
-        corrected = _widened(corrected, reach["stiffness"]) if rows[0].stands else None
+        corrected = _widened(corrected, reach["stiffness"]) if rows[0].available else None
     budget = {
         name: {**sources, "model": float(np.hypot(sources["model"], reach[name] / REACH_95))}
         for name, sources in estimate.budget.items()
@@ -159,14 +119,14 @@ def _widened(row: ParameterEstimate, reach: float) -> ParameterEstimate:
     low, high = max(row.ci_low - reach, 0.0), row.ci_high + reach
     if row.status == "ok" and not decides(row.value, 0.5 * (high - low)):
         return ParameterEstimate(row.name, None, None, None, "undecided", unbounded=row.unbounded)
-    made = f"{row.ci_method}; widened by the difference between directions"
-    return replace(row, ci_low=low, ci_high=high, ci_method=made)
+    method = f"{row.ci_method}; widened by the difference between directions"
+    return replace(row, ci_low=low, ci_high=high, ci_method=method)
 
 
-def _told(
+def _projection(
     doubt: Doubt, i: int, cell: PredictedCell, response: CellResponse, posterior: JointPosterior
-) -> _Told | None:
-    """Return what a timing point tells of a doubt; None where too few pulses differ."""
+) -> _Projection | None:
+    """Return the projections of a timing point; None if too few pulses differ."""
     n, best = response.angle.size, posterior.best
     responses = cell.predicted.responses[cell.kept][:, :, :n]
     signs = np.array([c.pulse.sign for c in cell.used])
@@ -179,14 +139,14 @@ def _told(
     kick = response_to_kick(best, i, period_s=response.period_s, n=n)
     shapes = _shapes(i, response, best)
     weighted = response.weights() @ shapes.T
-    lower = np.tril(kick[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
+    lower = toeplitz(kick, np.zeros(n))
     scores = (responses[:, 0] - torque @ lower.T) @ weighted
     inverse = np.linalg.pinv(design)
     freedom = len(design) - design.shape[1]
     scatter = ((scores - design @ (inverse @ scores)) ** 2).sum(axis=0) / freedom
     # What the prediction misses on average turns its sign with the pulse.
     common = float(inverse[0] @ signs) ** 2 / cell.predicted.n_strides
-    return _Told(
+    return _Projection(
         coefficient=inverse[0] @ scores,
         variance=scatter * (float(inverse[0] @ inverse[0]) + common),
         by_friction=inverse[0] @ responses[:, 2] @ lower.T @ weighted,
@@ -195,7 +155,7 @@ def _told(
 
 
 def _design(doubt: Doubt, sizes: np.ndarray, signs: np.ndarray) -> np.ndarray | None:
-    """Return what responses are regressed on, first what is zero of a linear joint, (n, k)."""
+    """Return the regressors, first the one whose coefficient is zero if linear, (n, k)."""
     both = min((signs > 0).sum(), (signs < 0).sum()) >= FEWEST
     larger = sizes > sizes.mean()
     several = min(larger.sum(), (~larger).sum()) >= FEWEST
@@ -209,7 +169,7 @@ def _design(doubt: Doubt, sizes: np.ndarray, signs: np.ndarray) -> np.ndarray | 
 
 
 def _shapes(i: int, response: CellResponse, posterior: Posterior) -> np.ndarray:
-    """Return what more stiffness, and a reflex, would add to the angle, (2, n) rad."""
+    """Return the change of the angle by more stiffness and by a reflex, (2, n) rad."""
     stiffer = moved_by(i, response, posterior, pull=posterior.fitted[i])
     reflex = reflex_shape(i, response, posterior, latency_s=LATENCIES_S[0])
     return np.stack([stiffer, reflex])
@@ -221,15 +181,15 @@ def _shifts(
     responses: Sequence[CellResponse],
     posterior: JointPosterior,
 ) -> dict[str, np.ndarray]:
-    """Return what shapes of these sizes do to every timing point, those too that told nothing."""
+    """Return the change of K, B and log J of every timing point by shapes of these sizes."""
     return {
-        cell.label: sizes @ _moved(i, _shapes(i, response, posterior.best), posterior)
+        cell.label: sizes @ _impedance_change(i, _shapes(i, response, posterior.best), posterior)
         for i, (cell, response) in enumerate(zip(cells, responses, strict=True))
     }
 
 
-def _moved(i: int, shapes: np.ndarray, posterior: JointPosterior) -> np.ndarray:
-    """Return what the shapes in the average do to K, B and the logarithm of J, (2, 3)."""
+def _impedance_change(i: int, shapes: np.ndarray, posterior: JointPosterior) -> np.ndarray:
+    """Return the change of K, B and log J by each shape in the average response, (2, 3)."""
     first, n = PER_POINT * i, posterior.best.values.size
     gains = sum(
         w * p.gains[i] for w, p in zip(posterior.weights, posterior.posteriors, strict=True)
@@ -239,16 +199,17 @@ def _moved(i: int, shapes: np.ndarray, posterior: JointPosterior) -> np.ndarray:
     return np.asarray(shapes @ np.stack([gains[first + K], gains[first + B], inertia]).T)
 
 
-def _together(
-    doubt: Doubt, told: Sequence[_Told], friction_variance: float
+def _pooled(
+    doubt: Doubt, projections: Sequence[_Projection], friction_variance: float
 ) -> tuple[Contrast, np.ndarray]:
-    """Test each shape over all timing points together; say how large the likelier one is, (2,)."""
-    coefficient = np.sum([one.coefficient for one in told], axis=0)
-    weight = np.sum([one.weight for one in told], axis=0)
-    # The friction gain is the same for all: its error adds up.
-    by_friction = np.sum([one.by_friction for one in told], axis=0)
-    variance = np.sum([one.variance for one in told], axis=0) + by_friction**2 * friction_variance
-    pooled = np.abs(coefficient) / np.sqrt(variance + _TINY)
-    p_value = min(1.0, pooled.size * float(2.0 * norm.sf(pooled.max())))
-    sizes = np.where(pooled == pooled.max(), coefficient / (weight + _TINY), 0.0)
+    """Test each shape over all timing points; return the size of the more significant, too."""
+    coefficient = np.sum([p.coefficient for p in projections], axis=0)
+    weight = np.sum([p.weight for p in projections], axis=0)
+    # The friction gain is common to all timing points, so that its error adds up.
+    by_friction = np.sum([p.by_friction for p in projections], axis=0)
+    variance = np.sum([p.variance for p in projections], axis=0)
+    variance = variance + by_friction**2 * friction_variance
+    ratio = np.abs(coefficient) / np.sqrt(variance + _TINY)
+    p_value = min(1.0, ratio.size * float(2.0 * norm.sf(ratio.max())))
+    sizes = np.where(ratio == ratio.max(), coefficient / (weight + _TINY), 0.0)
     return Contrast(doubt, p_value), sizes

@@ -40,11 +40,10 @@ _SUBSTEP_S = 1e-3
 _PASSES, _FIRST_PASSES = 40, 30
 #: White noise added to that of the data before it is inverted, share of its mean variance.
 _EVEN_SHARE = 1e-3
-#: Over which part of the cycle the curve through the timing points is alike: about their
-#: distance.
+#: Length scale of the curve through the timing points, cycles: about their distance.
 _CURVE_CYCLES = 0.16
 _ANY_LEVEL, _CURVE_NUGGET = 10.0, 1e-4
-#: What the search may reach: parameters of a point, then the shared ones.
+#: Limits of the search: parameters of a point, then the shared ones.
 _POINT_RANGE = np.array([[-500.0, 5000.0], [-3, 3], [-5.0, 100.0], [-3, 3], [-1.5, 1.5]])
 _SHARED_RANGE = np.array(
     [
@@ -61,35 +60,16 @@ _SHARED_RANGE = np.array(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellResponse:
-    """The average response of a timing point.
+    """The average response of a timing point."""
 
-    Parameters
-    ----------
-    label : str
-        The timing point.
-    angle : (n,) float, rad
-        From the first sample on.
-    torque : (2, n) float, N*m
-        Without friction, and friction.
-    noise : (n, n) float, rad^2
-        Covariance of the error of the average angle.
-    period_s : float, s
-        Between samples.
-    phase : float
-        Of the onset, cycles; NaN where unknown.
-    stride_s : float, s
-        Duration of a stride.
-    lead_s : float, s
-        The first sample is so much before the onset; the joint is at rest there.
-    """
-
-    label: str
-    angle: np.ndarray
-    torque: np.ndarray
-    noise: np.ndarray
-    period_s: float
-    phase: float
-    stride_s: float
+    label: str  # the timing point
+    angle: np.ndarray  # from the first sample on
+    torque: np.ndarray  # without friction, and friction
+    noise: np.ndarray  # covariance of the error of the average angle
+    period_s: float  # s: between samples
+    phase: float  # of the onset, cycles; NaN where unknown
+    stride_s: float  # s: duration of a stride
+    # s: time from the first sample, with the joint at rest, to the onset
     lead_s: float = 0.0
 
     @property
@@ -98,10 +78,9 @@ class CellResponse:
         return np.asarray(np.arange(self.angle.size) * self.period_s)
 
     def weights(self) -> np.ndarray:
-        """Return the inverse of the noise, made safe where few strides tell of it.
+        """Return the inverse of the noise covariance, regularised.
 
-        A covariance of n samples from m strides has directions without noise where m is small;
-        those would decide everything.
+        A covariance from few strides has directions without noise, which would dominate a fit.
         """
         n = self.angle.size
         even = _EVEN_SHARE * np.trace(self.noise) / n * np.eye(n)
@@ -110,38 +89,22 @@ class CellResponse:
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """What is known before the data, as mean and sd; wide where little is.
+    """Prior means and sds."""
 
-    Parameters
-    ----------
-    stiffness, damping, log_inertia : tuple of float
-        N*m/rad, N*m*s/rad, logarithm of kg*m^2. Normal: they cover zero and below.
-    lag_s, delay_s : tuple of float, s
-        Of the angle behind the torque in all; of the pure delay in it.
-    friction_gain, cross_talk : tuple of float
-        True over stated friction; rad/(N*m).
-    log_resonance, resonance_damping : tuple of float
-        Logarithm of Hz; ratio.
-    """
-
+    # N*m/rad, N*m*s/rad, logarithm of kg*m^2; K and B are normal and include negative values
     stiffness: tuple[float, float] = (60.0, 100.0)
     damping: tuple[float, float] = (2.5, 4.0)
     log_inertia: tuple[float, float] = (float(np.log(0.08)), 1.0)
+    # s: of the angle behind the torque in all; of the pure delay in it
     lag_s: tuple[float, float] = (0.012, 0.010)
-    delay_s: tuple[float, float] = (0.002, 0.00115)
-    friction_gain: tuple[float, float] = (1.0, 0.2)
+    delay_s: tuple[float, float] = (0.002, 0.00115)  # s
+    friction_gain: tuple[float, float] = (1.0, 0.2)  # true over stated friction; rad/(N*m)
     cross_talk: tuple[float, float] = (0.0, 3e-4)
-    log_resonance: tuple[float, float] = (float(np.log(30.0)), 0.4)
+    log_resonance: tuple[float, float] = (float(np.log(30.0)), 0.4)  # logarithm of Hz; ratio
     resonance_damping: tuple[float, float] = (0.3, 0.1)
 
     def scaled(self, factor: float) -> "Priors":
-        """Return priors whose medians of K, B and J are multiplied.
-
-        Parameters
-        ----------
-        factor : float
-            Of the medians; the sd of K and B with them.
-        """
+        """Return priors whose medians of K, B and J are multiplied."""
         (k, k_sd), (b, b_sd), (j, j_sd) = self.stiffness, self.damping, self.log_inertia
         return replace(
             self,
@@ -153,83 +116,37 @@ class Priors:
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What may be true of the joint and the sensor.
+    """A hypothesis about the joint and the sensor."""
 
-    Parameters
-    ----------
-    inertia_sd : float
-        Relative sd of the points' inertias about the shared one.
-    drift_sd : float
-        Sd of what K and B change over the window, over their size.
-    follows_curve : bool
-        Whether K and B change as the curve through the timing points does, besides.
-    resonance : bool
-        Whether soft tissue resonates between joint and sensor.
-    chance : float
-        Before the data.
-    reflex_s : float, s
-        Latency of a reflex; 0: there is none.
-    """
-
-    inertia_sd: float
-    drift_sd: float
+    inertia_sd: float  # relative sd of the points' inertias about the shared one
+    drift_sd: float  # relative sd of the change of K and B over the window
+    # whether K and B also follow the curve through the timing points
     follows_curve: bool = False
-    resonance: bool = False
-    chance: float = 1.0
-    reflex_s: float = 0.0
+    resonance: bool = False  # whether soft tissue resonates between joint and sensor
+    chance: float = 1.0  # prior probability
+    reflex_s: float = 0.0  # s: latency of a reflex; 0: there is none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Mode and covariance under one hypothesis.
-
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        Which.
-    values : (p,) float
-        Parameters: those of the points one after the other, then the shared ones.
-    covariance : (p, p) float
-        Of their error: sandwich of the covariance of the responses and the priors.
-    bread : (p, p) float
-        Inverse of the curvature.
-    prior_precision : (p, p) float
-        Curvature that the priors add.
-    prior_mean : (p,) float
-        Where the priors have their means.
-    log_evidence : float
-        Of the responses, by Laplace's approximation, plus that of the hypothesis before the
-        data; up to a constant that all hypotheses share.
-    gains : tuple of (p, n) float
-        Of every point: bread times Jacobian times weights, from angle to parameters.
-    fitted : tuple of (n,) float, rad
-        Simulated angles.
-    middle_s : (n_point, 3) float, s
-        When, from the first sample, K, B and J have the values given.
-    reflex_reach : (p,) float
-        What one sd of a reflex that the responses leave open does to the parameters.
-    """
+    """Mode and covariance under one hypothesis."""
 
     hypothesis: Hypothesis
-    values: np.ndarray
-    covariance: np.ndarray
-    bread: np.ndarray
-    prior_precision: np.ndarray
+    values: np.ndarray  # parameters of the points one after the other, then the shared ones
+    covariance: np.ndarray  # sandwich of the covariance of the responses and the priors
+    bread: np.ndarray  # inverse of the curvature
+    prior_precision: np.ndarray  # curvature that the priors add
     prior_mean: np.ndarray
+    # by Laplace's approximation, with the prior probability; up to a common constant
     log_evidence: float
+    # of every point: bread times Jacobian times weights, from angle to parameters
     gains: tuple[np.ndarray, ...]
-    fitted: tuple[np.ndarray, ...]
-    middle_s: np.ndarray
-    reflex_reach: np.ndarray
+    fitted: tuple[np.ndarray, ...]  # simulated angles
+    middle_s: np.ndarray  # times from the first sample at which K, B and J hold
+    reflex_reach: np.ndarray  # change of the parameters by one sd of the reflex
 
     def point(self, i: int) -> np.ndarray:
-        """Return the parameters of a timing point, (5,).
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the parameters of a timing point, (5,)."""
         return self.values[PER_POINT * i : PER_POINT * (i + 1)]
 
     @property
@@ -249,19 +166,7 @@ class Posterior:
 
 
 class ResponseModel:
-    """Finds the posterior mode under one hypothesis.
-
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    hypothesis : Hypothesis
-        What is taken to be true.
-    window_s : float, s
-        Of the motion: the angle is looked at so long, and the lag longer.
-    """
+    """Finds the posterior mode under one hypothesis."""
 
     def __init__(
         self,
@@ -278,13 +183,7 @@ class ResponseModel:
         self._suppose(hypothesis)
 
     def under(self, hypothesis: Hypothesis) -> "ResponseModel":
-        """Return the model of the same responses under another hypothesis.
-
-        Parameters
-        ----------
-        hypothesis : Hypothesis
-            What is taken to be true instead.
-        """
+        """Return the model of the same responses under another hypothesis."""
         other = copy(self)
         other._suppose(hypothesis)
         return other
@@ -309,36 +208,18 @@ class ResponseModel:
         )
 
     def fit(self, start: np.ndarray) -> Posterior:
-        """Return the posterior mode, from a start that may be far off.
-
-        Parameters
-        ----------
-        start : (p,) float
-            Where to begin; see :meth:`start`.
-        """
+        """Return the posterior mode, from a start that may be far off."""
         values, _, _ = search(start, self._responses, self._frame, _FIRST_PASSES)
         return self.refine(values)
 
     def refine(self, start: np.ndarray) -> Posterior:
-        """Return the posterior mode, from parameters of another hypothesis or window.
-
-        Parameters
-        ----------
-        start : (p,) float
-            Parameters over the same points.
-        """
+        """Return the posterior mode, from parameters of another hypothesis or window."""
         self._refer(start)
         values, cost, curvature = search(start, self._responses, self._frame, _PASSES)
         return self._posterior(values, cost, curvature)
 
     def start(self, *, inertia: float) -> np.ndarray:
-        """Return parameters to begin a search from.
-
-        Parameters
-        ----------
-        inertia : float, kg*m^2
-            Of all points.
-        """
+        """Return parameters to begin a search from."""
         values = self._frame.mean.copy()
         points = values[:-SHARED].reshape(-1, PER_POINT)
         points[:, K], points[:, B] = 40.0, 2.0
@@ -347,23 +228,23 @@ class ResponseModel:
         return values
 
     def _refer(self, values: np.ndarray) -> None:
-        """Measure drifts by the K and B found, and give K, B, J at the middle of their weight."""
+        """Scale drifts by K and B, and set the times at which K, B and J hold."""
         points = values[:-SHARED].reshape(-1, PER_POINT)
         sizes = np.maximum(np.abs(points[:, [K, B]]), (K_FLOOR, B_FLOOR))
         middles = self._frame.middle_s.copy()
         for i, cell in enumerate(self._cells):
-            found = self._middle_of(cell, points[i], values[-SHARED:])
-            if found is not None:
-                middles[i] = found
+            middle = self._middle_of(cell, points[i], values[-SHARED:])
+            if middle is not None:
+                middles[i] = middle
         self._frame = self._frame._replace(size_per_s=sizes / self._window_s, middle_s=middles)
 
     def _middle_of(
         self, cell: CellResponse, point: np.ndarray, shared: np.ndarray
     ) -> np.ndarray | None:
-        """Return when the response tells of K, B and J, on average; None where it does not.
+        """Return the mean times at which the response depends on K, B and J; None if it does not.
 
-        A change at time t moves the angle from then on; least squares on the angle weighs it by
-        what it does to the value for the whole window.
+        A change at time t moves the angle from then on; least squares on the angle weights it by
+        its effect on the value for the whole window.
         """
         n = int((cell.lead_s + self._window_s) / cell.period_s + 1e-9) + 1
         torque = cell.torque[:, :n]
@@ -377,8 +258,8 @@ class ResponseModel:
         times = np.arange(n) * cell.period_s
         middles = []
         for motion in (x, v, np.gradient(v, cell.period_s)):
-            told = np.convolve(response, motion)[:n]
-            weight = motion * np.convolve(response, told[::-1])[:n][::-1]
+            effect = np.convolve(response, motion)[:n]
+            weight = motion * np.convolve(response, effect[::-1])[:n][::-1]
             total = weight.sum()
             if not total > 0.0:
                 return None
@@ -439,19 +320,7 @@ def _padded(cells: Sequence[CellResponse]) -> Responses:
 
 
 def response_to_kick(posterior: Posterior, i: int, *, period_s: float, n: int) -> np.ndarray:
-    """Return the angle shown after one sample of torque of 1 N*m, (n,) rad/(N*m).
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Of the joint and its sensor.
-    i : int
-        Which timing point.
-    period_s : float, s
-        Between samples.
-    n : int
-        Samples wanted.
-    """
+    """Return the measured angle after one sample of torque of 1 N*m, (n,) rad/(N*m)."""
     shared = posterior.shared
     impedance = _steady(posterior.point(i), shared)
     kick = np.zeros((2, n + 1))
@@ -483,7 +352,7 @@ def _prior_moments(priors: Priors, hypothesis: Hypothesis, n: int) -> tuple[np.n
     point = [priors.stiffness, drift, priors.damping, drift, (0.0, hypothesis.inertia_sd)]
     shared = [
         priors.log_inertia,
-        # A calibration tells of lag and delay together; alone the lag may be anything.
+        # A calibration limits the sum of lag and delay, not the lag alone.
         (priors.lag_s[0], 0.05),
         priors.delay_s,
         priors.friction_gain,

@@ -1,11 +1,10 @@
-"""All hypotheses about joint and sensor together, weighted by what the responses say of them."""
+"""Posterior over all hypotheses about joint and sensor, weighted by their evidence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.estimates import FIT_SOURCES
 from jointz.identify.recommended.reflex_hypothesis import with_reflexes
 from jointz.identify.recommended.response_model import (
     CellResponse,
@@ -30,39 +29,31 @@ from jointz.kernels.response_search import (
     B,
     K,
 )
+from jointz.results.estimates import FIT_SOURCES
 
-#: Inertia as good as one for all points, or a value of each.
+#: Relative sd of the inertia between timing points: practically constant, or different.
 CONSTANT_INERTIA_SD = 0.01
 _INERTIA_SDS = (CONSTANT_INERTIA_SD, 0.1, 0.35)
-#: K and B stay in the window, or change as the curve through the points does: how well each of
-#: the two is known, sd over the window over their size, and how likely it is before the data. The
-#: dissertation's window is short so that they stay.
+#: K and B are constant in the window, or follow the curve through the points: for both, the sd of
+#: their change over the window relative to their size, and the prior probability of the latter.
 _DRIFT_SDS = {False: 0.04, True: 0.2}
 _CURVE_CHANCE = 1.0 / 3.0
-_MIDDLING = Hypothesis(0.15, 0.1)
+_INTERMEDIATE = Hypothesis(0.15, 0.1)
 _START_INERTIAS = (0.05, 0.25)
-#: Fewer points make no curve over the cycle.
+#: Fewest timing points for a curve over the cycle.
 _FEWEST_FOR_CURVE = 4
-#: A hypothesis about the sensor that is less likely than this is not looked into.
+#: Less probable hypotheses about the sensor are dropped.
 _UNLIKELY = 1e-3
-#: Share of the priors of K, B and J that is kept where they are removed.
+#: Share of the priors of K, B and J that remains when they are removed.
 _PRIOR_LEFT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """An estimate with the variances that make its uncertainty.
-
-    Parameters
-    ----------
-    mean : float
-        The estimate.
-    sources : dict of str to float
-        Source -> variance; see :data:`~jointz.core.estimates.FIT_SOURCES`.
-    """
+    """An estimate and its variance by source."""
 
     mean: float
-    sources: dict[str, float]
+    sources: dict[str, float]  # by :data:`~jointz.results.estimates.FIT_SOURCES`
 
     @property
     def variance(self) -> float:
@@ -72,28 +63,14 @@ class Moments:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPosterior:
-    """The weighted hypotheses of one participant.
+    """The weighted hypotheses of one participant."""
 
-    Parameters
-    ----------
-    posteriors : tuple of Posterior
-        One a hypothesis.
-    weights : (h,) float
-        Their probabilities.
-    """
-
-    posteriors: tuple[Posterior, ...]
-    weights: np.ndarray
+    posteriors: tuple[Posterior, ...]  # one a hypothesis
+    weights: np.ndarray  # their probabilities
 
     @classmethod
     def weighed(cls, posteriors: Sequence[Posterior]) -> "JointPosterior":
-        """Return hypotheses weighted by their evidence.
-
-        Parameters
-        ----------
-        posteriors : sequence of Posterior
-            One a hypothesis.
-        """
+        """Return hypotheses weighted by their evidence."""
         return cls(tuple(posteriors), _weights(posteriors))
 
     @property
@@ -101,59 +78,29 @@ class JointPosterior:
         """The most likely hypothesis."""
         return self.posteriors[int(np.argmax(self.weights))]
 
-    def probability(self, **asked: object) -> float:
-        """Return how probable hypotheses with these properties are.
-
-        Parameters
-        ----------
-        **asked : object
-            Fields of :class:`Hypothesis` and their values.
-        """
-        fits = [
-            all(getattr(p.hypothesis, name) == value for name, value in asked.items())
+    def probability(self, **properties: object) -> float:
+        """Return the probability of the hypotheses with these properties."""
+        matches = [
+            all(getattr(p.hypothesis, name) == value for name, value in properties.items())
             for p in self.posteriors
         ]
-        return float(self.weights[np.array(fits)].sum())
+        return float(self.weights[np.array(matches)].sum())
 
     def stiffness(self, i: int) -> Moments:
-        """Return K of a timing point, N*m/rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return K of a timing point, N*m/rad."""
         return self._linear([PER_POINT * i + K])
 
     def damping(self, i: int) -> Moments:
-        """Return B of a timing point, N*m*s/rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return B of a timing point, N*m*s/rad."""
         return self._linear([PER_POINT * i + B])
 
     def log_inertia(self, i: int) -> Moments:
-        """Return the logarithm of J of a timing point.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the logarithm of J of a timing point."""
         n = self.best.values.size
         return self._linear([PER_POINT * i + J_DEVIATION, n - SHARED + LOG_J])
 
     def impedance_picks(self, i: int) -> np.ndarray:
-        """Return what K, B and the logarithm of J of a timing point are sums of, (3, p) of 0, 1.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the parameters that sum to K, B and log J of a timing point, (3, p) of 0, 1."""
         n = self.best.values.size
         picks = np.zeros((3, n))
         picks[0, PER_POINT * i + K] = picks[1, PER_POINT * i + B] = 1.0
@@ -161,44 +108,21 @@ class JointPosterior:
         return picks
 
     def impedance_covariance(self, i: int) -> np.ndarray:
-        """Return how the errors of K, B and the logarithm of J of a timing point go together.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-
-        Returns
-        -------
-        (3, 3) float
-            Its diagonal is the variances of :meth:`stiffness`, :meth:`damping` and
-            :meth:`log_inertia`.
-        """
+        """Return the covariance of the errors of K, B and log J of a timing point."""
         picks = self.impedance_picks(i)
         means = np.array([picks @ p.values for p in self.posteriors])
         within = np.array([picks @ p.covariance @ picks.T for p in self.posteriors])
-        off = means - self.weights @ means
-        return np.asarray(np.tensordot(self.weights, within, 1) + (self.weights * off.T) @ off)
+        return _mixture(self.weights, means, within)[1]
 
     def without_impedance_priors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the estimates of all parameters had K, B and J no prior.
+        """Return mean and covariance of all parameters without priors of K, B and J.
 
-        Returns
-        -------
-        mean, covariance : (p,) and (p, p) float
-            Over the hypotheses, whose probabilities stay.
-
-        Notes
-        -----
         One Newton step from each mode: exact where responses are linear in the parameters.
         """
         moments = [_without_impedance_prior(p) for p in self.posteriors]
         means = np.array([mean for mean, _ in moments])
         within = np.array([covariance for _, covariance in moments])
-        mean = self.weights @ means
-        off = means - mean
-        between = (self.weights * off.T) @ off
-        return mean, np.asarray(np.tensordot(self.weights, within, 1) + between)
+        return _mixture(self.weights, means, within)
 
     def lag_s(self) -> Moments:
         """Return lag and delay of the sensor together, s."""
@@ -210,22 +134,16 @@ class JointPosterior:
         return self._linear([self.best.values.size - SHARED + FRICTION_GAIN])
 
     def middle_s(self) -> np.ndarray:
-        """Return where in the window K, B and J have the values given, (n_point, 3) s."""
+        """Return the times in the window at which K, B and J hold, (n_point, 3) s."""
         middles = np.array([p.middle_s for p in self.posteriors])
         return np.asarray(np.tensordot(self.weights, middles, axes=1))
 
     def fitted(self, i: int) -> np.ndarray:
-        """Return the angle of a timing point under the most likely hypothesis, rad.
-
-        Parameters
-        ----------
-        i : int
-            Which.
-        """
+        """Return the angle of a timing point under the most likely hypothesis, rad."""
         return self.best.fitted[i]
 
     def _linear(self, places: Sequence[int]) -> Moments:
-        """Return a sum of parameters: the variance of a mixture is that within and between."""
+        """Return the sum of some parameters, with the variance within and between hypotheses."""
         picks = np.zeros(self.best.values.size)
         picks[list(places)] = 1.0
         means = np.array([picks @ p.values for p in self.posteriors])
@@ -245,26 +163,9 @@ def estimate_responses(
     window_s: float,
     sensors: Sequence[Posterior],
 ) -> JointPosterior:
-    """Fit all hypotheses to the responses of a participant.
-
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    sensors : sequence of Posterior
-        From :func:`compare_sensors` on these responses.
-
-    Returns
-    -------
-    JointPosterior
-        The hypotheses with their probabilities.
-    """
+    """Fit all hypotheses to the responses of a participant."""
     posteriors: list[Posterior] = []
-    model = ResponseModel(cells, priors, _MIDDLING, window_s=window_s)
+    model = ResponseModel(cells, priors, _INTERMEDIATE, window_s=window_s)
     for sensor, chance in zip(sensors, _weights(sensors), strict=True):
         if chance < _UNLIKELY:
             continue
@@ -280,53 +181,28 @@ def compare_sensors(
     window_s: float,
     earlier: Sequence[Posterior] = (),
 ) -> tuple[Posterior, ...]:
-    """Fit the hypotheses about the sensor, under a middling one about the joint.
+    """Fit the hypotheses about the sensor, under an intermediate one about the joint.
 
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    earlier : sequence of Posterior
-        From a call with other windows: searches begin there.
-
-    Notes
-    -----
     A resonance and a lag differ in what happens in the first milliseconds, whatever K, B and J
     do. Without an earlier result searches begin at light and at heavy legs: a long lag
     resembles inertia.
     """
-    found = []
-    responses = ResponseModel(cells, priors, _MIDDLING, window_s=window_s)
+    posteriors = []
+    responses = ResponseModel(cells, priors, _INTERMEDIATE, window_s=window_s)
     for k, resonance in enumerate((False, True)):
-        model = responses.under(replace(_MIDDLING, resonance=resonance))
+        model = responses.under(replace(_INTERMEDIATE, resonance=resonance))
         if earlier:
-            found.append(model.refine(earlier[k].values))
+            posteriors.append(model.refine(earlier[k].values))
             continue
         fits = [model.fit(model.start(inertia=inertia)) for inertia in _START_INERTIAS]
-        found.append(max(fits, key=lambda fit: fit.log_evidence))
-    return tuple(found)
+        posteriors.append(max(fits, key=lambda fit: fit.log_evidence))
+    return tuple(posteriors)
 
 
 def inertia_evidence(
     cells: Sequence[CellResponse], priors: Priors, *, window_s: float, start: Posterior
 ) -> float:
-    """Return the logarithm of the evidence of all models of the inertia together.
-
-    Parameters
-    ----------
-    cells : sequence of CellResponse
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the motion.
-    start : Posterior
-        Where searches begin; the sensor is that of its hypothesis.
-    """
+    """Return the logarithm of the evidence of all models of the inertia together."""
     model = ResponseModel(cells, priors, start.hypothesis, window_s=window_s)
     plain = replace(start.hypothesis, reflex_s=0.0)
     logs = [
@@ -351,6 +227,15 @@ def _hypotheses(sensor: Hypothesis, *, curves: bool) -> list[Hypothesis]:
     ]
 
 
+def _mixture(
+    weights: np.ndarray, means: np.ndarray, within: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of a mixture of distributions."""
+    mean = weights @ means
+    off = means - mean
+    return mean, np.asarray(np.tensordot(weights, within, 1) + (weights * off.T) @ off)
+
+
 def _weights(posteriors: Sequence[Posterior]) -> np.ndarray:
     logs = np.array([p.log_evidence for p in posteriors])
     chances = np.exp(logs - logs.max())
@@ -358,9 +243,9 @@ def _weights(posteriors: Sequence[Posterior]) -> np.ndarray:
 
 
 def _without_impedance_prior(posterior: Posterior) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and covariance of the parameters under one hypothesis, K, B and J without prior.
+    """Return mean and covariance under one hypothesis, K, B and J without prior.
 
-    A millionth of the prior stays, so that what the responses do not tell has a finite error.
+    A millionth of the prior remains, so that undetermined parameters have a finite error.
     """
     prior, n = posterior.prior_precision, posterior.values.size
     points = PER_POINT * np.arange((n - SHARED) // PER_POINT)
@@ -370,16 +255,13 @@ def _without_impedance_prior(posterior: Posterior) -> tuple[np.ndarray, np.ndarr
     curvature = np.linalg.inv(posterior.bread)
     bread = np.linalg.inv(curvature - removed)
     mean = posterior.values + bread @ (removed @ (posterior.values - posterior.prior_mean))
-    told = posterior.covariance - posterior.bread @ prior @ posterior.bread
+    from_data = posterior.covariance - posterior.bread @ prior @ posterior.bread
     moved = bread @ curvature
-    return mean, moved @ told @ moved.T + bread @ (prior - removed) @ bread
+    return mean, moved @ from_data @ moved.T + bread @ (prior - removed) @ bread
 
 
 def _budget(posterior: Posterior, picks: np.ndarray) -> dict[str, float]:
-    """Split the variance of a sum of parameters by where it comes from.
-
-    The priors of two sources have nothing in common, so that each has its own share.
-    """
+    """Return the variance of a sum of parameters by source; their priors are independent."""
     reach = picks @ posterior.bread
     shares = reach * (posterior.prior_precision @ reach)
     points, shared = shares[:-SHARED].reshape(-1, PER_POINT).sum(axis=0), shares[-SHARED:]

@@ -1,7 +1,7 @@
-"""Estimates whose window lies on a rise that the estimator did not follow: wider, or undecided.
+"""Wider intervals, or no values, of estimates whose window lies on a steep change of K.
 
-How far a drift of K over the window moves K and B follows from the response; how large it may be
-the neighbours tell.
+The effect of a drift of K over the window on K and B follows from the response, the possible size
+of the drift from the neighbouring timing points.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.core.gait_phases import phase_difference
-from jointz.core.pooled_estimates import unbounded_estimate
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.kernels.joint_response import (
     DAMPING,
     INERTIA,
@@ -20,78 +19,58 @@ from jointz.kernels.joint_response import (
     joint_motion,
 )
 from jointz.kernels.response_search import K_FLOOR
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.statistics.pooled_estimates import unbounded_estimate
 
-#: Drift of K over the window, share of its value, that is steep.
+#: Steep drift of K over the window, share of its value.
 _STEEP = 0.15
-#: A difference between neighbours of fewer sd vouches for nothing.
+#: Least difference between neighbours that is no chance, sds.
 _CLEAR = 1.0
-#: What follows the centre in the window, over what is before it.
+#: Part of the window after the centre over the part before it.
 _REST = 0.6
-#: Fewer phases have no neighbours on both sides.
+#: Fewest phases with neighbours on both sides.
 _FEWEST = 3
-#: Phases closer than this are one.
+#: Least distance of phases.
 _SAME_PCT = 1e-6
-_IMPEDANCE = ("stiffness", "damping", "inertia")
-#: What moves with the drift of K, and is told over the cycle.
+#: Parameters that a drift of K changes.
 MOVED = ("stiffness", "damping")
 
 
 @dataclass(frozen=True, slots=True)
 class Widened:
-    """Cells with errors that allow for a steep drift.
+    """Cells with errors that allow for a steep drift."""
 
-    Parameters
-    ----------
-    cells : tuple of CellEstimate
-        All of them, in their order.
-    steep : mapping of (str, str) to CellEstimate
-        Label and timing point -> cell whose window lies on a steep rise or fall.
-    """
-
-    cells: tuple[CellEstimate, ...]
+    cells: tuple[CellEstimate, ...]  # all, in order
+    # label and timing point -> cell with its window on a steep change
     steep: Mapping[tuple[str, str], CellEstimate]
 
 
 def widen_steep(cells: Sequence[CellEstimate], follows: Mapping[str, float]) -> Widened:
-    """Widen the errors of K and B where the window lies on a steep rise or fall of K.
+    """Widen the errors of K and B of windows on a steep change of K.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of the recommended method.
-    follows : mapping of str to float
-        Label (participant, session, side) -> how probable it is that the estimator followed the
-        curve through the timing points; 0 where nothing was said.
-
-    Returns
-    -------
-    Widened
-        K and B are ``undecided`` where the interval then reaches further than half the value.
-
-    Notes
-    -----
-    The slope at a timing point is the lesser of those to its two neighbours, and none where they
+    The slope at a timing point is the lesser of those to its two neighbours, and zero if they
     differ in sign or a difference may be chance (minmod limiter: Roe 1986, Annual Review of Fluid
-    Mechanics 18, 337): it is what both neighbours vouch for. K is steep where it so changes by
-    more than 15 % of its value over the window. How much it changes in fact is open: at most from
-    the one neighbour to the other, and by a drift that does not begin beyond the first. That
-    change, times what :func:`drift_reach` says, is added to the error budget as ``drift``.
+    Mechanics 18, 337). A change is steep if it exceeds 15 % of K over the window. The true change
+    is unknown; the largest possible one is from one neighbour to the other, or that of a drift
+    which begins at the first. It is multiplied by :func:`drift_reach` and added to the error budget
+    as ``drift``.
 
-    Why not shorter windows: on a rise that takes as long as the window they have the same error
-    (+30, +42, +43 % of K in 100, 80, 60 ms), and one person's estimates in 60 and 100 ms differ by
-    1.4 sd only: no test.
+    Shorter windows do not help: on a rise as long as the window they have the same error (+30,
+    +42, +43 % of K in 100, 80, 60 ms), and one person's estimates in 60 and 100 ms differ by only
+    1.4 sds, which is no test.
 
-    Misleads where a rise is so narrow that no neighbour shows it, and at its first and its last
-    timing point: K is told from one side only there. Where K rises from timing point to timing
-    point but stays in each window, it is called steep without being so.
+    It misleads if a rise is so narrow that no neighbour shows it, and at its first and last timing
+    point, which have one neighbour on it only. If K rises between timing points but is constant in
+    each window, it is called steep although it is not.
     """
     widened = list(cells)
     steep: dict[tuple[str, str], CellEstimate] = {}
     for person in dict.fromkeys(cell.label for cell in cells):
-        mine = [i for i, cell in enumerate(cells) if cell.label == person]
-        # A drift is no surprise where the estimator has followed the curve.
+        indices = [i for i, cell in enumerate(cells) if cell.label == person]
+        # The estimator allows for the drift as far as it follows the curve.
         surprise = float(np.sqrt(1.0 - follows.get(person, 0.0)))
-        for i, drift in zip(mine, _drifts([cells[i] for i in mine], surprise), strict=True):
+        drifts = _drifts([cells[i] for i in indices], surprise)
+        for i, drift in zip(indices, drifts, strict=True):
             if drift > 0.0:
                 wide = _widened(cells[i], float(drift))
                 widened[i] = steep[person, cells[i].timing_point] = wide
@@ -101,69 +80,40 @@ def widen_steep(cells: Sequence[CellEstimate], follows: Mapping[str, float]) -> 
 def undecided_where_steep(
     cells: Sequence[CellEstimate], curve_probability: float
 ) -> list[CellEstimate]:
-    """Withhold K and B of a person where a neighbour within one window tells of a steep change.
+    """Withhold K and B of a person if a neighbour within one window shows a steep change.
 
-    Parameters
-    ----------
-    cells : sequence of CellEstimate
-        Of one participant, by the recommended method.
-    curve_probability : float
-        How probable it is that the estimator followed the curve through the timing points.
-
-    Returns
-    -------
-    list of CellEstimate
-        In their order; ``undecided`` parameters keep their unbounded value and their budget.
-
-    Notes
-    -----
-    As :func:`widen_steep`, for values that are read one by one. A neighbour further off than a
-    window says little of what happens inside it: K may rise from point to point and stay in each.
+    Like :func:`widen_steep`, for values that are read one by one. A more distant neighbour shows
+    little of what happens inside a window.
     """
     drifts = _drifts(cells, float(np.sqrt(1.0 - curve_probability)))
-    placed = [_placed(cell) for cell in cells]
-    found = []
-    for cell, drift, own in zip(cells, drifts, placed, strict=True):
-        near = own is not None and any(
-            0.0 < abs(phase_difference(other[0], own[0])) < own[3]
-            for other in placed
+    places = [_place(cell) for cell in cells]
+    decided = []
+    for cell, drift, place in zip(cells, drifts, places, strict=True):
+        near = place is not None and any(
+            0.0 < abs(phase_difference(other[0], place[0])) < place[3]
+            for other in places
             if other is not None
         )
-        found.append(_withheld(cell) if drift > 0.0 and near else cell)
-    return found
-
-
-def _withheld(cell: CellEstimate) -> CellEstimate:
-    """Return a cell whose K and B are undecided."""
-    rows = [_undecided(p) if p.stands and p.name.startswith(MOVED) else p for p in cell.parameters]
-    return replace(cell, parameters=tuple(rows), gravity_corrected=None)
+        if drift > 0.0 and near:
+            rows = [_undecided(p) if _is_moved(p) else p for p in cell.parameters]
+            decided.append(replace(cell, parameters=tuple(rows), gravity_corrected=None))
+        else:
+            decided.append(cell)
+    return decided
 
 
 def drift_reach(cell: CellEstimate) -> tuple[float, float] | None:
-    """Return how far a drift of K moves K and B, were the window to have one K.
+    """Return the change of estimated K and B by a drift of K, if K is assumed constant.
 
-    Parameters
-    ----------
-    cell : CellEstimate
-        Of the recommended method.
-
-    Returns
-    -------
-    tuple of float or None
-        Of K, N*m/rad, and of B, N*m*s/rad, per drift of 1 N*m/rad over the window; None without
-        response or estimates.
-
-    Notes
-    -----
-    Least squares, all samples alike, of the angle's derivative to the slope of K on those to K, B
-    and J, in the joint that was estimated. Misleads by as much as the estimator weighs samples
-    unlike, or knows J: on simulated walkers its own budget agrees within a third for B, and for K
-    in stance; in swing it says twice as much for K.
+    Unweighted least squares of the angle's derivative to the slope of K on those to K, B and J, in
+    the estimated joint. It misleads if the estimator weights samples differently or knows J: on
+    simulated walkers its error budget agrees within a third for B, and for K in stance; in swing
+    it is twice as large for K.
     """
-    values = [p.unbounded for n in _IMPEDANCE if (p := cell.parameter(n)) is not None]
+    values = [p.unbounded for n in PARAMETERS if (p := cell.parameter(n)) is not None]
     response = cell.response
     known = [value for value in values if value is not None]
-    if response is None or len(known) < len(_IMPEDANCE) or not known[-1] > 0.0:
+    if response is None or len(known) < len(PARAMETERS) or not known[-1] > 0.0:
         return None
     stiffness, damping, inertia = known
     lag_s = next((p.value or 0.0 for p in cell.nuisance if p.name == "angle_lag"), 0.0)
@@ -182,28 +132,28 @@ def drift_reach(cell: CellEstimate) -> tuple[float, float] | None:
 
 
 def _drifts(cells: Sequence[CellEstimate], surprise: float) -> np.ndarray:
-    """Return what K of a person may drift over each window unexpectedly, N*m/rad; 0: little."""
+    """Return the possible unmodelled drift of K over each window, N*m/rad; 0 if it is small."""
     drifts = np.zeros(len(cells))
-    found = [(i, *placed) for i, cell in enumerate(cells) if (placed := _placed(cell))]
-    if len(found) < _FEWEST:
+    places = [(i, *place) for i, cell in enumerate(cells) if (place := _place(cell))]
+    if len(places) < _FEWEST:
         return drifts
-    found.sort(key=lambda entry: entry[1])
-    at, values, sds, windows = np.array([entry[1:] for entry in found]).T
+    places.sort(key=lambda entry: entry[1])
+    at, values, sds, windows = np.array([entry[1:] for entry in places]).T
     rises = values - np.roll(values, 1)
     rises[np.abs(rises) < _CLEAR * np.hypot(sds, np.roll(sds, 1))] = 0.0
     before = rises / np.maximum((at - np.roll(at, 1)) % 100.0, _SAME_PCT)
     after = np.roll(before, -1)
-    vouched = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    # A drift that begins outside of what the two neighbours span is none between them.
+    slope = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    # A drift that begins beyond a neighbour is not one between the two.
     most = np.minimum(np.abs(rises + np.roll(rises, -1)), (1.0 + _REST) * np.abs(rises))
     little = _STEEP * np.maximum(np.abs(values), K_FLOOR)
-    steep = (vouched * windows > little) & (surprise * most > little)
-    drifts[[entry[0] for entry in found]] = np.where(steep, surprise * most, 0.0)
+    steep = (slope * windows > little) & (surprise * most > little)
+    drifts[[entry[0] for entry in places]] = np.where(steep, surprise * most, 0.0)
     return drifts
 
 
-def _placed(cell: CellEstimate) -> tuple[float, float, float, float] | None:
-    """Return phase of K, value and sd, and how long the window is, % of the cycle."""
+def _place(cell: CellEstimate) -> tuple[float, float, float, float] | None:
+    """Return phase of K (%), its value and sd, and the length of the window (%)."""
     estimate = unbounded_estimate(cell, "stiffness")
     onset, centre = cell.onset_gait_pct, cell.centre_gait_pct
     if estimate is None or onset is None or centre is None:
@@ -225,12 +175,17 @@ def _widened(cell: CellEstimate, drift: float) -> CellEstimate:
 
 
 def _decided(cell: CellEstimate, parameter: ParameterEstimate) -> ParameterEstimate:
-    """Return a parameter as it is, or undecided where its errors are too wide."""
+    """Return a parameter, undecided if its errors are too large."""
     estimate = unbounded_estimate(cell, parameter.name)
-    moved = parameter.stands and parameter.name.startswith(MOVED)
-    if estimate is None or not moved or decides(estimate.value, REACH_95 * estimate.sd):
+    if estimate is None or not _is_moved(parameter):
         return parameter
-    return _undecided(parameter)
+    decided = decides(estimate.value, REACH_95 * estimate.sd)
+    return parameter if decided else _undecided(parameter)
+
+
+def _is_moved(parameter: ParameterEstimate) -> bool:
+    """Return whether a parameter has a value that a drift of K changes."""
+    return parameter.available and parameter.name.startswith(MOVED)
 
 
 def _undecided(parameter: ParameterEstimate) -> ParameterEstimate:

@@ -1,13 +1,13 @@
-"""What angle and torque would have been without a pulse, predicted from the stride's own past.
+"""Prediction of angle and torque without a pulse from the preceding motion.
 
 The predictor is a ridge regression learned at virtual onsets in the unperturbed strides of the
 same recording: features are the angle before the onset and what is known of the stride's timing,
-targets are angle and torque after it. What it misses at virtual onsets it has not seen is the
-noise of an estimate, with all its correlations.
+targets are angle and torque after it. Its errors at virtual onsets that were left out of the
+learning are the noise of an estimate, with all correlations.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from zlib import crc32
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from jointz.core.codes import Exclusion
 from jointz.gait.phase import gait_phase
-from jointz.gait.strides import Strides
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.conditioning import Conditioned
 from jointz.identify.preparation.raw_signals import COMMAND, RAW_ANGLE
@@ -23,74 +22,54 @@ from jointz.identify.preparation.sources import Source
 from jointz.kernels.blocked_ridge import BlockedRidge, fit_blocked_ridge
 from jointz.kernels.robust_spread import robust_moments, robust_sd
 
-#: Rows that are predicted: angle, torque without friction, friction.
-PREDICTED = slice(RAW_ANGLE, COMMAND)
+#: Predicted rows: angle, torque without friction, friction.
+PREDICTED_ROWS = slice(RAW_ANGLE, COMMAND)
 _BIN_S, _BINS = 0.02, 15
 _COARSE_S, _COARSE = 0.05, 4
 _PAST_S = _BIN_S * _BINS + _COARSE_S * _COARSE
-#: Squares and products of so many leading directions of the features.
+#: Number of leading directions of the features whose squares and products are features, too.
 _CURVED = 4
-#: Virtual onsets a stride, spread as the pulses' onsets are, and at least so far, cycles.
+#: Virtual onsets for each stride, spread like the pulses' onsets, and the least sd, cycles.
 _COPIES = 2
 _LEAST_SPREAD = 0.004
 _WIDENED = 1.2
 _BLOCKS = 10
 #: Columns of the features: time since the strike, expected stride.
 _ELAPSED, _EXPECTED = -3, -2
-#: Fewer unperturbed strides predict nothing that could be checked.
+#: Fewest unperturbed strides for a prediction.
 FEWEST_STRIDES = 12
-#: A regression wants so many strides a feature.
+#: Fewest strides of a regression for each feature.
 _STRIDES_PER_FEATURE = 5
-#: Windows begin so many samples before the onset: a torque that is there at once has begun to
-#: rise between two samples, and the joint must be at rest before.
+#: Windows begin so many samples before the onset, so that the joint is at rest at first even if the
+#: torque has begun to rise between two samples.
 LEAD_SAMPLES = 2
-#: Robust sd from the median beyond which a stride is not like the others.
-_UNLIKE_LEARNED, _UNLIKE_PULSE = 6.0, 8.0
+#: Largest distance of strides and pulses from the median, robust sds.
+_FARTHEST_STRIDE, _FARTHEST_PULSE = 6.0, 8.0
 _STRIDE_BAND = 0.15
-#: Below these a spread is rounding: rad or s.
+#: A spread below this is negligible, rad or s.
 _ROUNDING = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Responses of the pulses of a cell, and what the prediction misses where there is no pulse.
+    """Responses of the pulses of a cell, and errors of the prediction without pulses."""
 
-    Parameters
-    ----------
-    responses : (n_pulse, 3, n) float
-        Measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES`
-        before the onset: angle (rad), torque without friction and friction (N*m).
-    misses : (n_virtual, 3, n) float
-        The same at virtual onsets left out of the learning.
-    strides : (n_virtual,) int
-        The stride of each virtual onset.
-    codes : tuple of str
-        ``""`` for each pulse that was predicted, else why not; ``responses`` has a row for
-        every ``""``.
-    posture_rad : float
-        Mean unperturbed angle over the window.
-    """
-
+    # measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES` before
+    # the onset: angle (rad), torque without friction and friction (N*m)
     responses: np.ndarray
-    misses: np.ndarray
-    strides: np.ndarray
-    codes: tuple[str, ...]
-    posture_rad: float
+    misses: np.ndarray  # the same at virtual onsets that were left out of the learning
+    strides: np.ndarray  # the stride of each virtual onset
+    codes: tuple[str, ...]  # of all pulses; ``responses`` has a row for every ``""``
+    posture_rad: float  # mean unperturbed angle over the window
 
     @property
     def n_strides(self) -> int:
-        """Unperturbed strides that were learned from."""
+        """Number of unperturbed strides for the learning."""
         return int(np.unique(self.strides).size)
 
 
 def join_predictions(parts: Sequence[Predicted]) -> Predicted:
-    """Put the pulses of several recordings together; strides of different ones stay apart.
-
-    Parameters
-    ----------
-    parts : sequence of Predicted
-        One a recording; at least one has a response.
-    """
+    """Join the pulses of several recordings; their strides keep different numbers."""
     codes = tuple(code for part in parts for code in part.codes)
     parts = [part for part in parts if len(part.responses)]
     return Predicted(
@@ -103,27 +82,13 @@ def join_predictions(parts: Sequence[Predicted]) -> Predicted:
 
 
 def _apart(strides: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the strides of several recordings, numbered so that none shares its number."""
-    first = np.cumsum([0, *(int(own.max(initial=-1)) + 1 for own in strides)])
-    return np.concatenate([own + at for own, at in zip(strides, first, strict=False)])
+    """Return the strides of several recordings with different numbers."""
+    first = np.cumsum([0, *(int(part.max(initial=-1)) + 1 for part in strides)])
+    return np.concatenate([part + n for part, n in zip(strides, first, strict=False)])
 
 
 class UnperturbedPredictor:
-    """Predicts the unperturbed windows of one recording.
-
-    Parameters
-    ----------
-    source : Source
-        The recording, made ready.
-    signals : Conditioned
-        Its raw signals.
-    window_s : float, s
-        Longest window that will be asked for, from the onset.
-    others : sequence of tuple of Source and Conditioned
-        Unperturbed recordings of the same walker and donning, to be learned from too where the
-        recording itself has too few quiet strides. Posture differs between conditions: angles
-        then count from the level before the onset.
-    """
+    """Predicts the unperturbed windows of one recording."""
 
     def __init__(
         self,
@@ -135,41 +100,37 @@ class UnperturbedPredictor:
     ) -> None:
         self._signals = signals
         self._window_s = window_s
-        self._own = _Lesson(source, signals, window_s)
+        self._recording = _Lesson(source, signals, window_s)
         self._relative = bool(others)
-        self._lessons = [self._own, *(_Lesson(*other, window_s) for other in others)]
+        self._lessons = [self._recording, *(_Lesson(*other, window_s) for other in others)]
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second of what is predicted."""
+        """Sampling rate of the prediction."""
         return self._signals.rate_hz
 
     def predict(self, candidates: Sequence[Candidate]) -> Predicted:
-        """Predict the windows of the pulses of one cell.
-
-        Parameters
-        ----------
-        candidates : sequence of Candidate
-            Pulses of this recording, at one point of the cycle.
-        """
+        """Predict the windows of the pulses of one cell."""
         lead_s = LEAD_SAMPLES / self._signals.rate_hz
-        pulses = self._own.moments(np.array([c.pulse.onset_s - lead_s for c in candidates]))
-        fine = pulses.valid & np.isfinite(pulses.ratio)
-        middle = _middle(pulses.ratio[fine])
+        pulses = self._recording.moments(np.array([c.pulse.onset_s - lead_s for c in candidates]))
+        usable = pulses.valid & np.isfinite(pulses.ratio)
+        middle = _middle(pulses.ratio[usable])
         pulses = pulses.unwrapped(middle)
-        codes = np.array(pulses.codes, dtype=object)
-        codes[(codes == "") & ~fine] = Exclusion.NO_BASELINE.value
-        # Angles that count from the level before the onset do not tell the posture.
-        levels_rad = pulses.features[fine, 0] if self._relative else np.zeros(1)
+        codes = pulses.codes
+        codes[(codes == "") & ~usable] = Exclusion.NO_BASELINE.value
+        # Angles relative to the level before the onset do not include the posture.
+        levels_rad = pulses.features[usable, 0] if self._relative else np.zeros(1)
         pulses = pulses.relative() if self._relative else pulses
         n = round(self._window_s * self._signals.rate_hz) + 1 + LEAD_SAMPLES
-        virtual = self._virtual(pulses.ratio[fine], middle, label=candidates[0].record.timing_point)
+        virtual = self._virtual(
+            pulses.ratio[usable], middle, label=candidates[0].record.timing_point
+        )
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
             none = np.empty((0, 3, n))
             return Predicted(none, none, np.empty(0, int), tuple(codes), np.nan)
-        unlike = _distance(pulses.features, virtual.features) > _UNLIKE_PULSE
-        codes[(codes == "") & unlike] = Exclusion.UNUSUAL_GAIT.value
+        unusual = _distance(pulses.features, virtual.features) > _FARTHEST_PULSE
+        codes[(codes == "") & unusual] = Exclusion.UNUSUAL_GAIT.value
         used = codes == ""
         curve = _Curve(virtual.features)
         ridge = _learned(virtual, curve, n)
@@ -186,7 +147,7 @@ class UnperturbedPredictor:
         )
 
     def _virtual(self, ratio: np.ndarray, middle: float, *, label: str) -> "_Moments | None":
-        """Return virtual onsets spread over the cycle as the pulses are; None where too few."""
+        """Return virtual onsets spread over the cycle like the pulses, None if too few."""
         if ratio.size == 0:
             return None
         spread = _WIDENED * float(robust_sd(ratio))
@@ -198,16 +159,16 @@ class UnperturbedPredictor:
         ]
         if not parts:
             return None
-        found = _together(parts)
-        found = found.relative() if self._relative else found
-        if found.strides.size == 0:
+        virtual = _joined(parts)
+        virtual = virtual.relative() if self._relative else virtual
+        if virtual.strides.size == 0:
             return None
-        found = found.take(_distance(found.features, found.features) < _UNLIKE_LEARNED)
-        return found if np.unique(found.strides).size >= FEWEST_STRIDES else None
+        virtual = virtual.take(_distance(virtual.features, virtual.features) < _FARTHEST_STRIDE)
+        return virtual if np.unique(virtual.strides).size >= FEWEST_STRIDES else None
 
 
 class _Lesson:
-    """A recording to learn unperturbed walking from."""
+    """A recording from which unperturbed walking is learned."""
 
     def __init__(self, source: Source, signals: Conditioned, window_s: float) -> None:
         self._signals = signals
@@ -217,46 +178,43 @@ class _Lesson:
         self.quiet = quiet_strides(source)
 
     def virtual(self, middle: float, spread: float, rng: np.random.Generator) -> "_Moments":
-        """Return virtual onsets about a point of the cycle, in quiet strides of even length."""
+        """Return virtual onsets about a point of the cycle, in quiet strides of usual length."""
         strides, quiet = self._strides, self.quiet
         if strides is None:
             raise ValueError("_Lesson: a recording without strides teaches nothing; see quiet.")
         share = middle + spread * rng.standard_normal((_COPIES, quiet.size))
         starts = strides.start_s[quiet]
         expected = gait_phase(starts, strides).mean_stride_s
-        found = self.moments((starts + share * expected).ravel()).unwrapped(middle)
-        found = found.of_strides(np.tile(quiet, _COPIES))
+        virtual = self.moments((starts + share * expected).ravel()).unwrapped(middle)
+        virtual = replace(virtual, strides=np.tile(quiet, _COPIES))
         durations = strides.duration_s[quiet[:, None] - np.arange(3)]
         even = np.abs(durations / np.median(strides.duration_s) - 1.0) < _STRIDE_BAND
-        clear = ~self._holds_pulse(found.onsets_s)
-        return found.take(found.valid & clear & np.tile(even.all(axis=1), _COPIES))
-
-    def _holds_pulse(self, onsets_s: np.ndarray) -> np.ndarray:
-        """Tell which virtual windows a pulse reaches into."""
         reach_s = self._window_s + LEAD_SAMPLES / self._signals.rate_hz
-        first = np.searchsorted(self._onsets, onsets_s - _PAST_S)
-        return np.asarray(first != np.searchsorted(self._onsets, onsets_s + reach_s))
+        first = np.searchsorted(self._onsets, virtual.onsets_s - _PAST_S)
+        without_pulse = first == np.searchsorted(self._onsets, virtual.onsets_s + reach_s)
+        return virtual.take(virtual.valid & without_pulse & np.tile(even.all(axis=1), _COPIES))
 
     def moments(self, onsets_s: np.ndarray) -> "_Moments":
-        """Cut past and window at onsets, and say where in their strides these lie."""
+        """Return past, window and position in the stride of onsets."""
         signals, strides = self._signals, self._strides
         n = round(self._window_s * signals.rate_hz) + 1 + LEAD_SAMPLES
         after_s = n / signals.rate_hz
         past, _ = signals.cut(
             onsets_s, before_s=_PAST_S, after_s=0.0, rows=slice(RAW_ANGLE, RAW_ANGLE + 1)
         )
-        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=PREDICTED)
+        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=PREDICTED_ROWS)
         if strides is None or strides.start_s.size == 0:
-            empty = np.full(onsets_s.size, np.nan)
+            unknown = np.full(onsets_s.size, np.nan)
+            features = np.zeros((onsets_s.size, 1))
             return _Moments(
-                onsets_s, np.zeros((onsets_s.size, 1)), windows, empty, tuple(codes), empty
+                onsets_s, features, windows, unknown, np.array(codes, dtype=object), unknown
             )
         phase = gait_phase(onsets_s, strides)
         before = np.clip(np.searchsorted(strides.end_s, onsets_s, side="right") - 1, 0, None)
         timing = [phase.elapsed_s, phase.mean_stride_s, strides.duration_s[before]]
         features = np.column_stack([_binned(past[:, 0], signals.rate_hz), *timing])
         ratio = np.where(phase.mean_stride_s > 0, phase.elapsed_s / phase.mean_stride_s, np.nan)
-        return _Moments(onsets_s, features, windows, ratio, tuple(codes), before)
+        return _Moments(onsets_s, features, windows, ratio, np.array(codes, dtype=object), before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,8 +222,8 @@ class _Moments:
     onsets_s: np.ndarray
     features: np.ndarray
     windows: np.ndarray
-    ratio: np.ndarray
-    codes: tuple[str, ...]
+    ratio: np.ndarray  # time since the heel strike over the expected stride
+    codes: np.ndarray
     strides: np.ndarray
 
     @property
@@ -274,10 +232,10 @@ class _Moments:
         return np.asarray(whole & np.isfinite(self.features).all(axis=1))
 
     def unwrapped(self, middle: float) -> "_Moments":
-        """Return moments whose time since the strike is that nearest to a point of the cycle.
+        """Return moments with the time since the heel strike nearest to a point of the cycle.
 
-        About a heel strike some pulses come just before it, a whole stride after the last one:
-        their time is counted from the strike that is due.
+        Pulses just before a heel strike come a whole stride after the last one; their time is
+        counted from the next one.
         """
         whole = np.round(middle - self.ratio)
         features = self.features.copy()
@@ -285,44 +243,31 @@ class _Moments:
         return replace(self, features=features, ratio=self.ratio + whole)
 
     def relative(self) -> "_Moments":
-        """Return moments whose angles count from the level just before the onset."""
+        """Return moments with angles relative to the level just before the onset."""
         level = self.features[:, :1]
         features, windows = self.features.copy(), self.windows.copy()
         features[:, : _BINS + _COARSE] -= level
         windows[:, RAW_ANGLE] -= level
         return replace(self, features=features, windows=windows)
 
-    def of_strides(self, strides: np.ndarray) -> "_Moments":
-        return replace(self, strides=strides)
-
     def take(self, chosen: np.ndarray) -> "_Moments":
-        return _Moments(
-            self.onsets_s[chosen],
-            self.features[chosen],
-            self.windows[chosen],
-            self.ratio[chosen],
-            tuple(np.array(self.codes)[chosen]),
-            self.strides[chosen],
-        )
+        return _Moments(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def _together(parts: Sequence[_Moments]) -> _Moments:
-    """Put moments of several recordings together; their strides stay apart."""
-    return _Moments(
-        np.concatenate([part.onsets_s for part in parts]),
-        np.concatenate([part.features for part in parts]),
-        np.concatenate([part.windows for part in parts]),
-        np.concatenate([part.ratio for part in parts]),
-        tuple(code for part in parts for code in part.codes),
-        _apart([part.strides for part in parts]),
-    )
+def _joined(parts: Sequence[_Moments]) -> _Moments:
+    """Join moments of several recordings; their strides keep different numbers."""
+    joined = {
+        field.name: np.concatenate([getattr(part, field.name) for part in parts])
+        for field in fields(_Moments)
+    }
+    return _Moments(**joined | {"strides": _apart([part.strides for part in parts])})
 
 
 class _Curve:
-    """Features and, where there is enough to learn them from, their leading products.
+    """Features and, with enough strides, products of their leading directions.
 
-    A posture that changes the timing of what follows is no linear matter: products of the
-    leading directions of the features cut the error of the swing by a third.
+    Posture changes the timing of the following motion, which is not linear: the products reduce
+    the error in swing by a third.
     """
 
     def __init__(self, features: np.ndarray) -> None:
@@ -334,22 +279,22 @@ class _Curve:
         self._spread = np.where(spread > 0.0, spread, 1.0)
 
     def sets(self, features: np.ndarray) -> list[np.ndarray]:
-        """Return feature matrices to choose from, the richest first."""
+        """Return alternative feature matrices, the largest first."""
         return [self._curved(features), features, _coarse(features)]
 
     def features(self, features: np.ndarray, *, like: BlockedRidge) -> np.ndarray:
         """Return the features of the set that a regression was fitted to."""
         width = like.centre.size
-        return next(found for found in self.sets(features) if found.shape[1] == width)
+        return next(matrix for matrix in self.sets(features) if matrix.shape[1] == width)
 
     def _curved(self, features: np.ndarray) -> np.ndarray:
         along = (features - self._centre) @ self._directions / self._spread
-        one, other = np.triu_indices(along.shape[1])
-        return np.hstack([features, along[:, one] * along[:, other]])
+        i, j = np.triu_indices(along.shape[1])
+        return np.hstack([features, along[:, i] * along[:, j]])
 
 
 def _coarse(features: np.ndarray) -> np.ndarray:
-    """Return level, slope and bend of the angle before the onset, and the timing."""
+    """Return level, slope and curvature of the angle before the onset, and the timing."""
     bins = features[:, :_BINS]
     third = _BINS // 3
     near, middle, far = (bins[:, k * third : (k + 1) * third].mean(axis=1) for k in range(3))
@@ -357,29 +302,29 @@ def _coarse(features: np.ndarray) -> np.ndarray:
 
 
 def _learned(virtual: _Moments, curve: _Curve, n: int) -> BlockedRidge:
-    """Fit the set of features that predicts the angle best."""
+    """Fit the feature matrix that predicts the angle best."""
     targets = virtual.windows.reshape(len(virtual.windows), -1)
     names, order = np.unique(virtual.strides, return_inverse=True)
     blocks = order * _BLOCKS // names.size
     sets = [
-        found
-        for found in curve.sets(virtual.features)
-        if found.shape[1] * _STRIDES_PER_FEATURE <= names.size
+        matrix
+        for matrix in curve.sets(virtual.features)
+        if matrix.shape[1] * _STRIDES_PER_FEATURE <= names.size
     ]
     sets = sets or [_coarse(virtual.features)]
     angles, judged = targets[:, :n], slice(0, n, 4)
-    fits = [fit_blocked_ridge(found, angles, blocks, judged=judged) for found in sets]
+    fits = [fit_blocked_ridge(matrix, angles, blocks, judged=judged) for matrix in sets]
     misses = [float(np.median((fit.left_out**2).mean(axis=1))) for fit in fits]
     best = int(np.argmin(misses))
     return fit_blocked_ridge(sets[best], targets, blocks, penalties=(fits[best].penalty,))
 
 
 def _middle(ratio: np.ndarray) -> float:
-    """Return the median point of the cycle, whichever side of a heel strike pulses lie on."""
+    """Return the median point of the cycle, on a circle."""
     if ratio.size == 0:
         return np.nan
     centre = float(np.angle(np.exp(2j * np.pi * ratio).mean()) / (2.0 * np.pi)) % 1.0
-    # A strike that is late by a little leaves more than a stride since the last.
+    # More than a stride may have passed if a heel strike is late.
     return float(np.median(ratio + np.round(centre - ratio)))
 
 
@@ -395,33 +340,17 @@ def _binned(past: np.ndarray, rate: float) -> np.ndarray:
 
 
 def quiet_strides(source: Source) -> np.ndarray:
-    """Return the strides that hold no pulse, follow none, and have three believed ones before.
-
-    Parameters
-    ----------
-    source : Source
-        A recording, made ready.
-
-    Returns
-    -------
-    (k,) int
-        Which strides.
-    """
+    """Return the strides without a pulse, not after one, and with three accepted ones before."""
     strides = source.strides
     if strides is None:
         return np.empty(0, int)
     quiet = source.undisturbed.copy()
     quiet[1:] &= source.undisturbed[:-1]
-    quiet[: _believed_before(strides)] = False
+    quiet[: int(np.searchsorted(np.cumsum(strides.accepted), 3)) + 1] = False
     return np.flatnonzero(quiet)
 
 
-def _believed_before(strides: Strides) -> int:
-    """Return how many strides go by until three were accepted."""
-    return int(np.searchsorted(np.cumsum(strides.accepted), 3)) + 1
-
-
 def _distance(features: np.ndarray, learned: np.ndarray) -> np.ndarray:
-    """Return the largest robust distance of any feature from those learned, in sd."""
+    """Return the largest robust distance of any feature from the learned ones, in sds."""
     centre, spread = robust_moments(learned)
     return np.asarray(np.abs((features - centre) / (spread + _ROUNDING)).max(axis=1))

@@ -1,4 +1,4 @@
-"""What the recommended method knows of a participant after it has explained the pulses."""
+"""Responses of a participant and their explanation by the recommended method."""
 
 from dataclasses import dataclass
 
@@ -10,34 +10,15 @@ from jointz.identify.recommended.walking_responses import PredictedCell
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """The pulses of a participant, predicted and explained.
-
-    Parameters
-    ----------
-    participant : str
-        The id.
-    cells : tuple of PredictedCell
-        The timing points.
-    responses : tuple of CellResponse
-        Their averages.
-    posterior : JointPosterior
-        What explains them.
-    known : CalibrationSpec
-        Of the instruments.
-    subtract_intrinsic : tuple of tuple of str
-        For each timing point, which of the device's own K, B and J are still in its torque.
-    window_s : float, s
-        Of the motion.
-    session, side : str
-        Of the pulses; "" where the study does not state them.
-    """
+    """Predicted pulses of a participant and the posterior of joint and sensor."""
 
     participant: str
-    cells: tuple[PredictedCell, ...]
-    responses: tuple[CellResponse, ...]
+    cells: tuple[PredictedCell, ...]  # the timing points
+    responses: tuple[CellResponse, ...]  # their average responses
     posterior: JointPosterior
     known: CalibrationSpec
+    # for each timing point, which of the device's K, B and J remain in its torque
     subtract_intrinsic: tuple[tuple[str, ...], ...]
     window_s: float
-    session: str = ""
+    session: str = ""  # session and side of the pulses; "" if the study does not state them
     side: str = ""

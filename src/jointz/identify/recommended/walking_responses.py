@@ -1,9 +1,10 @@
-"""From predicted pulses to the responses that a joint and its sensor are to explain."""
+"""Average responses of predicted pulses, and their explanation by a joint and its sensor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.assignment import Candidate
@@ -23,73 +24,46 @@ from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Pre
 from jointz.kernels.noise_covariance import shrunk_covariance
 from jointz.kernels.robust_spread import robust_moments, robust_sd
 
-#: A lag longer than this is not followed: the window would reach into what the joint does later.
+#: Longest lag that is modelled; with a longer one the window would extend into later motion.
 LONGEST_LAG_S = 0.03
-#: K and B change in a longer window in ways that no hypothesis holds, and no misfit shows it.
+#: In a longer window K and B change in ways that no hypothesis includes and no misfit reveals.
 LONGEST_WINDOW_S = 0.12
-#: No angle is known better (0.01 degrees), nor does any joint follow the model more closely.
+#: Smallest error of an angle (0.01 degrees), of measurement and of the model.
 _FINEST_RAD = 2e-4
-#: Finer than any goniometer resolves; without noise nothing would be new in a sample.
+#: Smallest noise of a sample, below the resolution of goniometers.
 _RESOLUTION_RAD = 2e-5
-#: Sd of what the prediction misses, beyond which a response is not like its neighbours'.
+#: Responses further from the others, in sds of the prediction error, are excluded.
 _UNLIKE_SD = 8.0
 _FEWEST_TO_COMPARE = 4
-#: What is said to be exact is taken for this exact: the search divides by it, rad/(N*m) and
-#: logarithm of Hz.
+#: Smallest sds of a calibration, rad/(N*m) and logarithm of Hz; the search divides by them.
 _LEAST_TWIST_SD, _LEAST_RESONANCE_SD = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedCell:
-    """A timing point whose pulses were predicted.
-
-    Parameters
-    ----------
-    label : str
-        The timing point.
-    candidates : list of Candidate
-        The pulses that a prediction was asked for.
-    predicted : Predicted
-        Their responses, and what the prediction misses.
-    kept : (n_response,) bool
-        Responses that count.
-    period_s : float, s
-        Between samples.
-    phase : float
-        Mean predicted phase of the onsets, cycles; NaN where unknown.
-    stride_s : float, s
-        Duration of a stride.
-    """
+    """A timing point with predicted pulses."""
 
     label: str
-    candidates: list[Candidate]
-    predicted: Predicted
-    kept: np.ndarray
-    period_s: float
-    phase: float
-    stride_s: float
+    candidates: list[Candidate]  # the pulses that were to be predicted
+    predicted: Predicted  # their responses, and the errors of the prediction
+    kept: np.ndarray  # which responses are used
+    period_s: float  # between samples
+    phase: float  # mean predicted phase of the onsets, cycles; NaN where unknown
+    stride_s: float  # duration of a stride
 
     @property
     def used(self) -> list[Candidate]:
-        """Pulses whose responses count."""
-        fine = [
-            c for c, code in zip(self.candidates, self.predicted.codes, strict=True) if not code
-        ]
-        return [c for c, keep in zip(fine, self.kept, strict=True) if keep]
+        """Pulses whose responses are used."""
+        codes = self.predicted.codes
+        predicted = [c for c, code in zip(self.candidates, codes, strict=True) if not code]
+        return [c for c, keep in zip(predicted, self.kept, strict=True) if keep]
 
 
 def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
     """Combine the calibrations of a participant's pulses.
 
-    Parameters
-    ----------
-    calibrations : sequence of CalibrationSpec
-        One a pulse.
-
-    Notes
-    -----
-    A lag, a friction, a twist or a tissue that was calibrated in one session only is, in the
-    others, what it is where nothing was calibrated: wide, not perfect.
+    An entry that was calibrated in one session only has, in the others, its prior without
+    calibration.
     """
     unknown = Priors()
     resonance_hz = float(np.exp(unknown.log_resonance[0]))
@@ -104,24 +78,18 @@ def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
 
 
 def priors_of(known: CalibrationSpec) -> Priors:
-    """Return what is known of the instruments as priors; wide where nothing was said.
-
-    Parameters
-    ----------
-    known : CalibrationSpec
-        Of the study.
-    """
+    """Return priors of the instruments from their calibration, wide for unknown entries."""
     priors = _twist_and_tissue(Priors(), known)
     friction = known.friction_gain
     if friction is not None:
-        # The torque was made with its value already.
+        # The torque already includes its value.
         priors = replace(priors, friction_gain=(1.0, max(friction.sd / friction.value, 1e-5)))
     angle, torque = known.angle_lag_s, known.torque_lag_s
     if angle is not None or torque is not None:
         none = Calibrated(value=0.0, sd=0.0)
         late, early = angle or none, torque or none
         sd = float(np.hypot(late.sd, early.sd))
-        # Only one of the two was measured: the other may still be anything usual.
+        # The lag of the angle was not calibrated: it keeps its prior.
         if angle is None:
             sd = float(np.hypot(sd, priors.lag_s[1]))
             late = Calibrated(value=priors.lag_s[0], sd=0.0)
@@ -144,10 +112,10 @@ def _twist_and_tissue(priors: Priors, known: CalibrationSpec) -> Priors:
 def _response(
     cell: PredictedCell, *, window_s: float, lag_s: float, fit: tuple[Posterior | None, int]
 ) -> CellResponse:
-    """Average the responses over the window, and say how far off the average may be.
+    """Average the responses over the window, with the covariance of the average's error.
 
-    Torque that the prediction misses moves the joint: its share in the missed angle is no
-    error, as the measured torque explains it.
+    An error of the predicted torque moves the joint; that part of the angle's error is removed,
+    because the measured torque explains it.
     """
     late_s = float(np.clip(lag_s, 0.0, LONGEST_LAG_S))
     n = int((window_s + late_s) / cell.period_s + 1e-9) + 1 + LEAD_SAMPLES
@@ -157,7 +125,7 @@ def _response(
     posterior, i = fit
     if posterior is not None:
         kick = response_to_kick(posterior, i, period_s=cell.period_s, n=n)
-        lower = np.tril(kick[np.subtract.outer(np.arange(n), np.arange(n)).clip(0)])
+        lower = toeplitz(kick, np.zeros(n))
         missed = missed - (misses[:, 1] + posterior.friction_gain * misses[:, 2]) @ lower.T
     usual = (np.abs(missed) <= unlike_from(robust_sd(missed))).all(axis=1)
     n_strides = cell.predicted.n_strides
@@ -180,39 +148,16 @@ def _response(
 
 
 def unlike_from(sd: np.ndarray) -> np.ndarray:
-    """Return the deviation from which on a response is not like its neighbours'.
-
-    Parameters
-    ----------
-    sd : (n,) float, rad
-        Of what the prediction misses; a simulated record without noise has next to none.
-    """
+    """Return the deviation above which a response is excluded."""
     return np.asarray(_UNLIKE_SD * np.hypot(sd, _FINEST_RAD))
 
 
 def explain_responses(
     cells: Sequence[PredictedCell], priors: Priors, *, window_s: float
 ) -> tuple[JointPosterior, list[CellResponse]]:
-    """Explain the responses of all timing points of a participant.
-
-    Parameters
-    ----------
-    cells : sequence of PredictedCell
-        The timing points.
-    priors : Priors
-        What is known before.
-    window_s : float, s
-        Of the joint's motion: the angle is looked at the lag longer.
-
-    Returns
-    -------
-    posterior : JointPosterior
-        All hypotheses, weighted.
-    responses : list of CellResponse
-        What was explained.
-    """
+    """Explain the responses of all timing points of a participant."""
     sensors: tuple[Posterior, ...] = ()
-    # The lag says how long the window must be, and the fit what missed torque explains.
+    # The window depends on the lag, and the noise on the fit.
     responses = _responses(cells, None, window_s=window_s, lag_s=priors.lag_s[0])
     for _ in range(2):
         sensors = compare_sensors(responses, priors, window_s=window_s, earlier=sensors)
@@ -232,37 +177,15 @@ def _responses(
 
 
 def average_responses(cell: PredictedCell, *, window_s: float) -> CellResponse:
-    """Average the responses of a timing point, before anything is known of its joint.
-
-    Parameters
-    ----------
-    cell : PredictedCell
-        Of the timing point.
-    window_s : float, s
-        Of the motion: the average has room for the longest lag.
-    """
+    """Average the responses of a timing point, before any fit."""
     return _response(cell, window_s=window_s, lag_s=LONGEST_LAG_S, fit=(None, 0))
 
 
 def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
-    """Tell which responses are like the others, by what the prediction usually misses.
+    """Return which responses are similar to the others, relative to the prediction error.
 
-    Parameters
-    ----------
-    predicted : Predicted
-        Pulses of a timing point.
-    whole : (n_response,) bool, optional
-        Responses that may be; all by default.
-
-    Returns
-    -------
-    (n_response,) bool
-        All that may be, where there are too few to compare.
-
-    Notes
-    -----
-    The usual response is the median one, per torque: a pulse of twice the torque moves the joint
-    twice as far and is not unlike for that.
+    They are compared with the median response per torque: a pulse of twice the torque moves the
+    joint twice as far.
     """
     angles = predicted.responses[:, 0]
     fine = np.ones(len(angles), dtype=bool) if whole is None else whole

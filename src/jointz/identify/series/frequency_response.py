@@ -1,97 +1,21 @@
-"""One time series of any joint to its frequency response."""
-
-from collections.abc import Mapping
-from typing import get_args
+"""Frequency response of a joint, and K, B, J, from one time series."""
 
 import numpy as np
-import numpy.typing as npt
-import pandas as pd
-import xarray as xr
-from scipy.stats import t as student_t
 
-from jointz.core import provenance
-from jointz.core.frequency_response_curve import ResponseCurve
-from jointz.core.frequency_response_fit import FrequencyResponseFit
 from jointz.identify.series.frequency_response_second_order import estimate_second_order
-from jointz.identify.series.frequency_response_spectra import (
-    Input,
-    JointSpectra,
-    TorqueSide,
-    joint_spectra,
-    prepare_record,
-)
-from jointz.identify.series.joint_record import check_choice, gather_record
-
-_WHERE = "identify_frequency_response"
-#: Where nothing is coherent the band is cut off here, so that files hold no infinities.
-_WIDEST_BAND = 1e3
+from jointz.identify.series.frequency_response_spectra import impedance_spectra
+from jointz.identify.series.joint_record import JointRequest
+from jointz.identify.series.response_columns import response_curve
+from jointz.results.series.frequency_response_fit import FrequencyResponseFit
 
 
-def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature of identify
-    recording: xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame | None = None,
-    *,
-    angle: npt.ArrayLike | None = None,
-    torque: npt.ArrayLike | None = None,
-    command: npt.ArrayLike | None = None,
-    time: npt.ArrayLike | None = None,
-    rate_hz: float | None = None,
-    input: Input = "torque",
-    torque_acts_on: TorqueSide = "joint",
-    cutoff_hz: float | None = None,
-    ci_level: float = 0.95,
-) -> FrequencyResponseFit:
+def fit_frequency_response(request: JointRequest) -> FrequencyResponseFit:
     """Estimate the impedance of a joint over frequency, and K, B, J.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels ``angle``, ``torque`` and, where there are, ``command`` and
-        ``time``, in SI. Either this or the arrays.
-    angle : (n,) float, rad, optional
-        Joint angle.
-    torque : (n,) float, N*m, optional
-        Measured torque.
-    command : (n,) float, N*m, optional
-        Commanded torque; the instrument where the torque was perturbed.
-    time : (n,) float, s, optional
-        Time stamps. Jitter is resampled linearly; a gap is an error.
-    rate_hz : float, optional
-        Sampling rate, where there are no time stamps.
-    input : str
-        What was perturbed. ``torque``: the admittance
-        S_angle,torque / S_torque,torque is estimated and inverted, or, with a
-        command, S_torque,command / S_angle,command. ``angle``: the impedance
-        S_torque,angle / S_angle,angle (1.2).
-    torque_acts_on : str
-        ``joint``, or ``device``: the sign of the torque is turned.
-    cutoff_hz : float, optional
-        End of the band; by default where the coherence is lost, 60 Hz at most.
-    ci_level : float
-        Level of the intervals and of the pointwise band.
-
-    Returns
-    -------
-    FrequencyResponseFit
-        Response with coherence and band; stiffness, damping, inertia.
-
-    Raises
-    ------
-    DataError
-        When the samples cannot be trusted: missing channel, unequal lengths,
-        NaN, gap, changing rate, a record too short, a cutoff above half the
-        rate.
-    EstimationError
-        ``constant_angle``, ``constant_torque``, ``not_coherent`` or
-        ``ill_conditioned``.
-    ValueError
-        Unknown input or side; the message lists the choices.
-
-    Notes
-    -----
     The curve is Welch's with 16 Hann segments, half overlapping, of 4 s at most: a
     resonance narrower than ``resolution_hz`` reads too flat. K, B, J are not read
     off the curve: they are fitted to the spectra of the whole record, which have
-    no such bias (:func:`jointz.kernels.spectra_second_order.fit_second_order`),
+    no such bias (:func:`jointz.kernels.series.spectra_second_order.fit_second_order`),
     weighted by the error. White noise of the input is taken off where the top
     of its spectrum shows it.
 
@@ -99,81 +23,28 @@ def identify_frequency_response(  # noqa: PLR0913 - the fixed public signature o
     then taken for its response; a warning tells where the record shows it),
     with reflexes, and with a lag between the sensors: a lag T reads as B + K T
     and J + B T.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> t = np.arange(20_000) / 1000.0
-    >>> f = rng.uniform(0.5, 20.0, 40)
-    >>> w, phase = 2 * np.pi * f[:, None], rng.uniform(0, 6, (40, 1))
-    >>> angle = 0.01 * np.sin(w * t + phase).sum(axis=0)
-    >>> velocity = 0.01 * (w * np.cos(w * t + phase)).sum(axis=0)
-    >>> acceleration = -0.01 * (w**2 * np.sin(w * t + phase)).sum(axis=0)
-    >>> fit = identify_frequency_response(
-    ...     angle=angle, torque=50 * angle + velocity + 0.02 * acceleration,
-    ...     rate_hz=1000.0, input="angle", cutoff_hz=20.0,
-    ... )
-    >>> round(fit.parameter("stiffness").value, 2)
-    50.0
     """
-    check_choice("input", input, get_args(Input))
-    check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
-    if not 0.0 < ci_level < 1.0:
-        raise ValueError(f"ci_level: expected 0 < ci_level < 1, got {ci_level}")
-    given = {"angle": angle, "torque": torque, "command": command, "time": time}
-    raw = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
-    record = prepare_record(raw, torque_acts_on)
-    found = joint_spectra(record, perturbed=input, cutoff_hz=cutoff_hz, where=_WHERE)
-    joint, _ = estimate_second_order(record, found, ci_level=ci_level, model="frf", where=_WHERE)
+    spectra = impedance_spectra(request)
+    joint = estimate_second_order(request, spectra, model="frf")
+    band = spectra.band
+    frequency_hz = spectra.spectra.frequency_hz[band]
+    s = 2j * np.pi * frequency_hz
+    has_instrument = request.input == "torque" and "command" in request.record.channels
     return FrequencyResponseFit(
-        model="frf",
-        estimator=joint.estimator,
-        input=input,
-        parameters=joint.parameters,
+        **joint.result_fields(
+            curve="Welch, Hann segments overlapping by half",
+            instrument="command" if has_instrument else "none",
+        ),
         vaf_pct=joint.fit.vaf_pct,
-        vaf_of="angle" if input == "torque" else "torque",
-        status=joint.status,
-        response=_curve(found, joint.fit.values, ci_level),
-        resolution_hz=found.spectra.resolution_hz,
-        n_averages=found.spectra.n_averages,
-        n_samples=record.time.size,
-        rate_hz=record.rate_hz,
-        cutoff_hz=found.highest_hz,
-        condition_number=joint.fit.condition_number,
-        covariance=joint.covariance,
-        ci_method=joint.ci_method,
-        settings={
-            "curve": "Welch, Hann segments overlapping by half",
-            "instrument": "command" if input == "torque" and "command" in raw.channels else "none",
-            "input_noise_sd": joint.input_noise_sd,
-            "torque_acts_on": torque_acts_on,
-            "ci_level": ci_level,
-            "sha256": record.sha256,
-            "jointz": provenance.software()["jointz"],
-        },
-        warnings=joint.warnings,
-        check=joint.check,
+        response=response_curve(
+            frequency_hz,
+            spectra.impedance[band],
+            relative_sd=spectra.relative_sd[band],
+            coherence=spectra.coherence[band],
+            n_averages=spectra.spectra.n_averages,
+            ci_level=request.ci_level,
+            fitted=joint.fit.values @ np.stack([np.ones_like(s), s, s**2]),
+        ),
+        resolution_hz=spectra.spectra.resolution_hz,
+        n_averages=spectra.spectra.n_averages,
     )
-
-
-def _curve(found: JointSpectra, values: np.ndarray, ci_level: float) -> ResponseCurve:
-    band = found.band
-    frequency, impedance = found.spectra.frequency_hz[band], found.impedance[band]
-    gain, sd = np.abs(impedance), found.relative_sd[band]
-    freedom = max(2.0 * found.spectra.n_averages - 2.0, 1.0)
-    wide = float(student_t.ppf((1.0 + ci_level) / 2.0, freedom))
-    reach = np.minimum(np.exp(np.minimum(wide * sd, np.log(_WIDEST_BAND))), _WIDEST_BAND)
-    s = 2j * np.pi * frequency
-    model = values @ np.stack([np.ones_like(s), s, s**2])
-    columns = {
-        "frequency_hz": frequency,
-        "gain": gain,
-        "phase_rad": np.unwrap(np.angle(impedance)),
-        "gain_low": gain / reach,
-        "gain_high": gain * reach,
-        "phase_sd_rad": np.minimum(sd, np.pi),
-        "coherence": found.coherence[band],
-        "fitted_gain": np.abs(model),
-        "fitted_phase_rad": np.unwrap(np.angle(model)),
-    }
-    return ResponseCurve(**{name: tuple(v.tolist()) for name, v in columns.items()})

@@ -1,27 +1,33 @@
 """The second-order joint behind a frequency or an impulse response."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.stats import t as student_t
 
+from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.estimates import ParameterEstimate
-from jointz.core.second_order_check import SecondOrderCheck
-from jointz.identify.series.frequency_response_spectra import JointSpectra
+from jointz.identify.series.block_regression import t_factor
+from jointz.identify.series.frequency_response_spectra import ImpedanceSpectra
 from jointz.identify.series.joint_estimators import ESTIMATORS
-from jointz.identify.series.joint_record import JointRecord, sign_warnings
+from jointz.identify.series.joint_record import (
+    JOINT,
+    PARAMETERS,
+    JointRequest,
+    angle_warnings,
+    sign_warnings,
+)
 from jointz.identify.series.joint_signals import default_estimator, prepare_signals
 from jointz.identify.series.second_order_check import check_second_order, withhold_parameters
-from jointz.kernels.spectra_second_order import (
+from jointz.kernels.series.spectra_second_order import (
     RecordSpectra,
     SpectrumFit,
     fit_second_order,
     record_spectra,
 )
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.second_order_verdict import SecondOrderCheck
 
-PARAMETERS = ("stiffness", "damping", "inertia")
-ILL_CONDITIONED = "ill_conditioned"
 _LARGEST_CONDITION = 1e3
 #: Unexplained power over what any linear response leaves, above which the joint is not of
 #: second order.
@@ -37,189 +43,166 @@ _STILL_FITS = 4.0
 _DISAGREEMENT = 0.05
 #: Relative error that smoothing leaves on the curve, however little noise there is.
 _SMOOTHING_SD = 0.01
-_LARGE_ANGLE_RAD = 0.2
 #: Noise of the input that could not be told is noted above this share of its power: K, B, J are
 #: off by about as much.
 _NOTED_NOISE_SHARE = 1e-3
 #: Frequencies at which less than this share of either signal is signal speak for no direction.
 _LEAST_SIGNAL = 0.1
+#: Order of the channels in the spectra of a record.
+_CHANNELS = ("angle", "torque")
 
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """K, B, J of one record with what must be said about them.
+    """K, B, J of one record, their test and warnings."""
 
-    Parameters
-    ----------
-    fit : SpectrumFit
-        Numbers.
-    weighting : str
-        ``error`` or ``even``.
-    parameters : tuple of ParameterEstimate
-        With intervals.
-    status : str
-        ``ok`` or ``undecided``.
-    check : SecondOrderCheck
-        Whether the residual refutes a second-order joint.
-    ci_method : str
-        How intervals were made.
-    warnings : tuple of str
-        What a reader must know.
-    input_noise_sd : float
-        Sd of the white noise taken off the input, its unit; 0 where unknown.
-    """
-
-    fit: SpectrumFit
-    weighting: str
-    parameters: tuple[ParameterEstimate, ...]
-    status: str
-    check: SecondOrderCheck
-    ci_method: str
+    request: JointRequest
+    spectra: ImpedanceSpectra
+    model: str  # ``frf`` or ``irf``
+    fit: SpectrumFit  # numbers
+    weighting: str  # ``error`` or ``even``
+    parameters: tuple[ParameterEstimate, ...]  # with intervals
+    status: str  # ``ok`` or ``undecided``
+    check: SecondOrderCheck  # whether the residual refutes a second-order joint
+    ci_method: str  # how intervals were made
     warnings: tuple[str, ...]
-    input_noise_sd: float
+    input_noise_sd: float  # sd of the white noise taken off the input, its unit; 0 where unknown
 
-    @property
-    def covariance(self) -> tuple[tuple[float, ...], ...]:
-        """(3, 3) of K, B, J; empty where they are withheld."""
-        return () if self.check.fails else tuple(map(tuple, self.fit.covariance.tolist()))
-
-    @property
-    def estimator(self) -> str:
-        """Name of the estimator with its weights."""
+    def result_fields(self, **settings: Any) -> dict[str, Any]:
+        """Return the fields that results of both models have."""
+        record = self.spectra.record
         weights = "weighted by the error" if self.weighting == "error" else "evenly weighted"
-        return f"frequency-domain errors in variables, {weights}"
+        covariance = () if self.check.fails else tuple(map(tuple, self.fit.covariance.tolist()))
+        return {
+            "model": self.model,
+            "estimator": f"frequency-domain errors in variables, {weights}",
+            "input": self.request.input,
+            "parameters": self.parameters,
+            "vaf_of": self.request.output,
+            "status": self.status,
+            "n_samples": record.time.size,
+            "rate_hz": record.rate_hz,
+            "cutoff_hz": self.spectra.highest_hz,
+            "condition_number": self.fit.condition_number,
+            "covariance": covariance,
+            "ci_method": self.ci_method,
+            "settings": self.request.settings(**settings, input_noise_sd=self.input_noise_sd),
+            "warnings": self.warnings,
+            "check": self.check,
+        }
 
 
 def estimate_second_order(
-    record: JointRecord, found: JointSpectra, *, ci_level: float, model: str, where: str
-) -> tuple[SecondOrder, RecordSpectra]:
+    request: JointRequest, spectra: ImpedanceSpectra, *, model: str
+) -> SecondOrder:
     """Fit K, B, J to the whole record inside the band.
 
-    Parameters
-    ----------
-    record : JointRecord
-        Prepared.
-    found : JointSpectra
-        Of :func:`joint_spectra`.
-    ci_level : float
-        Level of the intervals.
-    model : str
-        ``frf`` or ``irf``, for messages.
-    where : str
-        Name of the calling function, for messages.
-
-    Returns
-    -------
-    SecondOrder
-        Numbers, intervals and warnings.
-    RecordSpectra
-        What they were fitted to.
-
-    Raises
-    ------
-    DataError
-        Too few frequencies in the band.
-    EstimationError
-        ``ill_conditioned``.
-
-    Notes
-    -----
     Where a joint is plainly not of second order (reflexes), weights by the
     error would let a few frequencies decide; then all weigh alike, as in a
     regression in time, and a warning says so.
     """
-    command = record.channels.get("command") if found.perturbed == "torque" else None
-    try:
-        spectra = record_spectra(
-            record.channels["angle"],
-            record.channels["torque"],
-            rate_hz=record.rate_hz,
-            highest_hz=found.highest_hz,
-            command=command,
-        )
-    except ValueError as exc:
-        raise DataError(f"{where}: {exc}. Record longer, or raise cutoff_hz.") from exc
-    fit = fit_second_order(spectra, perturbed=found.perturbed)
-    misfit = _misfit(fit, found, spectra)
+    transform = _transform(spectra)
+    fit = fit_second_order(transform, perturbed=spectra.perturbed)
+    misfit = _misfit(fit, spectra, transform)
     weighting = "even" if misfit > _MISFIT else "error"
     if weighting == "even":
-        fit = fit_second_order(spectra, perturbed=found.perturbed, weighting=weighting)
-    _check_condition(fit)
+        fit = fit_second_order(transform, perturbed=spectra.perturbed, weighting=weighting)
+    if not fit.condition_number < _LARGEST_CONDITION:
+        raise EstimationError(
+            Failure.ILL_CONDITIONED.value,
+            "stiffness, damping and inertia cannot be told apart: the scaled equations have "
+            f"condition number {fit.condition_number:.3g}, expected below "
+            f"{_LARGEST_CONDITION:.0g}. Perturb with more than one frequency, or raise cutoff_hz.",
+        )
     settled = fit.converged and bool(np.isfinite(fit.covariance).all())
-    warnings = () if settled else ("undecided: the fit did not settle",)
+    warnings = [] if settled else ["undecided: the fit did not settle"]
     ci_method = f"sandwich over {fit.n_bins} frequencies, Student's t" if settled else "none"
-    parameters = _parameters(fit, settled=settled, ci_level=ci_level, ci_method=ci_method)
-    noise = spectra.noise[1 if found.perturbed == "torque" else 0] if command is None else 0.0
-    check = _check(record, found, fit.covariance)
+    parameters = _parameters(fit, request.ci_level, ci_method)
+    check = _check(spectra, fit.covariance)
     if check.fails:
         parameters, note = withhold_parameters(parameters, check, model)
-        warnings, ci_method = (note, *warnings), "none"
-    result = SecondOrder(
+        warnings, ci_method = [note, *warnings], "none"
+    if transform.instrument is None:
+        warnings += _direction_warnings(_Directions(fit, spectra, transform))
+        warnings += _noise_warnings(spectra, transform)
+    if misfit > _MISFIT:
+        warnings.append(
+            f"the joint is not of second order: it leaves {misfit:.1f} times the power that any "
+            "linear response leaves (reflexes, a lag between the sensors?). All frequencies weigh "
+            "alike, the values depend on the band, and the intervals do not know it"
+        )
+    warnings += angle_warnings(spectra.record.channels["angle"]) + sign_warnings(fit.values)
+    noise = 0.0 if transform.instrument is not None else _white_noise(transform, spectra.perturbed)
+    return SecondOrder(
+        request=request,
+        spectra=spectra,
+        model=model,
         fit=fit,
         weighting=weighting,
         parameters=parameters,
         status="ok" if settled and not check.fails else "undecided",
         check=check,
         ci_method=ci_method,
-        warnings=(*warnings, *_doubts(record, fit, found, spectra, misfit=misfit)),
-        input_noise_sd=float(np.sqrt(noise / spectra.window_power)),
+        warnings=tuple(warnings),
+        input_noise_sd=float(np.sqrt(noise / transform.window_power)),
     )
-    return result, spectra
 
 
-def _check(record: JointRecord, found: JointSpectra, covariance: np.ndarray) -> SecondOrderCheck:
-    """Test the residual of the same joint fitted in time, inside the same band."""
-    has_command = "command" in record.channels
-    estimate = ESTIMATORS[default_estimator(found.perturbed, has_command=has_command)]
+def _transform(spectra: ImpedanceSpectra) -> RecordSpectra:
+    channels = spectra.record.channels
     try:
-        signals = prepare_signals(record, found.highest_hz)
+        return record_spectra(
+            channels["angle"],
+            channels["torque"],
+            rate_hz=spectra.record.rate_hz,
+            highest_hz=spectra.highest_hz,
+            command=channels.get("command") if spectra.perturbed == "torque" else None,
+        )
+    except ValueError as exc:
+        raise DataError(f"{JOINT}: {exc}. Record longer, or raise cutoff_hz.") from exc
+
+
+def _check(spectra: ImpedanceSpectra, covariance: np.ndarray) -> SecondOrderCheck:
+    """Test the residual of the same joint fitted in time, inside the same band."""
+    record, cutoff_hz = spectra.record, spectra.highest_hz
+    has_command = "command" in record.channels
+    estimate = ESTIMATORS[default_estimator(spectra.perturbed, has_command=has_command)]
+    try:
+        signals = prepare_signals(record, cutoff_hz)
         solution = estimate(signals)
     except (DataError, EstimationError):
         return SecondOrderCheck()
     if solution.doubt:
         return SecondOrderCheck()
     return check_second_order(
-        estimate, solution, signals, cutoff_hz=found.highest_hz, covariance=covariance
+        estimate, solution, signals, cutoff_hz=cutoff_hz, covariance=covariance
     )
 
 
-def _misfit(fit: SpectrumFit, found: JointSpectra, spectra: RecordSpectra) -> float:
+def _misfit(fit: SpectrumFit, spectra: ImpedanceSpectra, transform: RecordSpectra) -> float:
     """Return unexplained power of the second-order joint over that of any linear response.
 
     Both over the same frequencies, away from the slowest, where the smoothed
     spectra hold what lies below them.
     """
-    lowest_hz = 2.0 * found.spectra.resolution_hz
-    curve = found.band & (found.spectra.frequency_hz >= lowest_hz)
-    bins = spectra.s.imag >= 2.0 * np.pi * lowest_hz
-    any_linear = float(found.error_power[curve].sum())
-    total, output = float(found.output_power[curve].sum()), float(fit.output_power[bins].sum())
+    lowest_hz = 2.0 * spectra.spectra.resolution_hz
+    curve = spectra.band & (spectra.spectra.frequency_hz >= lowest_hz)
+    bins = transform.s.imag >= 2.0 * np.pi * lowest_hz
+    any_linear = float(spectra.error_power[curve].sum())
+    total, output = float(spectra.output_power[curve].sum()), float(fit.output_power[bins].sum())
     if total <= 0.0 or output <= 0.0:
         return 1.0
     second_order = float(fit.error_power[bins].sum()) / output
     return second_order / max(any_linear / total, _SMALLEST_ERROR)
 
 
-def _check_condition(fit: SpectrumFit) -> None:
-    if not fit.condition_number < _LARGEST_CONDITION:
-        raise EstimationError(
-            ILL_CONDITIONED,
-            "stiffness, damping and inertia cannot be told apart: the scaled equations have "
-            f"condition number {fit.condition_number:.3g}, expected below "
-            f"{_LARGEST_CONDITION:.0g}. Perturb with more than one frequency, or raise cutoff_hz.",
-        )
-
-
-def _parameters(
-    fit: SpectrumFit, *, settled: bool, ci_level: float, ci_method: str
-) -> tuple[ParameterEstimate, ...]:
-    if not settled:
+def _parameters(fit: SpectrumFit, ci_level: float, ci_method: str) -> tuple[ParameterEstimate, ...]:
+    if ci_method == "none":
         return tuple(
             ParameterEstimate(name, None, None, None, "undecided", ci_level, ci_method)
             for name in PARAMETERS
         )
-    wide = float(student_t.ppf((1.0 + ci_level) / 2.0, fit.n_bins - len(PARAMETERS)))
-    reach = wide * np.sqrt(np.diag(fit.covariance))
+    reach = t_factor(ci_level, fit.n_bins - len(PARAMETERS)) * np.sqrt(np.diag(fit.covariance))
     return tuple(
         ParameterEstimate(
             name, float(value), float(value - r), float(value + r), "ok", ci_level, ci_method
@@ -228,126 +211,111 @@ def _parameters(
     )
 
 
-def _doubts(
-    record: JointRecord,
-    fit: SpectrumFit,
-    found: JointSpectra,
-    spectra: RecordSpectra,
-    *,
-    misfit: float,
-) -> tuple[str, ...]:
-    notes = []
-    if found.perturbed == "angle" or spectra.instrument is None:
-        notes += _direction_doubts(fit, found, spectra, record.rate_hz)
-        notes += _untold_noise(found, spectra)
-    if misfit > _MISFIT:
-        notes.append(
-            f"the joint is not of second order: it leaves {misfit:.1f} times the power that any "
-            "linear response leaves (reflexes, a lag between the sensors?). All frequencies weigh "
-            "alike, the values depend on the band, and the intervals do not know it"
-        )
-    largest = float(np.abs(record.channels["angle"]).max())
-    if largest > _LARGE_ANGLE_RAD:
-        notes.append(
-            f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: one "
-            "stiffness may not hold over such a range"
-        )
-    return (*notes, *sign_warnings(fit.values))
+def _white_noise(transform: RecordSpectra, name: str) -> float:
+    return float(transform.noise[_CHANNELS.index(name)])
 
 
-def _untold_noise(found: JointSpectra, spectra: RecordSpectra) -> list[str]:
-    """Say how much of the input's power may be noise that was not taken off.
+def _untold_share(transform: RecordSpectra, name: str) -> float:
+    return float(transform.untold_share[_CHANNELS.index(name)])
+
+
+def _noise_warnings(spectra: ImpedanceSpectra, transform: RecordSpectra) -> list[str]:
+    """Return a warning of noise of the input that was not taken off.
 
     It is no more than what the coherence leaves, however broad the input.
     """
-    share = spectra.untold_share[1 if found.perturbed == "torque" else 0]
-    band = found.band
-    power = found.spectra.auto_in[band]
-    share = min(share, float(np.average(1.0 - found.coherence[band], weights=power)))
+    perturbed, band = spectra.perturbed, spectra.band
+    power = spectra.spectra.auto_in[band]
+    incoherent = float(np.average(1.0 - spectra.coherence[band], weights=power))
+    share = min(_untold_share(transform, perturbed), incoherent)
     if share <= _NOTED_NOISE_SHARE:
         return []
-    off = "large" if found.perturbed == "torque" else "small"
+    off = "large" if perturbed == "torque" else "small"
     return [
-        f"noise of the {found.perturbed} cannot be told from its signal, which reaches up to half "
+        f"noise of the {perturbed} cannot be told from its signal, which reaches up to half "
         f"the sampling rate: up to {100 * share:.2g} % of its power may be white noise, by which "
         f"stiffness and inertia are too {off}; the intervals do not know it. Sample faster, "
         "perturb less broadly, or give the command"
     ]
 
 
-def _direction_doubts(
-    fit: SpectrumFit, found: JointSpectra, spectra: RecordSpectra, rate_hz: float
-) -> list[str]:
-    """Say when the record speaks for the other input, or when the choice decides the stiffness."""
-    other_name = "angle" if found.perturbed == "torque" else "torque"
-    plain = replace(spectra, instrument=None)
-    other = fit_second_order(plain, perturbed=other_name)
-    c = np.maximum(found.coherence, 1e-6)
+@dataclass(frozen=True, slots=True)
+class _Directions:
+    """One record read with either signal as the input."""
+
+    fit: SpectrumFit  # with the input of the request
+    spectra: ImpedanceSpectra
+    transform: RecordSpectra
+
+    def noise_density(self, name: str) -> float:
+        """Return the one-sided density of a channel's white noise times the sampling rate."""
+        return 2.0 * _white_noise(self.transform, name) / self.transform.window_power
+
+    def signal_share(self, name: str, density: np.ndarray) -> np.ndarray:
+        """Return the share of a channel's density that is not its white noise, (f,)."""
+        noise = self.noise_density(name) / self.spectra.record.rate_hz
+        return np.asarray(np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6))
+
+    def noisy(self) -> bool:
+        """Tell whether much of the input's power is noise."""
+        name, spectra = self.spectra.perturbed, self.spectra
+        inside = spectra.spectra.auto_in[spectra.band].mean()
+        share = self.noise_density(name) / spectra.record.rate_hz
+        untold = _untold_share(self.transform, name)
+        return bool(share > _NOISY_INPUT * inside or untold > _NOISY_INPUT)
+
+    def chi_square(
+        self, used: np.ndarray, impedance: np.ndarray, values: np.ndarray, sd: np.ndarray
+    ) -> tuple[float, float]:
+        """Return a response's squared distance from a joint in sd, and the independent bins."""
+        spectra = self.spectra.spectra
+        s = 2j * np.pi * spectra.frequency_hz[used]
+        model = values @ np.stack([np.ones_like(s), s, s**2])
+        distance = np.abs(impedance[used] / model - 1.0) ** 2 / (2.0 * sd**2)
+        share = spectra.frequency_hz[1] / spectra.resolution_hz
+        return float(distance.sum() * share), float(distance.size * share)
+
+
+def _direction_warnings(directions: _Directions) -> list[str]:
+    """Return a warning if the other input fits better, or gives another stiffness."""
+    spectra, perturbed = directions.spectra, directions.spectra.perturbed
+    other = "angle" if perturbed == "torque" else "torque"
+    values = directions.fit.values
+    other_values = fit_second_order(directions.transform, perturbed=other).values
+    c = np.maximum(spectra.coherence, 1e-6)
     # The other direction's response is the same cross-spectrum over the other density.
-    turned = found.impedance * c if found.perturbed == "torque" else found.impedance / c
-    ours_kept = _share_of_signal(spectra, found.perturbed, found.spectra.auto_in, rate_hz)
-    theirs_kept = _share_of_signal(spectra, other_name, found.spectra.auto_out, rate_hz)
+    turned = spectra.impedance * c if perturbed == "torque" else spectra.impedance / c
+    kept = directions.signal_share(perturbed, spectra.spectra.auto_in)
+    other_kept = directions.signal_share(other, spectra.spectra.auto_out)
     # Noise of the input, taken off the values too, lowers the response that it drives.
-    truer = found.impedance * _turn(ours_kept, found.perturbed)
-    turned = turned * _turn(theirs_kept, other_name)
+    truer = spectra.impedance * _correction(kept, perturbed)
+    turned = turned * _correction(other_kept, other)
     # Both are judged at the same frequencies, with the same doubt.
-    used = found.band & (np.minimum(ours_kept, theirs_kept) >= _LEAST_SIGNAL)
+    used = spectra.band & (np.minimum(kept, other_kept) >= _LEAST_SIGNAL)
     if not used.any():
         return []
-    unsure = np.hypot(1.0 / ours_kept - 1.0, 1.0 / theirs_kept - 1.0)[used]
-    sd = np.hypot(found.relative_sd[used], _SMOOTHING_SD)
-    sd = np.hypot(sd, unsure / np.sqrt(found.spectra.n_averages))
-    ours, bins = _chi_square(found, used, truer, values=fit.values, sd=sd)
-    theirs, _ = _chi_square(found, used, turned, values=other.values, sd=sd)
-    noise, inside = _noise_of(spectra, found.perturbed), found.spectra.auto_in[found.band].mean()
-    untold = spectra.untold_share[0 if found.perturbed == "angle" else 1]
-    noisy = noise / rate_hz > _NOISY_INPUT * inside or untold > _NOISY_INPUT
-    if theirs < ours - (_CLEARLY_BETTER if noisy else _BETTER) and theirs < _STILL_FITS * bins:
+    unsure = np.hypot(1.0 / kept - 1.0, 1.0 / other_kept - 1.0)[used]
+    sd = np.hypot(spectra.relative_sd[used], _SMOOTHING_SD)
+    sd = np.hypot(sd, unsure / np.sqrt(spectra.spectra.n_averages))
+    distance, bins = directions.chi_square(used, truer, values, sd)
+    other_distance, _ = directions.chi_square(used, turned, other_values, sd)
+    margin = _CLEARLY_BETTER if directions.noisy() else _BETTER
+    if other_distance < distance - margin and other_distance < _STILL_FITS * bins:
         return [
-            f"the record looks {other_name}-perturbed: a second-order joint fits the response "
-            f"estimated with the {other_name} as the input better than this one (chi square "
-            f"{theirs:.0f} against {ours:.0f}). If the {other_name} was perturbed, choose input "
-            f"'{other_name}': this direction takes torque inside the joint for its response"
+            f"the record looks {other}-perturbed: a second-order joint fits the response "
+            f"estimated with the {other} as the input better than this one (chi square "
+            f"{other_distance:.0f} against {distance:.0f}). If the {other} was perturbed, choose "
+            f"input '{other}': this direction takes torque inside the joint for its response"
         ]
-    change = other.values[0] / fit.values[0] - 1.0
+    change = other_values[0] / values[0] - 1.0
     if abs(change) > _DISAGREEMENT:
         return [
-            f"with the {other_name} as the input stiffness would be {other.values[0]:.3g}, "
-            f"{100 * change:+.0f} %: be sure that the {found.perturbed} was perturbed"
+            f"with the {other} as the input stiffness would be {other_values[0]:.3g}, "
+            f"{100 * change:+.0f} %: be sure that the {perturbed} was perturbed"
         ]
     return []
 
 
-def _share_of_signal(
-    spectra: RecordSpectra, name: str, density: np.ndarray, rate_hz: float
-) -> np.ndarray:
-    """Return which share of a channel's density is not its white noise, (f,)."""
-    noise = _noise_of(spectra, name) / rate_hz
-    share: np.ndarray = np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6)
-    return share
-
-
-def _noise_of(spectra: RecordSpectra, name: str) -> float:
-    """Return the one-sided density of a channel's white noise times the sampling rate."""
-    return 2.0 * spectra.noise[0 if name == "angle" else 1] / spectra.window_power
-
-
-def _turn(share: np.ndarray, name: str) -> np.ndarray:
-    """Return what the impedance is multiplied by where so much of its input is signal."""
+def _correction(share: np.ndarray, name: str) -> np.ndarray:
+    """Return the factor of the impedance where so much of its input is signal."""
     return share if name == "torque" else 1.0 / share
-
-
-def _chi_square(
-    found: JointSpectra,
-    used: np.ndarray,
-    impedance: np.ndarray,
-    *,
-    values: np.ndarray,
-    sd: np.ndarray,
-) -> tuple[float, float]:
-    """Return the squared distance of a response from a joint in sd, and the independent bins."""
-    s = 2j * np.pi * found.spectra.frequency_hz[used]
-    model = values @ np.stack([np.ones_like(s), s, s**2])
-    distance = np.abs(impedance[used] / model - 1.0) ** 2 / (2.0 * sd**2)
-    share = found.spectra.frequency_hz[1] / found.spectra.resolution_hz
-    return float(distance.sum() * share), float(distance.size * share)

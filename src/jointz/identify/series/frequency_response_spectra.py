@@ -1,17 +1,15 @@
-"""The impedance of one record over frequency, and the band in which it can be known."""
+"""Impedance of one record over frequency, and the band in which it can be estimated."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.series.joint_record import JointRecord
-from jointz.kernels.spectra import CrossSpectra, coherence_threshold, welch
-
-Input = Literal["torque", "angle"]
-TorqueSide = Literal["joint", "device"]
+from jointz.identify.series.joint_record import JOINT, JointRecord, JointRequest, refuse_constant
+from jointz.identify.series.joint_record import Input as Input
+from jointz.identify.series.joint_record import TorqueSide as TorqueSide
+from jointz.kernels.series.spectra import CrossSpectra, coherence_threshold, welch
 
 #: The band ends where the coherence, median of five neighbours, falls below; and by itself no
 #: higher than this: there bones, straps and sensor mounts are coherent too.
@@ -27,71 +25,29 @@ _HIGHEST_SHARE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class JointSpectra:
-    """Everything spectral about one record.
+class ImpedanceSpectra:
+    """Spectra of one record, and its impedance."""
 
-    Parameters
-    ----------
-    impedance : (f,) complex, N*m/rad
-        Torque over angle.
-    relative_sd : (f,) float
-        Sd of its gain over the gain, and of its phase in rad.
-    coherence : (f,) float
-        Of angle and torque; of angle and command where there is one.
-    error_power : (f,) float
-        Density of what no linear response explains of the output.
-    output_power : (f,) float
-        Density of the output.
-    spectra : CrossSpectra
-        From the input to the output, or from the command to the angle.
-    highest_hz : float
-        End of the band.
-    perturbed : str
-        ``torque`` or ``angle``.
-    """
-
-    impedance: np.ndarray
-    relative_sd: np.ndarray
-    coherence: np.ndarray
-    error_power: np.ndarray
-    output_power: np.ndarray
-    spectra: CrossSpectra
-    highest_hz: float
-    perturbed: str
+    record: JointRecord  # offsets removed, torque on the joint
+    perturbed: Input
+    impedance: np.ndarray  # torque over angle
+    relative_sd: np.ndarray  # sd of its gain over the gain, and of its phase in rad
+    coherence: np.ndarray  # of angle and torque; of angle and command where there is one
+    error_power: np.ndarray  # density of what no linear response explains of the output
+    output_power: np.ndarray  # density of the output
+    spectra: CrossSpectra  # from the input to the output, or from the command to the angle
+    highest_hz: float = 0.0  # end of the band
 
     @property
     def band(self) -> np.ndarray:
         """(f,) bool: the frequencies used."""
         f = self.spectra.frequency_hz
-        inside: np.ndarray = (f >= self.spectra.resolution_hz) & (f <= self.highest_hz)
-        return inside
+        return np.asarray((f >= self.spectra.resolution_hz) & (f <= self.highest_hz))
 
 
 def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointRecord:
-    """Remove offsets and turn the torque to act on the joint.
-
-    Parameters
-    ----------
-    record : JointRecord
-        As given.
-    torque_acts_on : str
-        ``joint`` or ``device``.
-
-    Raises
-    ------
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
-    for name, code in (
-        ("angle", Failure.CONSTANT_ANGLE.value),
-        ("torque", Failure.CONSTANT_TORQUE.value),
-    ):
-        values = record.channels[name]
-        if np.ptp(values) <= 1e-12 * np.abs(values).max():
-            raise EstimationError(
-                code,
-                f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
-            )
+    """Remove offsets and turn the torque to act on the joint."""
+    refuse_constant(record)
     command = record.channels.get("command")
     if command is not None and np.ptp(command) == 0.0:
         raise DataError(
@@ -105,78 +61,51 @@ def prepare_record(record: JointRecord, torque_acts_on: TorqueSide) -> JointReco
     return replace(record, channels=centred)
 
 
-def joint_spectra(
-    record: JointRecord, *, perturbed: Input, cutoff_hz: float | None, where: str
-) -> JointSpectra:
-    """Return the impedance over frequency and the band in which it can be known.
-
-    Parameters
-    ----------
-    record : JointRecord
-        Prepared.
-    perturbed : str
-        ``torque`` or ``angle``; with the torque and a command the joint
-        input-output estimate S_torque,command / S_angle,command.
-    cutoff_hz : float or None
-        End of the band; None: where the coherence is lost, 60 Hz at most.
-    where : str
-        Name of the calling function, for messages.
-
-    Raises
-    ------
-    DataError
-        A record too short, a cutoff above half the rate.
-    EstimationError
-        ``not_coherent``.
-    """
-    half = record.rate_hz / 2.0
+def impedance_spectra(request: JointRequest) -> ImpedanceSpectra:
+    """Return the impedance over frequency and the band in which it can be estimated."""
+    record = prepare_record(request.record, request.torque_acts_on)
+    half, cutoff_hz = record.rate_hz / 2.0, request.cutoff_hz
     if cutoff_hz is not None and not 0.0 < cutoff_hz < half:
         raise DataError(
-            f"{where}: expected 0 < cutoff_hz < {half:.6g} (half the sampling rate), got "
+            f"{JOINT}: expected 0 < cutoff_hz < {half:.6g} (half the sampling rate), got "
             f"{cutoff_hz:g}. Lower cutoff_hz."
         )
-    window_s = _window_s(record, where)
-    command = record.channels.get("command") if perturbed == "torque" else None
-    if command is None:
-        found = _direct(record, perturbed=perturbed, window_s=window_s)
-    else:
-        found = _through_command(record, command, window_s=window_s)
-    highest = _coherent_to_hz(found, where=where, has_command=command is not None)
-    return replace(found, highest_hz=cutoff_hz if cutoff_hz is not None else highest)
-
-
-def _window_s(record: JointRecord, where: str) -> float:
-    seconds = record.time.size / record.rate_hz
-    shortest = _SHORTEST_WINDOW / record.rate_hz
-    if seconds < _FEWEST_SEGMENTS * shortest:
+    shortest_s = _SHORTEST_WINDOW / record.rate_hz
+    if record.seconds < _FEWEST_SEGMENTS * shortest_s:
         raise DataError(
-            f"{where}: the record lasts {seconds:.4g} s, at least "
-            f"{_FEWEST_SEGMENTS * shortest:.4g} s are needed. Give a longer record."
+            f"{JOINT}: the record lasts {record.seconds:.4g} s, at least "
+            f"{_FEWEST_SEGMENTS * shortest_s:.4g} s are needed. Give a longer record."
         )
-    return max(min(seconds / _SEGMENTS, _LONGEST_WINDOW_S), shortest)
+    window_s = max(min(record.seconds / _SEGMENTS, _LONGEST_WINDOW_S), shortest_s)
+    if request.input == "torque" and "command" in record.channels:
+        spectra = _spectra_through_command(record, window_s)
+    else:
+        spectra = _direct_spectra(record, request, window_s)
+    highest_hz = _coherent_to_hz(spectra)
+    return replace(spectra, highest_hz=highest_hz if cutoff_hz is None else cutoff_hz)
 
 
-def _direct(record: JointRecord, *, perturbed: Input, window_s: float) -> JointSpectra:
-    names = ("torque", "angle") if perturbed == "torque" else ("angle", "torque")
-    x, y = (record.channels[name] for name in names)
+def _direct_spectra(
+    record: JointRecord, request: JointRequest, window_s: float
+) -> ImpedanceSpectra:
+    x, y = (record.channels[name] for name in (request.input, request.output))
     spectra = welch(x, y, rate_hz=record.rate_hz, window_s=window_s)
-    response, coherence = spectra.response, spectra.coherence
-    impedance = _inverse(response) if perturbed == "torque" else response
     lost = spectra.n_averages / max(spectra.n_averages - 1.0, 1.0)
-    return JointSpectra(
-        impedance=impedance,
+    response = spectra.response
+    return ImpedanceSpectra(
+        record=record,
+        perturbed=request.input,
+        impedance=_inverse(response) if request.input == "torque" else response,
         relative_sd=spectra.relative_sd(),
-        coherence=coherence,
-        error_power=(1.0 - coherence) * spectra.auto_out * lost,
+        coherence=spectra.coherence,
+        error_power=(1.0 - spectra.coherence) * spectra.auto_out * lost,
         output_power=spectra.auto_out,
         spectra=spectra,
-        highest_hz=0.0,
-        perturbed=perturbed,
     )
 
 
-def _through_command(record: JointRecord, command: np.ndarray, *, window_s: float) -> JointSpectra:
-    angle, torque = record.channels["angle"], record.channels["torque"]
+def _spectra_through_command(record: JointRecord, window_s: float) -> ImpedanceSpectra:
+    angle, torque, command = (record.channels[n] for n in ("angle", "torque", "command"))
     settings = {"rate_hz": record.rate_hz, "window_s": window_s}
     to_angle, to_torque = welch(command, angle, **settings), welch(command, torque, **settings)
     both = welch(torque, angle, **settings)
@@ -188,44 +117,44 @@ def _through_command(record: JointRecord, command: np.ndarray, *, window_s: floa
     )
     error = np.maximum(error, 0.0)
     explained = np.maximum(np.abs(to_angle.cross) ** 2 / to_angle.auto_in, 1e-300)
-    return JointSpectra(
+    return ImpedanceSpectra(
+        record=record,
+        perturbed="torque",
         impedance=_inverse(admittance),
         relative_sd=np.sqrt(error / (2.0 * both.n_averages * explained)),
         coherence=np.minimum(to_angle.coherence, to_torque.coherence),
         error_power=error,
         output_power=both.auto_out,
         spectra=to_angle,
-        highest_hz=0.0,
-        perturbed="torque",
     )
 
 
 def _inverse(response: np.ndarray) -> np.ndarray:
-    inverse: np.ndarray = 1.0 / np.where(response == 0.0, 1e-300, response)
-    return inverse
+    return np.asarray(1.0 / np.where(response == 0.0, 1e-300, response))
 
 
-def _coherent_to_hz(found: JointSpectra, *, where: str, has_command: bool) -> float:
-    """Return the highest frequency at which output and input still belong together."""
-    f, c = found.spectra.frequency_hz, found.coherence
-    middle = np.lib.stride_tricks.sliding_window_view(
-        np.pad(c, _MEDIAN_WIDTH // 2, mode="edge"), _MEDIAN_WIDTH
+def _coherent_to_hz(spectra: ImpedanceSpectra) -> float:
+    """Return the highest frequency at which output and input are coherent."""
+    f = spectra.spectra.frequency_hz
+    neighbours = np.lib.stride_tricks.sliding_window_view(
+        np.pad(spectra.coherence, _MEDIAN_WIDTH // 2, mode="edge"), _MEDIAN_WIDTH
     )
-    needed = max(_BAND_COHERENCE, coherence_threshold(found.spectra.n_averages))
+    needed = max(_BAND_COHERENCE, coherence_threshold(spectra.spectra.n_averages))
     top_hz = min(_HIGHEST_HZ, _HIGHEST_SHARE * f[-1])
     reached = np.flatnonzero((f > 0.0) & (f <= top_hz))
     if reached.size < _MEDIAN_WIDTH:
         raise DataError(
-            f"{where}: the record is too short: its spectra have {reached.size} frequencies below "
+            f"{JOINT}: the record is too short: its spectra have {reached.size} frequencies below "
             f"{top_hz:.3g} Hz, one in {f[1]:.3g} Hz; at least {_MEDIAN_WIDTH} are needed. Record "
             f"at least {_SEGMENTS * _MEDIAN_WIDTH / top_hz:.2g} s."
         )
-    usable = reached[np.median(middle, axis=1)[reached] > needed]
+    usable = reached[np.median(neighbours, axis=1)[reached] > needed]
     if usable.size < _MEDIAN_WIDTH:
-        pair = "command and angle" if has_command else "torque and angle"
+        through_command = spectra.perturbed == "torque" and "command" in spectra.record.channels
+        pair = "command and angle" if through_command else "torque and angle"
         raise EstimationError(
             Failure.NOT_COHERENT.value,
-            f"{where}: {pair} are not coherent: the coherence exceeds {needed:.2g} at "
+            f"{JOINT}: {pair} are not coherent: the coherence exceeds {needed:.2g} at "
             f"{usable.size} of {f.size} frequencies. Check that the columns belong together and "
             "that the perturbation was on, or record longer.",
         )

@@ -15,7 +15,7 @@ differ in which signal holds the error:
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -43,29 +43,15 @@ _IV_PASSES = 3
 
 @dataclass(frozen=True, slots=True)
 class JointSignals:
-    """Filtered, uniformly sampled signals of one record, edges dropped.
+    """Filtered, uniformly sampled signals of one record, edges dropped."""
 
-    Parameters
-    ----------
-    rate_hz : float
-        Sampling rate.
-    time : (n,) float, s
-        Time.
-    angle, velocity, acceleration : (n,) float, rad, rad/s, rad/s^2
-        Motion, offset of the angle removed.
-    torque : (n,) float, N*m
-        Torque on the joint, offset removed.
-    command : (n,) float or None, N*m
-        Commanded torque.
-    """
-
-    rate_hz: float
+    rate_hz: float  # sampling rate
     time: np.ndarray
-    angle: np.ndarray
+    angle: np.ndarray  # motion, offset of the angle removed
     velocity: np.ndarray
     acceleration: np.ndarray
-    torque: np.ndarray
-    command: np.ndarray | None = None
+    torque: np.ndarray  # torque on the joint, offset removed
+    command: np.ndarray | None = None  # commanded torque
 
     def regressors(self) -> np.ndarray:
         """Return (n, 4): angle, velocity, acceleration, one."""
@@ -75,64 +61,29 @@ class JointSignals:
     def scale(self) -> np.ndarray:
         """Return (3,): torque over motion, the order of size K, B and J may have."""
         motion = np.column_stack([self.angle, self.velocity, self.acceleration])
-        scale: np.ndarray = np.std(self.torque) / np.std(motion, axis=0)
-        return scale
+        return np.asarray(np.std(self.torque) / np.std(motion, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What an estimator found, with all that an interval needs.
+    """K, B, J of an estimator, with all that an interval needs."""
 
-    Parameters
-    ----------
-    kbj : (3,) float
-        K, B, J.
-    instruments : (n, p) float
-        Estimating equations: the sum of instrument times residual is zero;
-        p >= 3, the first three belong to K, B, J.
-    bread : (p, p) float
-        Sum of instrument times regressor.
-    residual : (n,) float
-        Measured minus modelled, N*m or rad.
-    measured : (n,) float
-        The signal that was fitted.
-    fitted_signal : str
-        ``torque`` or ``angle``.
-    condition_number : float
-        Of the scaled regressors.
-    at_bound : (3,) bool
-        Which parameters stand at zero, their bound.
-    unbounded : (3,) float or None
-        The values without bounds, where known.
-    doubt : str
-        Why the values decide nothing; ``""`` where they do.
-    """
-
-    kbj: np.ndarray
+    kbj: np.ndarray  # K, B, J
+    # estimating equations: the sum of instrument times residual is zero; p >= 3, the first three
+    # belong to K, B, J
     instruments: np.ndarray
-    bread: np.ndarray
-    residual: np.ndarray
-    measured: np.ndarray
-    fitted_signal: str
-    condition_number: float
-    at_bound: np.ndarray
-    unbounded: np.ndarray | None = None
-    doubt: str = ""
+    bread: np.ndarray  # sum of instrument times regressor
+    residual: np.ndarray  # measured minus modelled, N*m or rad
+    measured: np.ndarray  # the signal that was fitted
+    fitted_signal: str  # ``torque`` or ``angle``
+    condition_number: float  # of the scaled regressors
+    at_bound: np.ndarray  # which parameters stand at zero, their bound
+    unbounded: np.ndarray | None = None  # the values without bounds, where known
+    doubt: str = ""  # why the values decide nothing; ``""`` where they do
 
 
 def least_squares(signals: JointSignals) -> Solution:
-    """Regress torque on angle, velocity and acceleration.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
-    """
+    """Regress torque on angle, velocity and acceleration."""
     X = signals.regressors()
     condition = _checked_condition(X[:, :3])
     size = np.linalg.norm(X, axis=0)
@@ -141,18 +92,7 @@ def least_squares(signals: JointSignals) -> Solution:
 
 
 def bounded_least_squares(signals: JointSignals) -> Solution:
-    """Regress torque on motion with K, B, J >= 0, as the dissertation does (4.2.3).
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
-    """
+    """Regress torque on motion with K, B, J >= 0, as the dissertation does (4.2.3)."""
     free = least_squares(signals)
     X = free.instruments
     size = np.linalg.norm(X, axis=0)
@@ -162,14 +102,8 @@ def bounded_least_squares(signals: JointSignals) -> Solution:
     at_bound = solved.active_mask[:3] < 0
     coefficients = solved.x / size
     coefficients[:3][at_bound] = 0.0
-    return _torque_solution(
-        signals,
-        X,
-        coefficients,
-        free.condition_number,
-        at_bound=at_bound,
-        unbounded=free.kbj,
-    )
+    solution = _torque_solution(signals, X, coefficients, free.condition_number)
+    return replace(solution, at_bound=at_bound, unbounded=free.kbj)
 
 
 def instrumental_variable(signals: JointSignals) -> Solution:
@@ -182,18 +116,6 @@ def instrumental_variable(signals: JointSignals) -> Solution:
     2011, Recursive Estimation, chapter 8). What arises inside the joint, or
     comes back through the device, is uncorrelated with them. Instruments of the
     joint alone would be right too, but weak beside a stiff device.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record, with its command.
-
-    Raises
-    ------
-    DataError
-        When there is no command, or it is constant.
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
     """
     command = signals.command
     if command is None:
@@ -212,7 +134,7 @@ def instrumental_variable(signals: JointSignals) -> Solution:
     condition = _checked_condition(X[:, :3])
     Z = _instruments(signals, command - command.mean(), X)
     coefficients = _solved_through(Z, X, signals.torque)
-    return _torque_solution(signals, Z, coefficients, condition, doubt=_weakness(Z, X))
+    return replace(_torque_solution(signals, Z, coefficients, condition), doubt=_weakness(Z, X))
 
 
 def admittance(signals: JointSignals) -> Solution:
@@ -224,27 +146,15 @@ def admittance(signals: JointSignals) -> Solution:
     1975, doi:10.1007/BF01932995). Torque arising inside the joint is error of
     the output and leaves no bias, so long as the measured torque does not react
     to the angle.
-
-    Parameters
-    ----------
-    signals : JointSignals
-        The record.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell the parameters apart.
     """
     drive = _compensated_for_hold(signals.torque)
     unit = float(np.std(signals.angle))
 
     def residual(values: np.ndarray) -> np.ndarray:
-        error: np.ndarray = _simulate(values, drive, signals)[0] / unit
-        return error
+        return np.asarray(_simulate(values, drive, signals)[0] / unit)
 
     def jacobian(values: np.ndarray) -> np.ndarray:
-        slope: np.ndarray = -_sensitivities(values, drive, signals)[0] / unit
-        return slope
+        return np.asarray(-_sensitivities(values, drive, signals)[0] / unit)
 
     start = _admittance_start(signals, residual)
     solved = minimise_squares(
@@ -277,14 +187,7 @@ ESTIMATORS: Mapping[str, Callable[[JointSignals], Solution]] = MappingProxyType(
 
 
 def _torque_solution(
-    signals: JointSignals,
-    Z: np.ndarray,
-    coefficients: np.ndarray,
-    condition: float,
-    *,
-    at_bound: np.ndarray | None = None,
-    unbounded: np.ndarray | None = None,
-    doubt: str = "",
+    signals: JointSignals, Z: np.ndarray, coefficients: np.ndarray, condition: float
 ) -> Solution:
     X = signals.regressors()
     return Solution(
@@ -295,9 +198,7 @@ def _torque_solution(
         measured=signals.torque,
         fitted_signal="torque",
         condition_number=condition,
-        at_bound=np.zeros(3, dtype=bool) if at_bound is None else at_bound,
-        unbounded=unbounded,
-        doubt=doubt,
+        at_bound=np.zeros(3, dtype=bool),
     )
 
 
@@ -336,7 +237,7 @@ def _solved_through(Z: np.ndarray, X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
-    """Say why the instruments are weak, ``""`` where they are not.
+    """Say why the instruments are weak; empty if they are not.
 
     The smallest canonical correlation of instruments and regressors makes the
     first-stage F of the worst direction; samples are counted as independent
@@ -358,8 +259,7 @@ def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
 
 def _stable(values: np.ndarray, signals: JointSignals) -> np.ndarray:
     """Return the nearest joint that can be simulated for a minute without running away."""
-    stable: np.ndarray = np.maximum(values, _START_FLOOR * signals.scale())
-    return stable
+    return np.asarray(np.maximum(values, _START_FLOOR * signals.scale()))
 
 
 def _admittance_start(
@@ -377,7 +277,7 @@ def _admittance_start(
 def _simulate(
     values: np.ndarray, drive: np.ndarray, signals: JointSignals
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the angle error and the basis (n, 3) of what was projected out."""
+    """Return the angle error and the basis (n, 3) of the nuisance projected out."""
     to_angle, _, denominator = _discrete_joint(values, signals.rate_hz)
     forced = lfilter(to_angle, denominator, drive)
     basis = np.column_stack([_free_responses(denominator, drive.size), np.ones(drive.size)])
@@ -464,5 +364,4 @@ def _compensated_for_hold(x: np.ndarray) -> np.ndarray:
     d2, d4 = np.array([0, 1, -2, 1, 0]), np.array([1, -4, 6, -4, 1])
     kernel = np.array([0, 0, 1, 0, 0]) - d2 / 12.0 + d4 / 90.0
     padded = np.pad(x, 2, mode="reflect", reflect_type="odd")
-    compensated: np.ndarray = np.convolve(padded, kernel, mode="valid")
-    return compensated
+    return np.convolve(padded, kernel, mode="valid")

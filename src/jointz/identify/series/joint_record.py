@@ -1,116 +1,135 @@
-"""The border of every command that takes one time series: checked once, trusted after."""
+"""Records of one time series, and requests to identify a joint from one; checked once."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import xarray as xr
 
-from jointz.core.codes import Failure
-from jointz.core.errors import DataError, EstimationError
+from jointz.core import provenance
+from jointz.core.channels import RECORD_UNITS
+from jointz.core.errors import DataError, EstimationError, UnitError
+from jointz.core.units import conversion
 from jointz.gait import timestamps
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
 _PARTS = 8
 _LARGEST_RATE_RATIO = 1.5
+_LARGE_ANGLE_RAD = 0.2
 
+#: No joint turns further; degrees that are taken for rad do.
+_LARGEST_ANGLE_RAD = 4.0
+
+JOINT = "identify_joint"
+OPPOSITE_SIGN = (
+    "stiffness, damping and inertia are negative: the torque is counted on the other body. Turn "
+    "torque_acts_on (device, or joint if it was device), or check the sign of the angle"
+)
+PARAMETERS = ("stiffness", "damping", "inertia")
 Samples = xr.Dataset | Mapping[str, npt.ArrayLike] | pd.DataFrame
+Input = Literal["torque", "angle"]
+TorqueSide = Literal["joint", "device"]
 
 
 @dataclass(frozen=True, slots=True)
 class JointRecord:
-    """Checked samples on a uniform grid, SI, as given.
+    """Checked samples on a uniform grid, SI, as given."""
 
-    Parameters
-    ----------
-    channels : dict of (n,) float
-        By canonical name.
-    rate_hz : float
-        Sampling rate.
-    time : (n,) float, s
-        Time.
-    sha256 : str
-        Hash of the file, where known.
-    """
-
-    channels: dict[str, np.ndarray]
-    rate_hz: float
+    channels: dict[str, np.ndarray]  # by canonical name
+    rate_hz: float  # sampling rate
     time: np.ndarray
-    sha256: str = ""
+    sha256: str = ""  # hash of the file, where known
+
+    @property
+    def seconds(self) -> float:
+        """Length of the record."""
+        return self.time.size / self.rate_hz
+
+    def origin(self) -> dict[str, str]:
+        """Return the hash of the file and the version of jointz, for the settings of a result."""
+        return {"sha256": self.sha256, "jointz": provenance.software()["jointz"]}
+
+
+@dataclass(frozen=True, slots=True)
+class JointRequest:
+    """Record of a joint, and the settings that every model of it takes."""
+
+    record: JointRecord  # as recorded
+    input: Input  # what was perturbed
+    torque_acts_on: TorqueSide
+    cutoff_hz: float | None  # None: the model chooses
+    ci_level: float
+
+    @classmethod
+    def of(
+        cls,
+        recording: Samples | None = None,
+        arrays: Mapping[str, npt.ArrayLike | None] | None = None,
+        *,
+        rate_hz: float | None = None,
+        units: Mapping[str, str] | None = None,
+        input: Input = "torque",
+        torque_acts_on: TorqueSide = "joint",
+        cutoff_hz: float | None = None,
+        ci_level: float = 0.95,
+    ) -> Self:
+        """Check settings and samples."""
+        check_choice("input", input, get_args(Input))
+        check_choice("torque_acts_on", torque_acts_on, get_args(TorqueSide))
+        check_level(JOINT, ci_level)
+        arrays = dict.fromkeys(("angle", "torque", "command", "time")) | dict(arrays or {})
+        record = gather_record(recording, arrays, rate_hz=rate_hz, where=JOINT, units=units)
+        return cls(record, input, torque_acts_on, cutoff_hz, ci_level)
+
+    @property
+    def output(self) -> Input:
+        """The signal that answers the perturbed one."""
+        return "angle" if self.input == "torque" else "torque"
+
+    def settings(self, **chosen: Any) -> dict[str, Any]:
+        """Return the settings of a result: those of its model, then those that all models have."""
+        common = {"torque_acts_on": self.torque_acts_on, "ci_level": self.ci_level}
+        return chosen | common | self.record.origin()
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """Raise ValueError when a setting is not one of its choices.
-
-    Parameters
-    ----------
-    name : str
-        Name of the argument.
-    value : str
-        What was given.
-    choices : tuple of str
-        What may be given.
-
-    Raises
-    ------
-    ValueError
-        The message lists the choices.
-    """
+    """Raise ValueError when a setting is not one of its choices."""
     if value not in choices:
         raise ValueError(f"{name}: expected one of {', '.join(choices)}; got {value!r}")
 
 
+def check_level(where: str, ci_level: float) -> None:
+    """Refuse a level of intervals outside of 0 to 1."""
+    if not 0.0 < ci_level < 1.0:
+        raise DataError(f"{where}: ci_level: expected 0 < ci_level < 1, got {ci_level}. Use 0.95.")
+
+
 def gather_record(
     recording: Samples | None,
-    given: Mapping[str, npt.ArrayLike | None],
+    arrays: Mapping[str, npt.ArrayLike | None],
     *,
     rate_hz: float | None,
     where: str,
     required: tuple[str, ...] = ("angle", "torque"),
+    units: Mapping[str, str] | None = None,
 ) -> JointRecord:
-    """Read channels out of whatever was given and put them on a uniform grid.
-
-    Parameters
-    ----------
-    recording : xarray.Dataset, mapping or pandas.DataFrame, optional
-        Channels by canonical name.
-    given : mapping
-        The arrays given one by one, ``time`` among them, None where absent.
-        Its keys are the channels looked for in ``recording``.
-    rate_hz : float, optional
-        Sampling rate where there are no time stamps.
-    where : str
-        Name of the calling function, for messages.
-    required : tuple of str
-        Channels that must be there.
-
-    Returns
-    -------
-    JointRecord
-        Jittered stamps are resampled linearly.
-
-    Raises
-    ------
-    DataError
-        Missing channel, unequal lengths, NaN, time that does not increase, a
-        gap, a rate that changes inside the record, no rate at all.
-    ValueError
-        Both a recording and arrays.
-    """
-    arrays = {name: values for name, values in given.items() if values is not None}
+    """Check the channels of a recording, or the arrays, and put them in SI on a uniform grid."""
+    present = {name: values for name, values in arrays.items() if values is not None}
     first_row, sha256 = 1, ""
     if recording is not None:
-        if arrays:
+        if present:
             raise ValueError(
-                f"give either a recording or arrays; got a recording and {', '.join(arrays)}"
+                f"give either a recording or arrays; got a recording and {', '.join(present)}"
             )
-        arrays = {name: recording[name] for name in given if name in recording}
+        present = {name: recording[name] for name in arrays if name in recording}
         if isinstance(recording, xr.Dataset):
             first_row = int(recording.attrs.get("first_row", 1))
             sha256 = str(recording.attrs.get("sha256", ""))
-    channels = {name: np.asarray(values, dtype=float) for name, values in arrays.items()}
+    samples = {name: _samples(values, name, where) for name, values in present.items()}
+    channels = _in_si(samples, _stated_units(present), units or {}, where)
     _check_channels(channels, first_row, where=where, required=required)
     time = channels.pop("time", None)
     if time is not None and rate_hz is not None:
@@ -130,31 +149,73 @@ def gather_record(
     return JointRecord(dict(zip(names, values, strict=True)), rate, uniform, sha256)
 
 
+def _samples(values: npt.ArrayLike, name: str, where: str) -> np.ndarray:
+    """Return values as floats, (n,); masked ones are NaN, a row or a column is a vector."""
+    array: np.ma.MaskedArray[Any, Any] = np.ma.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise DataError(
+            f"{where}: channel '{name}': expected real numbers, got {array.dtype}. Give times in "
+            "s, and other channels in SI or with units=.",
+            channel=name,
+        )
+    filled = np.ma.filled(array.astype(float), np.nan)
+    is_vector = filled.ndim == 2 and 1 in filled.shape  # as MATLAB has them
+    return np.asarray(filled.ravel() if is_vector else filled)
+
+
+def _stated_units(channels: Mapping[str, Any]) -> dict[str, str]:
+    """Return the unit that each channel of a dataset states."""
+    stated = {n: str(getattr(v, "attrs", {}).get("units", "")) for n, v in channels.items()}
+    return {name: unit for name, unit in stated.items() if unit}
+
+
+def _in_si(
+    channels: Mapping[str, np.ndarray],
+    stated: Mapping[str, str],
+    units: Mapping[str, str],
+    where: str,
+) -> dict[str, np.ndarray]:
+    """Return channels in SI, by the unit given or that of a dataset."""
+    if not isinstance(units, Mapping):
+        raise UnitError(f"{where}: units: expected channel -> unit, got {units!r}.")
+    problems = [f"'{name}' is not a channel given." for name in units if name not in channels]
+    converted = dict(channels)
+    for name, unit in ((n, units.get(n, stated.get(n))) for n in channels):
+        if unit is None or name not in RECORD_UNITS:
+            continue
+        try:
+            factor, offset = conversion(unit, RECORD_UNITS[name])
+            if name in stated and conversion(stated[name], RECORD_UNITS[name])[0] != factor:
+                problems.append(f"'{name}' is given in {unit}, the recording says {stated[name]}.")
+        except UnitError as exc:
+            problems.append(f"'{name}': {exc}")
+        else:
+            converted[name] = factor * channels[name] + offset
+    if problems:
+        raise UnitError(f"{where}: units: {' '.join(problems)}")
+    return converted
+
+
 def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
-    """Say what negative values of stiffness, damping and inertia may come of.
-
-    Parameters
-    ----------
-    kbj : (3,) float
-        K, B, J.
-
-    Examples
-    --------
-    >>> sign_warnings([-3.0, 0.5, 0.01])
-    ['stiffness is negative: gravity or body weight may act so']
-    """
+    """Return warnings of negative stiffness, damping and inertia, with their likely cause."""
     values = np.asarray(kbj, dtype=float)
     if np.all(values < 0.0):
-        return [
-            "stiffness, damping and inertia are negative: the torque is counted on the other body. "
-            "Turn torque_acts_on (--torque-acts-on device, or joint if it was device), or check "
-            "the sign of the angle"
-        ]
-    names = ("stiffness", "damping", "inertia")
+        return [OPPOSITE_SIGN]
     return [
         f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
-        for name, value in zip(names, values, strict=True)
+        for name, value in zip(PARAMETERS, values, strict=True)
         if value < 0.0
+    ]
+
+
+def angle_warnings(angle: np.ndarray, *, assumption: str = "one stiffness") -> list[str]:
+    """Return a warning where the angle moves further than one linear joint holds."""
+    largest = float(np.abs(angle).max())
+    if largest <= _LARGE_ANGLE_RAD:
+        return []
+    return [
+        f"the angle moves {largest:.2f} rad from its mean, above {_LARGE_ANGLE_RAD} rad: "
+        f"{assumption} may not hold over such a range"
     ]
 
 
@@ -181,6 +242,12 @@ def _check_channels(
                 f"channel '{name}' has {bad.size} sample(s) without a number, the first in row "
                 f"{first_row + int(bad[0])}; cut the record there or fill them yourself."
             )
+    angle = channels.get("angle", np.zeros(0))
+    if angle.size and np.ptp(angle) > _LARGEST_ANGLE_RAD:
+        problems.append(
+            "channel 'angle' turns further than any joint, as degrees do that are taken for rad; "
+            'state its unit: units={"angle": "deg"}, COLUMN:deg in a command.'
+        )
     if problems:
         raise DataError(f"{where}: " + " ".join(problems))
 
@@ -216,23 +283,12 @@ def _check_one_rate(time: np.ndarray) -> None:
         )
 
 
-def refuse_constant(record: JointRecord) -> None:
-    """Refuse a record whose angle or torque never changes.
-
-    Parameters
-    ----------
-    record : JointRecord
-        As given.
-
-    Raises
-    ------
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
-    for name, code in (("angle", Failure.CONSTANT_ANGLE), ("torque", Failure.CONSTANT_TORQUE)):
+def refuse_constant(record: JointRecord, names: tuple[str, ...] = ("angle", "torque")) -> None:
+    """Refuse a record with a constant channel."""
+    for name in names:
         values = record.channels[name]
         if np.ptp(values) <= 1e-12 * np.abs(values).max():
             raise EstimationError(
-                code.value,
+                f"constant_{name}",
                 f"the {name} is constant ({values[0]:.6g}): nothing to identify. Check the column.",
             )

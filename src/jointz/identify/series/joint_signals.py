@@ -22,17 +22,10 @@ _SHORTEST_PERIODS = 10.0
 
 
 def default_estimator(input: str, *, has_command: bool) -> EstimatorName:
-    """Choose by what was perturbed, and by whether a device may have reacted to the joint.
+    """Choose by the perturbed signal, and by whether a device may have reacted to the joint.
 
     A device with an impedance of its own closes a loop in which only the
     command is free of the joint's noise.
-
-    Parameters
-    ----------
-    input : str
-        ``torque`` or ``angle``.
-    has_command : bool
-        Whether the commanded torque was recorded.
     """
     if input == "angle":
         return "least_squares"
@@ -42,24 +35,7 @@ def default_estimator(input: str, *, has_command: bool) -> EstimatorName:
 def prepare_signals(
     record: JointRecord, cutoff_hz: float, torque_acts_on: str = "joint"
 ) -> JointSignals:
-    """Remove offsets, filter, differentiate, and only then drop the edges.
-
-    Parameters
-    ----------
-    record : JointRecord
-        As given.
-    cutoff_hz : float
-        Of the low-pass on every signal.
-    torque_acts_on : str
-        ``device``: the torque is turned.
-
-    Raises
-    ------
-    DataError
-        A record too short, or a cutoff above half the rate.
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
+    """Remove offsets, filter, differentiate, and only then drop the edges."""
     _check_length(record, cutoff_hz)
     refuse_constant(record)
     rate = record.rate_hz

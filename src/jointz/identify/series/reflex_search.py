@@ -1,17 +1,18 @@
-"""Search of the reflex path in a prepared record, and the covariance of what was found."""
+"""Search of the reflex path in a prepared record, and the covariance of its parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfreqz
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.series.joint_record import JointRecord, refuse_constant
-from jointz.kernels.block_sandwich import block_sandwich, correlation_time, count_blocks
+from jointz.identify.series.block_regression import fitted_sandwich
+from jointz.identify.series.joint_record import JOINT, JointRecord, JointRequest, refuse_constant
+from jointz.kernels.block_sandwich import correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.kernels.parallel_cascade import (
+from jointz.kernels.series.parallel_cascade import (
     CascadeFit,
     RectifiedPath,
     chance_of_largest_score,
@@ -20,7 +21,6 @@ from jointz.kernels.parallel_cascade import (
     rectified_path,
 )
 
-_WHERE = "identify_reflex"
 FILTER_ORDER = 4
 #: Samples of the thinned record in one period of the cutoff.
 _SAMPLES_PER_PERIOD = 5.0
@@ -47,105 +47,64 @@ _DELAY_COLUMN = 4
 
 @dataclass(frozen=True, slots=True)
 class ReflexSignals:
-    """Low-passed and thinned signals, slow torque removed, and the velocity at full rate.
+    """Low-passed and thinned signals, slow torque removed, and the velocity at full rate."""
 
-    Parameters
-    ----------
-    rate_hz : float
-        Of the thinned record.
-    time : (n,) float, s
-        Time of the thinned samples that enter the fit.
-    motion : (n, 3) float
-        Angle, velocity, acceleration.
-    torque : (n,) float, N*m
-        On the joint.
-    paths : dict of RectifiedPath
-        By the direction that stretches, ``positive`` and ``negative``.
-    drift_share : float
-        Share of the torque's power that was slower than ``DRIFT_S``.
-    """
-
-    rate_hz: float
-    time: np.ndarray
-    motion: np.ndarray
-    torque: np.ndarray
+    rate_hz: float  # of the thinned record
+    time: np.ndarray  # time of the thinned samples that enter the fit
+    motion: np.ndarray  # angle, velocity, acceleration
+    torque: np.ndarray  # on the joint
+    # by the direction that stretches, ``positive`` and ``negative``
     paths: dict[str, RectifiedPath]
-    drift_share: float
+    drift_share: float  # share of the torque's power that was slower than ``DRIFT_S``
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What the search found.
+class ReflexEstimate:
+    """K, B, J without a reflex and, where one stands out, both paths."""
 
-    Parameters
-    ----------
-    linear : (3,) float
-        K, B, J without a reflex.
-    linear_residual : (n,) float
-        Of that fit.
-    fit : CascadeFit or None
-        Both paths, where a reflex stands out.
-    stretch : str
-        Direction that stretches.
-    p_value : float
-        Of the reflex.
-    covariance : (p, p) float
-        Of K, B, J, and where there is a fit gain and delay; empty where the record is too
-        short.
-    n_blocks, n_fitted : int
-        Blocks, and numbers fitted.
-    condition_number : float
-        Of the scaled sensitivities.
-    doubt : str
-        Why there is no interval.
-    """
-
-    linear: np.ndarray
-    linear_residual: np.ndarray
-    fit: CascadeFit | None
-    stretch: str
-    p_value: float
+    linear: np.ndarray  # K, B, J without a reflex
+    linear_residual: np.ndarray  # of that fit
+    # of K, B, J, and where there is a cascade gain and delay; empty where the record is too short
     covariance: np.ndarray
     n_blocks: int
-    n_fitted: int
-    condition_number: float
-    doubt: str = ""
+    n_fitted: int  # numbers fitted
+    condition_number: float  # of the scaled sensitivities
+    p_value: float  # of the reflex
+    doubt: str = ""  # why there is no interval
+    cascade: CascadeFit | None = None  # both paths, where a reflex stands out
+    stretch: str = ""  # direction that stretches
+
+    @property
+    def kbj(self) -> np.ndarray:
+        """K, B, J of the intrinsic path."""
+        return self.linear if self.cascade is None else self.cascade.linear
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured minus modelled torque, N*m."""
+        return self.linear_residual if self.cascade is None else self.cascade.residual
 
 
-def prepare(record: JointRecord, *, cutoff_hz: float, torque_sign: float) -> ReflexSignals:
-    """Low-pass, differentiate, thin and take off what is slow.
-
-    Parameters
-    ----------
-    record : JointRecord
-        Angle and torque as given.
-    cutoff_hz : float
-        Of the fourth-order Butterworth, forward and backward, on every signal.
-    torque_sign : float
-        -1 where the torque acts on the device.
-
-    Raises
-    ------
-    DataError
-        When the cutoff does not fit the rate, or the record is too short.
-    EstimationError
-        ``constant_angle`` or ``constant_torque``.
-    """
-    rate = record.rate_hz
+def prepare(request: JointRequest, cutoff_hz: float) -> ReflexSignals:
+    """Low-pass, differentiate and thin the signals, and subtract slow drift."""
+    record, rate = request.record, request.record.rate_hz
     _check(record, cutoff_hz)
     step = max(1, int(rate / (_SAMPLES_PER_PERIOD * cutoff_hz)))
     n = record.time.size // step * step
     angle, torque = (record.channels[name][:n] for name in ("angle", "torque"))
-    angle, torque = angle - angle.mean(), torque_sign * (torque - torque.mean())
+    sign = -1.0 if request.torque_acts_on == "device" else 1.0
+    angle, torque = angle - angle.mean(), sign * (torque - torque.mean())
     smooth = lowpass_zero_phase(np.stack([angle, torque]), cutoff_hz=cutoff_hz, rate_hz=rate)
     velocity = derivative(smooth[0], rate_hz=rate)
     acceleration = derivative(velocity, rate_hz=rate)
-    kept = _kept(n // step, rate / step, cutoff_hz)
+    edge_s, thinned_hz = _EDGE_PERIODS / cutoff_hz, rate / step
+    first = int(np.ceil(max(_SETTLE_S, edge_s) * thinned_hz))
+    kept = slice(first, n // step - int(np.ceil(edge_s * thinned_hz)))
     motion = np.column_stack([smooth[0], velocity, acceleration])[::step][kept]
     total = smooth[1][::step][kept]
     _check_moves(record, motion[:, 0], total)
     total -= total.mean()
-    drift = _slow_functions(total.size, rate / step)
+    drift = _slow_functions(total.size, thinned_hz)
     frequency = np.fft.rfftfreq(n // step, step / rate)
     section = butter(FILTER_ORDER, cutoff_hz, fs=rate, output="sos")
     lowpass = np.abs(sosfreqz(section, worN=frequency, fs=rate)[1]) ** 2
@@ -159,7 +118,7 @@ def prepare(record: JointRecord, *, cutoff_hz: float, torque_sign: float) -> Ref
         for direction, sign in (("positive", 1.0), ("negative", -1.0))
     }
     return ReflexSignals(
-        rate_hz=rate / step,
+        rate_hz=thinned_hz,
         time=record.time[:n:step][kept],
         motion=motion - drift @ (drift.T @ motion),
         torque=total - drift @ (drift.T @ total),
@@ -172,35 +131,26 @@ def _check(record: JointRecord, cutoff_hz: float) -> None:
     half = record.rate_hz / 2.0
     if not _LOWEST_CUTOFF_HZ <= cutoff_hz < half:
         raise DataError(
-            f"{_WHERE}: expected {_LOWEST_CUTOFF_HZ:g} <= cutoff_hz < {half:.6g} (half the "
+            f"{JOINT}: expected {_LOWEST_CUTOFF_HZ:g} <= cutoff_hz < {half:.6g} (half the "
             f"sampling rate), got {cutoff_hz:g}. Change cutoff_hz, or record faster."
         )
-    seconds = record.time.size / record.rate_hz
-    if seconds < _SHORTEST_S:
+    if record.seconds < _SHORTEST_S:
         raise DataError(
-            f"{_WHERE}: the record lasts {seconds:.4g} s, at least {_SHORTEST_S:g} s are needed "
-            "to tell a reflex. Give a longer record."
+            f"{JOINT}: the record lasts {record.seconds:.4g} s, at least {_SHORTEST_S:g} s are "
+            "needed to tell a reflex. Give a longer record."
         )
     refuse_constant(record)
 
 
 def _check_moves(record: JointRecord, angle: np.ndarray, torque: np.ndarray) -> None:
     """Refuse a record that stands still where it is fitted."""
-    for name, kept, code in (
-        ("angle", angle, Failure.CONSTANT_ANGLE),
-        ("torque", torque, Failure.CONSTANT_TORQUE),
-    ):
+    for name, kept in (("angle", angle), ("torque", torque)):
         if np.ptp(kept) <= _STILL * np.ptp(record.channels[name]):
             raise EstimationError(
-                code.value,
+                f"constant_{name}",
                 f"the {name} is constant after the first second, which is not fitted: nothing to "
                 "identify. Cut the record to where the joint is perturbed.",
             )
-
-
-def _kept(n: int, rate_hz: float, cutoff_hz: float) -> slice:
-    edge_s = _EDGE_PERIODS / cutoff_hz
-    return slice(int(np.ceil(max(_SETTLE_S, edge_s) * rate_hz)), n - int(np.ceil(edge_s * rate_hz)))
 
 
 def _slow_functions(n: int, rate_hz: float) -> np.ndarray:
@@ -208,25 +158,11 @@ def _slow_functions(n: int, rate_hz: float) -> np.ndarray:
     count = 1 + int(2.0 * n / rate_hz / DRIFT_S)
     phase = np.pi * (np.arange(n) + 0.5)[:, None] / n
     slow = np.cos(phase * np.arange(count))
-    orthonormal: np.ndarray = slow / np.linalg.norm(slow, axis=0)
-    return orthonormal
+    return np.asarray(slow / np.linalg.norm(slow, axis=0))
 
 
-def search(signals: ReflexSignals, *, ci_level: float) -> Found:
-    """Fit K, B, J without and with a reflex in either direction.
-
-    Parameters
-    ----------
-    signals : ReflexSignals
-        The record.
-    ci_level : float
-        The reflex stands where its p-value is below one minus this.
-
-    Raises
-    ------
-    EstimationError
-        ``ill_conditioned`` when the motion cannot tell K, B and J apart.
-    """
+def search_reflex(signals: ReflexSignals, *, ci_level: float) -> ReflexEstimate:
+    """Fit K, B, J without and with a reflex in either direction."""
     linear, condition = linear_fit(signals.motion, signals.torque)
     if condition > _LARGEST_CONDITION:
         raise EstimationError(
@@ -236,80 +172,65 @@ def search(signals: ReflexSignals, *, ci_level: float) -> Found:
             "one frequency, or raise cutoff_hz.",
         )
     residual = signals.torque - signals.motion @ linear
-    tried = {
+    cascades = {
         direction: fit_cascade(path, signals.motion, signals.torque)
         for direction, path in signals.paths.items()
     }
-    candidates = np.column_stack([own for _, own in tried.values()])
-    scores = signals.motion * residual[:, None]
-    n_blocks, doubt = _blocks(scores, signals, fitted=3)
-    fits = {direction: fit for direction, (fit, _) in tried.items() if fit is not None}
-    p_value, stretch = 1.0, ""
+    candidates = np.column_stack([scores for _, scores in cascades.values()])
+    n_blocks, doubt = _blocks(signals.motion * residual[:, None], signals, fitted=3)
+    fits = {direction: fit for direction, (fit, _) in cascades.items() if fit is not None}
+    p_value = 1.0
     if n_blocks and fits:
         p_value = chance_of_largest_score(candidates, residual, n_blocks)
-        stretch = min(fits, key=lambda name: float(np.sum(fits[name].residual ** 2)))
-    without = Found(
+    without = ReflexEstimate(
         linear=linear,
         linear_residual=residual,
-        fit=None,
-        stretch="",
-        p_value=p_value,
         covariance=_covariance(signals.motion, residual, n_blocks),
         n_blocks=n_blocks,
         n_fitted=3,
         condition_number=condition,
+        p_value=p_value,
         doubt=doubt,
     )
     if p_value >= 1.0 - ci_level:
         return without
+    stretch = min(fits, key=lambda name: float(np.sum(fits[name].residual ** 2)))
     return _with_reflex(without, fits[stretch], stretch, signals)
 
 
-def _with_reflex(without: Found, fit: CascadeFit, stretch: str, signals: ReflexSignals) -> Found:
+def _with_reflex(
+    without: ReflexEstimate, cascade: CascadeFit, stretch: str, signals: ReflexSignals
+) -> ReflexEstimate:
     """Return both paths, with the covariance of K, B, J, gain and delay.
 
     The delay stays free even at the end of its range: held there, the other
     intervals would be too narrow. The rest of the shape is held there.
     """
-    free = np.append(np.ones(_DELAY_COLUMN, dtype=bool), ~fit.at_edge)
+    free = np.append(np.ones(_DELAY_COLUMN, dtype=bool), ~cascade.at_edge)
     free[_DELAY_COLUMN] = True
-    jacobian = fit.jacobian[:, free]
-    size = np.linalg.norm(jacobian, axis=0)
-    condition = float(np.linalg.cond(jacobian / size))
-    n_blocks, doubt = _blocks(jacobian[:, :5] * fit.residual[:, None], signals, fitted=_FITTED)
-    covariance = _covariance(jacobian, fit.residual, n_blocks)[:5, :5]
-    return Found(
-        linear=without.linear,
-        linear_residual=without.linear_residual,
-        fit=fit,
-        stretch=stretch,
-        p_value=without.p_value,
-        covariance=covariance,
+    jacobian, residual = cascade.jacobian[:, free], cascade.residual
+    n_blocks, doubt = _blocks(jacobian[:, :5] * residual[:, None], signals, fitted=_FITTED)
+    return replace(
+        without,
+        covariance=_covariance(jacobian, residual, n_blocks)[:5, :5],
         n_blocks=n_blocks,
         n_fitted=jacobian.shape[1],
-        condition_number=condition,
+        condition_number=float(np.linalg.cond(jacobian / np.linalg.norm(jacobian, axis=0))),
         doubt=doubt,
+        cascade=cascade,
+        stretch=stretch,
     )
 
 
-def fast_inertia(found: Found, signals: ReflexSignals) -> tuple[float, float]:
+def fast_inertia(estimate: ReflexEstimate, signals: ReflexSignals) -> tuple[float, float]:
     """Return J and its sd from the differenced record, which weighs the fast motion more.
 
     In a second-order joint it is the same J.
-
-    Parameters
-    ----------
-    found : Found
-        Fit with intervals; its reflex is taken off.
-    signals : ReflexSignals
-        The record.
     """
-    torque = signals.motion @ found.linear + found.linear_residual
-    if found.fit is not None:
-        torque = signals.motion @ found.fit.linear + found.fit.residual
+    torque = signals.motion @ estimate.kbj + estimate.residual
     motion, change = np.diff(signals.motion, axis=0), np.diff(torque)
     values, _ = linear_fit(motion, change)
-    covariance = _covariance(motion, change - motion @ values, found.n_blocks)
+    covariance = _covariance(motion, change - motion @ values, estimate.n_blocks)
     return float(values[2]), float(np.sqrt(covariance[2, 2]))
 
 
@@ -327,12 +248,9 @@ def _blocks(scores: np.ndarray, signals: ReflexSignals, *, fitted: int) -> tuple
 
 
 def _covariance(jacobian: np.ndarray, residual: np.ndarray, n_blocks: int) -> np.ndarray:
-    """Return (p, p) with n_b - p for n_b - 1, as in a regression with p numbers; or empty."""
     if n_blocks == 0:
         return np.empty((0, 0))
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / size
-    covariance = block_sandwich(scaled * residual[:, None], scaled.T @ scaled, n_blocks)
-    spent = (n_blocks - 1) / (n_blocks - jacobian.shape[1])
-    out: np.ndarray = spent * covariance / np.outer(size, size)
-    return out
+    covariance = fitted_sandwich(scaled * residual[:, None], scaled.T @ scaled, n_blocks)
+    return np.asarray(covariance / np.outer(size, size))

@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_toeplitz
 from scipy.signal import bilinear, lfilter
 
-from jointz.core.estimates import REACH_95, ParameterEstimate
-from jointz.core.second_order_check import SecondOrderCheck
 from jointz.identify.series.joint_estimators import JointSignals, Solution, simulate_motion
 from jointz.kernels.block_sandwich import autocorrelation, correlation_time, count_blocks
 from jointz.kernels.derivatives import derivative
+from jointz.results.estimates import REACH_95, ParameterEstimate
+from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 #: Of each of the two tests: both together refuse one sound record in a hundred.
 _LEVEL = 0.005
@@ -60,19 +60,6 @@ def check_second_order(
     number of candidates matters. Paths of the reflex are also freed of all linear dynamics of
     the angle: a lag is no reflex. The check fails where a p-value is small and a path moves K, B
     or J out of their 95 % intervals, whatever the level of those that are shown.
-
-    Parameters
-    ----------
-    estimate : callable
-        The estimator.
-    solution : Solution
-        What it made of the signals.
-    signals : JointSignals
-        The record.
-    cutoff_hz : float
-        Low-pass on the signals.
-    covariance : (3, 3) float
-        Of K, B, J.
     """
     reach = np.fmax(REACH_95 * np.sqrt(np.diag(covariance)), _SMALLEST_SHIFT * np.abs(solution.kbj))
     equations = _Equations.of(solution, signals, cutoff_hz)
@@ -104,7 +91,7 @@ def _check(equations: "_Equations", cutoff_hz: float, reach: np.ndarray) -> Seco
 
 
 def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
-    """Return the signals with the torque so much earlier, without what has no torque then."""
+    """Return the signals with the torque shifted to earlier times, edges without torque cut off."""
     edge = int(np.ceil(abs(lag_s) * signals.rate_hz)) + 1
     torque = CubicSpline(signals.time, signals.torque)(signals.time + lag_s)
     shifted = replace(signals, torque=torque, command=None)
@@ -115,26 +102,15 @@ def _earlier_torque(signals: JointSignals, lag_s: float) -> JointSignals:
 def withhold_parameters(
     parameters: Sequence[ParameterEstimate], check: SecondOrderCheck, model: str
 ) -> tuple[tuple[ParameterEstimate, ...], str]:
-    """Return K, B, J without values, which stay as ``unbounded``, and the note that says why.
-
-    Parameters
-    ----------
-    parameters : sequence of ParameterEstimate
-        Of the second-order joint.
-    check : SecondOrderCheck
-        That refutes it.
-    model : str
-        The model of the fit.
-    """
+    """Return K, B, J without values (kept as ``unbounded``), and a note of the reason."""
     kept = tuple(
-        ParameterEstimate(
-            p.name,
-            None,
-            None,
-            None,
-            "undecided",
-            p.ci_level,
-            "none",
+        replace(
+            p,
+            value=None,
+            ci_low=None,
+            ci_high=None,
+            status="undecided",
+            ci_method="none",
             unbounded=p.value if p.unbounded is None else p.unbounded,
         )
         for p in parameters
@@ -188,35 +164,40 @@ class _Equations:
 
         Only significant paths count: (3,), zero if there is none.
         """
-        own, whiten = self._unit_columns(paths), self._whitening()
+        torques, whiten = self._unit_columns(paths), self._whitening()
         Z, X = whiten(self.instruments), whiten(self.regressors)
         if nuisance is not None:
             more = _basis(_free(whiten(self._unit_columns(nuisance)), Z, Z))
             Z, X = np.hstack([Z, more]), np.hstack([X, more])
-        white = whiten(own)
+        white = whiten(torques)
         free = _free(white, Z, X)
         # What Z explains but for rounding, such as a stretch that never comes, is no candidate.
         apart = np.linalg.norm(free, axis=0) > _ROUNDING * np.linalg.norm(white, axis=0)
-        free, own = free[:, apart], own[:, apart]
+        free, torques = free[:, apart], torques[:, apart]
         residual = _free(whiten(self.residual[:, None]), X, Z)[:, 0]
         seconds = residual.size / self.rate_hz
         times = np.array([correlation_time(f * residual, rate_hz=self.rate_hz) for f in free.T])
         testable = [bool(count_blocks(seconds, correlation_time_s=t)) for t in times]
         if not any(testable):
             return None, np.zeros(3)
-        free, own = free[:, testable], own[:, testable]
+        free, torques = free[:, testable], torques[:, testable]
         n_blocks = count_blocks(seconds, correlation_time_s=times[testable].max())
         p_value, significant = _largest_score(free * residual[:, None], n_blocks)
         if not significant.any():
             return p_value, np.zeros(3)
-        return p_value, np.abs(self._shift_and_gain(own[:, significant])[0]).max(axis=1)
+        return p_value, np.abs(self._shift_and_gain(torques[:, significant])[0]).max(axis=1)
 
     def _whitening(self) -> Callable[[np.ndarray], np.ndarray]:
         """Return a filter along time that makes the residual nearly white inside the band."""
         covariance = autocorrelation(self.residual)[: _WHITENING_LAGS + 1].copy()
         covariance[0] += _FLOOR
         taps = np.append(1.0, -solve_toeplitz(covariance[:-1], covariance[1:]))
-        return lambda columns: lfilter(taps, 1.0, columns, axis=0)[_WHITENING_LAGS:]
+
+        def whiten(columns: np.ndarray) -> np.ndarray:
+            white = lfilter(taps, 1.0, columns, axis=0) if columns.size else columns
+            return np.asarray(white[_WHITENING_LAGS:])
+
+        return whiten
 
     @property
     def is_regression(self) -> bool:

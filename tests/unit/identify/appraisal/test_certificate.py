@@ -7,9 +7,13 @@ import pytest
 
 from jointz.core.events import PulseRecord
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.appraisal.certificate import own_estimates, virtual_cell, virtual_estimates
 from jointz.identify.appraisal.certificate_draws import Injection, drawn_truth
 from jointz.identify.appraisal.certificate_joint import InjectedJoint, injected_response
+from jointz.identify.appraisal.certificate_study import (
+    own_estimates,
+    virtual_cell,
+    virtual_estimates,
+)
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.recommended.unperturbed_prediction import Predicted

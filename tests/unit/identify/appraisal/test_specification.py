@@ -17,6 +17,7 @@ from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.recommended.response_model import Hypothesis
 from jointz.identify.recommended.response_posterior import JointPosterior
+from jointz.identify.study_kinds import WALKING
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.people import draw_person
@@ -91,13 +92,10 @@ def walked(plan, *, points, reflex=None):
     )
     columns = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
     asked = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=points),
-        group_edges=(),
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
         mass_kg=70.0,
     )
     return [RecordingInput(recording, rig.calibration, walk.pulses[columns])], asked

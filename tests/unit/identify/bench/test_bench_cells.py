@@ -6,8 +6,10 @@ import pytest
 
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.bench.bench_cells import _lag
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.study_kinds import BENCH
 
 RATE_HZ = 500.0
 SPRING = 160.0  # N*m/rad, hardly any inertia: a lag and a damping are one and the same
@@ -33,14 +35,7 @@ def analyzed(table=None, *, position_m=None, **calibration):
     units = {"position": "m"}
     recording = build_recording(t, channels, units=units, condition="perturbed", file="spring.csv")
     settings = ParticipantSettings(
-        walking=False,
-        perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
-        methods=("full_record",),
-        n_resamples=10,
-        seed=0,
-        mass_kg=None,
+        kind=BENCH, perturbations=PerturbationsSpec(), methods=("full_record",), n_resamples=10
     )
     known = CalibrationSpec(**{k: Calibrated(value=v, sd=1e-4) for k, v in calibration.items()})
     return analyze_participant("rig", [RecordingInput(recording, known, table)], settings)
@@ -68,7 +63,10 @@ def test_a_calibrated_lag_of_either_signal_is_used(known):
 
     (lag,) = [p for p in cell.nuisance if p.name == "torque_lag"]
     assert lag.value == pytest.approx(-LATE_S, abs=2e-4)
-    assert cell.parameter("stiffness").value == pytest.approx(SPRING, rel=0.01)
+    stiffness = cell.parameter("stiffness")
+    assert stiffness.value == pytest.approx(SPRING, rel=0.01)
+    assert "sandwich over " in stiffness.ci_method
+    assert "Student's t with " in stiffness.ci_method
 
 
 def test_without_one_the_lag_of_a_spring_is_not_told():
@@ -78,11 +76,13 @@ def test_without_one_the_lag_of_a_spring_is_not_told():
     assert lag.status == "undecided"
 
 
-def test_the_interval_says_its_degrees_of_freedom():
-    stiffness = estimated(angle_lag_s=LATE_S).parameter("stiffness")
+def test_the_difference_of_both_lags_has_the_sd_of_both():
+    known = CalibrationSpec(
+        torque_lag_s=Calibrated(value=0.003, sd=3e-4), angle_lag_s=Calibrated(value=0.001, sd=4e-4)
+    )
 
-    assert "Student's t with " in stiffness.ci_method
-    assert "sandwich over " in stiffness.ci_method
+    assert _lag(known) == pytest.approx((0.002, 5e-4))
+    assert _lag(CalibrationSpec()) is None
 
 
 def test_a_position_that_is_no_angle_is_not_taken_off_the_angle():

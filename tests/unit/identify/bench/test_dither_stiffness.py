@@ -97,13 +97,6 @@ def test_a_dither_below_the_noise_is_refused():
     assert refused.value.code == "not_coherent"
 
 
-def test_another_frequency_is_no_dither():
-    angle, torque = bench()
-
-    with pytest.raises(EstimationError, match="Check the frequency"):
-        fitted(angle + noise(2, 1e-4, 0.0), torque, frequency_hz=8.0)
-
-
 def test_a_dead_sensor_is_refused():
     angle, torque = bench()
 

@@ -1,7 +1,6 @@
 """Full records of a load, simulated here exactly: stick, slip, pulses, lag, noise, jitter."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -9,12 +8,10 @@ from numba import njit
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from jointz.core.bench_fits import FullRecordFit
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.bench.bench_cells import _lag
 from jointz.identify.bench.bench_records import BenchTrial, even_records
 from jointz.identify.bench.full_record import Impedance, fit_full_record
+from jointz.results.bench.bench_fits import FullRecordFit
 
 LOADS = {1: (168.0, 0.0364), 2: (273.0, 0.0364), 3: (168.0, 0.0700), 4: (273.0, 0.0700)}
 #: Offset in N*m, sines (amplitude N*m, frequency Hz), period of the whole, s.
@@ -152,20 +149,16 @@ def fitted(recorded) -> FullRecordFit:
 # --- accuracy ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reference", ["A", "C", "E"])
-def test_without_sensor_noise_only_the_jitter_and_the_resolution_are_left(reference):
-    fit = fit_full_record(trials(3, reference, 0, torque_sd=0.0), intrinsic=INTRINSIC)
+def test_without_sensor_noise_only_the_jitter_and_the_resolution_are_left():
+    fit = fit_full_record(trials(3, "E", 0, torque_sd=0.0), intrinsic=INTRINSIC)
 
-    K, B, J, friction, lag = np.abs(errors(fit, 3))
-    assert K < 0.05
-    assert B < 0.005
-    assert J < 0.15
-    assert friction < 0.005
-    assert lag < 0.02
+    assert (np.abs(errors(fit, 3)) < [0.05, 0.005, 0.15, 0.005, 0.02]).all()
 
 
-@pytest.mark.parametrize(("case", "reference"), [(1, "A"), (2, "D"), (3, "E"), (4, "C")])
-@pytest.mark.parametrize(("filter_s", "kinds"), [(0.0, "delay"), (LAG_S, "first_order")])
+@pytest.mark.parametrize(
+    ("case", "reference", "filter_s", "kinds"),
+    [(1, "A", 0.0, "delay"), (2, "D", LAG_S, "first_order"), (4, "C", LAG_S, "first_order")],
+)
 def test_loads_come_back_whether_the_lag_is_a_delay_or_a_filter(case, reference, filter_s, kinds):
     fit = fit_full_record(trials(case, reference, 5, filter_s=filter_s), intrinsic=INTRINSIC)
 
@@ -198,17 +191,9 @@ def test_no_pair_of_load_and_reference_is_biased(filter_s):
     assert (np.mean(cover, axis=0) > 0.85).all()
 
 
-def test_a_jittered_clock_with_true_stamps_costs_little():
-    even = fit_full_record(trials(4, "C", 3, jitter_s=0.0), intrinsic=INTRINSIC)
-    uneven = fit_full_record(trials(4, "C", 3, jitter_s=100e-6), intrinsic=INTRINSIC)
-
-    assert np.abs(errors(uneven, 4) - errors(even, 4))[[0, 2]].max() < 0.3
-
-
-@pytest.mark.parametrize("jitter_s", [0.0, 5e-5, 1e-4])
-def test_noise_is_read_as_it_was_before_the_grid(jitter_s):
+def test_noise_is_read_as_it_was_before_the_grid():
     rng = np.random.default_rng(3)
-    t = np.arange(50_000) / RATE_HZ + rng.normal(scale=jitter_s, size=50_000)
+    t = np.arange(50_000) / RATE_HZ + rng.normal(scale=1e-4, size=50_000)
     noise = rng.normal(size=t.size)
 
     even = even_records([BenchTrial(t, noise, noise)])[0]
@@ -227,16 +212,6 @@ def test_angle_noise_on_a_jittered_clock_leaves_inertia_alone():
         found.append(errors(fit_full_record(noisy, lag_model="mixed", intrinsic=INTRINSIC), 2))
 
     assert abs(np.mean(found, axis=0)[2]) < 0.3
-
-
-def test_a_filter_taken_for_a_delay_moves_inertia():
-    recorded = trials(2, "A", 2, filter_s=LAG_S, torque_sd=0.0)
-
-    wrong = errors(fit_full_record(recorded, lag_model="delay", intrinsic=INTRINSIC), 2)
-    right = errors(fit_full_record(recorded, intrinsic=INTRINSIC), 2)
-
-    assert wrong[2] > 0.3
-    assert abs(right[2]) < 0.15
 
 
 # --- what is known of the instruments ------------------------------------------------------------
@@ -299,13 +274,6 @@ def test_a_known_lag_is_not_estimated(recorded):
     assert abs(fit.parameter("inertia").value / 0.07 - 1) < 0.003
 
 
-def test_a_wrong_lag_moves_damping_by_stiffness_times_lag(recorded, fitted):
-    fit = fit_full_record(recorded, lag_s=LAG_S - 1e-4, intrinsic=INTRINSIC)
-
-    moved = fit.parameter("damping").value - fitted.parameter("damping").value
-    assert abs(moved) > 0.005
-
-
 def test_an_uncertain_lag_is_weighed_with_what_the_record_says(recorded):
     def lag(**kwargs):
         return fit_full_record(recorded, intrinsic=INTRINSIC, **kwargs).parameter("torque_lag")
@@ -316,20 +284,6 @@ def test_an_uncertain_lag_is_weighed_with_what_the_record_says(recorded):
     assert vague.value == pytest.approx(free.value, abs=2e-6)
     assert sharp.value == pytest.approx(LAG_S, abs=2e-6)
     assert sharp.ci_high - sharp.ci_low < 0.2 * (free.ci_high - free.ci_low)
-
-
-def test_a_study_that_knows_its_lags_passes_their_difference_on():
-    known = CalibrationSpec(
-        torque_lag_s=Calibrated(value=0.003, sd=3e-4), angle_lag_s=Calibrated(value=0.001, sd=4e-4)
-    )
-
-    assert _lag(known) == pytest.approx((0.002, 5e-4))
-    assert _lag(CalibrationSpec()) is None
-
-
-def test_a_negative_sd_of_the_lag_is_refused(recorded):
-    with pytest.raises(DataError, match="an sd of the lag >= 0, got -1 s"):
-        fit_full_record(recorded, lag_s=(0.0, -1.0))
 
 
 # --- a spring with hardly any inertia: its lag is a damping --------------------------------------
@@ -352,7 +306,7 @@ def spring_trial(seed: int, *, ripple: float = 0.3, torque_sd: float = 0.05) -> 
     return BenchTrial(t, angle + 2e-5 * noise[0], seen + torque_sd * noise[1])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_spring_keeps_its_stiffness_where_lag_and_damping_are_one(seed):
     fit = fit_full_record([spring_trial(seed)])
 
@@ -363,7 +317,6 @@ def test_a_spring_keeps_its_stiffness_where_lag_and_damping_are_one(seed):
         assert fit.parameter(name).status == "undecided"
     assert any("damping and lag are undecided" in note for note in fit.warnings)
     assert fit.covariance == ()
-    assert FullRecordFit.from_dict(fit.to_dict()) == fit
 
 
 def test_what_is_known_of_the_lag_decides_the_damping_of_a_spring():
@@ -375,7 +328,7 @@ def test_what_is_known_of_the_lag_decides_the_damping_of_a_spring():
 
 
 def test_a_fit_is_never_worse_than_one_without_lag():
-    for seed in range(4):
+    for seed in range(2):
         recorded = [spring_trial(seed, ripple=1.0)]
         free = fit_full_record(recorded, lag_model="mixed")
         held = fit_full_record(recorded, lag_s=0.0)
@@ -390,14 +343,6 @@ def test_friction_left_out_reads_as_damping(recorded, fitted):
 
     assert "coulomb_friction" not in {p.name for p in fit.parameters}
     assert fit.parameter("damping").value > fitted.parameter("damping").value + 0.05
-
-
-def test_a_load_without_friction_has_none():
-    fit = fit_full_record(trials(3, "A", 4, friction=0.0), intrinsic=INTRINSIC)
-
-    friction = fit.parameter("coulomb_friction")
-    assert abs(friction.value) < 0.01
-    assert abs(errors(fit, 3)[2]) < 0.3
 
 
 def test_motion_that_never_reverses_leaves_friction_out():
@@ -438,42 +383,39 @@ def test_a_short_record_is_undecided_and_says_so(recorded):
     assert any("too short" in w for w in fit.warnings)
 
 
-def spoilt(trial: BenchTrial, **changes) -> list[BenchTrial]:
-    return [dataclasses.replace(trial, **changes)]
+SAMPLES = np.arange(int(11.9 * RATE_HZ))
 
 
-def test_a_dead_angle_is_named(recorded):
-    with pytest.raises(EstimationError, match="bench trial 1: the angle is 0") as caught:
-        fit_full_record(spoilt(recorded[0], angle=np.zeros_like(recorded[0].angle)))
-
-    assert caught.value.code == "constant_angle"
-
-
-def test_a_dead_torque_sensor_is_named(recorded):
-    with pytest.raises(EstimationError) as caught:
-        fit_full_record(spoilt(recorded[0], torque=np.full_like(recorded[0].torque, 3.0)))
-
-    assert caught.value.code == "constant_torque"
-
-
-def test_a_missing_value_is_named_with_its_sample(recorded):
-    torque = recorded[0].torque.copy()
-    torque[41] = np.nan
-    with pytest.raises(DataError, match="torque at sample 42"):
-        fit_full_record(spoilt(recorded[0], torque=torque))
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"angle": 0.0 * SAMPLES}, EstimationError, "bench trial 1: the angle is 0"),
+        ({"torque": 0.0 * SAMPLES + 3.0}, EstimationError, "bench trial 1: the torque is 3"),
+        ({"torque": np.where(SAMPLES == 41, np.nan, 1.0)}, DataError, "torque at sample 42"),
+        ({"time_s": np.where(SAMPLES == 10, 8, SAMPLES)}, DataError, "expected time to increase"),
+        ({"time_s": SAMPLES + 450.0 * (SAMPLES > 500)}, DataError, "expected no gaps"),
+        ({"angle": 1.0 * SAMPLES[:-1]}, DataError, "of one length"),
+    ],
+)
+def test_a_trial_that_cannot_be_used_is_refused(recorded, changes, error, message):
+    with pytest.raises(error, match=message) as caught:
+        fit_full_record([dataclasses.replace(recorded[0], **changes)])
+    if error is EstimationError:
+        assert caught.value.code == f"constant_{next(iter(changes))}"
 
 
-def test_time_that_runs_back_is_refused(recorded):
-    time = recorded[0].time_s.copy()
-    time[10] = time[8]
-    with pytest.raises(DataError, match="expected time to increase"):
-        fit_full_record(spoilt(recorded[0], time_s=time))
-
-
-def test_a_gap_is_refused(recorded):
-    time = recorded[0].time_s + 0.5 * (np.arange(recorded[0].time_s.size) > 500)
-    with pytest.raises(DataError, match="expected no gaps"):
-        fit_full_record(spoilt(recorded[0], time_s=time))
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"torque_gain_sd": -0.1}, "gain sds >= 0"),
+        ({"ci_level": 1.0}, "0 < ci_level < 1"),
+        ({"lag_s": (0.0, -1.0)}, "an sd of the lag >= 0, got -1 s"),
+        ({"trials": []}, "at least one trial"),
+    ],
+)
+def test_arguments_without_sense_are_refused(recorded, changes, message):
+    with pytest.raises(DataError, match=message):
+        fit_full_record(**({"trials": recorded} | changes))
 
 
 def test_mixed_sampling_rates_are_refused(recorded):
@@ -482,62 +424,9 @@ def test_mixed_sampling_rates_are_refused(recorded):
         fit_full_record([recorded[0], slower])
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [({"torque_gain_sd": -0.1}, "gain sds >= 0"), ({"ci_level": 1.0}, "0 < ci_level < 1")],
-)
-def test_arguments_without_sense_are_refused(recorded, changes, message):
-    with pytest.raises(DataError, match=message):
-        fit_full_record(recorded, **changes)
-
-
-def test_no_trials_are_refused():
-    with pytest.raises(DataError, match="at least one trial"):
-        fit_full_record([])
-
-
-def test_columns_of_different_length_are_refused(recorded):
-    with pytest.raises(DataError, match="of one length"):
-        fit_full_record(spoilt(recorded[0], angle=recorded[0].angle[:-1]))
-
-
-# --- the result ----------------------------------------------------------------------------------
-
-
 def test_the_sign_of_the_direction_changes_nothing(recorded, fitted):
     turned = [BenchTrial(t.time_s, -t.angle, -t.torque) for t in recorded]
 
     fit = fit_full_record(turned, intrinsic=INTRINSIC)
 
     np.testing.assert_allclose(errors(fit, 4), errors(fitted, 4), atol=1e-6)
-
-
-def test_a_result_comes_back_from_json_as_it_was(fitted):
-    back = FullRecordFit.from_dict(json.loads(json.dumps(fitted.to_dict(), allow_nan=False)))
-
-    assert back == fitted
-    assert back.summary() == fitted.summary()
-
-
-def test_another_schema_is_refused(fitted):
-    with pytest.raises(ValueError, match=r"expected schema 'jointz\.FullRecordFit/1'"):
-        FullRecordFit.from_dict(fitted.to_dict() | {"schema": "jointz.PulseFit/1"})
-
-
-def test_the_table_has_units_and_the_text_has_no_nan(fitted):
-    table = fitted.to_frame().set_index("parameter")
-
-    assert table.loc["torque_lag", "unit"] == "s"
-    assert table.loc["coulomb_friction", "unit"] == "N*m"
-    assert "nan" not in fitted.summary().lower()
-    with pytest.raises(KeyError, match="it has stiffness"):
-        fitted.parameter("mass")
-
-
-def test_it_draws_where_it_is_told(fitted):
-    from matplotlib.figure import Figure
-
-    ax = Figure().add_subplot()
-
-    assert fitted.plot(ax) is ax
-    assert ax.get_ylabel() == "torque (N*m)"

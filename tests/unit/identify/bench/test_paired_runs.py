@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, EstimationError
+from jointz.identify.bench.paired_responses import reference_shift
 from jointz.identify.bench.paired_runs import identify_paired_runs
-from jointz.identify.bench.run_alignment import reference_shift
 from jointz.identify.preparation.pulses import Pulse
 
 RATE, K, B, J = 1000.0, 150.0, 1.2, 0.03
@@ -77,7 +77,7 @@ def test_what_pulses_add_gives_the_load_back():
     assert fit.vaf_pct == pytest.approx(100.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("shift_s", [0.3137, -0.2111, 1.0 / RATE / 3.0])
+@pytest.mark.parametrize("shift_s", [-0.2111, 1.0 / RATE / 3.0])
 def test_runs_that_began_at_other_times_are_aligned_by_their_reference(shift_s):
     fit = fitted([(run(start_s=shift_s), CLEAN[1])])
 
@@ -142,8 +142,6 @@ def test_a_pulse_into_which_another_falls_is_left_out():
         ([], {}, "expected at least one"),
         ([(CLEAN[1],)], {}, "A run has no partner"),
         ([CLEAN], {"pulses": []}, "expected one list a pair, 1 in all, got 0"),
-        ([CLEAN], {"window_s": 0.0}, "window_s: expected > 0 s"),
-        ([CLEAN], {"ci_level": 2.0}, "expected 0 < ci_level < 1"),
         ([CLEAN], {"cutoff_hz": 600.0}, "needs a sampling rate above 1200 Hz"),
         ([CLEAN], {"align": "position"}, "no channel 'position'"),
         ([(run(omega=2.7), CLEAN[1])], {}, "expected two runs along one reference"),

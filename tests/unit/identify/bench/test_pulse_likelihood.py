@@ -1,19 +1,16 @@
 """Single pulses on a known load, simulated by scipy's first-order hold."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.core.bench_fits import PulseFit
 from jointz.core.errors import DataError, EstimationError
 from jointz.identify.bench.pulse_likelihood import NoiseLevels, fit_pulse
+from jointz.results.bench.bench_fits import PulseFit
 
 RATE_HZ = 900.0
 STEP = 1 / RATE_HZ
 K, B, J = 168.388, 0.163, 0.0374
-TRUTH = {"stiffness": K, "damping": B, "inertia": J}
 NOISE = NoiseLevels(1e-5, 0.1)
 
 
@@ -62,21 +59,10 @@ def test_estimates_scatter_about_the_truth_as_their_covariance_says(signal):
     np.testing.assert_allclose(z.std(axis=0), 1.0, atol=0.3)
 
 
-def test_noise_of_the_torque_does_not_attenuate():
-    fits = [
-        fit_pulse(*record(seed, noise=NoiseLevels(1e-5, 0.3)), onset_s=0.0, lag=(0.0, 0.0))
-        for seed in range(60)
-    ]
-
-    for name, truth in TRUTH.items():
-        values = np.array([fit.parameter(name).value for fit in fits])
-        assert abs(values.mean() - truth) < 3.2 * values.std() / np.sqrt(60)
-
-
 @pytest.mark.parametrize(
     "n_seeds", [pytest.param(12, id="few"), pytest.param(100, id="many", marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("torque_sd", [0.15, 0.33, 0.5])
+@pytest.mark.parametrize("torque_sd", [0.15, 0.5])
 @pytest.mark.parametrize("signal", ["response", "raw"])
 def test_noisy_torque_leaves_intervals_of_lag_and_damping_true(signal, torque_sd, n_seeds):
     noise, lag = NoiseLevels(1e-5, torque_sd), 0.0012
@@ -138,22 +124,6 @@ def test_a_pulse_the_other_way_gives_the_same():
     np.testing.assert_allclose(*[[p.value for p in f.parameters] for f in fits], rtol=1e-6)
 
 
-@pytest.mark.parametrize("window_s", [0.5, 3.0])
-def test_a_window_beyond_the_record_is_refused(window_s):
-    with pytest.raises(DataError, match="Give a longer record"):
-        fit_pulse(*record(6), onset_s=0.0, window_s=window_s)
-
-
-def test_an_onset_before_the_record_is_refused():
-    with pytest.raises(DataError, match="expected a record from -1 s"):
-        fit_pulse(*record(6), onset_s=-1.0)
-
-
-def test_a_negative_sd_of_the_lag_is_refused():
-    with pytest.raises(DataError, match="sd of the lag"):
-        fit_pulse(*record(6), onset_s=0.0, lag=(0.0, -1.0))
-
-
 def test_a_dead_angle_is_named():
     t, angle, torque = record(7)
     with pytest.raises(EstimationError) as caught:
@@ -162,20 +132,14 @@ def test_a_dead_angle_is_named():
     assert caught.value.code == "constant_angle"
 
 
-def test_a_result_comes_back_from_json_as_it_was():
-    fit = fit_pulse(*record(8), onset_s=0.0)
-
-    back = PulseFit.from_dict(json.loads(json.dumps(fit.to_dict(), allow_nan=False)))
-
-    assert back == fit
-    assert "nan" not in back.summary()
-
-
-def test_it_draws_on_its_own():
-    import matplotlib.pyplot as plt
-
-    plt.switch_backend("Agg")
-    ax = fit_pulse(*record(8), onset_s=0.0).plot()
-
-    assert "K = " in ax.get_title()
-    plt.close("all")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window_s": 3.0}, "Give a longer record"),
+        ({"onset_s": -1.0}, "expected a record from -1 s"),
+        ({"lag": (0.0, -1.0)}, "sd of the lag"),
+    ],
+)
+def test_what_the_record_does_not_hold_is_refused(options, message):
+    with pytest.raises(DataError, match=message):
+        fit_pulse(*record(6), **({"onset_s": 0.0} | options))

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from jointz.identify.calibration.footswitch import fit_footswitch
+from jointz.identify.calibration.footswitch_levels import fit_footswitch
 
 OPEN_V, CONTACT_V = 0.3, 2.7
 
 
-def walk(make, seed=0, noise_v=0.03, share=0.62, contact_v=CONTACT_V, creep=0.02):
+def walk(make, seed=0, noise_v=0.03, share=0.62, contact_v=CONTACT_V, creep=0.02, duration_s=60.0):
     rng = np.random.default_rng([2, seed])
-    time = make.clock(60.0, 500.0, rng)
+    time = make.clock(duration_s, 500.0, rng)
     phase = np.mod(time / 1.1, 1.0)
     closed = phase < share
     bounce = (phase < 0.01) & (rng.random(time.size) < 0.4)
@@ -39,34 +39,23 @@ def test_intervals_cover_levels_that_creep(make):
     make.check_coverage(find)
 
 
-def test_one_level_is_refused(make):
-    time, volts = walk(make, contact_v=OPEN_V)
+@pytest.mark.parametrize(
+    ("world", "spoil", "code"),
+    [
+        ({"contact_v": OPEN_V}, lambda volts: volts, "one_level"),
+        ({}, lambda volts: np.full(volts.size, 3.3), "one_level"),
+        # A few spikes are no second level.
+        (
+            {"contact_v": OPEN_V},
+            lambda volts: np.where(np.arange(volts.size) % 500, volts, 3.0),
+            "one_level",
+        ),
+        ({"noise_v": 0.6}, lambda volts: volts, "overlapping_levels"),
+        ({}, lambda volts: 3.0 - volts, "inverted_levels"),
+        ({"duration_s": 8.0}, lambda volts: volts, "too_short"),
+    ],
+)
+def test_a_record_without_two_clear_levels_is_refused(make, world, spoil, code):
+    time, volts = walk(make, **world)
 
-    assert fit_footswitch(time, volts).status == "failed:one_level"
-    assert fit_footswitch(time, np.full(time.size, 3.3)).status == "failed:one_level"
-
-
-def test_a_few_spikes_are_no_second_level(make):
-    time, volts = walk(make, contact_v=OPEN_V)
-    volts[::500] = 3.0
-
-    assert fit_footswitch(time, volts).status == "failed:one_level"
-
-
-def test_levels_that_run_into_each_other_are_refused(make):
-    time, volts = walk(make, noise_v=0.6)
-
-    assert fit_footswitch(time, volts).status == "failed:overlapping_levels"
-
-
-def test_a_switch_that_is_wired_the_other_way_round_is_refused(make):
-    time, volts = walk(make)
-
-    assert fit_footswitch(time, 3.0 - volts).status == "failed:inverted_levels"
-
-
-def test_a_few_strides_are_too_few(make):
-    time, volts = walk(make)
-    few = time < 8.0
-
-    assert fit_footswitch(time[few], volts[few]).status == "failed:too_short"
+    assert fit_footswitch(time, spoil(volts)).status == f"failed:{code}"

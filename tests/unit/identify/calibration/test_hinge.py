@@ -65,45 +65,32 @@ def test_a_slow_small_swing_decides_nothing(make):
     assert "0.0005 s" in fit.entry("angle_lag_s").reason
 
 
-def test_opposite_signs_are_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    assert fit_hinge(time, -angle, encoder).status == "failed:opposite_sign"
-
-
-def test_swapped_channels_are_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    assert fit_hinge(time, encoder, angle).status == "failed:swapped_channels"
+@pytest.fixture(scope="module")
+def short(make):
+    return swing(make, length_s=20.0)
 
 
-def test_a_dead_channel_is_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    assert fit_hinge(time, 0.0 * angle, encoder).status == "failed:no_motion"
+def clipped(angle):
+    return np.minimum(angle, angle.min() + 0.75 * np.ptp(angle))
 
 
-def test_a_sensor_at_its_end_is_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    clipped = np.minimum(angle, angle.min() + 0.75 * np.ptp(angle))
-    assert fit_hinge(time, clipped, encoder).status == "failed:clipped"
+def played(time, encoder):
+    return np.radians(1.0) * np.sign(np.gradient(encoder, time))
 
 
-def test_play_is_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-    play = np.radians(1.0) * np.sign(np.gradient(encoder, time))
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda _time, angle, encoder: (-angle, encoder), "opposite_sign"),
+        (lambda _time, angle, encoder: (encoder, angle), "swapped_channels"),
+        (lambda _time, angle, encoder: (0.0 * angle, encoder), "no_motion"),
+        (lambda _time, angle, encoder: (clipped(angle), encoder), "clipped"),
+        (lambda time, angle, encoder: (angle - played(time, encoder), encoder), "play"),
+        (lambda time, angle, encoder: (angle + 0.05 * (time > 10.0), encoder), "slip"),
+        (lambda _time, angle, encoder: (np.degrees(angle), encoder), "gain_out_of_range"),
+    ],
+)
+def test_a_record_of_no_rigid_hinge_is_refused(short, spoil, code):
+    time, angle, encoder = short
 
-    assert fit_hinge(time, angle - play, encoder).status == "failed:play"
-
-
-def test_a_goniometer_that_slips_is_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    assert fit_hinge(time, angle + 0.05 * (time > 10.0), encoder).status == "failed:slip"
-
-
-def test_degrees_taken_for_radians_are_refused(make):
-    time, angle, encoder = swing(make, length_s=20.0)
-
-    assert fit_hinge(time, np.degrees(angle), encoder).status == "failed:gain_out_of_range"
+    assert fit_hinge(time, *spoil(time, angle, encoder)).status == f"failed:{code}"

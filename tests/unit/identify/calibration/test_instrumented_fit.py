@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jointz.identify.calibration.driven_motion import driven_velocity
-from jointz.identify.calibration.instrumented_fit import Instruments
+from jointz.identify.calibration.spring import Instruments, driven_velocity
 
 
 def test_a_regressor_that_moves_with_the_error_is_fitted_without_bias():

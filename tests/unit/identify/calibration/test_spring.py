@@ -36,14 +36,16 @@ def push(make, seed=0, spring=SPRING, amplitude=15.0, slack=0.0, sign=1.0, smoot
     return time, np.round(angle / step) * step, current
 
 
-def test_gain_and_friction_come_back(make):
-    fit = fit_spring(*push(make), model=MODEL, stiffness=STATED)
+@pytest.mark.parametrize("smooth", [0.03, 0.08])
+def test_gain_and_friction_come_back(make, smooth):
+    """Error of the torque turns the motion about; least squares loses 9 % of slow friction."""
+    fit = fit_spring(*push(make, smooth=smooth), model=MODEL, stiffness=STATED)
 
     gain, friction = fit.entry("torque_gain"), fit.entry("friction_gain")
     assert fit.status == "ok"
     assert abs(gain.value - GAIN) < 3.0 * gain.sd
     assert gain.sd < 0.01
-    assert abs(friction.value - FRICTION) < 3.0 * friction.sd
+    assert abs(friction.value - FRICTION) < 1.96 * friction.sd
     assert friction.sd < 0.1
     assert fit.entry("torque_constant").value == pytest.approx(0.11 / gain.value, rel=0.01)
 
@@ -72,20 +74,15 @@ def test_intervals_of_the_gain_cover_with_a_spring_known_to_2_pct(make):
     make.check_coverage(find)
 
 
-def test_the_sd_of_the_spring_is_carried_into_both_gains(make):
-    fit = fit_spring(*push(make), model=MODEL, stiffness=Calibrated(value=SPRING, sd=1.2))
+def test_the_sd_of_the_spring_is_carried_into_both_gains_and_one_direction_is_refused(make):
+    record = push(make)
+    fit = fit_spring(*record, model=MODEL, stiffness=Calibrated(value=SPRING, sd=1.2))
 
     for entry in fit.entries:
         assert entry.uncertainty["spring"] == pytest.approx(0.02 * entry.value)
 
-
-def test_friction_that_grows_slowly_is_found_in_full(make):
-    """The error of the torque turns the motion about; by least squares it hides 9 % of this."""
-    record = push(make, smooth=0.08)
-
-    friction = fit_spring(*record, model=MODEL, stiffness=STATED).entry("friction_gain")
-    assert abs(friction.value - FRICTION) < 1.96 * friction.sd
-    assert friction.sd < 0.1
+    one_way = (*record[:2], np.abs(record[2]))
+    assert fit_spring(*one_way, model=MODEL, stiffness=STATED).status == "failed:one_direction"
 
 
 @pytest.mark.parametrize(
@@ -102,10 +99,3 @@ def test_bad_input_is_refused(make, change, code):
     fit = fit_spring(*push(make, **change), model=MODEL, stiffness=STATED)
 
     assert fit.status == f"failed:{code}"
-
-
-def test_one_direction_is_refused(make):
-    time, angle, current = push(make)
-
-    fit = fit_spring(time, angle, np.abs(current), model=MODEL, stiffness=STATED)
-    assert fit.status == "failed:one_direction"

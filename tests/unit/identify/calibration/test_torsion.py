@@ -49,7 +49,7 @@ def test_what_the_joint_moved_is_in_the_sd(make):
     assert abs(entry.value - TORSION) < 1.96 * entry.sd
 
 
-@pytest.mark.parametrize("motion", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("motion", [0.0, 1.0])
 def test_where_a_strap_gives_way_too_the_sd_says_what_the_joint_may_have_moved(make, motion):
     """Of what the angle shows, torsion may be all or nothing; the encoder cannot tell."""
     time, angle, torque, _ = locked(make, torsion=(1.0 - motion) * TORSION, motion=motion * TORSION)
@@ -62,25 +62,10 @@ def test_where_a_strap_gives_way_too_the_sd_says_what_the_joint_may_have_moved(m
     assert abs(entry.value - (1.0 - motion) * TORSION) < 1.96 * entry.sd
 
 
-def test_an_angle_against_an_encoder_that_moves_more_is_refused(make):
+def test_torque_one_way_or_none_and_a_joint_that_moved_back_are_refused(make):
     time, angle, torque, _ = locked(make)
 
-    fit = fit_torsion(time, angle, torque, motor_angle=-5.0 * TORSION * torque)
-    assert fit.status == "failed:joint_moved"
-
-
-def test_a_strap_that_gives_way_is_no_torsion(make):
-    time, angle, torque, _ = locked(make, torsion=0.0)
-
-    fit = fit_torsion(time, angle, torque, motor_angle=5.0 * TORSION * torque)
-
-    entry = fit.entry("angle_per_torque")
-    assert entry.status == "ok"
-    assert abs(entry.value) < 3.0 * entry.sd
-
-
-def test_torque_one_way_or_none_is_refused(make):
-    time, angle, torque, _ = locked(make)
-
+    against = fit_torsion(time, angle, torque, motor_angle=-5.0 * TORSION * torque)
+    assert against.status == "failed:joint_moved"
     assert fit_torsion(time, angle, np.abs(torque)).status == "failed:one_direction"
     assert fit_torsion(time, angle, 0.01 * torque).status == "failed:no_torque"

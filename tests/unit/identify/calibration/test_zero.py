@@ -30,33 +30,6 @@ def test_intervals_cover(make):
     make.check_coverage(find)
 
 
-def test_a_drift_is_refused(make):
-    time, angle = still(make)
-
-    fit = fit_zero(time, angle + np.radians(2.0) * time / time[-1])
-
-    assert fit.status == "failed:drift"
-    assert "2 deg" in fit.entries[0].reason
-
-
-def test_a_joint_that_moved_is_refused(make):
-    time, angle = still(make)
-    moved = np.where((time > 9.0) & (time < 11.0), np.radians(3.0), 0.0)
-
-    assert fit_zero(time, angle + moved).status == "failed:not_still"
-
-
-def test_a_record_without_numbers_is_refused(make):
-    time, angle = still(make)
-    angle[: angle.size // 4] = np.nan
-
-    assert fit_zero(time, angle).status == "failed:not_finite"
-
-
-def test_a_short_record_is_refused(make):
-    assert fit_zero(*still(make, duration_s=0.4)).status == "failed:too_short"
-
-
 def test_unsorted_time_is_an_error(make):
     time, angle = still(make)
 
@@ -64,3 +37,24 @@ def test_unsorted_time_is_an_error(make):
         fit_zero(time[::-1], angle)
     with pytest.raises(DataError, match="one length"):
         fit_zero(time, angle[1:])
+
+
+@pytest.mark.parametrize(
+    ("moved", "code", "detail"),
+    [
+        (lambda time: np.radians(2.0) * time / time[-1], "drift", "2 deg"),
+        (lambda time: np.radians(3.0) * (abs(time - 10.0) < 1.0), "not_still", "hold it still"),
+        (lambda time: np.where(time < 5.0, np.nan, 0.0), "not_finite", "most in angle"),
+    ],
+)
+def test_a_record_of_no_rest_is_refused(make, moved, code, detail):
+    time, angle = still(make)
+
+    (entry,) = fit_zero(time, angle + moved(time)).entries
+
+    assert entry.status == f"failed:{code}"
+    assert detail in entry.reason
+
+
+def test_a_short_record_is_refused(make):
+    assert fit_zero(*still(make, duration_s=4.0)).status == "failed:too_short"

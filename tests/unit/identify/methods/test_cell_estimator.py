@@ -9,13 +9,12 @@ import pytest
 from jointz.core.gait_phases import mean_phase
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.estimators import METHODS
 from jointz.identify.methods import cell_resampling
 from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cell_windows import _stacked
-from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
-from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import BENCH, WALKING
 from jointz.kernels.resampling import resample_weights
 
 RATE_HZ = 500.0
@@ -62,14 +61,10 @@ def record(
 
 def run(*given, method="dissertation", walking=True, **more):
     settings = ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
-        group_edges=(),
-        torque_model=None,
         methods=(method,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, settings)
     estimator = CellEstimator("S01", METHODS[method], sources, settings)
@@ -243,25 +238,13 @@ def test_named_pulses_without_strikes_are_estimated_from_their_own_level():
 
 @pytest.mark.parametrize(
     ("onsets", "status"),
-    [
-        ([6.2], "failed:too_few_pulses"),
-        ([1.2, 2.2], "failed:all_pulses_excluded"),
-    ],
+    [([6.2], "failed:too_few_pulses"), ([1.2, 2.2], "failed:all_pulses_excluded")],
 )
 def test_a_cell_without_two_pulses_fails_with_a_reason(onsets, status):
     given = record(onsets=onsets, names=["MST"] * len(onsets))
     (cell,), _ = run(record("unperturbed"), given)
     assert {p.status for p in cell.parameters} == {status}
     assert (cell.n_used, cell.n_excluded) == (0, len(onsets))
-
-
-def test_named_pulses_without_any_strike_fail_for_that_reason():
-    given = record(onsets=[6.2, 10.2], names=["MST", "MST"])
-    silent = given.recording.assign(contact=0.0 * given.recording["contact"])
-    (cell,), _ = run(
-        record("unperturbed"), RecordingInput(silent, given.calibration, given.pulse_table)
-    )
-    assert {p.status for p in cell.parameters} == {"failed:no_heel_strikes"}
 
 
 def test_named_pulses_with_a_dead_contact_are_estimated_from_their_own_level():
@@ -312,16 +295,3 @@ def test_themean_phase_is_taken_on_the_circle():
     assert mean_phase([98.0, 2.0, 3.0]) == pytest.approx(1.0, abs=0.01)
     assert mean_phase([10.0, None]) == pytest.approx(10.0)
     assert mean_phase([None]) is None
-
-
-def test_stacked_baselines_share_strides_where_their_home_is_shared():
-    def part(value, k):
-        windows = np.full((1, k, 4, 2), value)
-        return Baseline(windows, np.arange(k)[None], np.ones((1, k), bool))
-
-    joined = _stacked([((0,), part(1.0, 3)), ((1,), part(2.0, 2)), ((0,), part(3.0, 3))])
-
-    np.testing.assert_array_equal(joined.sources[[0, 2]], [[0, 1, 2]] * 2)
-    np.testing.assert_array_equal(joined.sources[1, :2], [3, 4])
-    np.testing.assert_array_equal(joined.valid[1], [True, True, False])
-    np.testing.assert_allclose(joined.mean()[:, 0, 0], [1.0, 2.0, 3.0])

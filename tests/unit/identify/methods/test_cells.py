@@ -7,8 +7,9 @@ from scipy.optimize import lsq_linear
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.methods.cells import FitSettings, failed_parameters, fit_cell
+from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.baselines import Baseline, pre_pulse
+from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
 from jointz.kernels.resampling import resample_weights
 
 RATE_HZ = 1000.0
@@ -41,19 +42,17 @@ def no_baseline(n: int) -> Baseline:
 
 
 def fit(windows, *, letter=True, calibration=None, signs=None, baseline=None, **more):
-    return fit_cell(
-        windows,
-        np.ones(len(windows)) if signs is None else signs,
-        baseline or no_baseline(len(windows)),
-        settings=FitSettings(
-            n_resamples=more.pop("n_resamples", 200),
-            seed=more.pop("seed", 3),
-            rate_hz=RATE_HZ,
-            letter=letter,
-            calibration=calibration or CalibrationSpec(),
-            **more,
-        ),
+    n = len(windows)
+    signs = np.ones(n) if signs is None else signs
+    settings = FitSettings(
+        n_resamples=more.pop("n_resamples", 200),
+        seed=more.pop("seed", 3),
+        rate_hz=RATE_HZ,
+        letter=letter,
+        calibration=calibration or CalibrationSpec(),
+        **more,
     )
+    return DISSERTATION.fit(CellData(Windows(windows, signs, baseline or no_baseline(n))), settings)
 
 
 def naive(averages: np.ndarray) -> np.ndarray:
@@ -292,50 +291,12 @@ def test_the_seed_decides_the_intervals_and_nothing_else_does():
         assert a.ci_low != b.ci_low
 
 
-def test_a_failed_cell_has_a_row_for_every_parameter():
-    rows = failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=True)
-    assert len(rows) == 5
-    assert {r.status for r in rows} == {"failed:no_pulses"}
-    assert all(r.value is None and not r.stands for r in rows)
-    assert len(failed_parameters(Failure.NO_PULSES, mass_kg=None, wants_per_mass=False)) == 3
-
-
 #: Value, ends of the interval and status of K, B, J, as they were before the family of methods.
 BEFORE_THE_FAMILY = {
-    (True, False, False): [
-        (0.10713458059210167, 0.0, 1.3953714843211833, "at_bound"),
-        (1.5189614181172069, 1.5096912034386025, 1.5304121877344672, "ok"),
-        (0.049856401496523386, 0.04963839329263521, 0.05010657136392572, "ok"),
-    ],
-    (True, False, True): [
-        (0.08626661100368971, 0.0, 1.40303837763268, "at_bound"),
-        (1.5199796707575501, 1.3021089917289976, 1.6779312298849138, "ok"),
-        (0.04980879475681138, 0.04828727178187307, 0.051569178933537796, "ok"),
-    ],
-    (True, True, False): [
-        (10.852891311085443, 8.763915258109307, 13.405449747052037, "ok"),
-        (1.516598942006167, 1.489475454400897, 1.5392977290687886, "ok"),
-        (0.05186970207880016, 0.05150559219546001, 0.05244726229792895, "ok"),
-    ],
     (True, True, True): [
         (10.740277557865237, 8.753180820763838, 13.333526323305586, "ok"),
         (1.5178095000432594, 1.3065607840346352, 1.6887761761106987, "ok"),
         (0.05180064549348912, 0.05022634727766056, 0.05370106267316432, "ok"),
-    ],
-    (False, False, False): [
-        (0.0, 0.0, 1.3953714843211833, "at_bound"),
-        (1.5194873124448713, 1.5096912034386025, 1.5304121877344672, "ok"),
-        (0.04982131559028092, 0.04963839329263521, 0.05010657136392572, "ok"),
-    ],
-    (False, False, True): [
-        (0.0, 0.0, 1.40303837763268, "at_bound"),
-        (1.5194873124448713, 1.3021089917289976, 1.6779312298849138, "ok"),
-        (0.04982131559028092, 0.04828727178187307, 0.051569178933537796, "ok"),
-    ],
-    (False, True, False): [
-        (10.83012116988431, 0.0, 27.481924601039232, "ok"),
-        (1.5165886249632743, 1.3957382129119202, 1.6056432284263564, "ok"),
-        (0.05185249076546707, 0.049635433743566014, 0.05513875964036751, "ok"),
     ],
     (False, True, True): [
         (10.83012116988431, 0.0, 27.55884271204272, "ok"),

@@ -13,14 +13,14 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
+from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_resampling import linear_averages, redrawn_averages
-from jointz.identify.methods.cells import METHODS
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.baselines import Baseline, pre_pulse
 from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
-from jointz.kernels.bounded_lsq import least_squares, normal_equations
+from jointz.identify.study_kinds import BENCH
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.kernels.resampling import resample_weights
@@ -213,17 +213,6 @@ def test_the_commanded_torque_is_right_to_one_percent_beside_any_device(stiffnes
     assert max(abs(K), abs(J)) < 0.01
 
 
-def test_least_squares_over_all_samples_is_biased_by_torque_inside_the_joint():
-    cell = cell_of(*pulses(200, device=(1000.0, 0.05, 0.002), inside=True))
-    gram, moment, _ = normal_equations(cell.filtered.responses())
-    stacked = least_squares(gram.sum(axis=0)[None], moment.sum(axis=0)[None])[0]
-    of_average = estimated("least_squares", cell, n_resamples=2)
-
-    assert stacked[0] / TRUTH[0] - 1.0 < -0.05
-    # The average of n pulses has an n-th of that.
-    assert of_average[0] / TRUTH[0] == pytest.approx(1.0, abs=0.01)
-
-
 def test_noise_of_the_angle_does_not_bias_the_weak_form():
     found = [
         estimated("weak_form", cell_of(*pulses(2, angle_sd=5e-3, seed=s)), n_resamples=2)
@@ -279,30 +268,20 @@ def test_the_sd_of_a_lag_widens_an_interval_by_what_such_a_lag_does(name):
         assert sd == pytest.approx(abs(late[i] - early[i]) / 2, rel=0.12)
 
 
-def test_a_missing_command_is_a_code():
-    angle, torque, _ = pulses(4)
+@pytest.mark.parametrize(
+    ("change", "device", "failure"),
+    [
+        (lambda u: 0.0 * u, 0.0, Failure.NO_COMMAND),
+        (lambda u: 0.0 * u + 17.0, 0.0, Failure.CONSTANT_COMMAND),
+        (lambda u: np.roll(u, 80), 100.0, Failure.NOT_COHERENT),  # too late to have moved it
+    ],
+)
+def test_a_command_that_moved_nothing_is_a_code(change, device, failure):
+    angle, torque, u = pulses(4, device=(device, 0.05 * bool(device), 0.002 * bool(device)))
     with pytest.raises(EstimationError) as refused:
-        METHODS["instrumental_variable"].fit(
-            cell_of(angle, torque, np.zeros(angle.shape[1])), settings()
-        )
-    assert refused.value.code == Failure.NO_COMMAND
-    assert "Name the channel 'command'" in str(refused.value)
-
-
-def test_a_command_that_stands_still_is_another_code():
-    angle, torque, u = pulses(4)
-    with pytest.raises(EstimationError) as refused:
-        METHODS["instrumental_variable"].fit(
-            cell_of(angle, torque, np.full(u.size, 17.0)), settings()
-        )
-    assert refused.value.code == Failure.CONSTANT_COMMAND
-
-
-def test_a_command_too_late_to_have_moved_the_joint_is_not_coherent():
-    angle, torque, u = pulses(4, device=(100.0, 0.05, 0.002))
-    with pytest.raises(EstimationError) as refused:
-        METHODS["instrumental_variable"].fit(cell_of(angle, torque, np.roll(u, 80)), settings())
-    assert refused.value.code == Failure.NOT_COHERENT
+        METHODS["instrumental_variable"].fit(cell_of(angle, torque, change(u)), settings())
+    assert refused.value.code == failure
+    assert (failure == Failure.NO_COMMAND) == ("Name the channel 'command'" in str(refused.value))
 
 
 def test_a_raw_method_without_raw_windows_says_what_to_do():
@@ -362,7 +341,7 @@ def test_drawn_strides_widen_the_interval_as_much_as_in_the_exact_way():
     assert quick[late].std() > 0.0
 
 
-def study(*, with_command: bool = True) -> list[RecordingInput]:
+def study() -> list[RecordingInput]:
     """Return an unperturbed and a perturbed recording of a bench, pulses of both signs."""
     onsets = 2.0 + 1.5 * np.arange(12)
     n = int(22.0 * RATE_HZ)
@@ -379,8 +358,6 @@ def study(*, with_command: bool = True) -> list[RecordingInput]:
         given = {name: share * x for name, x in channels.items()}
         given["angle"] = given["angle"] + still
         given["torque"] = given["torque"] + 2.0 * still
-        if not with_command:
-            del given["command"]
         recording = build_recording(t, given, condition=condition, file=f"{condition}.csv")
         made.append(recording)
     table = pd.DataFrame(
@@ -397,14 +374,10 @@ def study(*, with_command: bool = True) -> list[RecordingInput]:
 
 def analysed(given, name, **perturbations):
     options = ParticipantSettings(
-        walking=False,
+        kind=BENCH,
         perturbations=PerturbationsSpec(source="table", **perturbations),
-        group_edges=(),
-        torque_model=None,
         methods=(name,),
         n_resamples=50,
-        seed=0,
-        mass_kg=None,
     )
     sources = prepare_sources(given, options)
     estimator = CellEstimator("S01", METHODS[name], sources, options)
@@ -413,8 +386,13 @@ def analysed(given, name, **perturbations):
 
 
 @pytest.mark.parametrize("name", NEW)
-def test_recordings_of_a_bench_are_estimated_by_every_method(name):
-    cell = analysed(study(), name)
+@pytest.mark.parametrize(
+    ("step", "cutoff_hz"), [(1, 20.0), (4, 20.0), (1, 100.0)], ids=["", "quarter rate", "cut-off"]
+)
+def test_recordings_of_a_bench_are_estimated_by_every_method(name, step, cutoff_hz):
+    thinned = slice(None, None, step)
+    given = [replace(r, recording=r.recording.isel(time=thinned)) for r in study()]
+    cell = analysed(given, name, cutoff_hz=cutoff_hz)
 
     assert (cell.method, cell.baseline, cell.n_used) == (name, "unperturbed_mean", 12)
     np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
@@ -456,11 +434,6 @@ def test_torque_seen_as_angle_is_taken_out_of_all_windows(name):
     assert not np.allclose(off, 1.0 / gain, rtol=0.01)
 
 
-def test_a_study_without_a_command_fails_with_its_code():
-    cell = analysed(study(with_command=False), "instrumental_variable")
-    assert {p.status for p in cell.parameters} == {"failed:no_command"}
-
-
 def test_missing_samples_of_the_command_cost_no_pulse():
     given = study()
     for one in given:
@@ -479,17 +452,3 @@ def test_samples_too_coarse_for_a_method_are_a_code(name, rate_hz):
     given = [replace(one, recording=one.recording.isel(time=every)) for one in study()]
     cell = analysed(given, name)
     assert {p.status for p in cell.parameters} == {"failed:too_few_samples"}
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_a_quarter_of_the_rate_costs_no_method_more_than_half_a_percent(name):
-    given = [replace(r, recording=r.recording.isel(time=slice(None, None, 4))) for r in study()]
-    cell = analysed(given, name)
-    np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
-
-
-@pytest.mark.parametrize("name", NEW)
-def test_a_high_cut_off_leaves_little_margin_and_no_pulse_behind(name):
-    cell = analysed(study(), name, cutoff_hz=100.0)
-    assert cell.n_used == 12
-    np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)

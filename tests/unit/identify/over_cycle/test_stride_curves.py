@@ -6,11 +6,8 @@ import pytest
 from jointz.core.recording import build_recording
 from jointz.core.study import CalibrationSpec, PerturbationsSpec, UserExclusion
 from jointz.identify.over_cycle.stride_curves import NODES, stride_curves
-from jointz.identify.preparation.sources import (
-    ParticipantSettings,
-    RecordingInput,
-    prepare_sources,
-)
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import WALKING
 
 STRIDE_S = 1.0
 
@@ -31,15 +28,7 @@ def recording(*, condition="no_device", side="left", missing=(), moment=True):
 
 def found(*recordings, exclusions=()):
     settings = ParticipantSettings(
-        walking=True,
-        perturbations=PerturbationsSpec(),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
-        n_resamples=2,
-        seed=0,
-        mass_kg=None,
-        user_exclusions=exclusions,
+        kind=WALKING, perturbations=PerturbationsSpec(), n_resamples=2, user_exclusions=exclusions
     )
     inputs = [RecordingInput(r, CalibrationSpec()) for r in recordings]
     return stride_curves("S01", prepare_sources(inputs, settings))

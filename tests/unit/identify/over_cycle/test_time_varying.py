@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 import jointz
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.time_varying_fit import TimeVaryingFit
+from jointz.results.series.time_varying_fit import TimeVaryingFit
 
 RATE = 500.0
 STRIDE_S = 1.1
@@ -208,16 +208,6 @@ def test_the_admittance_is_that_of_the_second_order_joint(fitted):
     assert np.corrcoef(found, true)[0, 1] > 0.9
 
 
-def test_more_strides_narrow_the_bands(walked, fitted):
-    few = identify(walk(n_strides=50), command=True)
-
-    def width(fit: TimeVaryingFit) -> float:
-        curve = fit.parameter("stiffness")
-        return float(np.median(np.subtract(curve.ci_high, curve.ci_low)))
-
-    assert 1.5 < width(few) / width(fitted) < 3.0
-
-
 def test_a_perturbation_that_is_too_weak_is_undecided():
     fit = identify(walk(n_strides=40, amplitude_nm=0.2))
 
@@ -262,24 +252,16 @@ def test_strikes_come_from_the_contact(walked, fitted):
     assert recorded.parameters == mapped.parameters
 
 
-def test_a_shift_of_the_clock_and_of_the_offsets_changes_nothing(walked, fitted):
+def test_clock_offsets_and_a_torque_on_the_device_change_nothing(walked, fitted):
     moved = {name: np.array(signal) for name, signal in walked.items()}
     moved["time"] += 100.0
     moved["strike"] += 100.0
     moved["angle"] += 0.5
-    moved["torque"] -= 3.0
+    moved["torque"] = 3.0 - moved["torque"]
 
-    again = identify(moved, command=True)
+    fit = identify(moved, command=True, torque_acts_on="device")
 
-    assert values(again, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-6)
-
-
-def test_torque_on_the_device_is_turned(walked, fitted):
-    turned = walked | {"torque": -walked["torque"]}
-
-    fit = identify(turned, command=True, torque_acts_on="device")
-
-    assert values(fit, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-9)
+    assert values(fit, "stiffness") == pytest.approx(values(fitted, "stiffness"), rel=1e-6)
 
 
 def test_strides_out_of_band_are_left_out_and_counted(walked):
@@ -301,7 +283,7 @@ def test_a_record_that_loses_most_of_its_strides_says_so(walked):
     fit = identify(walked | {"strike": strikes}, command=True)
 
     assert fit.n_excluded > fit.n_used
-    assert any("strides were left out" in note for note in fit.warnings)
+    assert any("strides were excluded" in note for note in fit.warnings)
 
 
 def test_torque_on_the_other_body_is_told(walked):
@@ -311,32 +293,25 @@ def test_torque_on_the_other_body_is_told(walked):
     assert any("torque is counted on the other body" in note for note in turned.warnings)
 
 
-def test_too_few_strides_are_refused(walked):
-    with pytest.raises(DataError, match="at least 30 strides, found 1"):
-        identify(walked, heel_strikes=walked["strike"][:20])
-
-
-def test_strides_on_another_clock_are_refused(walked):
-    with pytest.raises(DataError, match="edge_of_record"):
-        identify(walked, heel_strikes=walked["strike"] + 1e4)
+@pytest.mark.parametrize(
+    ("strikes", "message"),
+    [
+        (lambda s: s[:20], "at least 30 strides, found 1"),
+        (lambda s: s + 1e4, "edge_of_record"),  # on another clock
+        (lambda s: s[::-1], "must increase"),
+        (lambda _: [0.0, 1.0, np.nan], "list of times"),
+        (lambda _: [[0.0, 1.0]], "list of times"),
+    ],
+)
+def test_strikes_that_make_no_strides_are_refused(walked, strikes, message):
+    with pytest.raises(DataError, match=message):
+        identify(walked, heel_strikes=strikes(walked["strike"]))
 
 
 def test_no_strikes_are_refused(walked):
     with pytest.raises(EstimationError, match="heel_strikes=") as caught:
         identify(walked, heel_strikes=None)
-
     assert caught.value.code == "no_heel_strikes"
-
-
-@pytest.mark.parametrize("strikes", [[0.0, 1.0, np.nan], [[0.0, 1.0]]])
-def test_strikes_that_are_no_times_are_refused(walked, strikes):
-    with pytest.raises(DataError, match="list of times"):
-        identify(walked, heel_strikes=strikes)
-
-
-def test_strikes_out_of_order_are_refused(walked):
-    with pytest.raises(DataError, match="must increase"):
-        identify(walked, heel_strikes=walked["strike"][::-1])
 
 
 def test_channels_of_unequal_length_are_refused(walked):
@@ -352,7 +327,7 @@ def test_a_perturbation_that_repeats_with_the_stride_is_refused(name, code):
     one = lfilter([0.1], [1.0, -0.9], rng.standard_normal(500))
     made = {
         "time": np.arange(25_000) / RATE,
-        "angle": rng.standard_normal(25_000),
+        "angle": 0.1 * rng.standard_normal(25_000),
         "torque": rng.standard_normal(25_000),
         "command": rng.standard_normal(25_000),
         "strike": np.arange(0.0, 50.0),
@@ -365,15 +340,7 @@ def test_a_perturbation_that_repeats_with_the_stride_is_refused(name, code):
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [
-        {"segment_s": 0.01},
-        {"cutoff_hz": 150.0},
-        {"n_phases": 0},
-        {"resamples": 5},
-        {"ci_level": 1.0},
-        {"length_s": -0.1},
-    ],
+    "setting", [{"segment_s": 0.01}, {"cutoff_hz": 150.0}, {"resamples": 5}, {"length_s": -0.1}]
 )
 def test_a_setting_outside_its_range_is_refused_by_name(walked, setting):
     with pytest.raises(ValueError, match=next(iter(setting))):

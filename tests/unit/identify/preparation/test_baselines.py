@@ -56,7 +56,7 @@ def test_the_mean_is_over_the_valid_windows_only():
     np.testing.assert_allclose(baseline.mean(), 2.5)
     assert baseline.codes == [""]
     assert baseline.n_sources == 3
-    assert not baseline.own
+    assert baseline.has_strides
 
 
 def test_a_pulse_without_a_window_has_a_code_and_zero_weights():
@@ -66,20 +66,12 @@ def test_a_pulse_without_a_window_has_a_code_and_zero_weights():
     np.testing.assert_array_equal(baseline.weights(np.ones((3, 2))), 0.0)
 
 
-def test_taking_pulses_takes_their_windows_sources_and_validity():
-    baseline = pre_pulse(np.arange(24.0).reshape(3, 4, 2), n_samples=5)
-    part = baseline.take(np.array([True, False, True]))
-
-    np.testing.assert_array_equal(part.windows, baseline.windows[[0, 2]])
-    np.testing.assert_array_equal(part.sources, [[0], [2]])
-
-
 def test_before_the_pulse_all_four_signals_lose_their_own_level():
     before = np.random.default_rng(0).standard_normal((3, 4, 50))
     before[1] = np.nan
     baseline = pre_pulse(before, n_samples=20)
 
-    assert baseline.own
+    assert not baseline.has_strides
     assert baseline.codes == ["", "no_baseline", ""]
     np.testing.assert_allclose(
         baseline.mean()[0], np.repeat(before[0].mean(axis=1)[:, None], 20, axis=1)

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.preparation.calibration import (
-    joint_angle,
-    pooled_calibration,
-    twist_sd,
-)
+from jointz.identify.preparation.calibration import joint_angle, pooled_calibration, twist_sd
 
 
 def of(**entries):

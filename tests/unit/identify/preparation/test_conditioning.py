@@ -45,20 +45,7 @@ def test_angle_is_differentiated_and_torque_filtered_alike():
     np.testing.assert_allclose(stretch.signals[3][inner(stretch)], 3 * np.cos(W * t), atol=3e-3)
 
 
-def test_gains_are_divided_out():
-    known = CalibrationSpec(
-        angle_gain=Calibrated(value=1.1, sd=0.0), torque_gain=Calibrated(value=0.8, sd=0.0)
-    )
-    plain, gained = (
-        condition(recording(clock()), cutoff_hz=20.0, calibration=c).stretches[0].signals
-        for c in (PLAIN, known)
-    )
-
-    np.testing.assert_allclose(gained[:3] * 1.1, plain[:3], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(gained[3] * 0.8, plain[3], rtol=1e-9, atol=1e-9)
-
-
-def test_what_torque_shows_as_angle_is_taken_off_before_the_gain():
+def test_gains_are_divided_out_after_what_torque_shows_as_angle():
     known = CalibrationSpec(
         angle_gain=Calibrated(value=1.1, sd=0.0),
         angle_per_torque=Calibrated(value=0.004, sd=0.0),
@@ -72,6 +59,7 @@ def test_what_torque_shows_as_angle_is_taken_off_before_the_gain():
     np.testing.assert_allclose(
         1.1 * taken[0], plain[0] - 0.004 * plain[3] / 0.8, rtol=1e-9, atol=1e-9
     )
+    np.testing.assert_allclose(taken[3] * 0.8, plain[3], rtol=1e-9, atol=1e-9)
 
 
 def test_each_lag_shifts_its_own_signals():

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from jointz.analysis.study_pulses import share_table
 from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
-from jointz.identify.preparation.pulse_tables import share_table
 
 
 def run(start_s, *, condition="perturbed"):

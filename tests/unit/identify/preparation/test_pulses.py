@@ -31,10 +31,7 @@ def test_runs_of_the_command_are_pulses_of_both_signs():
 
     assert [
         (p.onset_s, round(p.duration_s, 9), p.amplitude, p.sign) for p in of_command(command)
-    ] == [
-        (1.0, 0.25, 17.0, 1.0),
-        (3.0, 0.1, -7.0, -1.0),
-    ]
+    ] == [(1.0, 0.25, 17.0, 1.0), (3.0, 0.1, -7.0, -1.0)]
 
 
 def test_a_ramp_belongs_to_its_pulse():

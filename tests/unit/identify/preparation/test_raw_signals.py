@@ -17,19 +17,16 @@ from jointz.identify.preparation.raw_signals import (
     raw_signals,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
+from jointz.identify.study_kinds import WALKING
 
 
 def source(time, channels, *, calibration=None, torque_model=None, condition="perturbed"):
     recording = build_recording(time, channels, condition=condition, file="walk.csv")
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(source="command"),
-        group_edges=(),
         torque_model=torque_model,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     given = RecordingInput(recording, calibration or CalibrationSpec())
     return prepare_sources([given], settings)[0]
@@ -65,13 +62,17 @@ def test_gains_are_divided_out_and_lags_are_left():
     assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time) / 0.8)
 
 
-def test_a_gain_of_the_torque_is_that_of_the_constant_and_not_of_friction():
+def test_a_gain_of_the_torque_is_not_that_of_friction_nor_of_the_rotors_inertia():
     time = np.arange(2000) / 500.0
-    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, coulomb_friction=0.4)
+    velocity = 2.0 * np.sign(np.sin(time + 0.1))
+    model = TorqueModelSpec(
+        gear_ratio=9.0, torque_constant=0.1, coulomb_friction=0.4, rotor_inertia=0.2
+    )
     channels = {
         "angle": np.sin(5.0 * time),
         "current": np.cos(3.0 * time),
-        "motor_velocity": np.full(time.size, 2.0),
+        "motor_velocity": velocity,
+        "motor_acceleration": np.sin(7.0 * time),
         "command": 0.0 * time,
     }
     known = CalibrationSpec(
@@ -80,28 +81,13 @@ def test_a_gain_of_the_torque_is_that_of_the_constant_and_not_of_friction():
     made = source(time, channels, calibration=known, torque_model=model)
     stretch = raw_signals(made).stretches[0]
 
-    assert stretch.signals[DRIVING] == pytest.approx(0.9 * np.cos(3.0 * stretch.time) / 0.8)
-    assert stretch.signals[FRICTION] == pytest.approx(-0.4 * 1.5)
+    driving = 0.9 * np.cos(3.0 * time) / 0.8 - 0.2 * np.sin(7.0 * time)
+    friction = -0.4 * 1.5 * np.sign(velocity)
+    assert stretch.signals[DRIVING] == pytest.approx(driving)
+    assert stretch.signals[FRICTION] == pytest.approx(friction)
+    assert not stretch.signals[COMMAND].any()
     # What other methods divide by the gain is the true torque too.
-    torque = made.given.recording["torque"].to_numpy() / 0.8
-    assert torque == pytest.approx(0.9 * np.cos(3.0 * time) / 0.8 - 0.4 * 1.5)
-
-
-def test_a_gain_of_the_torque_is_not_that_of_the_rotors_inertia():
-    time = np.arange(2000) / 500.0
-    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, rotor_inertia=0.2)
-    channels = {
-        "angle": np.sin(5.0 * time),
-        "current": np.cos(3.0 * time),
-        "motor_velocity": np.full(time.size, 2.0),
-        "motor_acceleration": np.sin(7.0 * time),
-        "command": 0.0 * time,
-    }
-    known = CalibrationSpec(torque_gain=Calibrated(value=0.8, sd=0.0))
-    made = source(time, channels, calibration=known, torque_model=model)
-    stretch = raw_signals(made).stretches[0]
-    torque = 0.9 * np.cos(3.0 * stretch.time) / 0.8 - 0.2 * np.sin(7.0 * stretch.time)
-    assert stretch.signals[DRIVING] == pytest.approx(torque)
+    assert made.given.recording["torque"].to_numpy() / 0.8 == pytest.approx(driving + friction)
 
 
 def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
@@ -110,22 +96,6 @@ def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
         raw_signals(plain(500.0, **m)).stretches[0].signals for m in ({"calibration": known}, {})
     )
     np.testing.assert_array_equal(told, plain_)
-
-
-def test_friction_of_a_torque_made_of_current_has_its_own_row():
-    time = np.arange(2000) / 500.0
-    velocity = 2.0 * np.sign(np.sin(time))
-    channels = {
-        "angle": np.sin(time),
-        "current": np.full(time.size, 3.0),
-        "motor_velocity": velocity,
-        "command": 0.0 * time,
-    }
-    model = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1, coulomb_friction=0.4)
-    signals = raw_signals(source(time, channels, torque_model=model)).stretches[0].signals
-    assert signals[FRICTION] == pytest.approx(-0.4 * np.sign(velocity))
-    assert signals[DRIVING] == pytest.approx(2.7)
-    assert not signals[COMMAND].any()
 
 
 def test_a_channel_of_the_users_own_called_friction_is_left_alone():

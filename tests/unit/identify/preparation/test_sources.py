@@ -21,20 +21,18 @@ from jointz.identify.preparation.sources import (
     most_alike,
     prepare_sources,
 )
+from jointz.identify.study_kinds import BENCH, WALKING
 
 MODEL = TorqueModelSpec(gear_ratio=9.0, torque_constant=0.1)
 
 
 def settings(*, torque_model=None, exclusions=(), walking=True, **more):
     return ParticipantSettings(
-        walking=walking,
+        kind=WALKING if walking else BENCH,
         perturbations=PerturbationsSpec(**more),
-        group_edges=(),
         torque_model=torque_model,
         methods=("dissertation",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
         user_exclusions=tuple(exclusions),
     )
 

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from jointz.core.estimates import ParameterEstimate
 from jointz.core.study import DeviceSpec, ParticipantSpec
 from jointz.identify.recommended.gravity import (
     CORRECTED_STIFFNESS,
@@ -21,6 +20,7 @@ from jointz.identify.recommended.gravity import (
     limb_gravity,
     thigh_angle,
 )
+from jointz.results.estimates import ParameterEstimate
 
 MASS_KG, HEIGHT_M = 73.0, 1.74
 GRAVITY = 9.81
@@ -111,9 +111,6 @@ def test_where_the_posture_is_not_known_there_is_no_correction(unknown):
     given = {"joint": "knee", "angle_rad": 0.2, "gait_pct": 81.0} | unknown
 
     assert gravity_stiffness([BOB], **given) is None
-
-
-def test_nothing_that_hangs_is_no_correction_rather_than_zero():
     assert gravity_stiffness([], joint="knee", angle_rad=0.2, gait_pct=81.0) is None
 
 
@@ -209,10 +206,6 @@ def test_the_free_name_of_a_joint_is_understood(name, known):
     assert limb.source.startswith(f"{known} by")
 
 
-def test_a_joint_without_an_entry_has_no_limb():
-    assert limb_gravity(MASS_KG, HEIGHT_M, joint="mass on a beam") is None
-
-
 @pytest.mark.parametrize(
     ("mass", "height", "key"), [(0.0, 1.7, "mass_kg"), (70.0, -1.0, "height_m"), (math.nan, 1, "m")]
 )
@@ -266,13 +259,6 @@ def test_the_corrected_stiffness_is_less_and_less_certain():
     )
 
 
-def test_a_corrected_stiffness_may_be_negative_and_stays_so():
-    corrected = corrected_stiffness(apparent(4.0, 1.0, 7.0), GRAVITY_STIFFNESS)
-
-    assert corrected.value == -5.0
-    assert corrected.status == "ok"
-
-
 def test_at_a_bound_the_bound_moves_and_only_the_limit_widens():
     estimate = apparent(0.0, 0.0, 6.0, "at_bound", share_at_bound=0.8, unbounded=-3.0)
 
@@ -290,23 +276,6 @@ def test_what_was_not_estimated_is_not_corrected(status):
     assert corrected_stiffness(estimate, GRAVITY_STIFFNESS) == replace(
         estimate, name=CORRECTED_STIFFNESS
     )
-
-
-def test_intervals_hold_the_truth_as_often_as_they_say():
-    """Both errors drawn; 4000 cells, so that 95 % is known to 0.35 %."""
-    rng = np.random.default_rng(11)
-    joint_stiffness, n = 18.0, 4000
-    held = 0
-    for own, theirs in rng.standard_normal((n, 2)):
-        seen = joint_stiffness + 9.0 + 3.0 * own
-        estimate = apparent(seen, seen - 1.959964 * 3.0, seen + 1.959964 * 3.0)
-        gravity = replace(GRAVITY_STIFFNESS, value=9.0 + 2.0 * theirs)
-        corrected = corrected_stiffness(estimate, gravity)
-        assert corrected.ci_low is not None
-        assert corrected.ci_high is not None
-        held += corrected.ci_low <= joint_stiffness <= corrected.ci_high
-
-    assert abs(held / n - 0.95) < 3 * math.sqrt(0.95 * 0.05 / n)
 
 
 def test_only_the_stiffness_of_a_joint_is_corrected():

@@ -53,7 +53,7 @@ def test_a_value_far_from_the_bound_has_the_plain_interval():
     assert (p.ci_low, p.ci_high) == pytest.approx((60.0 - 1.96 * 4.0, 60.0 + 1.96 * 4.0), abs=1e-3)
 
 
-@pytest.mark.parametrize("ratio", [4.5, 9.0, 10.3, 12.0, 12.9, 20.0, 400.0])
+@pytest.mark.parametrize("ratio", [4.5, 10.3, 400.0])
 def test_every_two_sided_interval_holds_its_value(ratio):
     p = rows(Found(K=(60.0, 60.0 / ratio)))["stiffness"]
     assert p.ci_low < p.value < p.ci_high

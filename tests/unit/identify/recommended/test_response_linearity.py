@@ -7,12 +7,12 @@ import pytest
 from scipy.stats import binom
 
 from jointz.core.codes import Doubt
-from jointz.core.estimates import CellEstimate, ParameterEstimate
-from jointz.core.participant_model import ParticipantModel
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.recommended.walking_responses import PredictedCell, explain_responses
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.participant_model import ParticipantModel
 
 PERIOD_S, STEP_S, N, WINDOW_S = 0.002, 0.0005, 70, 0.1
 KNOWN = replace(Priors(), lag_s=(0.002, 0.0003), friction_gain=(1.0, 1e-5))
@@ -102,7 +102,7 @@ def test_a_linear_joint_is_doubted_as_rarely_as_is_claimed():
 def test_a_reflex_against_one_direction_is_told_and_widens_what_it_moves():
     found = compared(pushes((17.0,), (1.0, -1.0), n=50, reflex=2.0))
     assert set(found) == {DIRECTION}
-    assert found[DIRECTION].stands
+    assert found[DIRECTION].significant
     stiffness, damping, inertia = found[DIRECTION].shifts["A"]
     assert stiffness > 1.0
     assert np.isfinite([damping, inertia]).all()
@@ -124,7 +124,7 @@ def test_a_timing_point_with_too_few_pulses_of_a_direction_is_widened_like_the_o
     rare = replace(pushes((17.0,), (1.0, -1.0), n=8, reflex=2.0), label="B")
     posterior, responses = explain_responses([often, rare], KNOWN, window_s=WINDOW_S)
     (found,) = contrasts([often, rare], responses, posterior)
-    assert found.stands
+    assert found.significant
     assert set(found.shifts) == {"A", "B"}
     # Its noise is four times as large: what it says of K gives way to the reflex more readily.
     assert 0.4 < found.shifts["B"][0] / found.shifts["A"][0] < 2.5
@@ -139,8 +139,8 @@ def test_which_direction_is_called_positive_does_not_matter():
 
 def test_a_joint_that_softens_is_not_proportional_and_no_matter_of_direction():
     found = compared(pushes((6.0, 17.0), (1.0, -1.0), n=48, softening_rad=0.3))
-    assert found[SIZE].stands
-    assert not found[DIRECTION].stands
+    assert found[SIZE].significant
+    assert not found[DIRECTION].significant
     assert not found[SIZE].shifts
 
 

@@ -1,12 +1,11 @@
 """Posterior mode of responses made with known joints by another integrator."""
 
-from functools import lru_cache
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jointz.identify.recommended.response_model import (
-    CellResponse,
     Hypothesis,
     Priors,
     ResponseModel,
@@ -17,53 +16,17 @@ PERIOD_S, WINDOW_S, LAG_S = 0.002, 0.1, 0.008
 N = 56
 TIME_S = np.arange(N) * PERIOD_S
 KNOWN = Priors(lag_s=(LAG_S, 0.0005))
-JOINTS = {"A": (60.0, 2.5), "B": (35.0, 3.0), "C": (90.0, 1.8)}
+JOINTS = ((60.0, 2.5), (35.0, 3.0), (90.0, 1.8))
 INERTIA = 0.06
 
 
-def noise_covariance(sd_rad: float) -> np.ndarray:
-    apart = TIME_S[:, None] - TIME_S
-    smooth = np.exp(-0.5 * (apart / 0.03) ** 2)
-    return sd_rad**2 * (0.05 * np.eye(N) + smooth)
-
-
 @pytest.fixture(scope="module")
-def responses(walkers):
-    """Return a maker of noisy average responses."""
-    fine = np.arange(1200) * 0.0005
+def responses(walkers, noisy_responses):
+    """Return a maker of noisy average responses of the three joints."""
 
-    @lru_cache
-    def late_answer(joint, lag_s):
-        motion = walkers.respond(joint, lambda t: 17.0 * float(walkers.pulse(t)))
-        # 2 ms late and behind a first-order lag, on steps of 0.5 ms.
-        keep = np.exp(-0.0005 / (lag_s - 0.002))
-        shown = np.zeros_like(motion)
-        for i in range(1, 400):
-            middle = 0.5 * (motion[i] + motion[i - 1])
-            shown[i] = keep * shown[i - 1] + (1.0 - keep) * middle
-        return np.interp(TIME_S - 0.002, fine, shown, left=0.0)
-
-    def make(*, sd_rad=1e-3, seed=0, joints=JOINTS, inertias=(), slope=0.0, lag_s=LAG_S):
-        rng = np.random.default_rng(seed)
-        covariance = noise_covariance(sd_rad)
-        made = []
-        for k, (label, (K, B)) in enumerate(joints.items()):
-            J = inertias[k] if inertias else INERTIA
-            angle = late_answer(walkers.Joint(K, B, J, slope), lag_s)
-            noise = np.linalg.cholesky(covariance) @ rng.standard_normal(N)
-            torque = np.stack([17.0 * walkers.pulse(TIME_S), np.zeros(N)])
-            made.append(
-                CellResponse(
-                    label=label,
-                    angle=angle + noise,
-                    torque=torque,
-                    noise=covariance,
-                    period_s=PERIOD_S,
-                    phase=0.2 + 0.3 * k,
-                    stride_s=1.1,
-                )
-            )
-        return made
+    def make(*, inertias=(INERTIA,) * 3, slope=0.0, **more):
+        pairs = zip(JOINTS, inertias, strict=True)
+        return noisy_responses(*(walkers.Joint(K, B, J, slope) for (K, B), J in pairs), **more)
 
     return make
 
@@ -134,15 +97,7 @@ def test_gains_move_the_mode_as_a_change_of_the_angle_does(responses):
     before = fitted(cells)
     change = 2e-5 * np.sin(TIME_S / 0.02)
     moved = [*cells]
-    moved[1] = CellResponse(
-        label="B",
-        angle=cells[1].angle + change,
-        torque=cells[1].torque,
-        noise=cells[1].noise,
-        period_s=PERIOD_S,
-        phase=cells[1].phase,
-        stride_s=1.1,
-    )
+    moved[1] = replace(cells[1], angle=cells[1].angle + change)
     shift = fitted(moved).values - before.values
     sds = np.sqrt(np.diag(before.covariance))
     assert shift / sds == pytest.approx((before.gains[1] @ change) / sds, abs=0.02)

@@ -3,41 +3,28 @@
 import numpy as np
 import pytest
 
-from jointz.core.estimates import FIT_SOURCES
-from jointz.identify.recommended.response_model import CellResponse, Priors
+from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.response_posterior import (
     CONSTANT_INERTIA_SD,
     compare_sensors,
     estimate_responses,
     inertia_evidence,
 )
+from jointz.results.estimates import FIT_SOURCES
 
-PERIOD_S, WINDOW_S = 0.002, 0.1
-TIME_S = np.arange(56) * PERIOD_S
+WINDOW_S = 0.1
 KNOWN = Priors(lag_s=(0.008, 0.0005))
-SD_RAD = 1e-3
 
 
-def made(walkers, *, inertias, seed=0, sd_rad=SD_RAD):
-    rng = np.random.default_rng(seed)
-    covariance = sd_rad**2 * (
-        0.05 * np.eye(TIME_S.size) + np.exp(-0.5 * ((TIME_S[:, None] - TIME_S) / 0.03) ** 2)
-    )
-    fine = np.arange(1200) * 0.0005
-    cells = []
-    for k, J in enumerate(inertias):
-        joint = walkers.Joint(60.0 - 10.0 * k, 2.5, J)
-        motion = walkers.respond(joint, lambda t: 17.0 * float(walkers.pulse(t)))
-        shown, keep = np.zeros(1200), np.exp(-0.0005 / 0.006)
-        for i in range(1, 400):
-            shown[i] = keep * shown[i - 1] + (1.0 - keep) * 0.5 * (motion[i] + motion[i - 1])
-        angle = np.interp(TIME_S - 0.002, fine, shown, left=0.0)
-        noise = np.linalg.cholesky(covariance) @ rng.standard_normal(TIME_S.size)
-        torque = np.stack([17.0 * walkers.pulse(TIME_S), np.zeros(TIME_S.size)])
-        cells.append(
-            CellResponse(str(k), angle + noise, torque, covariance, PERIOD_S, 0.2 + 0.2 * k, 1.1)
-        )
-    return cells
+@pytest.fixture(scope="module")
+def made(walkers, noisy_responses):
+    """Return a maker of responses of three joints with given inertias."""
+
+    def make(*inertias, **more):
+        joints = [walkers.Joint(60.0 - 10.0 * k, 2.5, J) for k, J in enumerate(inertias)]
+        return noisy_responses(*joints, **more)
+
+    return make
 
 
 def estimated(cells, priors=KNOWN):
@@ -46,8 +33,8 @@ def estimated(cells, priors=KNOWN):
 
 
 @pytest.fixture(scope="module")
-def alike(walkers):
-    return estimated(made(walkers, inertias=(0.06, 0.06, 0.06)))
+def alike(made):
+    return estimated(made(0.06, 0.06, 0.06))
 
 
 def test_probabilities_of_all_hypotheses_sum_to_one(alike):
@@ -57,8 +44,8 @@ def test_probabilities_of_all_hypotheses_sum_to_one(alike):
     )
 
 
-def test_one_inertia_is_believed_where_it_is_one_and_not_where_it_varies(walkers, alike):
-    varied = estimated(made(walkers, inertias=(0.04, 0.06, 0.09)))
+def test_one_inertia_is_believed_where_it_is_one_and_not_where_it_varies(made, alike):
+    varied = estimated(made(0.04, 0.06, 0.09))
     assert alike.probability(inertia_sd=CONSTANT_INERTIA_SD) > 0.4
     assert varied.probability(inertia_sd=CONSTANT_INERTIA_SD) < 1e-3
 
@@ -83,17 +70,17 @@ def test_variance_of_a_mixture_is_that_within_and_between(alike):
     assert alike.stiffness(0).variance == pytest.approx(expected)
 
 
-def test_a_lag_that_nobody_knows_widens_everything(walkers, alike):
-    loose = estimated(made(walkers, inertias=(0.06, 0.06, 0.06)), Priors())
+def test_a_lag_that_nobody_knows_widens_everything(made, alike):
+    loose = estimated(made(0.06, 0.06, 0.06), Priors())
     assert loose.log_inertia(0).variance > 1.5 * alike.log_inertia(0).variance
     assert loose.stiffness(0).variance > alike.stiffness(0).variance
     assert loose.lag_s().variance > 2.0 * alike.lag_s().variance
 
 
-def test_estimates_lie_within_their_errors(walkers):
+def test_estimates_lie_within_their_errors(made):
     offs = []
     for seed in range(5):
-        found = estimated(made(walkers, inertias=(0.06, 0.06, 0.06), seed=seed))
+        found = estimated(made(0.06, 0.06, 0.06, seed=seed))
         for i in range(3):
             k, j = found.stiffness(i), found.log_inertia(i)
             offs.append((k.mean - (60.0 - 10.0 * i)) / np.sqrt(k.variance))
@@ -102,8 +89,8 @@ def test_estimates_lie_within_their_errors(walkers):
     assert np.abs(offs).max() < 3.3
 
 
-def test_an_earlier_look_changes_where_searches_begin_not_where_they_end(walkers, alike):
-    cells = made(walkers, inertias=(0.06, 0.06, 0.06))
+def test_an_earlier_look_changes_where_searches_begin_not_where_they_end(made, alike):
+    cells = made(0.06, 0.06, 0.06)
     first = compare_sensors(cells, KNOWN, window_s=WINDOW_S)
     again = compare_sensors(cells, KNOWN, window_s=WINDOW_S, earlier=first)
     likelier = [max(s, key=lambda p: p.log_evidence) for s in (first, again)]
@@ -111,8 +98,8 @@ def test_an_earlier_look_changes_where_searches_begin_not_where_they_end(walkers
     assert likelier[1].hypothesis == likelier[0].hypothesis
 
 
-def test_the_evidence_is_for_the_lag_that_is_true(walkers):
-    cells = made(walkers, inertias=(0.06, 0.06, 0.06), sd_rad=3e-4)
+def test_the_evidence_is_for_the_lag_that_is_true(made):
+    cells = made(0.06, 0.06, 0.06, sd_rad=3e-4)
     logs = {}
     for lag_s in (0.008, 0.018):
         known = Priors(lag_s=(lag_s, 0.0005))

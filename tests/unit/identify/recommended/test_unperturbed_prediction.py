@@ -10,20 +10,16 @@ from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.raw_signals import raw_signals
 from jointz.identify.preparation.sources import ParticipantSettings, prepare_sources
 from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, UnperturbedPredictor
+from jointz.identify.study_kinds import WALKING
 
 WINDOW_S = 0.13
 
 
 def prepared(walker, given):
     settings = ParticipantSettings(
-        walking=True,
+        kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(walker.points), source="table"),
-        group_edges=(),
-        torque_model=None,
-        methods=("recommended",),
         n_resamples=10,
-        seed=0,
-        mass_kg=None,
     )
     source = prepare_sources([given], settings)[0]
     candidates = assign_pulses("S01", [source], settings, baseline="predicted", alone=True)
@@ -134,9 +130,3 @@ def test_posture_is_that_of_the_joint_where_another_recording_teaches(walkers, i
     # Posture wanders by 1 degree from stride to stride.
     usual = predicted(*idle).posture_rad
     assert found.posture_rad == pytest.approx(usual, abs=np.radians(3.0))
-
-
-def test_predictions_are_the_same_every_time(idle):
-    first, second = predicted(*idle), predicted(*idle)
-    assert np.array_equal(first.responses, second.responses)
-    assert np.array_equal(first.misses, second.misses)

@@ -43,7 +43,7 @@ def off(result, walker):
     for point, joint in walker.joints.items():
         for name, truth in truths(joint).items():
             p = cell(result, point).parameter(name)
-            if p.stands:
+            if p.available:
                 found.append(2.0 * abs(p.value - truth) / (p.ci_high - p.ci_low))
     return found
 
@@ -62,19 +62,21 @@ def usual(walkers):
     return walker, walkers.walk(walker)
 
 
+@pytest.fixture(scope="module")
+def estimated(walkers, usual):
+    """Return the result for the usual walker."""
+    return walkers.analyze(*usual)
+
+
 # --- recovery -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {},
         {"known_lag_sd_s": None},
         {"signs": (1.0, -1.0)},
-        {"signs": (-1.0,)},
         {"sizes_nm": (8.0, 17.0)},
-        {"rate_hz": 1000.0},
-        {"rate_hz": 250.0},
         {"rate_hz": 100.0},
         {"jitter_s": 2e-4},
         {"start_s": 1000.0},
@@ -94,12 +96,13 @@ def test_known_joints_come_back_within_their_intervals(walkers, changes):
     assert codes(result) == {""}
 
 
-def test_values_are_near_the_truth_not_only_inside_wide_intervals(walkers, usual):
-    walker, given = usual
-    result = walkers.analyze(walker, given)
+def test_values_are_near_the_truth_not_only_inside_wide_intervals(usual, estimated):
+    walker, _ = usual
+    assert max(off(estimated, walker)) < 1.7
+    assert codes(estimated) == {""}
     for point, joint in walker.joints.items():
         for name, truth in truths(joint).items():
-            p = cell(result, point).parameter(name)
+            p = cell(estimated, point).parameter(name)
             assert p.status == "ok"
             assert p.ci_high - p.ci_low < 0.6 * truth
             assert p.value == pytest.approx(truth, rel=0.25)
@@ -111,12 +114,7 @@ def test_one_pulse_a_point_is_estimated_or_undecided_never_failed(walkers):
     assert statuses(result) <= {"ok", "undecided", "at_bound"}
     assert "undecided" in statuses(result)
     assert max(off(result, walker), default=0.0) < 1.7
-
-
-def test_an_undecided_value_is_none_and_its_unbounded_estimate_is_told(walkers):
-    result = walkers.analyze(walkers.Walker(counts={"A": 1, "B": 1}, between=20))
-    rows = [p for c in result.cells["recommended"] for p in c.parameters[:3]]
-    for p in rows:
+    for p in (p for c in result.cells["recommended"] for p in c.parameters[:3]):
         if p.status == "undecided":
             assert (p.value, p.ci_low, p.ci_high) == (None, None, None)
             assert np.isfinite(p.unbounded)
@@ -128,19 +126,11 @@ def test_a_joint_without_stiffness_gets_a_one_sided_limit_with_a_width(walkers, 
     walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
     p = cell(walkers.analyze(walker), "A").parameter("stiffness")
     assert p.status in ("at_bound", "ok", "undecided")
-    if p.stands:
+    if p.available:
         assert p.ci_low <= K <= p.ci_high
         assert p.ci_high - p.ci_low > 3.0
     if p.status == "at_bound":
         assert p.ci_low == 0.0
-
-
-def test_inertias_that_differ_are_found_to_differ(walkers):
-    joints = {"A": walkers.Joint(60.0, 2.5, 0.05), "B": walkers.Joint(50.0, 3.0, 0.09)}
-    walker = walkers.Walker(joints=joints, counts={"A": 40, "B": 40})
-    result = walkers.analyze(walker)
-    assert result.models[0].constant_inertia_probability < 0.05
-    assert max(off(result, walker)) < 1.7
 
 
 def test_a_stiffness_that_drifts_is_that_of_the_middle_of_its_weight(walkers):
@@ -161,52 +151,45 @@ def test_two_recordings_of_unlike_rates_are_estimated_together(walkers):
     assert max(off(result, walker)) < 1.7
 
 
-def test_the_same_recordings_give_the_same_numbers(walkers, usual):
-    walker, given = usual
-    first, second = walkers.analyze(walker, given), walkers.analyze(walker, given)
-    assert [c.rows() for c in first.cells["recommended"]] == [
-        c.rows() for c in second.cells["recommended"]
-    ]
+def test_the_same_recordings_give_the_same_numbers(walkers, usual, estimated):
+    first, second = (r.cells["recommended"] for r in (estimated, walkers.analyze(*usual)))
+    assert [c.rows() for c in first] == [c.rows() for c in second]
 
 
-def test_turning_both_signs_changes_nothing(walkers, usual):
+def test_turning_both_signs_changes_nothing(walkers, usual, estimated):
     walker, given = usual
-    plain = walkers.analyze(walker, given)
     other = changed(given, angle=np.negative, torque=np.negative)
     table = given.pulse_table.assign(amplitude_nm=-given.pulse_table["amplitude_nm"])
     turned = walkers.analyze(walker, replace(other, pulse_table=table))
     for point in walker.joints:
         for name in PARAMETERS:
-            a, b = cell(plain, point).parameter(name), cell(turned, point).parameter(name)
+            a, b = (cell(r, point).parameter(name) for r in (estimated, turned))
             assert a.value == pytest.approx(b.value, rel=1e-3)
 
 
-def test_units_of_torque_scale_the_estimates(walkers, usual):
+def test_units_of_torque_scale_the_estimates(walkers, usual, estimated):
     # A gain of 2 in the calibration halves the torque, and with it K, B and J but for the priors.
     walker, given = usual
     doubled = changed(given, torque=lambda x: 2.0 * x)
-    known = given.calibration.model_copy(
-        update={"torque_gain": type(given.calibration.angle_lag_s)(value=2.0, sd=0.0)}
-    )
+    gain = {"torque_gain": Calibrated(value=2.0, sd=0.0)}
+    known = given.calibration.model_copy(update=gain)
     result = walkers.analyze(walker, replace(doubled, calibration=known))
-    plain = walkers.analyze(walker, given)
     for point in walker.joints:
-        a, b = (cell(r, point).parameter("inertia") for r in (plain, result))
+        a, b = (cell(r, point).parameter("inertia") for r in (estimated, result))
         assert a.value == pytest.approx(b.value, rel=1e-6)
 
 
 def test_a_motor_of_which_only_the_velocity_is_known_leaves_no_stiffness_of_the_device(
-    walkers, usual
+    walkers, usual, estimated
 ):
     walker, given = usual
     own = {"intrinsic_stiffness": Calibrated(value=5.0, sd=0.0)}
     known = given.calibration.model_copy(update=own)
     still = np.zeros(given.recording.sizes["time"])
     turned = given.recording.assign(motor_velocity=("time", still, {"units": "rad/s"}))
-    plain = walkers.analyze(walker, given)
     result = walkers.analyze(walker, replace(given, recording=turned, calibration=known))
     for point in walker.joints:
-        a, b = (cell(r, point).parameter("stiffness") for r in (plain, result))
+        a, b = (cell(r, point).parameter("stiffness") for r in (estimated, result))
         assert b.value == pytest.approx(a.value - 5.0, rel=1e-6)
 
 
@@ -268,7 +251,7 @@ def test_a_recording_without_strikes_gives_a_reason(walkers, usual):
     assert statuses(result) == {"failed:no_heel_strikes"}
 
 
-@pytest.mark.parametrize("kept", [0, 5, 9])
+@pytest.mark.parametrize("kept", [0, 9])
 def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
     walker, given = usual
     result = walkers.analyze(walker, given, user_exclusions=all_but(given, kept))
@@ -276,14 +259,14 @@ def test_too_few_unperturbed_strides_give_a_reason(walkers, usual, kept):
     assert "no_baseline" in codes(result)
 
 
-def test_fifteen_unperturbed_strides_give_wide_intervals_that_hold(walkers, usual):
+def test_fifteen_unperturbed_strides_give_wide_intervals_that_hold(walkers, usual, estimated):
     walker, given = usual
     result = walkers.analyze(walker, given, user_exclusions=all_but(given, 17))
     assert 12 <= result.models[0].n_strides <= 20
     assert max(off(result, walker), default=0.0) < 1.7
     wide = cell(result, "A").parameter("damping")
-    narrow = cell(walkers.analyze(walker, given), "A").parameter("damping")
-    assert not wide.stands or wide.ci_high - wide.ci_low > narrow.ci_high - narrow.ci_low
+    narrow = cell(estimated, "A").parameter("damping")
+    assert not wide.available or wide.ci_high - wide.ci_low > narrow.ci_high - narrow.ci_low
 
 
 def all_but(given, kept: int):
@@ -315,10 +298,16 @@ def lamed(walkers, walker, every: int, *channels: str):
     return changed(there, **{name: lambda _, x=x: x for name, x in spliced.items()})
 
 
-def test_pulses_without_torque_are_left_out(walkers, usual):
+@pytest.mark.parametrize(
+    ("every", "channels", "code", "count"),
+    [(4, ("angle", "torque"), "no_torque", 10), (5, ("angle",), "no_response", 8)],
+)
+def test_pulses_that_never_came_or_missed_the_joint_are_left_out(
+    walkers, usual, every, channels, code, count
+):
     walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 4, "angle", "torque"))
-    assert [p.code for p in result.pulses].count("no_torque") == 10
+    result = walkers.analyze(walker, lamed(walkers, walker, every, *channels))
+    assert [p.code for p in result.pulses].count(code) == count
     assert max(off(result, walker)) < 1.7
 
 
@@ -331,11 +320,16 @@ def test_pulses_planned_without_torque_are_left_out_and_hide_no_others(walkers):
     assert sum(c.n_used for c in result.cells["recommended"]) > 15
 
 
-def test_pulses_that_never_came_are_no_estimate(walkers, usual):
+@pytest.mark.parametrize(
+    ("every", "channels", "status"),
+    [(1, ("angle", "torque"), "failed:constant_torque"), (2, ("angle",), "failed:constant_angle")],
+)
+def test_where_most_pulses_never_came_or_missed_the_joint_there_is_no_estimate(
+    walkers, usual, every, channels, status
+):
     walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 1, "angle", "torque"))
-    assert statuses(result) == {"failed:constant_torque"}
-    assert codes(result) == {"no_torque"}
+    result = walkers.analyze(walker, lamed(walkers, walker, every, *channels))
+    assert statuses(result) == {status}
 
 
 def test_a_pulse_table_a_stride_late_is_no_estimate(walkers, usual):
@@ -343,20 +337,6 @@ def test_a_pulse_table_a_stride_late_is_no_estimate(walkers, usual):
     table = given.pulse_table.assign(onset_s=given.pulse_table["onset_s"] + 1.1)
     result = walkers.analyze(walker, replace(given, pulse_table=table))
     assert statuses(result) <= {"failed:out_of_step", "failed:constant_torque"}
-
-
-def test_pulses_that_did_not_reach_the_joint_are_left_out(walkers, usual):
-    walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, 5, "angle"))
-    assert [p.code for p in result.pulses].count("no_response") == 8
-    assert max(off(result, walker)) < 1.7
-
-
-@pytest.mark.parametrize("every", [1, 2])
-def test_torque_that_mostly_missed_the_joint_is_no_estimate(walkers, usual, every):
-    walker, _ = usual
-    result = walkers.analyze(walker, lamed(walkers, walker, every, "angle"))
-    assert statuses(result) == {"failed:constant_angle"}
 
 
 def test_copies_of_a_pulse_count_once(walkers, usual):
@@ -392,13 +372,11 @@ def shifted(by_s: float, rate_hz: float = 500.0) -> Callable[[np.ndarray], np.nd
         ({"torque": np.negative}, "failed:opposite_sign"),
         ({"angle": np.negative}, "failed:opposite_sign"),
         ({"angle": np.degrees}, "failed:angle_out_of_range"),
-        ({"angle": shifted(0.08)}, "failed:lag_out_of_range"),
         ({"angle": shifted(0.035)}, "failed:lag_out_of_range"),
         ({"torque": shifted(0.04)}, "failed:out_of_step"),
         ({"torque": lambda x: x.clip(max=10.0)}, "failed:torque_saturated"),
         ({"torque": lambda x: 0.02 * x}, "failed:constant_torque"),
         ({"angle": lambda x: 0.3 + 0.0 * x}, "failed:constant_angle"),
-        ({"torque": lambda x: 0.0 * x}, "failed:constant_torque"),
     ],
     ids=lambda x: x if isinstance(x, str) else "+".join(x),
 )
@@ -467,18 +445,11 @@ def covered(walkers, seeds, **changes):
         for point, joint in walker.joints.items():
             for name, truth in truths(joint).items():
                 p = cell(result, point).parameter(name)
-                if p.stands:
+                if p.available:
                     decided += 1
                     inside += p.ci_low <= truth <= p.ci_high
                     zero += p.ci_high - p.ci_low <= 0.0
     return inside, decided, zero
-
-
-def test_intervals_hold_the_truth_on_a_few_walkers(walkers):
-    inside, decided, zero = covered(walkers, range(4))
-    assert decided >= 20
-    assert inside >= binom.ppf(0.001, decided, 0.95)
-    assert zero == 0
 
 
 @pytest.mark.slow

@@ -1,10 +1,13 @@
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.series.frequency_response import identify_frequency_response
+from jointz.identify.series.joint import identify_joint
 
+identify_frf = partial(identify_joint, model="frf")
 RATE = 500.0
 KBJ = np.array([80.0, 1.2, 0.03])
 
@@ -46,7 +49,7 @@ def relative_error(fit) -> np.ndarray:
 
 @pytest.mark.parametrize("perturbed", ["torque", "angle"])
 def test_the_curve_and_k_b_j_are_the_joint_s(perturbed):
-    fit = identify_frequency_response(**make_record(perturbed), rate_hz=RATE, input=perturbed)
+    fit = identify_frf(**make_record(perturbed), rate_hz=RATE, input=perturbed)
 
     table = fit.response.table()
     s = 2j * np.pi * table["frequency_hz"].to_numpy()
@@ -66,7 +69,7 @@ def test_the_band_of_the_curve_holds_the_truth(perturbed):
     inside = []
     for seed in range(8):
         record = make_record(perturbed, seed=seed, muscle=1.0)
-        fit = identify_frequency_response(**record, rate_hz=RATE, input=perturbed, cutoff_hz=15.0)
+        fit = identify_frf(**record, rate_hz=RATE, input=perturbed, cutoff_hz=15.0)
         table = fit.response.table()
         s = 2j * np.pi * table["frequency_hz"].to_numpy()
         true = np.abs(KBJ @ np.stack([np.ones_like(s), s, s**2]))
@@ -78,7 +81,7 @@ def test_the_band_of_the_curve_holds_the_truth(perturbed):
 def test_intervals_hold_the_truth():
     held = []
     for seed in range(30):
-        fit = identify_frequency_response(**make_record(seed=seed, n=8000), rate_hz=RATE)
+        fit = identify_frf(**make_record(seed=seed, n=8000), rate_hz=RATE)
         held += [p.ci_low < v < p.ci_high for p, v in zip(fit.parameters, KBJ, strict=True)]
 
     assert np.mean(held) > 0.87
@@ -88,8 +91,8 @@ def test_intervals_hold_the_truth():
 def test_with_torque_inside_the_joint_the_wrong_direction_is_warned_about(true, wrong):
     record = make_record(true, muscle=1.0)
 
-    right = identify_frequency_response(**record, rate_hz=RATE, input=true)
-    other = identify_frequency_response(**record, rate_hz=RATE, input=wrong)
+    right = identify_frf(**record, rate_hz=RATE, input=true)
+    other = identify_frf(**record, rate_hz=RATE, input=wrong)
 
     assert np.all(np.abs(relative_error(right)) < 0.015)
     assert right.warnings == ()
@@ -103,29 +106,18 @@ def test_a_command_is_the_instrument_where_the_torque_was_perturbed():
     record = make_record()
     command = np.roll(record["torque"], 5)
 
-    fit = identify_frequency_response(**record, command=command, rate_hz=RATE)
+    fit = identify_frf(**record, command=command, rate_hz=RATE)
 
     assert fit.settings["instrument"] == "command"
     assert np.all(np.abs(relative_error(fit)) < 0.01)
     assert fit.response.gain[0] == pytest.approx(80.0, rel=0.05)
 
 
-def test_the_torque_on_a_device_has_the_other_sign():
-    record = make_record()
-    turned = {"angle": record["angle"], "torque": -record["torque"]}
-
-    fit = identify_frequency_response(**turned, rate_hz=RATE, torque_acts_on="device")
-
-    assert fit.to_frame()["value"].tolist() == (
-        identify_frequency_response(**record, rate_hz=RATE).to_frame()["value"].tolist()
-    )
-
-
 def test_a_joint_that_is_not_of_second_order_is_said_to_be_so():
     record = make_record("angle")
     late = np.roll(record["angle"], 20)  # a reflex of 40 ms
 
-    fit = identify_frequency_response(
+    fit = identify_frf(
         angle=record["angle"], torque=record["torque"] + 60.0 * late, rate_hz=RATE, input="angle"
     )
 
@@ -136,10 +128,10 @@ def test_a_joint_that_is_not_of_second_order_is_said_to_be_so():
 def test_wide_motion_and_negative_values_are_noted():
     record = make_record("angle")
 
-    wide = identify_frequency_response(
+    wide = identify_frf(
         angle=5 * record["angle"], torque=5 * record["torque"], rate_hz=RATE, input="angle"
     )
-    soft = identify_frequency_response(
+    soft = identify_frf(
         angle=record["angle"],
         torque=record["torque"] - 120.0 * record["angle"],
         rate_hz=RATE,
@@ -150,60 +142,12 @@ def test_wide_motion_and_negative_values_are_noted():
     assert any("stiffness is negative: gravity" in w for w in soft.warnings)
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        ({"angle": np.ones(12_000)}, "constant_angle"),
-        ({"torque": np.ones(12_000)}, "constant_torque"),
-        ({"angle": np.random.default_rng(9).standard_normal(12_000)}, "not_coherent"),
-    ],
-)
-def test_what_cannot_be_estimated_ends_in_a_code(change, code):
-    with pytest.raises(EstimationError) as caught:
-        identify_frequency_response(**(make_record() | change), rate_hz=RATE)
-
-    assert caught.value.code == code
-
-
-def test_a_single_sine_decides_nothing():
-    t = np.arange(12_000) / RATE
-    angle = 0.02 * np.sin(2 * np.pi * 3.0 * t)
-    with pytest.raises(EstimationError, match=r"condition number|not coherent"):
-        identify_frequency_response(angle=angle, torque=50 * angle, rate_hz=RATE, input="angle")
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"cutoff_hz": 300.0}, r"0 < cutoff_hz < 250 \(half"),
-        ({"angle": np.zeros(60), "torque": np.arange(60.0)}, "constant"),
-        ({"command": np.ones(12_000)}, "'command' is constant"),
-        ({"input": "force"}, "expected one of torque, angle"),
-        ({"torque_acts_on": "air"}, "expected one of joint, device"),
-        ({"ci_level": 1.0}, "0 < ci_level < 1"),
-    ],
-)
-def test_bad_input_is_refused(change, message):
-    with pytest.raises((ValueError, EstimationError), match=message):
-        identify_frequency_response(**({**make_record(), "rate_hz": RATE} | change))
-
-
-def test_a_short_record_is_refused():
-    record = {name: x[:100] for name, x in make_record().items()}
-    with pytest.raises(DataError, match=r"lasts 0.2 s, at least 0.256 s"):
-        identify_frequency_response(**record, rate_hz=RATE)
-    with pytest.raises(DataError, match=r"at least 12 frequencies.*Record longer"):
-        identify_frequency_response(
-            **{n: x[:1000] for n, x in make_record().items()}, rate_hz=RATE, cutoff_hz=3.0
-        )
-
-
 @pytest.mark.real_data
 @pytest.mark.parametrize(("name", "stiffness"), [("z_df", 105), ("z_pf", 107), ("z_df3", 160)])
 def test_a_real_ankle_has_the_stiffness_of_regression_in_time(real_data, name, stiffness):
     record = pd.read_csv(real_data / "reklab_ankle" / f"{name}.csv.gz")
 
-    fit = identify_frequency_response(
+    fit = identify_frf(
         angle=record["position_rad"],
         torque=record["torque_Nm"],
         time=record["time_s"],
@@ -217,22 +161,16 @@ def test_a_real_ankle_has_the_stiffness_of_regression_in_time(real_data, name, s
     assert not any("looks torque-perturbed" in w for w in fit.warnings)
 
 
-@pytest.mark.parametrize("perturbed", ["torque", "angle"])
-def test_a_turned_torque_is_named_with_the_option_that_turns_it(perturbed):
-    record = make_record(perturbed)
+def test_angle_and_torque_of_two_records_are_not_coherent():
+    record = make_record() | {"angle": 0.1 * np.random.default_rng(9).standard_normal(12_000)}
 
-    fit = identify_frequency_response(
-        **record, rate_hz=RATE, input=perturbed, torque_acts_on="device"
-    )
+    with pytest.raises(EstimationError) as caught:
+        identify_frf(**record, rate_hz=RATE)
 
-    (note,) = (w for w in fit.warnings if "negative" in w)
-    assert note.startswith("stiffness, damping and inertia are negative")
-    assert "--torque-acts-on" in note
-    assert "gravity" not in note
+    assert caught.value.code == "not_coherent"
 
 
-def test_a_record_of_a_second_is_too_short_not_incoherent():
-    record = {name: values[: int(RATE)] for name, values in make_record().items()}
-
-    with pytest.raises(DataError, match=r"the record is too short: .* at least 5 .* Record at"):
-        identify_frequency_response(**record, rate_hz=RATE)
+def test_a_band_of_few_frequencies_is_refused():
+    record = {name: x[:1000] for name, x in make_record().items()}
+    with pytest.raises(DataError, match=r"at least 12 frequencies.*Record longer"):
+        identify_frf(**record, rate_hz=RATE, cutoff_hz=3.0)

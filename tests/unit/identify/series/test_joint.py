@@ -1,17 +1,16 @@
 """What goes into identify_joint, what comes out, and what it refuses."""
 
-import json
+from functools import partial
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import t as student_t
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.core.joint_fit import JointFit
 from jointz.core.recording import build_recording
 from jointz.identify.series.joint import identify_joint
+from jointz.results.series.joint_fit import JointFit
 
 RATE_HZ = 500.0
 
@@ -36,43 +35,43 @@ def fit() -> JointFit:
     return identify_joint(record(), input="angle")
 
 
+def values(fit) -> list[float | None]:
+    return [p.unbounded if p.value is None else p.value for p in fit.parameters]
+
+
 def test_recording_frame_mapping_and_arrays_give_the_same_fit(fit: JointFit) -> None:
     data = record()
-    recording = build_recording(
-        data["time"], {name: data[name] for name in ("angle", "torque")}, sha256="abc"
+    channels = {name: data[name] for name in ("angle", "torque")}
+    from_recording = identify_joint(
+        build_recording(data["time"], channels, sha256="abc"), input="angle"
     )
-    from_recording = identify_joint(recording, input="angle")
     assert from_recording.settings["sha256"] == "abc"
     assert from_recording.parameters == fit.parameters
     assert identify_joint(pd.DataFrame(data), input="angle") == fit
     assert identify_joint(**data, input="angle") == fit
+    by_rate = identify_joint(**channels, rate_hz=RATE_HZ, input="angle")
+    np.testing.assert_allclose(values(by_rate), values(fit), rtol=1e-9)
+    with pytest.raises(ValueError, match="either a recording or arrays; got a recording and angle"):
+        identify_joint(record(), angle=np.zeros(3))
 
 
-def test_rate_and_time_give_the_same_fit(fit: JointFit) -> None:
-    data = record()
-    del data["time"]
-    by_rate = identify_joint(**data, rate_hz=RATE_HZ, input="angle")
-    found = [p.value for p in by_rate.parameters]
-    np.testing.assert_allclose(found, [p.value for p in fit.parameters], rtol=1e-9)
+@pytest.fixture(scope="module")
+def long_record() -> dict[str, np.ndarray]:
+    return record(duration_s=25.0)
 
 
-def test_offsets_change_nothing(fit: JointFit) -> None:
-    data = record()
-    data["angle"] += 0.7
-    data["torque"] -= 12.0
-    moved = identify_joint(data, input="angle")
-    np.testing.assert_allclose(
-        [p.value for p in moved.parameters], [p.value for p in fit.parameters], rtol=1e-9
-    )
-
-
-def test_torque_on_the_device_is_turned(fit: JointFit) -> None:
-    data = record()
-    data["torque"] = -data["torque"]
-    turned = identify_joint(data, input="angle", torque_acts_on="device")
-    assert [p.value for p in turned.parameters] == pytest.approx(
-        [p.value for p in fit.parameters], rel=1e-12
-    )
+@pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
+def test_offsets_and_a_torque_on_the_device_change_nothing(model: str, long_record) -> None:
+    moved = {
+        "time": long_record["time"],
+        "angle": long_record["angle"] + 0.7,
+        "torque": 12.0 - long_record["torque"],
+    }
+    turned = identify_joint(moved, input="angle", model=model, torque_acts_on="device")
+    plain = identify_joint(long_record, input="angle", model=model)
+    same = [(a, b) for a, b in zip(values(turned), values(plain), strict=True) if b is not None]
+    assert len(same) >= 3
+    np.testing.assert_allclose(*zip(*same, strict=True), rtol=1e-6)
 
 
 def test_jitter_of_the_clock_is_resampled() -> None:
@@ -86,39 +85,6 @@ def test_jitter_of_the_clock_is_resampled() -> None:
     assert found.parameter("stiffness").value == pytest.approx(80.0, rel=0.01)
 
 
-def test_the_dictionary_is_json_and_comes_back_equal(fit: JointFit) -> None:
-    text = json.dumps(fit.to_dict(), allow_nan=False)
-    assert JointFit.from_dict(json.loads(text)) == fit
-    assert JointFit.from_dict(fit.to_dict()) == fit
-
-
-def test_the_dictionary_has_the_promised_keys(fit: JointFit) -> None:
-    data = fit.to_dict()
-    assert data["model"] == "kbj"
-    assert data["status"] == "ok"
-    assert list(data["parameters"]) == ["stiffness", "damping", "inertia"]
-    stiffness = data["parameters"]["stiffness"]
-    assert stiffness["unit"] == "N*m/rad"
-    assert stiffness["ci"][0] < stiffness["value"] < stiffness["ci"][1]
-    assert 99.0 < data["vaf_pct"] <= 100.0
-
-
-def test_a_dictionary_of_another_schema_is_refused(fit: JointFit) -> None:
-    with pytest.raises(ValueError, match=r"expected schema 'jointz\.JointFit/1', got 'other'"):
-        JointFit.from_dict(fit.to_dict() | {"schema": "other"})
-
-
-def test_the_frame_has_one_row_a_parameter(fit: JointFit) -> None:
-    frame = fit.to_frame()
-    assert frame["parameter"].tolist() == ["stiffness", "damping", "inertia"]
-    assert frame["unit"].tolist() == ["N*m/rad", "N*m*s/rad", "kg*m^2"]
-
-
-def test_an_unknown_parameter_is_named(fit: JointFit) -> None:
-    with pytest.raises(KeyError, match="it has stiffness, damping, inertia"):
-        fit.parameter("mass")
-
-
 def test_the_summary_tells_values_intervals_and_warnings() -> None:
     text = identify_joint(record(amplitude=0.2), estimator="least_squares").summary()
     assert "stiffness" in text
@@ -126,17 +92,6 @@ def test_the_summary_tells_values_intervals_and_warnings() -> None:
     assert "block sandwich" in text
     assert "biased low by torque inside the joint" in text
     assert "rad from its mean" in text
-
-
-def test_the_plot_shows_measured_and_modelled(fit: JointFit) -> None:
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    axes = fit.plot()
-    assert [line.get_label() for line in axes.lines] == ["measured", "model"]
-    assert axes.get_ylabel() == "torque (N*m)"
-    assert "K = 80" in axes.get_title()
-    plt.close(axes.figure)
 
 
 def test_the_series_is_a_few_readable_seconds(fit: JointFit) -> None:
@@ -151,18 +106,12 @@ def test_the_vaf_of_the_admittance_is_of_the_angle() -> None:
     assert identify_joint(record()).vaf_of == "angle"
 
 
-def test_a_higher_level_gives_a_wider_interval(fit: JointFit) -> None:
-    wide = identify_joint(record(), input="angle", ci_level=0.99).parameter("stiffness")
-    narrow = fit.parameter("stiffness")
-    assert wide.ci_level == 0.99
-    assert wide.ci_low < narrow.ci_low < narrow.ci_high < wide.ci_high
-
-
-def test_the_interval_follows_from_the_covariance(fit: JointFit) -> None:
+@pytest.mark.parametrize("level", [0.95, 0.99])
+def test_the_interval_follows_from_the_covariance_and_its_level(level: float) -> None:
+    fit = identify_joint(record(), input="angle", ci_level=level)
     stiffness = fit.parameter("stiffness")
-    sd = np.sqrt(fit.covariance[0][0])
-    freedom = int(fit.ci_method.split("with ")[1].split()[0])
-    assert stiffness.ci_high - stiffness.value == pytest.approx(student_t.ppf(0.975, freedom) * sd)
+    t = student_t.ppf(0.5 + level / 2, int(fit.ci_method.split("with ")[1].split()[0]))
+    assert stiffness.ci_high - stiffness.value == pytest.approx(t * np.sqrt(fit.covariance[0][0]))
 
 
 def test_a_record_too_short_for_an_interval_is_undecided() -> None:
@@ -181,81 +130,6 @@ def test_a_record_too_short_for_an_interval_is_undecided() -> None:
     assert JointFit.from_dict(short.to_dict()) == short
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "message"),
-    [
-        ({"angle": None}, DataError, "no channel 'angle'"),
-        ({"torque": np.zeros(10)}, DataError, "equally long"),
-        (
-            {name: np.zeros(0) for name in ("angle", "torque", "time")},
-            DataError,
-            "at least two samples",
-        ),
-        ({"cutoff_hz": 250.0}, DataError, r"cutoff_hz < 250 \(half the sampling rate\), got 250"),
-        ({"cutoff_hz": 0.0}, DataError, "cutoff_hz"),
-        ({"model": "arx"}, ValueError, "model: expected one of kbj, irf, frf, reflex; got 'arx'"),
-        ({"estimator": "best"}, ValueError, "least_squares, bounded_least_squares, admittance"),
-        ({"input": "force"}, ValueError, "torque, angle"),
-        ({"torque_acts_on": "hand"}, ValueError, "joint, device"),
-        ({"ci_level": 95.0}, ValueError, "ci_level"),
-        ({"rate_hz": 500.0}, DataError, "got both"),
-        ({"time": None}, DataError, "expected time stamps or rate_hz"),
-        ({"estimator": "instrumental_variable"}, DataError, "no channel 'command'"),
-        (
-            {"estimator": "instrumental_variable", "command": np.zeros(7500)},
-            DataError,
-            "'command' is constant",
-        ),
-    ],
-)
-def test_impossible_requests_are_refused(
-    changes: dict[str, object], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        identify_joint(**(record() | changes))
-
-
-def test_a_recording_and_arrays_together_are_refused() -> None:
-    with pytest.raises(ValueError, match="either a recording or arrays; got a recording and angle"):
-        identify_joint(record(), angle=np.zeros(3))
-
-
-def test_missing_samples_are_counted_and_located() -> None:
-    data = record()
-    data["angle"][[40, 41, 99]] = np.nan
-    with pytest.raises(DataError, match=r"'angle' has 3 sample\(s\) .* the first in row 41"):
-        identify_joint(data)
-
-
-def test_a_gap_is_named_with_row_and_time() -> None:
-    data = {name: np.delete(values, slice(1000, 1100)) for name, values in record().items()}
-    with pytest.raises(DataError, match=r"row 1000: a gap of 0.202 s after 1.998 s") as caught:
-        identify_joint(data)
-    assert caught.value.row == 1000
-
-
-def test_time_that_goes_back_is_named() -> None:
-    data = record()
-    data["time"][700] = 0.0
-    with pytest.raises(DataError, match="row 701: time does not increase"):
-        identify_joint(data)
-
-
-def test_a_record_of_a_fraction_of_a_second_is_refused() -> None:
-    with pytest.raises(DataError, match=r"lasts 0.2 s, at least 0.5333 s are needed"):
-        identify_joint(record(duration_s=0.2))
-
-
-@pytest.mark.parametrize("channel", ["angle", "torque"])
-@pytest.mark.parametrize("level", [0.0, 1.3])
-def test_a_constant_channel_has_a_code(channel: str, level: float) -> None:
-    data = record()
-    data[channel] = np.full_like(data[channel], level)
-    with pytest.raises(EstimationError, match=f"the {channel} is constant") as caught:
-        identify_joint(data)
-    assert caught.value.code == f"constant_{channel}"
-
-
 @pytest.mark.parametrize("estimator", ["least_squares", "admittance"])
 def test_a_single_sine_cannot_tell_stiffness_from_inertia(estimator: str) -> None:
     t = np.arange(10_000) / 1000.0
@@ -264,3 +138,126 @@ def test_a_single_sine_cannot_tell_stiffness_from_inertia(estimator: str) -> Non
     with pytest.raises(EstimationError, match="more than one frequency") as caught:
         identify_joint(angle=angle, torque=torque, rate_hz=1000.0, estimator=estimator)
     assert caught.value.code == "ill_conditioned"
+
+
+def test_all_problems_of_the_samples_are_told_at_once() -> None:
+    data = record()
+    data["angle"][[40, 41, 99]] = np.nan
+    del data["torque"]
+    message = r"^identify_joint: no channel 'torque'.*'angle' has 3 sample\(s\) .*first in row 41"
+    with pytest.raises(DataError, match=message):
+        identify_joint(data)
+
+
+T = record()["time"]
+
+
+@pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"torque": np.zeros(10)}, DataError, "equally long.*different rates"),
+        ({n: np.zeros(0) for n in ("angle", "torque", "time")}, DataError, "at least two samples"),
+        ({"time": np.where(T[700] == T, 0.0, T)}, DataError, "row 701: time does not increase"),
+        ({"time": T + (T >= 2.0)}, DataError, r"row 1000: a gap of 1.002 s after 1.998 s"),
+        ({"time": np.where(T < 8, T, 2 * T - 8)}, DataError, "sampling rate changes.*250 to 500"),
+        ({"rate_hz": 500.0}, DataError, "got both"),
+        ({"time": None}, DataError, "got no time and rate_hz None"),
+        ({"input": "force"}, ValueError, "input: expected one of torque, angle; got 'force'"),
+        ({"ci_level": 95.0}, ValueError, "expected 0 < ci_level < 1, got 95.0"),
+    ],
+)
+def test_impossible_requests_are_refused(model, changes, error, message) -> None:
+    with pytest.raises(error, match=message):
+        identify_joint(**(record() | changes), model=model)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"cutoff_hz": 250.0}, DataError, r"cutoff_hz < 250 \(half the sampling rate\), got 250"),
+        ({"cutoff_hz": 300.0, "model": "frf"}, DataError, r"0 < cutoff_hz < 250 \(half"),
+        ({"model": "arx"}, ValueError, "model: expected one of kbj, irf, frf, reflex; got 'arx'"),
+        ({"estimator": "best"}, ValueError, "least_squares, bounded_least_squares, admittance"),
+        (
+            {"estimator": "admittance", "model": "reflex"},
+            DataError,
+            "model reflex has no choice of estimator",
+        ),
+        ({"length_s": 0.1}, DataError, "model kbj has no length_s"),
+        ({"length_s": 0.0, "model": "irf"}, ValueError, "length_s: expected > 0 s, got 0"),
+        (
+            {"length_s": 2.0, "model": "irf"},
+            DataError,
+            "lasts 15 s, at least 10 impulse responses of 2 s",
+        ),
+        ({"estimator": "instrumental_variable"}, DataError, "no channel 'command'"),
+        (
+            {"estimator": "instrumental_variable", "command": np.zeros(7500)},
+            DataError,
+            "'command' is constant",
+        ),
+        ({"command": np.ones(7500), "model": "frf"}, DataError, "'command' is constant"),
+    ],
+)
+def test_impossible_requests_of_a_model_are_refused(changes, error, message) -> None:
+    with pytest.raises(error, match=message):
+        identify_joint(**(record() | changes))
+
+
+@pytest.mark.parametrize(
+    ("model", "seconds", "message"),
+    [
+        ("kbj", 0.2, r"lasts 0.2 s, at least 0.5333 s are needed"),
+        ("frf", 0.2, r"lasts 0.2 s, at least 0.256 s"),
+        ("frf", 1.0, r"the record is too short: .* at least 5 .* Record at"),
+        ("reflex", 15.0, r"lasts 15 s, at least 20 s"),
+    ],
+)
+def test_a_short_record_is_refused_with_the_length_it_needs(model, seconds, message) -> None:
+    with pytest.raises(DataError, match=message):
+        identify_joint(record(duration_s=seconds), model=model)
+
+
+@pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
+@pytest.mark.parametrize("channel", ["angle", "torque"])
+def test_a_constant_channel_has_a_code(model: str, channel: str, long_record) -> None:
+    data = long_record | {channel: np.full_like(long_record[channel], 1.3)}
+    with pytest.raises(EstimationError, match=f"the {channel} is constant") as caught:
+        identify_joint(data, model=model)
+    assert caught.value.code == f"constant_{channel}"
+
+
+def test_what_is_no_vector_of_real_numbers_in_si_is_refused_or_made_one():
+    data = record()
+    fit = partial(identify_joint, torque=data["torque"], rate_hz=RATE_HZ, input="angle")
+    in_columns = fit(angle=data["angle"][:, None], torque=data["torque"][:, None])
+    assert in_columns.parameters == fit(angle=data["angle"]).parameters
+    masked = np.ma.array(data["angle"], mask=np.arange(data["angle"].size) == 7)
+    with pytest.raises(DataError, match=r"1 sample\(s\) without a number, the first in row 8"):
+        fit(angle=masked)
+    for wrong in (data["angle"] + 0j, np.arange(data["angle"].size).astype("m8[ms]")):
+        with pytest.raises(DataError, match="'angle': expected real numbers"):
+            fit(angle=wrong)
+    with pytest.raises(DataError, match="turns further than any joint"):
+        fit(angle=100.0 * data["angle"])
+    assert fit(angle=np.rad2deg(data["angle"]), units={"angle": "degrees"}).status == "ok"
+
+
+@pytest.mark.parametrize("input", ["angle", "torque"])
+@pytest.mark.parametrize("model", ["kbj", "irf", "frf", "reflex"])
+def test_the_torque_of_the_other_body_is_refused(model, input):
+    with pytest.raises(EstimationError, match="torque is counted on the other body") as caught:
+        identify_joint(record(), torque_acts_on="device", model=model, input=input)
+    assert caught.value.code == "opposite_sign"
+
+
+@pytest.mark.parametrize("input", ["angle", "torque"])
+def test_noise_decides_nothing(input):
+    data = record()
+    noise = np.random.default_rng(3).standard_normal((2, data["time"].size))
+    nothing = identify_joint(
+        angle=0.05 * noise[0], torque=5.0 * noise[1], rate_hz=RATE_HZ, input=input
+    )
+    assert {p.status for p in nothing.parameters} == {"undecided"}
+    assert "belong together" in nothing.warnings[0]

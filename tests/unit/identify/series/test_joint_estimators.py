@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, butter, lsim, sosfiltfilt
 
-from jointz.core.joint_fit import JointFit
 from jointz.identify.series.joint import identify_joint
+from jointz.results.series.joint_fit import JointFit
 
 ESTIMATORS = ("least_squares", "bounded_least_squares", "admittance", "instrumental_variable")
 TRUTH = {"stiffness": 60.0, "damping": 1.0, "inertia": 0.03}
@@ -99,11 +99,11 @@ def covers(fit: JointFit) -> list[bool]:
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
-@pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [500.0, 1000.0])
 @pytest.mark.parametrize(
     ("K", "B", "J"),
-    [(100.0, 1.0, 0.016), (800.0, 3.0, 0.4), (20.0, 0.5, 0.3), (10.0, 0.3, 0.002)],
-    ids=["ankle", "stiff-heavy", "soft-heavy", "soft-light"],
+    [(800.0, 3.0, 0.4), (20.0, 0.5, 0.3), (10.0, 0.3, 0.002)],
+    ids=["stiff-heavy", "soft-heavy", "soft-light"],
 )
 def test_known_parameters_come_back_to_a_thousandth(
     estimator: str, rate_hz: float, K: float, B: float, J: float
@@ -147,16 +147,6 @@ def test_the_commanded_torque_as_instrument_is_right_beside_a_device(stiffness: 
     fit = identify_joint(data, rate_hz=500.0, estimator="instrumental_variable")
     assert np.abs(errors_pct(fit)).max() < 2.0
     assert all(covers(fit))
-
-
-@pytest.mark.parametrize("stiffness", [0.4, 1000.0])
-def test_torque_inside_the_joint_beside_a_device_leaves_one_percent_at_most(
-    stiffness: float,
-) -> None:
-    fits = fits_beside_device(range(10), stiffness)
-    K, B, J = np.mean([errors_pct(fit) for fit in fits], axis=0)
-    assert {(fit.estimator, fit.status) for fit in fits} == {("instrumental_variable", "ok")}
-    assert max(abs(K), abs(B), abs(J)) < 1.0
 
 
 @pytest.mark.parametrize("factor", [-1.0, 1e-3])
@@ -231,6 +221,7 @@ def coverage(seeds: range, estimator: str) -> np.ndarray:
     return np.sum([covers(fit) for fit in accepted], axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["admittance", "instrumental_variable"])
 def test_intervals_hold_the_truth_in_most_of_forty_records(estimator: str) -> None:
     # 33 of 40 is the 0.1 % point of the binomial at 0.95.

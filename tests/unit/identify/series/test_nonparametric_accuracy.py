@@ -5,7 +5,6 @@ at 1 kHz; white sensor noise of 0.33 N*m and 1 mrad. The truth is stepped by the
 exponential for a torque linear between samples of 10 kHz, so that at 1 kHz it is continuous.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -14,17 +13,13 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, lfilter, sosfilt
 
-from jointz.identify.series.frequency_response import identify_frequency_response
-from jointz.identify.series.impulse_response import identify_impulse_response
+from jointz.identify.series.joint import identify_joint
 
 RATE, FINE = 1000.0, 10
 SECONDS, LEAD_S = 30.0, 3.0
 KBJ = np.array([80.0, 1.2, 0.03])
 TORQUE_NOISE, ANGLE_NOISE = 0.33, 1e-3
-MODELS: dict[str, Callable[..., Any]] = {
-    "frf": identify_frequency_response,
-    "irf": identify_impulse_response,
-}
+MODELS = ("frf", "irf")
 
 
 def low_passed(rng: np.random.Generator, n: int, *, cutoff_hz: float, rms: float) -> np.ndarray:
@@ -90,7 +85,7 @@ def calibrate(model: str, n_seeds: int) -> dict[str, Any]:
     values, bounds, held, vafs, warned = [], [], [], [], []
     for seed in range(n_seeds):
         seen, torque = make_record(seed)
-        fit = MODELS[model](**seen, rate_hz=RATE)
+        fit = identify_joint(**seen, rate_hz=RATE, model=model)
         values.append([p.value for p in fit.parameters])
         bounds.append(cramer_rao_sd(torque))
         held.append([p.ci_low < v < p.ci_high for p, v in zip(fit.parameters, KBJ, strict=True)])
@@ -137,7 +132,7 @@ def test_a_hundred_records_have_no_bias_and_the_error_of_the_bound(model):
 def test_torque_inside_the_joint_moves_the_default_direction_by_1_5_pct_at_most(model, n_seeds):
     for seed in range(n_seeds):
         seen, _ = make_record(seed, muscle=1.0)
-        identify = partial(MODELS[model], **seen, rate_hz=RATE)
+        identify = partial(identify_joint, **seen, rate_hz=RATE, model=model)
 
         right, wrong = identify(), identify(input="angle")
 
@@ -154,7 +149,7 @@ def test_torque_noise_of_half_the_torque_makes_no_bias(model, n_seeds):
     errors, held, warned, refused = [], [], [], 0
     for seed in range(n_seeds):
         seen, _ = make_record(seed, torque_noise=2.0)
-        fit = MODELS[model](**seen, rate_hz=RATE)
+        fit = identify_joint(**seen, rate_hz=RATE, model=model)
         assert fit.settings["input_noise_sd"] == pytest.approx(2.0, rel=0.05)
         assert not any("cannot be told" in w for w in fit.warnings)
         warned.append(any("looks angle-perturbed" in w for w in fit.warnings))
@@ -178,7 +173,7 @@ def test_noise_that_cannot_be_told_from_the_input_is_said(model):
     for seed in range(3):
         seen, _ = make_record(seed, torque_noise=1.0)
         thinned = {name: values[::5] for name, values in seen.items()}
-        fit = MODELS[model](**thinned, rate_hz=RATE / 5)
+        fit = identify_joint(**thinned, rate_hz=RATE / 5, model=model)
 
         (note,) = (w for w in fit.warnings if "noise of the torque cannot be told" in w)
         share_pct = float(note.split("up to ")[2].split(" %")[0])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, lfilter
 
-from jointz.core.joint_fit import JointFit
 from jointz.identify.series.joint import identify_joint
+from jointz.results.series.joint_fit import JointFit
 
 K, B, J = 100.0, 1.0, 0.015
 Record = dict[str, np.ndarray | float]

@@ -1,0 +1,356 @@
+"""Analysis of a study: from recordings to impedance with intervals."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from jointz.analysis.participant_jobs import EstimationRequest, Outcome, hashed, outcomes
+from jointz.analysis.population_step import damage_notes, study_statistics
+from jointz.analysis.saved_analysis import Analysis
+from jointz.core import provenance
+from jointz.core.codes import Exclusion, Failure
+from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
+from jointz.core.study import Study
+from jointz.identify.appraisal.certificate_draws import Injection
+from jointz.identify.appraisal.certificate_study import assembled, replicates_for
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.estimators import METHODS
+from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.participant import ParticipantResult
+from jointz.identify.preparation.assignment import label_names
+from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.study_kinds import KINDS
+from jointz.io.study_reader import open_study
+from jointz.results.certificate_result import VirtualEstimate
+from jointz.results.estimates import CellEstimate
+from jointz.results.person_estimates import person_cells
+from jointz.results.statistics.pooled_estimates import has_budget
+from jointz.stats.partial_pooling import pool_people
+from jointz.stats.population import population_means
+from jointz.tasks.engine import Engine, Serial
+from jointz.tasks.progress import Progress
+from jointz.tasks.task_store import TaskStore
+from jointz.terminal.progress_bars import shown_progress
+
+DEFAULT_RESAMPLES = 1000
+#: Known responses added to a study's own strides: enough for a report, not for a study of the
+#: method (:func:`jointz.analysis.certify.certify`).
+_INJECTIONS = 10
+
+#: Result of a participant whose analysis ended with an error.
+_EMPTY_RESULT = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
+
+
+def analyze(
+    study: Study | str | os.PathLike[str],
+    *,
+    method: str = "recommended",
+    resamples: int = DEFAULT_RESAMPLES,
+    seed: int = 0,
+    salvage: bool = False,
+    engine: Engine | None = None,
+    store: TaskStore | None = None,
+    progress: Progress | bool | None = True,
+) -> Analysis:
+    """Estimate the joint impedance of every participant of a study.
+
+    Participants are read, analysed and released one by one, or as many at a time as an
+    engine has workers, so that memory does not grow with their number.
+
+    Parameters
+    ----------
+    study : Study or path
+        An opened study, or its folder.
+    method : str
+        ``recommended`` or a name of :data:`jointz.identify.estimators.METHODS`.
+    resamples : int
+        Bootstrap resamples for each cell.
+    seed : int
+        Seed of the bootstrap.
+    salvage : bool
+        Whether to recover damaged recordings first, from the logs of their sessions
+        (:func:`jointz.session.salvage.salvage_recordings`).
+    engine : Engine, optional
+        Engine that analyses several participants at once
+        (:func:`jointz.tasks.engine.open_engine`); results do not depend on it.
+    store : TaskStore, optional
+        Store of finished participants, from which a killed run continues.
+    progress : bool or callable
+        Whether to draw a progress bar in a terminal or notebook; a function is called with
+        (participants done, number of participants, what comes next).
+
+    Returns
+    -------
+    Analysis
+        Estimates, comparison, exclusions, provenance.
+
+    Raises
+    ------
+    StudyError
+        If recordings cannot be trusted; one message names all of them.
+    DataError
+        If the method does not suit the study or its baseline.
+    EngineError
+        If the engine cannot continue; finished participants stay in the store.
+    ValueError
+        If the method is unknown, or ``resamples`` is less than 2.
+    """
+    if salvage:
+        from jointz.session.salvage import salvage_recordings
+
+        salvage_recordings(study.root if isinstance(study, Study) else study)
+    opened = study if isinstance(study, Study) else open_study(study)
+    name = _chosen(opened, check_method(method))
+    if resamples < 2:
+        raise ValueError(f"resamples: expected at least 2, got {resamples}.")
+    outputs = _Outputs(seed)
+    exclusions = opened.root / "exclusions.csv"
+    if exclusions.is_file():
+        outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
+    people = [person.id for person in opened.spec.participants]
+    injections = replicates_for(len(people), virtual=_INJECTIONS)
+    request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
+    with (
+        shown_progress(progress=progress) as show,
+        closing(outcomes(request, people, engine=engine or Serial(), store=store)) as pending,
+    ):
+        for done, (person_id, outcome) in enumerate(pending):
+            show(done, len(people), person_id)
+            outputs.add(person_id, outcome, last=len(people) == len(outputs.errors) + 1)
+            del outcome  # it would keep the recordings in memory
+        if outputs.problems:
+            raise StudyError(str(opened.root), outputs.problems)
+        show(len(people), len(people), "done")
+    analysis = _assembled(request, outputs)
+    return _with_pooled_people(request, analysis, outputs.virtual)
+
+
+@dataclass(slots=True)
+class _Outputs:
+    """Results of the participants so far."""
+
+    seed: int
+    results: dict[str, ParticipantResult] = field(default_factory=dict)
+    virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
+    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)  # of recordings that cannot be trusted
+    errors: dict[str, str] = field(default_factory=dict)  # by participant without a result
+
+    def add(self, person_id: str, outcome: Callable[[], Outcome], *, last: bool) -> None:
+        """Wait for a participant; an error of one does not stop the others."""
+        try:
+            completed = outcome()
+        except (OutputError, EngineError):  # these concern all participants
+            raise
+        except StudyError as exc:
+            self.problems += exc.problems
+        except DataError as exc:
+            self.problems.append(str(exc))
+        except Exception as exc:
+            if last:  # nobody else has a result
+                raise
+            self.results[person_id] = _EMPTY_RESULT
+            self.errors[person_id] = self._message(person_id, exc)
+        else:
+            self.inputs |= completed.inputs
+            self.results[person_id], self.virtual[person_id] = completed.result, completed.virtual
+
+    def _message(self, person_id: str, exc: Exception) -> str:
+        """Explain why an analysis failed; too little memory is no bug."""
+        if isinstance(exc, WorkerLostError):
+            return str(exc)
+        if isinstance(exc, MemoryError):
+            return (
+                f"{person_id}: too little memory ({exc}). Use fewer workers, or a larger machine."
+            )
+        return (
+            f"{person_id} (seed {self.seed}): the program failed ({type(exc).__name__}: {exc}). "
+            "Please report it; the results of the other participants are not affected."
+        )
+
+
+def _with_pooled_people(
+    request: EstimationRequest,
+    analysis: Analysis,
+    virtual: Mapping[str, Sequence[VirtualEstimate]],
+) -> Analysis:
+    """Add the certificate of a walking study, and estimates pooled over its people."""
+    if request.method != RECOMMENDED:
+        return analysis
+    certificate = assembled(
+        virtual,
+        Injection(),
+        replicates=request.injections,
+        seed=request.seed,
+        window_s=request.study.spec.perturbations.window_s,
+    )
+    analysis = replace(analysis, certificate=certificate)
+    if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
+        return analysis
+    pooled = pool_people(person_cells(analysis.cells))
+    return replace(analysis, population=pooled.population, pooled=pooled.cells)
+
+
+def check_method(method: str) -> str:
+    """Return a method if it exists."""
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}; got {method!r}.")
+    return method
+
+
+def _chosen(study: Study, method: str) -> str:
+    """Return the name of the method; the recommended one depends on the study."""
+    baseline = study.spec.perturbations.baseline
+    name = _recommended(study) if method == RECOMMENDED else method
+    kind, kinds = study.spec.kind, METHODS[name].kinds
+    if kind not in kinds:
+        raise DataError(
+            f"method: {name} is for {kinds[0]} studies; this is a {kind} study. Choose another."
+        )
+    if baseline == PREDICTED and name != RECOMMENDED and "walking" in kinds:
+        raise DataError(
+            f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, for walking '
+            "with perturbations of torque. Choose another under perturbations.baseline."
+        )
+    return name
+
+
+def _recommended(study: Study) -> str:
+    """Return the recommended method of a study."""
+    perturbations = study.spec.perturbations
+    # A load moved by torque is one system; groups, and steps of the angle, are not.
+    torque = perturbations.source != "angle"
+    if study.spec.kind == "walking":
+        baseline = perturbations.baseline or PREDICTED
+        return RECOMMENDED if torque and baseline == PREDICTED else "dissertation"
+    return FULL_RECORD if torque and perturbations.group is None else "dissertation"
+
+
+def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
+    study, method, results = request.study, request.method, outputs.results
+    cells = _completed(study, method, outputs)
+    methods = {m for r in results.values() for m in r.cells if m != method}
+    statistics = study_statistics(study, method, cells, results.values())
+    pulses = tuple(p for r in results.values() for p in r.pulses)
+    inputs = list(outputs.inputs.values())
+    statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
+    return Analysis(
+        cells=tuple(cells),
+        comparison=tuple(
+            c for name in METHODS if name in methods for c in _completed(study, name, outputs)
+        ),
+        population=population_means(person_cells(cells)) if study.spec.of_people else (),
+        pulses=pulses,
+        strides=tuple(s for r in results.values() for s in r.strides),
+        gaps=tuple(g for r in results.values() for g in r.gaps),
+        single=tuple(p for r in results.values() for p in r.single),
+        models=tuple(m for r in results.values() for m in r.models),
+        statistics=statistics,
+        settings=_settings_record(request),
+        provenance={
+            **provenance.software(),
+            "created": provenance.now(),
+            "study_sha256": study.sha256,
+            "study": study.spec.model_dump(mode="json", exclude_none=True),
+            "inputs": inputs,
+            "seed": request.seed,
+        },
+    )
+
+
+def _completed(study: Study, method: str, outputs: _Outputs) -> list[CellEstimate]:
+    """Return the cells in order, with a failed one where a session and side has none."""
+    labels = _expected_labels(study, method, outputs.results)
+    cells: list[CellEstimate] = []
+    for person_id, result in outputs.results.items():
+        existing = {(c.session, c.side, c.timing_point): c for c in result.cells.get(method, ())}
+        for unit in result.units or (("", ""),):
+            failure = _failure(study, person_id, result, unit)
+            if person_id in outputs.errors:
+                failure = Failure.ANALYSIS_BROKE
+            cells += [
+                existing.get((*unit, label))
+                or _failed_cell(study, person_id, label, method, failure, unit)
+                for label in labels
+            ]
+    return cells
+
+
+def _expected_labels(study: Study, method: str, results: dict[str, ParticipantResult]) -> list[str]:
+    spec = study.spec
+    seen = list(
+        dict.fromkeys(c.timing_point for r in results.values() for c in r.cells.get(method, ()))
+    )
+    if spec.kind == "bench" and spec.perturbations.group is None:
+        return sorted(seen) or ["all_pulses"]
+    return label_names(spec.perturbations, seen)
+
+
+def _failure(
+    study: Study, person_id: str, result: ParticipantResult, unit: tuple[str, str]
+) -> Failure:
+    """Return why a participant's session and side have no cell at a timing point."""
+    pulses = [p for p in result.pulses if (p.session, p.side) == unit]
+    conditions = {r.condition for r in study.spec.recordings if r.participant == person_id}
+    if any(p.code == Exclusion.NO_HEEL_STRIKES for p in pulses):
+        return Failure.NO_HEEL_STRIKES  # so no pulse has a timing point
+    if not {"perturbed", None} & conditions:
+        return Failure.NO_PERTURBED_RECORDING
+    # There may be pulses that all lack a timing point, each with its code.
+    unassigned = bool(pulses) and not any(p.timing_point for p in pulses)
+    return Failure.ALL_PULSES_EXCLUDED if unassigned else Failure.NO_PULSES
+
+
+def _failed_cell(
+    study: Study,
+    person_id: str,
+    label: str,
+    method: str,
+    failure: Failure,
+    unit: tuple[str, str],
+) -> CellEstimate:
+    mass = study.spec.participant(person_id).mass_kg
+    return CellEstimate(
+        participant=person_id,
+        timing_point=label,
+        onset_gait_pct=None,
+        parameters=failed_parameters(
+            failure, mass_kg=mass, wants_per_mass=study.spec.kind == "walking"
+        ),
+        vaf_pct=None,
+        n_used=0,
+        n_excluded=0,
+        method=method,
+        baseline=_baseline(study, method),
+        session=unit[0],
+        side=unit[1],
+    )
+
+
+def _baseline(study: Study, method: str) -> str:
+    """Return the baseline of the study, else the method's own."""
+    own = METHODS[method].baseline_for(KINDS[study.spec.kind])
+    return study.spec.perturbations.baseline or own
+
+
+def _settings_record(request: EstimationRequest) -> dict[str, Any]:
+    spec = request.study.spec
+    return {
+        "study": request.study.root.resolve().name,
+        "joint": spec.joint,
+        "kind": spec.kind,
+        "positive": spec.positive,
+        "torque_acts_on": spec.torque_acts_on,
+        "method": request.method,
+        "baseline": _baseline(request.study, request.method),
+        "resamples": request.resamples,
+        "seed": request.seed,
+        "ci_level": 0.95,
+        "window_s": spec.perturbations.window_s,
+        "cutoff_hz": spec.perturbations.cutoff_hz,
+        "timing_points": dict(spec.perturbations.timing_points or {}),
+        "calibration": spec.calibration.model_dump(exclude_none=True),
+    }

@@ -1,0 +1,242 @@
+"""``jointz analyze``: impedance, figures and report from recordings."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
+from jointz.terminal.output import (
+    EXIT_NO_ESTIMATE,
+    EXIT_OK,
+    emit,
+    emit_json,
+    emit_table,
+)
+from jointz.terminal.progress_bars import progress_bar
+
+if TYPE_CHECKING:
+    from jointz.results.estimates import CellEstimate, ParameterEstimate
+    from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+    from jointz.tasks.task_store import TaskStore
+
+_RECOMMENDED = "recommended"
+
+
+def analyze(
+    study: Annotated[Path, typer.Argument(help="Folder with study.toml.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to write the results to.")],
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
+            "instrumental_variable, output_error, errors_in_variables, weak_form or full_record.",
+        ),
+    ] = _RECOMMENDED,
+    resamples: Annotated[
+        int, typer.Option("--resamples", min=2, help="Bootstrap resamples for each cell.")
+    ] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            min=1,
+            help="Participants analysed at once; by default the number of cores.",
+        ),
+    ] = None,
+    scheduler: SchedulerOption = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an existing results folder.")
+    ] = False,
+    salvage: Annotated[
+        bool,
+        typer.Option(
+            "--salvage",
+            help="Recover damaged recordings from the session's logs, without the damaged parts.",
+        ),
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Estimate joint impedance from the recordings of a study.
+
+    Writes estimates.csv, excluded.csv, figures and report.html to a new folder.
+    Exit status: 0 an estimate is available, 1 none is, 2 the input cannot be trusted.
+
+    Example: jointz analyze my-study --out results
+    """
+    del debug
+    from jointz.io.study_reader import open_study
+    from jointz.tasks.open_engine import open_engine
+
+    if method != _RECOMMENDED:  # the check loads all methods, which takes time
+        from jointz.analysis.analyze import check_method
+
+        try:
+            check_method(method)
+        except ValueError as exc:
+            raise typer.BadParameter(str(exc)) from exc
+    if salvage:
+        from jointz.session.salvage import salvage_recordings
+
+        for sentence in salvage_recordings(study):
+            typer.echo(sentence, err=True)
+    with _salvage_advised(study):
+        opened = open_study(study)
+    people = len(opened.spec.participants)
+    # Worker processes import their modules at the same time as this one.
+    with open_engine(
+        scheduler, workers=workers, tasks=people, needs="jointz.analysis.participant_jobs"
+    ) as engine:
+        from jointz.analysis.analyze import analyze as analyze_study
+        from jointz.analysis.results_folder import ANALYSIS, MARKER, check_free, write_results
+
+        store = _store(out)  # from which a run that ended early continues
+        check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
+        with (
+            progress_bar(shown=not (quiet or as_json)) as progress,
+            store.told_with_errors() if store else nullcontext(),
+            _salvage_advised(study),
+        ):
+            analysis = analyze_study(
+                opened,
+                method=method,
+                resamples=resamples,
+                seed=seed,
+                engine=engine,
+                store=store,
+                progress=progress,
+            )
+            if progress:
+                progress(1, 1, "drawing the report")
+            report = write_results(analysis, out, overwrite=overwrite, engine=engine)
+        complete = not _has_broken(analysis)
+        if store and complete:
+            store.clear()
+    if store and not complete and not quiet:
+        typer.echo(
+            f"{store.folder}: contains the participants whose analysis did not fail; the same "
+            "command with --overwrite repeats the others only.",
+            err=True,
+        )
+    if as_json:
+        emit_json(_as_json(analysis, out))
+    elif not quiet:
+        _print(analysis, report)
+    raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NO_ESTIMATE)
+
+
+def _store(out: Path) -> "TaskStore | None":
+    """Return the store of finished participants, None with a warning if it cannot be written."""
+    from jointz.core.errors import WriteError
+    from jointz.tasks.task_store import TaskStore
+
+    store = TaskStore(out)
+    try:
+        store.check_writable()
+    except WriteError as exc:
+        typer.echo(f"warning: {exc} Until then a run that ends early starts anew.", err=True)
+        return None
+    return store
+
+
+@contextmanager
+def _salvage_advised(study: Path) -> Iterator[None]:
+    """Add advice to an error if the sessions of an unreadable study exist."""
+    from jointz.core.errors import DataError
+
+    try:
+        yield
+    except DataError as exc:
+        from jointz.session.salvage import salvage_advice
+
+        advice = salvage_advice(study, str(exc))
+        if advice:
+            exc.add_note(advice)
+        raise
+
+
+def _has_broken(analysis: "StudyAnalysis") -> bool:
+    """Return whether the analysis of any participant failed with an error."""
+    from jointz.core.codes import Failure
+
+    broke = Failure.ANALYSIS_BROKE.status
+    return any(p.status == broke for cell in analysis.cells for p in cell.parameters)
+
+
+def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
+    return {
+        "status": "ok" if analysis.n_standing else "nothing_stands",
+        "results": str(out),
+        "report": str(out / "report.html"),
+        "settings": dict(analysis.settings),
+        "n_estimates": sum(len(c.parameters) for c in analysis.cells),
+        "n_standing": analysis.n_standing,
+        "n_pulses": len(analysis.pulses),
+        "n_excluded": sum(bool(p.code) for p in analysis.pulses),
+        "estimates": [row for cell in analysis.cells for row in cell.rows()],
+        "statistics": dict(analysis.statistics),
+    }
+
+
+def _print(analysis: "StudyAnalysis", report: Path) -> None:
+    for warning in analysis.statistics.get("warnings", []):
+        emit(f"WARNING: {warning}")
+    if any(p.n_participants > 1 for p in analysis.population):
+        rows = [
+            [p.timing_point, p.parameter, *_value_cells(p, p.status), str(p.n_participants)]
+            for p in analysis.population
+        ]
+        header = ["timing point", "parameter", "mean", "95 % interval", "unit", "people"]
+        emit_table(rows, header, title="Means over people")
+    else:
+        _print_cells(analysis)
+    emit(_counts(analysis))
+    for note in analysis.statistics.get("notes", []):
+        emit(f"note: {note}")
+    missing = {p.status for c in analysis.cells for p in c.parameters if not p.available}
+    if missing:
+        emit(f"without an estimate: {', '.join(sorted(missing))}")
+    emit(f"Report: {report}")
+
+
+def _counts(analysis: "StudyAnalysis") -> str:
+    """Count participants, cells and pulses, and name the methods."""
+    from jointz.analysis.summary import counted_people, pulse_counts
+
+    used, excluded = pulse_counts(analysis)
+    methods = dict.fromkeys(c.method for c in analysis.cells)
+    return (
+        f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
+        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded."
+    )
+
+
+def _print_cells(analysis: "StudyAnalysis") -> None:
+    from jointz.report.subjects import subjects
+
+    words = subjects(analysis)
+    rows = [row for cell in analysis.cells for row in _cell_rows(cell)]
+    name = f"{words.one}, {words.point}"
+    header = [name, "parameter", "value", "95 % interval", "unit", "status"]
+    emit_table(rows, header, title="Estimates")
+
+
+def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
+    name = f"{cell.label} {cell.timing_point}"
+    statuses = {p.status for p in cell.parameters}
+    if len(statuses) == 1 and not cell.parameters[0].available:
+        return [[name, "all", "-", "-", "-", statuses.pop()]]
+    return [[name, p.name, *_value_cells(p, "-"), p.status] for p in cell.parameters]
+
+
+def _value_cells(row: "ParameterEstimate | PopulationEstimate", missing: str) -> list[str]:
+    """Return value, interval and unit."""
+    value = missing if row.value is None else f"{row.value:.4g}"
+    interval = "-" if row.ci_low is None else f"{row.ci_low:.4g} to {row.ci_high:.4g}"
+    return [value, interval, row.unit]

@@ -1,0 +1,171 @@
+"""Figures of an analysis: how each is drawn, captioned, written and placed on the page."""
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+import pandas as pd
+
+from jointz.analysis.page.budget_figure import budget_caption, draw_budget
+from jointz.analysis.page.event_figures import (
+    draw_onset_accuracy,
+    draw_strides,
+    onset_caption,
+    strides_caption,
+)
+from jointz.analysis.page.impedance_figures import (
+    draw_impedance_column,
+    draw_impedance_over_gait,
+    impedance_caption,
+)
+from jointz.analysis.page.method_figures import (
+    TRUTH_CAPTION,
+    draw_methods,
+    draw_truth,
+    methods_caption,
+)
+from jointz.analysis.page.response_figures import draw_responses, responses_caption
+from jointz.report.html_page import page_figures
+from jointz.report.style import figure_style, to_pdf, to_svg
+from jointz.results.study_analysis import StudyAnalysis
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Format = TypeVar("Format")
+
+
+@dataclass(frozen=True, slots=True)
+class _ReportFigure:
+    """How a figure is drawn from an analysis, and its heading, caption and place on the page."""
+
+    draw: "Callable[[StudyAnalysis], Figure | None] | None"  # None: drawn from the truth
+    heading: str = ""
+    caption: Callable[[StudyAnalysis], str] | None = None  # None: not on the page
+    section: str = ""  # of the template ``report.html.j2``
+
+
+#: In the order of the page.
+_REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
+    "impedance_over_gait": _ReportFigure(
+        draw_impedance_over_gait, "Impedance", impedance_caption, "impedance"
+    ),
+    "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
+    "budget": _ReportFigure(
+        draw_budget, "Sources of the uncertainty", budget_caption, "uncertainty"
+    ),
+    "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),
+    "responses": _ReportFigure(
+        draw_responses, "Responses to the pulses", responses_caption, "participants"
+    ),
+    "onset_accuracy": _ReportFigure(
+        draw_onset_accuracy, "Accuracy of the onset", onset_caption, "recordings"
+    ),
+    "strides": _ReportFigure(draw_strides, "Strides", strides_caption, "recordings"),
+    "impedance_column": _ReportFigure(draw_impedance_column),
+}
+#: Names of the figures that every analysis may have.
+FIGURES: Final = tuple(name for name, figure in _REPORT_FIGURES.items() if figure.draw)
+#: Fonts for scripts that the figures' own font lacks, such as Chinese; none is installed with it.
+_OTHER_FONTS: Final = (
+    "Noto Sans CJK SC",
+    "Noto Sans CJK JP",
+    "Noto Sans CJK KR",
+    "WenQuanYi Zen Hei",
+    "Microsoft YaHei",
+    "Yu Gothic",
+    "Malgun Gothic",
+    "Hiragino Sans",
+    "PingFang SC",
+    "Arial Unicode MS",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A figure in the formats that it is written in."""
+
+    svg: str  # one ``<svg>`` element; text is outlines
+    pdf: bytes  # the same, with text in embedded TrueType fonts
+
+
+def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
+    """Draw every figure that the analysis has data for, as SVG.
+
+    The same analysis gives the same text. The user's matplotlib settings are neither read nor
+    changed.
+    """
+    figures = {name: draw_figure(analysis, name) for name in FIGURES}
+    return {name: svg for name, svg in figures.items() if svg is not None}
+
+
+def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
+    """Draw one figure as SVG; None if the analysis has no data for it."""
+    return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
+
+
+def draw_picture(analysis: StudyAnalysis, name: str) -> Picture | None:
+    """Draw one figure once, and write it in every format; None if there is no data for it."""
+    return _written(_REPORT_FIGURES[name].draw, analysis, _to_picture)
+
+
+def draw_truth_picture(truth: pd.DataFrame) -> Picture | None:
+    """Draw estimates against the truth of a simulation; None if there is nothing to compare."""
+    return _written(draw_truth, truth, _to_picture)
+
+
+def captions(analysis: StudyAnalysis) -> dict[str, str]:
+    """Return the caption of each figure on the page."""
+    return {
+        name: figure.caption(analysis)
+        for name, figure in _REPORT_FIGURES.items()
+        if figure.caption is not None
+    }
+
+
+def figures_by_section(
+    analysis: StudyAnalysis, svgs: Mapping[str, str]
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the figures of each section of the page, numbered in the order of the page."""
+    texts = captions(analysis)
+    names = [name for name in texts if name in svgs]
+    sections: dict[str, list[dict[str, Any]]] = {}
+    numbered = page_figures(
+        (name, svgs[name], _REPORT_FIGURES[name].heading, texts[name]) for name in names
+    )
+    for name, figure in numbered.items():
+        sections.setdefault(_REPORT_FIGURES[name].section, []).append(figure)
+    return sections
+
+
+def _to_picture(figure: "Figure") -> Picture:
+    return Picture(to_svg(figure), to_pdf(figure))
+
+
+def _written(
+    draw: "Callable[[Any], Figure | None] | None",
+    data: StudyAnalysis | pd.DataFrame,
+    write: "Callable[[Figure], Format]",
+) -> "Format | None":
+    with figure_style(), _fonts_of_any_script():
+        figure = None if draw is None else draw(data)
+        return None if figure is None else write(figure)
+
+
+@contextmanager
+def _fonts_of_any_script() -> Iterator[None]:
+    """Use another font for letters that the usual one lacks, or boxes without a warning.
+
+    A letter of the usual font is never taken from another: figures stay alike everywhere.
+    """
+    import matplotlib
+    from matplotlib.font_manager import fontManager
+
+    installed = {font.name for font in fontManager.ttflist}
+    usual = matplotlib.rcParams["font.family"]
+    family = [*usual, *(name for name in _OTHER_FONTS if name in installed)]
+    with matplotlib.rc_context({"font.family": family}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from", UserWarning)
+        yield

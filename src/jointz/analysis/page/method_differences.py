@@ -1,0 +1,409 @@
+"""Section of the report that compares both methods and explains why they differ."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from jointz.core.events import row_label
+from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.report.subjects import study_record, timing_points
+from jointz.report.wording import (
+    ABSOLUTE,
+    DASH,
+    MINUS,
+    SYMBOLS,
+    format_count,
+    format_number,
+    format_span,
+    format_vaf,
+    joined,
+)
+from jointz.results.estimates import CellEstimate, Response
+from jointz.results.study_analysis import StudyAnalysis
+
+METHOD: Final = "recommended"
+OTHER: Final = "dissertation"
+#: Defaults of the dissertation's method (4.2.3).
+_CUTOFF_HZ, _WINDOW_S = 20.0, 0.1
+_SAME_LAG_S: Final = 0.5e-3
+_SAME_LAG_MS: Final = 0.1
+_SMALL_PCT: Final = 5.0
+
+_Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """One participant and timing point by both methods."""
+
+    recommended: CellEstimate
+    other: CellEstimate
+    lag_s: float  # that the calibration does not remove
+    lag_alone: tuple[float, ...]  # effect of this lag on the other method's K, B and J, %
+    apart_deg: float  # largest distance between the average angles
+
+
+def differences_section(analysis: StudyAnalysis) -> _Row | None:
+    """Return what the page shows of both methods, None unless there are estimates of both."""
+    pairs = _pairs(analysis)
+    if not pairs:
+        return None
+    names = timing_points([p.recommended for p in pairs])
+    return {
+        "lead": _unbroken(_lead(pairs)),
+        "rows": [
+            _row(name, [p for p in pairs if p.recommended.timing_point == name]) for name in names
+        ],
+        "reasons": [(head, _unbroken(text)) for head, text in _reasons(analysis, pairs)],
+    }
+
+
+def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float, float] | None:
+    """Return the estimated lag, and the part of it that the calibration does not remove."""
+    model = next((m for m in analysis.models if m.label == cell.label), None)
+    if model is None:
+        return None
+    return model.lag_s, model.lag_s - _calibrated_lag_s(analysis, cell)
+
+
+def _calibrated_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> float:
+    known = _calibration(analysis, cell)
+    return _entry(known, "angle_lag_s") - _entry(known, "torque_lag_s")
+
+
+def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, Any]:
+    """Return the calibration of the perturbed recordings of a cell."""
+    known = dict(analysis.settings.get("calibration") or {})
+    study = study_record(analysis)
+    for person in study.get("participants") or ():
+        if person.get("id") == cell.participant:
+            known |= person.get("calibration") or {}
+    for recording in study.get("recordings") or ():
+        perturbed = recording.get("condition") in ("perturbed", None)
+        whose = [recording.get(key) or "" for key in ("participant", "session", "side")]
+        if perturbed and row_label(*whose) == cell.label:
+            known |= recording.get("calibration") or {}
+    return known
+
+
+def _entry(known: Mapping[str, Any], name: str) -> float:
+    return float((known.get(name) or {}).get("value", 0.0))
+
+
+def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
+    others = {(c.label, c.timing_point): c for c in analysis.comparison if c.method == OTHER}
+    pairs = []
+    for cell in analysis.cells:
+        other = others.get((cell.label, cell.timing_point))
+        lags = left_over_lag_s(analysis, cell)
+        if cell.method != METHOD or other is None or lags is None or cell.response is None:
+            continue
+        alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
+        late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
+        apart_deg = _apart_deg(cell, other, late_s)
+        pairs.append(_Pair(cell, other, lags[1], alone, apart_deg))
+    return pairs
+
+
+def _lag_alone(
+    cell: CellEstimate, response: Response, lag_s: float, settings: Mapping[str, Any]
+) -> tuple[float, ...]:
+    """Return the effect of the lag on the other method's K, B and J, % of each."""
+    estimates = [p for name in ABSOLUTE if (p := cell.parameter(name)) is not None]
+    values = [p.unbounded for p in estimates if p.unbounded is not None and p.unbounded > 0.0]
+    if len(values) < len(ABSOLUTE):
+        return ()
+    stiffness, damping, inertia = values
+    biased = fit_with_lag(
+        response,
+        (stiffness, damping, inertia),
+        lag_s=lag_s,
+        cutoff_hz=settings.get("cutoff_hz") or _CUTOFF_HZ,
+        window_s=settings.get("window_s") or _WINDOW_S,
+    )
+    return tuple(100.0 * (b / v - 1.0) for b, v in zip(biased, values, strict=True))
+
+
+def _apart_deg(recommended: CellEstimate, other: CellEstimate, late_s: float) -> float:
+    """Return the largest distance between the average angles, without the calibrated lag."""
+    a, b = recommended.response, other.response
+    if a is None or b is None:
+        return float("nan")
+    at = a.time_s - late_s  # the other method has removed this lag
+    both = (at >= b.time_s[0]) & (at <= b.time_s[-1])
+    apart = np.abs(a.angle[both] - np.interp(at[both], b.time_s, b.angle))
+    return float(np.degrees(apart.max())) if apart.size else float("nan")
+
+
+def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
+    """Return the differences of the other method, % of ours, where both are available."""
+    differences = []
+    for pair in pairs:
+        a, b = pair.recommended.parameter(name), pair.other.parameter(name)
+        if a is None or b is None or not (a.available and b.available) or not a.value:
+            continue
+        differences.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
+    return np.array(differences)
+
+
+def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
+    cells = [
+        {
+            "whole": _percent(_differences(pairs, parameter)),
+            "lag": _percent([p.lag_alone[k] for p in pairs if p.lag_alone]),
+        }
+        for k, parameter in enumerate(ABSOLUTE)
+    ]
+    bound = [
+        symbol
+        for symbol, parameter in zip(SYMBOLS, ABSOLUTE, strict=True)
+        for p in pairs
+        if (e := p.other.parameter(parameter)) is not None and e.status == "at_bound"
+    ]
+    return {
+        "name": name,
+        "cells": cells,
+        "apart": _degrees([p.apart_deg for p in pairs]),
+        "motion": _degrees([np.degrees(p.recommended.displacement_rad or np.nan) for p in pairs]),
+        "verdict": _verdict(pairs),
+        "bound": ", ".join(f"{bound.count(s)} {s}" for s in dict.fromkeys(bound)) or DASH,
+        "n": len(pairs),
+    }
+
+
+def _verdict(pairs: Sequence[_Pair]) -> str:
+    """Name the cause of the difference in stiffness: the lag, the rest, or both."""
+    whole = _differences(pairs, "stiffness")
+    alone = [pair.lag_alone[0] for pair in pairs if pair.lag_alone]
+    if not whole.size or not alone:
+        return DASH
+    lag = float(np.median(alone))
+    rest = 100.0 * ((100.0 + float(np.median(whole))) / (100.0 + lag) - 1.0)
+    if max(abs(lag), abs(rest)) < _SMALL_PCT:
+        return "little"
+    if abs(rest) < 0.5 * abs(lag):
+        return "mostly the lag"
+    if abs(lag) < 0.5 * abs(rest):
+        return "mostly the baseline"
+    if lag * rest < 0.0:
+        return "lag and baseline, with opposite effects"
+    return "lag and baseline"
+
+
+def _percent(values: Sequence[float] | np.ndarray) -> str:
+    median = _median(values)
+    if median is None:
+        return DASH
+    return f"{round(median):+d} %".replace("-", MINUS) if round(median) else "0 %"
+
+
+def _degrees(values: Sequence[float]) -> str:
+    median = _median(values)
+    return DASH if median is None else f"{median:.1f}"
+
+
+def _median(values: Sequence[float] | np.ndarray) -> float | None:
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    return float(np.median(finite)) if finite.size else None
+
+
+def _lead(pairs: Sequence[_Pair]) -> str:
+    sizes = []
+    for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True):
+        percent = _differences(pairs, name)
+        if percent.size:
+            sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
+    text = (
+        "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
+        f"The {OTHER}'s method differs from the recommended one"
+    )
+    return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
+
+
+def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str, str]]:
+    return [
+        ("VAF is not accuracy.", _vaf_reason(pairs)),
+        ("Lag.", _lag_reason(analysis, pairs)),
+        ("Baseline.", _baseline_reason(analysis, pairs)),
+        ("Bounds.", _bounds_reason(pairs)),
+        ("Inertia.", _inertia_reason(pairs)),
+        ("Intervals.", _interval_reason(pairs)),
+    ]
+
+
+def _vaf_reason(pairs: Sequence[_Pair]) -> str:
+    recommended, other = (
+        [v for c in cells if (v := c.vaf_pct) is not None]
+        for cells in ([p.recommended for p in pairs], [p.other for p in pairs])
+    )
+    if not recommended or not other:
+        return "How closely a curve is followed does not show how accurate its parameters are."
+    return (
+        "Both methods follow the responses closely (mean VAF "
+        f"{format_vaf(float(np.mean(other)))} % of the torque by the {OTHER}'s method, "
+        f"{format_vaf(float(np.mean(recommended)))} % of the angle by the recommended one), so VAF "
+        "does not show which of them is right. Errors of stiffness, damping and inertia can "
+        "compensate a wrong lag or baseline."
+    )
+
+
+def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
+    labels = {p.recommended.label for p in pairs}
+    lags = [1e3 * m.lag_s for m in analysis.models if m.label in labels]
+    text = f"The estimated lag of the angle behind the torque is {_span_ms(lags)}."
+    if max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S:
+        return (
+            f"{text} It agrees with [calibration], and both methods correct it; the lag does not "
+            "cause a difference here."
+        )
+    calibrated = any(abs(_calibrated_lag_s(analysis, p.recommended)) > 0.0 for p in pairs)
+    treatment = (
+        "corrects the lag under [calibration] only, not the rest"
+        if calibrated
+        else "treats them as simultaneous, as [calibration] has no lag"
+    )
+    return (
+        f"{text} The {OTHER}'s method {treatment}; a late angle biases K, B and J. The recommended "
+        "method estimates the lag from the responses, and its intervals include the uncertainty of "
+        "the lag. The columns “lag alone” show the effect that this lag alone would have on the "
+        f"{OTHER}'s fit of the same joint."
+    )
+
+
+def _span_ms(values: Sequence[float]) -> str:
+    if max(values) - min(values) < _SAME_LAG_MS:
+        return f"{min(values):.1f} ms"
+    return f"{format_span(values, '{:.1f}'.format)} ms"
+
+
+def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
+    apart = [p.apart_deg for p in pairs if np.isfinite(p.apart_deg)]
+    strides = [m.n_strides for m in analysis.models]
+    at_least = f" (at least {min(strides)} strides)" if strides else ""
+    text = (
+        f"The {OTHER}'s method subtracts the mean unperturbed stride of another recording; "
+        "differences in posture and pace between the recordings are taken as response. The "
+        "recommended method predicts the unperturbed motion of each pulse from the half second "
+        f"before it. It learns this from unperturbed strides of the same recording{at_least}."
+    )
+    if not apart:
+        return text
+    return (
+        f"{text} The two average angles, one low-pass filtered and one as sampled, are up to "
+        f"{max(apart):.1f}° apart (median {np.median(apart):.1f}°)."
+    )
+
+
+def _bounds_reason(pairs: Sequence[_Pair]) -> str:
+    estimates = [p.other.parameter(name) for p in pairs for name in ABSOLUTE]
+    at_zero = sum(e is not None and e.status == "at_bound" for e in estimates)
+    verb = "is" if at_zero == 1 else "are"
+    count = (
+        f"{format_count(at_zero, 'estimate')} {verb} at zero, which the other two parameters "
+        "compensate"
+        if at_zero
+        else "none is at zero"
+    )
+    return (
+        f"The {OTHER}'s method allows no value below zero ({count}). The recommended method fits "
+        "without bounds, reports the unbounded value, and gives an upper limit if zero cannot be "
+        "excluded. Gravity and body weight can make an apparent stiffness negative."
+    )
+
+
+def _inertia_reason(pairs: Sequence[_Pair]) -> str:
+    recommended, other = (
+        _inertia_spread(pairs, get) for get in (lambda p: p.recommended, lambda p: p.other)
+    )
+    text = (
+        f"The {OTHER}'s method fits a separate inertia at each timing point. The recommended "
+        "method lets the timing points of a participant share one inertia as far as the responses "
+        "allow, and tests this."
+    )
+    if recommended is None or other is None:
+        return text
+    return (
+        f"{text} Largest over smallest inertia of a participant: {other} by the {OTHER}'s method, "
+        f"{recommended} by the recommended one (median)."
+    )
+
+
+def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]) -> str | None:
+    inertias: dict[str, list[float]] = {}
+    for cell in map(get, pairs):
+        estimate = cell.parameter("inertia")
+        if estimate is not None and estimate.available and estimate.value:
+            inertias.setdefault(cell.label, []).append(estimate.value)
+    ratios = [max(v) / min(v) for v in inertias.values() if len(v) > 1]
+    return format_number(float(np.median(ratios))) if ratios else None
+
+
+def _interval_reason(pairs: Sequence[_Pair]) -> str:
+    recommended, other = [p.recommended for p in pairs], [p.other for p in pairs]
+    widths = [
+        f"{symbol} {_half_width(recommended, name)} and {_half_width(other, name)}"
+        for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
+    ]
+    return (
+        f"Intervals of the {OTHER}'s method include only differences between pulses; a lag or a "
+        "baseline error common to all pulses is not included. Intervals of the recommended method "
+        "include the uncertainty of the lag, the prediction, the calibration and the model. Median "
+        f"half width, recommended and {OTHER}: {joined(widths)}."
+    )
+
+
+def _half_width(cells: Iterable[CellEstimate], name: str) -> str:
+    widths = [
+        50.0 * ((p.ci_high or 0.0) - (p.ci_low or 0.0)) / p.value
+        for cell in cells
+        if (p := cell.parameter(name)) is not None and p.status == "ok" and p.value
+    ]
+    return f"{float(np.median(widths)):.0f} %" if widths else DASH
+
+
+def _unbroken(text: str) -> str:
+    """Keep a number and its % in one line."""
+    return text.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+# The low-pass needs a few periods of its cut-off; the pulse continues after the window.
+_MARGIN_S = 0.3
+_STEP_S = 1e-3
+
+
+def fit_with_lag(
+    response: Response,
+    impedance: tuple[float, float, float],
+    *,
+    lag_s: float,
+    cutoff_hz: float,
+    window_s: float,
+) -> tuple[float, float, float]:
+    """Return the K, B, J that a regression gives if the angle is late and nothing else is wrong.
+
+    The joint is linear and at rest, the lag a pure delay, and there is no noise; torque is
+    regressed on angle, velocity and acceleration (4.2). After the low-pass of 20 Hz a sensor with a
+    time constant differs little from a delay.
+    """
+    from scipy.optimize import nnls
+    from scipy.signal import lsim
+
+    stiffness, damping, inertia = impedance
+    end_s = float(response.time_s[-1])
+    time = np.arange(-_MARGIN_S, end_s + _MARGIN_S, _STEP_S)
+    torque = np.interp(time, response.time_s, response.torque, left=0.0)
+    _, angle, _ = lsim(([1.0], [inertia, damping, stiffness]), torque, time - time[0])
+    seen = np.interp(time - lag_s, time, angle, left=0.0)
+    smooth_angle, smooth_torque = (
+        lowpass_zero_phase(x, cutoff_hz=cutoff_hz, rate_hz=1.0 / _STEP_S) for x in (seen, torque)
+    )
+    velocity = np.gradient(smooth_angle, _STEP_S)
+    motion = np.column_stack([smooth_angle, velocity, np.gradient(velocity, _STEP_S)])
+    inside = (time >= -0.5 * _STEP_S) & (time <= window_s + 0.5 * _STEP_S)
+    scale = np.abs(motion[inside]).max(axis=0)
+    scaled, _ = nnls(motion[inside] / scale, smooth_torque[inside])
+    k, b, j = scaled / scale
+    return float(k), float(b), float(j)

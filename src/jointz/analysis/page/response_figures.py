@@ -1,0 +1,220 @@
+"""Figure of the average responses to the pulses, with the fitted model."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
+from jointz.report.pulse_words import onset_is_commanded
+from jointz.report.style import (
+    BLUE,
+    INK,
+    MUTED,
+    PANEL,
+    SMALL_PT,
+    TINY_PT,
+    VERMILION,
+    WIDTH_MM,
+    broken_line,
+    legend_line,
+    new_figure,
+    place_axes,
+    place_legend,
+    place_text,
+)
+from jointz.report.subjects import timing_points
+from jointz.report.wording import DASH, format_vaf
+from jointz.results.estimates import CellEstimate, Response
+from jointz.results.study_analysis import StudyAnalysis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+_MOST_COLUMNS: Final = 6
+_LEFT_MM: Final = 17.0
+_BETWEEN_MM: Final = 11.0
+_BLOCK_MM: Final = (WIDTH_MM - _LEFT_MM - _BETWEEN_MM - 1.0) / 2
+_TOP_MM: Final = 17.0
+_GAP: Final = 0.12
+#: Number of letters of all names that fit side by side above the panels.
+_NAMES_IN_A_LINE: Final = 50
+# Share of a panel's height kept free for the text in it.
+_HEADROOM: Final = 0.30
+
+_Cells = Mapping[tuple[str, str], CellEstimate]
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """A row of panels: a participant at up to six timing points."""
+
+    participant: str
+    names: Sequence[str]
+    first: bool
+
+
+def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw average angle and torque of every participant at every timing point.
+
+    The panels of a row are drawn side by side on one pair of axes, which is quick even with sixty
+    and more panels.
+    """
+    cells = {(c.label, c.timing_point): c for c in analysis.cells}
+    responses = [c.response for c in analysis.cells if c.response is not None]
+    if not responses:
+        return None
+    window_s = max(float(r.time_s[-1]) for r in responses)
+    rows = _rows(analysis.cells)
+    wrapped = any(not row.first for row in rows)
+    height = 32.0 if len(rows) <= 3 else 24.0 if len(rows) <= 6 else 17.0
+    pitch = height + (6.0 if wrapped else 3.0)
+    figure = new_figure(_TOP_MM + pitch * len(rows) + 8.0)
+    place_text(figure, _LEFT_MM, 10.0, "Angle response (deg)", fontweight="bold", va="center")
+    label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
+    right = _LEFT_MM + _BLOCK_MM + _BETWEEN_MM
+    place_text(figure, right, 10.0, "Torque response (N·m)", fontweight="bold", va="center")
+    for i, row in enumerate(rows):
+        top = _TOP_MM + i * pitch
+        if row.first:
+            lines = row.participant.split(", ")  # with session and side, one below the other
+            size = 7.0 if max(map(len, lines)) <= 5 else TINY_PT
+            middle = top + 0.5 * height
+            place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=size,
+                       fontweight="bold")  # fmt: skip
+        for left, quantity in ((_LEFT_MM, "angle"), (right, "torque")):
+            axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
+            _draw_row(axes, row, cells, quantity=quantity, window_s=window_s)
+            _time_axis(axes, len(row.names), window_s, label=label if i == len(rows) - 1 else "")
+            if i == 0 or wrapped:
+                _name_columns(axes, row.names, window_s)
+    place_legend(figure, _legend(responses))
+    return figure
+
+
+def responses_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure."""
+    fitted = fitted_signals(analysis)
+    driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
+    return (
+        "Average responses to the pulses after subtraction of the baseline: angle (left) and "
+        f"torque (right), with the {fitted} of the fitted model dashed{driven}. Panels of a row "
+        "share their axes. Grey numbers: pulses averaged (n) and variance accounted for (VAF, "
+        "beside the fitted signal). VAF measures how closely the curve is followed, not how "
+        f"accurate the estimates are. n: {counted_people_and_pulses(analysis)}; no intervals are "
+        "drawn."
+    )
+
+
+def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
+    names = timing_points(cells)
+    people = dict.fromkeys(c.label for c in cells)
+    known = {(c.label, c.timing_point) for c in cells}
+    rows = []
+    for person in people:
+        own = names if len(names) <= _MOST_COLUMNS else [n for n in names if (person, n) in known]
+        chunks = [own[i : i + _MOST_COLUMNS] for i in range(0, len(own), _MOST_COLUMNS)]
+        rows += [_Row(person, chunk, first=i == 0) for i, chunk in enumerate(chunks)]
+    return rows
+
+
+def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s: float) -> None:
+    pitch = window_s * (1.0 + _GAP)
+    axes.broken_barh(
+        [(i * pitch, window_s) for i in range(len(row.names))],
+        (0, 1),
+        transform=axes.get_xaxis_transform(),
+        facecolor=PANEL,
+        edgecolor="none",
+        zorder=0,
+    )
+    row_cells = [cells.get((row.participant, name)) for name in row.names]
+    curves = [(i * pitch, c.response) for i, c in enumerate(row_cells) if c and c.response]
+    scale = 180.0 / np.pi if quantity == "angle" else 1.0
+    colour = BLUE if quantity == "angle" else INK
+    axes.plot(*_joined(curves, quantity, scale=scale), color=colour, linewidth=1.1)
+    fitted = [(at, r) for at, r in curves if _fitted(r) == quantity]
+    if fitted:
+        axes.plot(
+            *_joined(fitted, f"fitted_{quantity}", scale=scale),
+            color=VERMILION, linewidth=1.1, dashes=(2.5, 1.5),
+        )  # fmt: skip
+    _leave_headroom(axes)
+    for i, cell in enumerate(row_cells):
+        text = _panel_text(cell, quantity)
+        axes.text(
+            i * pitch + 0.05 * window_s, 0.97, text, transform=axes.get_xaxis_transform(),
+            va="top", fontsize=TINY_PT, color=MUTED,
+        )  # fmt: skip
+
+
+def _joined(
+    curves: Sequence[tuple[float, Response]], name: str, *, scale: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    return broken_line((shift + r.time_s, scale * getattr(r, name)) for shift, r in curves)
+
+
+def _fitted(response: Response) -> str:
+    """Return the signal that the model was fitted to."""
+    return "torque" if response.fitted_angle is None else "angle"
+
+
+def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
+    """Return the number of pulses above the angle, and VAF above the fitted signal."""
+    if cell is None or cell.response is None:
+        return DASH
+    texts = [f"n {cell.n_used}"] if quantity == "angle" else []
+    if quantity == _fitted(cell.response):
+        texts.append(DASH if cell.vaf_pct is None else f"{format_vaf(cell.vaf_pct)} %")
+    return "\n".join(texts)
+
+
+def _leave_headroom(axes: "Axes") -> None:
+    heights = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    heights = heights[np.isfinite(heights)]
+    low, high = (min(0.0, heights.min()), max(0.0, heights.max())) if heights.size else (0.0, 1.0)
+    span = (high - low) or 1.0
+    axes.set_ylim(low - 0.06 * span, high + _HEADROOM * span)
+    axes.locator_params(axis="y", nbins=3)
+    axes.axhline(0.0, color=MUTED, linewidth=0.4, zorder=1)
+
+
+def _time_axis(axes: "Axes", count: int, window_s: float, *, label: str) -> None:
+    pitch = window_s * (1.0 + _GAP)
+    axes.spines["bottom"].set_visible(False)
+    starts = np.arange(count) * pitch
+    ticks = np.sort(np.concatenate([starts, starts + window_s]))
+    axes.set_xlim(0.0, starts[-1] + window_s)
+    if not label:
+        axes.set_xticks([])
+        return
+    axes.set_xticks(ticks, ["0", f"{1000 * window_s:.0f}"] * count, fontsize=TINY_PT)
+    for i, tick in enumerate(axes.get_xticklabels()):
+        tick.set_horizontalalignment("right" if i % 2 else "left")
+    axes.set_xlabel(label, fontsize=SMALL_PT + 0.5)
+
+
+def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:
+    long = max(map(len, names)) * len(names) > _NAMES_IN_A_LINE
+    for i, name in enumerate(names):
+        # The names of groups are edges: "-0.45..-0.15 rad".
+        text = name.replace("..", " to\n") if long else name
+        axes.text(
+            i * window_s * (1.0 + _GAP) + 0.5 * window_s, 1.03, text,
+            transform=axes.get_xaxis_transform(), ha="center", va="bottom",
+            fontsize=TINY_PT if long else 7.0, linespacing=1.0,
+        )  # fmt: skip
+
+
+def _legend(responses: Sequence[Response]) -> "list[Line2D]":
+    fitted = list(dict.fromkeys(_fitted(r) for r in responses))
+    return [
+        legend_line("measured angle (n pulses)", BLUE),
+        legend_line("measured torque", INK),
+        legend_line(
+            f"{' or '.join(fitted)} of the fitted model (VAF)", VERMILION, dashes=(2.5, 1.5)
+        ),
+    ]

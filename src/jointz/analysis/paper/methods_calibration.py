@@ -1,0 +1,128 @@
+"""Sentences of a methods section about calibration."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
+from jointz.report.subjects import study_record
+from jointz.report.wording import format_with_sd
+from jointz.results.study_analysis import StudyAnalysis
+
+_LAGS: Final = ("angle_lag_s", "torque_lag_s")
+_GAINS: Final = ("torque_gain", "angle_gain")
+_INTRINSIC: Final = ("intrinsic_stiffness", "intrinsic_damping", "intrinsic_inertia")
+#: Entry under ``[calibration]`` -> (in words, factor to the unit shown, unit shown).
+_CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
+    "angle_lag_s": ("lag of the angle", 1e3, "ms"),
+    "torque_lag_s": ("lag of the torque", 1e3, "ms"),
+    "torque_gain": ("gain of the torque", 1.0, ""),
+    "angle_gain": ("gain of the angle", 1.0, ""),
+    "friction_gain": ("actual over stated friction of the actuator", 1.0, ""),
+    "intrinsic_stiffness": ("stiffness of the device", 1.0, "N·m/rad"),
+    "intrinsic_damping": ("damping of the device", 1.0, "N·m·s/rad"),
+    "intrinsic_inertia": ("inertia of the device", 1.0, "kg·m²"),
+    "angle_zero_rad": ("zero of the angle", float(np.degrees(1.0)), "degrees"),
+    "angle_per_torque": ("change of the angle reading per torque", 1.0, "rad/(N·m)"),
+    "tissue_hz": ("resonance of the soft tissue below the sensor", 1.0, "Hz"),
+}
+#: Entries whose sd only the recommended method uses.
+_OF_RECOMMENDED: Final = ("friction_gain", "tissue_hz")
+#: Entries whose sd does not affect K, B and J.
+_OF_POSTURE: Final = ("angle_zero_rad",)
+
+
+def calibration_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Describe the calibration of the instruments and its use."""
+    calibrations = list(_calibrations(analysis))
+    used = used_methods(analysis)
+    keys = [
+        key
+        for key in _CALIBRATED
+        if any(c.get(key) for c in calibrations) and _affects_estimates(key, analysis)
+    ]
+    included = [key for key in keys if _in_intervals(key, used)]
+    sentences = [
+        f"Calibration, value ± SD, {place}: {'; '.join(_entry(k, calibrations) for k in some)}."
+        for place, some in (
+            ("the SD included in the intervals", included),
+            ("the SD not included in the intervals", [k for k in keys if k not in included]),
+        )
+        if some
+    ]
+    sentences += _corrections(keys, used)
+    if not any(c.get(key) for c in calibrations for key in _LAGS):
+        sentences.append("No lag between angle and torque was calibrated.")
+    return sentences
+
+
+def lag_is_calibrated(analysis: StudyAnalysis) -> bool:
+    """Return whether a lag between angle and torque was calibrated for all recordings."""
+    return all(any(c.get(key) for key in _LAGS) for c in _calibrations(analysis))
+
+
+def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
+    """Yield the calibration of each recording: its own, its participant's and the study's."""
+    study = study_record(analysis)
+    common = study.get("calibration") or analysis.settings.get("calibration") or {}
+    people = {str(p.get("id")): p.get("calibration") or {} for p in study.get("participants") or ()}
+    worn = [r for r in study.get("recordings") or () if r.get("condition") != "no_device"]
+    for entry in worn:
+        person = people.get(str(entry.get("participant")), {})
+        yield {**common, **person, **(entry.get("calibration") or {})}
+    if not worn:
+        yield from ({**common, **own} for own in people.values() or ({},))
+
+
+def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
+    if key == "friction_gain":
+        return "torque" not in (study_record(analysis).get("channels") or {})
+    return key != "tissue_hz" or RECOMMENDED in used_methods(analysis)
+
+
+def _in_intervals(key: str, used: Sequence[str]) -> bool:
+    return key not in _OF_POSTURE and (key not in _OF_RECOMMENDED or RECOMMENDED in used)
+
+
+def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
+    name, factor, unit = _CALIBRATED[key]
+    entries = (c[key] for c in calibrations if c.get(key))
+    values = dict.fromkeys(
+        format_with_sd(factor * e["value"], factor * e["sd"], unit) for e in entries
+    )
+    some = "" if all(c.get(key) for c in calibrations) else " (not of all recordings)"
+    return f"{name} {' or '.join(values)}{some}"
+
+
+def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
+    """Describe how the entries were used in the estimation."""
+    recommended = RECOMMENDED in used
+    cross_talk = (
+        "The change of the angle reading per torque was a prior of the fit."
+        if recommended
+        else "The change of the angle reading caused by torque was subtracted."
+    )
+    subtracted = (
+        "removed from the torque as far as the motion of its motor was recorded; the rest was "
+        "subtracted from the estimates"
+        if recommended
+        else "subtracted from the estimates"
+    )
+    sentences = (
+        (_GAINS, "The signals were divided by their gains."),
+        (_LAGS, _lag_correction(used)),
+        (("angle_per_torque",), cross_talk),
+        (_INTRINSIC, f"The impedance of the device was {subtracted}."),
+        (("angle_zero_rad",), "Angles are relative to the calibrated zero."),
+    )
+    return [sentence for entries, sentence in sentences if set(keys) & set(entries)]
+
+
+def _lag_correction(used: Sequence[str]) -> str:
+    if RECOMMENDED in used:
+        return "The calibrated lag was a prior of the fit."
+    if FULL_RECORD not in used:
+        return "The calibrated lag was corrected by a shift."
+    others = "" if list(used) == [FULL_RECORD] else "; elsewhere it was corrected by a shift"
+    return f"The calibrated lag was a prior of the fit to whole trials{others}."

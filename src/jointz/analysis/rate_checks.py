@@ -1,0 +1,106 @@
+"""Checks of a recording's sampling rate against strides and pulses."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from jointz.core.errors import DataError
+from jointz.core.events import StrideRecord
+from jointz.core.study import RecordingSpec, Study
+from jointz.gait.sample_rate import (
+    LONGEST_S,
+    SHORTEST_S,
+    USUAL_HZ,
+    is_walking_stride,
+    median_stride_s,
+    rates_of_strides,
+    scale_of_onsets,
+    told_rates,
+)
+from jointz.gait.timestamps import rate_hz
+
+_MOST_BEYOND = 0.2  # share of onsets that may be beyond the end of a recording
+_EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
+
+
+def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]) -> None:
+    """Refuse a sampling rate of the study that gives impossible stride times.
+
+    A wrong rate scales K, B and J without any sign in the fit, and no data confirm a rate that
+    only the study states; so the analysis stops. Time stamps of the recorder are data, for which
+    ``stride_warnings`` only warns.
+    """
+    if study.spec.kind != "walking" or "time" in study.spec.channels:
+        return
+    longest = max(pieces, key=lambda piece: piece.sizes["time"])
+    stride = median_stride_s(longest)
+    if stride is None or is_walking_stride(stride):
+        return
+    likely = told_rates(rates_of_strides(longest))
+    raise DataError(
+        f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
+        f"{study.spec.sample_rate_hz:g}; {_EXPECTED}. "
+        f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. If it is right, as "
+        "for very slow walking, give the recorder's time stamps instead: [channels.time].",
+        path=entry.file,
+    )
+
+
+def stride_warnings(strides: Sequence[StrideRecord]) -> list[str]:
+    """Return a warning for each recording whose accepted strides are not those of walking."""
+    lengths: dict[tuple[str, str], list[float]] = {}
+    for stride in strides:
+        if not stride.code:
+            lengths.setdefault((stride.participant, stride.recording), []).append(stride.duration_s)
+    return [
+        f"{person}, {file}: strides last {median:.3g} s (median); {_EXPECTED}. Is the unit of time "
+        "right, and the rate of the recorder? K, B, J and their status hold only if it is."
+        for (person, file), own in lengths.items()
+        if not is_walking_stride(median := float(np.median(own)))
+    ]
+
+
+def check_onsets(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset], table: pd.DataFrame
+) -> None:
+    """Refuse a pulse table whose onsets fit the recording only at another rate."""
+    perturbed = [p for p in pieces if p.attrs["condition"] == "perturbed"]
+    if len(perturbed) != 1:
+        return
+    own_hz = rate_hz(perturbed[0]["time"].to_numpy())
+    onset_s = table["onset_s"].to_numpy(dtype=float)
+    stamped = "time" in study.spec.channels
+    scale = scale_of_onsets(perturbed[0], onset_s, rate_hz=own_hz, stamped=stamped)
+    if scale is None:
+        _check_ends(study, entry, perturbed[0], onset_s)
+        return
+    likely = f"{own_hz * scale:.6g}"
+    where = f" at {own_hz:.6g} Hz, but they do at {likely} Hz."
+    todo = f"Correct sample_rate_hz; likely {likely}."
+    if stamped:
+        where = f", but they do at {scale:.4g} times these onsets."
+        todo = "Correct the unit of time, or the table's onset_s."
+    raise DataError(
+        f"{entry.file}: no pulses begin at the onsets of {entry.perturbations}{where} {todo}",
+        path=entry.file,
+    )
+
+
+def _check_ends(
+    study: Study, entry: RecordingSpec, recording: xr.Dataset, onset_s: np.ndarray
+) -> None:
+    """Refuse many onsets beyond the end of a recording whose rate only the study states."""
+    own_hz, end_s = study.spec.sample_rate_hz or 1.0, float(recording["time"][-1])
+    beyond = onset_s > end_s
+    if "time" in study.spec.channels or beyond.sum() <= _MOST_BEYOND * beyond.size:
+        return
+    most_hz = own_hz * end_s / onset_s.max()
+    likely = max((hz for hz in USUAL_HZ if hz <= most_hz), default=most_hz)
+    raise DataError(
+        f"{entry.file}: {beyond.sum()} of {beyond.size} onsets of {entry.perturbations} are "
+        f"beyond its end, {end_s:.6g} s at sample_rate_hz = {own_hz:g}. At {likely:g} Hz or less "
+        "all are within it: correct the rate, or remove these lines if it is right.",
+        path=entry.file,
+    )

@@ -1,0 +1,75 @@
+"""An analysis that can be saved as a folder of results and loaded from one."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from jointz.analysis.results_folder import MARKER, write_results
+from jointz.core.errors import DataError
+from jointz.results.study_analysis import StudyAnalysis
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Analysis(StudyAnalysis):
+    """Analysis of a study, as :func:`jointz.analyze` and :func:`jointz.load` return it."""
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the folder of results that ``jointz analyze`` writes: whole or not at all.
+
+        Parameters
+        ----------
+        folder : path
+            The folder to make.
+        overwrite : bool
+            Replace a folder of results that exists.
+
+        Returns
+        -------
+        pathlib.Path
+            The report in it.
+
+        Raises
+        ------
+        OutputError
+            When the folder exists and may not be replaced.
+        WriteError
+            When it cannot be written.
+        """
+        return write_results(self, Path(folder), overwrite=overwrite)
+
+
+def load(folder: str | os.PathLike[str]) -> Analysis:
+    """Load the analysis that a folder of results holds.
+
+    Parameters
+    ----------
+    folder : path
+        A folder that ``jointz analyze`` or :meth:`Analysis.save` made.
+
+    Returns
+    -------
+    Analysis
+        The analysis: estimates, other methods, everything left out, settings, provenance.
+
+    Raises
+    ------
+    DataError
+        When the folder is another one, or its files are damaged.
+    """
+    place = Path(folder)
+    file = place / "analysis.json"
+    missing = [name for name in (file.name, MARKER) if not (place / name).is_file()]
+    if missing:
+        raise DataError(
+            f"{place}: expected a folder that jointz analyze made, found no {missing[0]}. Name "
+            "one.",
+            path=str(place),
+        )
+    try:
+        return Analysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
+        raise DataError(
+            f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
+            path=str(file),
+        ) from exc

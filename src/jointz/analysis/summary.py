@@ -1,0 +1,180 @@
+"""Counts and sentences about an analysis that terminal, page and paper share."""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
+from typing import Final
+
+from jointz.core.gait_phases import ALL_POINTS
+from jointz.report.subjects import subjects
+from jointz.report.wording import (
+    format_count,
+    format_integer,
+    format_number,
+    method_name,
+    parameter_name,
+    pretty_unit,
+)
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD
+from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+
+#: A count in the description of an interval; not the digits of a word.
+_NUMBER: Final = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
+_MOST_NAMES: Final = 3
+
+
+def summary_paragraph(analysis: StudyAnalysis) -> str:
+    """Say in plain words who was measured, how, and how many estimates are available."""
+    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    if not people:
+        return "The study has no participants and no pulses, so there is nothing to report."
+    words = subjects(analysis)
+    used, excluded = pulse_counts(analysis)
+    joint = None if words.loads else analysis.settings.get("joint")
+    who = f"{words.counted(len(people))} ({name_range(people)})"
+    method = analysis.settings.get("method")
+    lead = f"With the method “{method_name(method)}”, " if method else ""
+    total = sum(len(c.parameters) for c in analysis.cells)
+    verb = "is" if analysis.n_standing == 1 else "are"
+    sentences = [
+        f"{who}, {f'{joint}, ' if joint else ''}{_timing(analysis)}.",
+        f"{format_count(used, 'pulse was', 'pulses were')} used and "
+        f"{format_integer(excluded)} excluded.",
+        f"{lead}{analysis.n_standing} of {format_count(total, 'estimate')} {verb} available"
+        f"{_status_counts(analysis)}.",
+    ]
+    if words.loads and len(people) > 1:
+        sentences.append(NO_MEANS_ON_A_BENCH)
+    return " ".join([*sentences, *_extremes(analysis.population)])
+
+
+def name_range(names: Sequence[str]) -> str:
+    """Name up to three participants, else the first and the last."""
+    return ", ".join(names) if len(names) <= _MOST_NAMES else f"{names[0]} to {names[-1]}"
+
+
+def _timing(analysis: StudyAnalysis) -> str:
+    points = {c.timing_point for c in analysis.cells if c.timing_point != ALL_POINTS}
+    words = subjects(analysis)
+    of_cycle = " of the gait cycle" if has_onsets(analysis) else ""
+    return f"{format_count(len(points), words.point, words.points)}{of_cycle}"
+
+
+def _status_counts(analysis: StudyAnalysis) -> str:
+    statuses = [p.status for c in analysis.cells for p in c.parameters]
+    counts = {
+        "of these as an upper limit only": statuses.count("at_bound"),
+        "undecided": statuses.count("undecided"),
+        "failed": sum(s.startswith("failed") for s in statuses),
+    }
+    parts = [f"{count} {words}" for words, count in counts.items() if count]
+    return f" ({', '.join(parts)})" if parts else ""
+
+
+def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
+    """Name the timing points of largest and smallest mean stiffness."""
+    for parameter in ("stiffness_per_mass", "stiffness"):
+        means = [m for m in population if m.parameter == parameter and m.n_participants > 1]
+        rows = [(m.value, m) for m in means if m.value is not None]
+        undecided = ", ".join(m.timing_point for m in means if m.status == "undecided")
+        mean = f"Mean {parameter_name(parameter).lower()}"
+        if len(rows) > 1:
+            (low, first), (high, last) = (pick(rows, key=lambda r: r[0]) for pick in (min, max))
+            beside = f"; it is undecided at {undecided}" if undecided else ""
+            return [
+                f"{mean} ranges from {format_number(low)} ({first.timing_point}) to "
+                f"{format_number(high)} {pretty_unit(last.unit)} ({last.timing_point}){beside}."
+            ]
+        if undecided:
+            return [f"{mean} is undecided at {undecided}."]
+    return []
+
+
+def has_onsets(analysis: StudyAnalysis) -> bool:
+    """Return whether pulses have a place on the gait cycle."""
+    return any(c.onset_gait_pct is not None for c in analysis.cells)
+
+
+def chosen_method(analysis: StudyAnalysis) -> str:
+    """Return the method of the settings, else that of the first estimate."""
+    first = next((c.method for c in analysis.cells), "")
+    return str(analysis.settings.get("method") or first)
+
+
+def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
+    """Return how many pulses were used and excluded, each counted once."""
+    if analysis.pulses:
+        used = sum(not p.code for p in analysis.pulses)
+        return used, len(analysis.pulses) - used
+    # The row of a shared value repeats the pulses of the timing points that share it.
+    cells = [c for c in analysis.cells if c.timing_point != ALL_POINTS]
+    return sum(c.n_used for c in cells), sum(c.n_excluded for c in cells)
+
+
+def counted_people(analysis: StudyAnalysis) -> str:
+    """Return the number of participants in words."""
+    return subjects(analysis).counted(len({c.participant for c in analysis.cells}))
+
+
+def counted_people_and_pulses(analysis: StudyAnalysis) -> str:
+    """Return the number of participants and of pulses used, in words."""
+    return f"{counted_people(analysis)}, {format_count(pulse_counts(analysis)[0], 'pulse')}"
+
+
+def fitted_signals(analysis: StudyAnalysis) -> str:
+    """Return the signal that the chosen method fitted: ``angle``, ``torque`` or both."""
+    responses = [c.response for c in analysis.cells if c.response is not None]
+    names = ("torque" if r.fitted_angle is None else "angle" for r in responses)
+    return " or ".join(dict.fromkeys(names)) or "torque"
+
+
+# --- intervals and means -------------------------------------------------------------------------
+
+
+def interval_methods(analysis: StudyAnalysis) -> list[str]:
+    """Return how the intervals of the available estimates were calculated."""
+    estimates = (p for c in analysis.cells for p in c.parameters if p.available and p.ci_method)
+    return _merged(dict.fromkeys(p.ci_method for p in estimates))
+
+
+def has_pooled_means(analysis: StudyAnalysis) -> bool:
+    """Return whether means over participants are from the random-effects model."""
+    return any(m.method == POOLED_METHOD for m in analysis.population)
+
+
+def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
+    """Name the interval of the means over participants."""
+    if has_pooled_means(analysis):
+        return (
+            f"the {level}interval of a random-effects model in which each estimate is weighted by "
+            "its uncertainty"
+        )
+    return f"a {level}t interval over participants"
+
+
+def mean_over_people_note(analysis: StudyAnalysis) -> str:
+    """Explain mean, SD and n over participants."""
+    if not has_pooled_means(analysis):
+        return "n: participants with an estimate."
+    return (
+        "Mean and SD are from a random-effects model in which each estimate is weighted by its "
+        "standard error, without the priors of K, B and J. For J, if all values are positive, the "
+        "mean is geometric and the SD is that of the logarithm times this mean. n: participants "
+        "with an estimate, undecided ones included."
+    )
+
+
+def _merged(texts: Iterable[str]) -> list[str]:
+    """Join texts that differ in numbers only: over 48 pulses, over 50 -> over 48 to 50."""
+    kinds: dict[tuple[str, ...], list[list[str]]] = {}
+    for text in texts:
+        parts = _NUMBER.split(text)
+        kinds.setdefault(tuple(parts[::2]), []).append(parts[1::2])
+    return ["".join(_interleaved(words, numbers)) for words, numbers in kinds.items()]
+
+
+def _interleaved(words: Sequence[str], numbers: Sequence[Sequence[str]]) -> Iterator[str]:
+    columns = [sorted(set(column), key=float) for column in zip(*numbers, strict=True)]
+    spans = [own[0] if len(own) == 1 else f"{own[0]} to {own[-1]}" for own in columns]
+    for word, span in zip_longest(words, spans, fillvalue=""):
+        yield word + span

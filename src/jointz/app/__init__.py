@@ -1,1 +1,0 @@
-"""Pages in a browser: the operator's console and the explorer of results (``jointz[app]``)."""

@@ -1,0 +1,1 @@
+"""Calibration of instruments from a calibration study (``jointz calibrate``)."""

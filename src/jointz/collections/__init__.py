@@ -1,0 +1,1 @@
+"""Collections of results of many studies: entries, catalog, pooling (``jointz collect``)."""

@@ -1,0 +1,1 @@
+"""Checks of the entries of a collection."""

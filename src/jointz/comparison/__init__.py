@@ -1,0 +1,1 @@
+"""Comparison of results, and of results with the literature (``jointz compare``)."""

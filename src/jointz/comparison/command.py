@@ -1,0 +1,237 @@
+"""``jointz compare``: conditions, days, groups, timing points and studies, over people."""
+
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from jointz.core.errors import EstimationError
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
+
+
+class Df(StrEnum):
+    """Choices of ``--df``."""
+
+    KENWARD_ROGER = "kenward-roger"
+    SATTERTHWAITE = "satterthwaite"
+
+
+class Adjust(StrEnum):
+    """Choices of ``--adjust``."""
+
+    BONFERRONI = "bonferroni"
+    HOLM = "holm"
+    NONE = "none"
+
+
+class Error(StrEnum):
+    """Choices of ``--error``."""
+
+    POOLED = "pooled"
+    PAIRED = "paired"
+
+
+def compare(
+    results: Annotated[
+        list[str],
+        typer.Argument(
+            help="Results folders of jointz analyze, or the word published for the dissertation's "
+            "tables; or one table of your own (csv), with --response, --within and --participant.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for tables, figures and a page.")
+    ] = None,
+    paired: Annotated[
+        bool | None,
+        typer.Option(
+            "--paired/--groups",
+            help="For several folders: equal ids are the same people, or (--groups) different "
+            "people. By default they are the same if all ids of two folders are equal.",
+        ),
+    ] = None,
+    days: Annotated[
+        bool,
+        typer.Option(
+            "--days", help="For several folders: they are days of one condition; repeatability."
+        ),
+    ] = False,
+    margin: Annotated[
+        float | None,
+        typer.Option(
+            "--margin",
+            help="For several folders: test equivalence within this percentage of the second mean.",
+        ),
+    ] = None,
+    response: Annotated[
+        list[str] | None,
+        typer.Option("--response", help="For a table: column of the values; may be repeated."),
+    ] = None,
+    within: Annotated[
+        str | None, typer.Option("--within", help="For a table: column of the compared conditions.")
+    ] = None,
+    participant: Annotated[
+        str | None, typer.Option("--participant", help="For a table: column of the participants.")
+    ] = None,
+    nested: Annotated[
+        bool,
+        typer.Option("--nested", help="For a table: rows are replicates, such as pulses."),
+    ] = False,
+    df: Annotated[
+        Df | None,
+        typer.Option(
+            "--df",
+            help="For a table or one folder: denominator degrees of freedom; by default "
+            "kenward-roger.",
+        ),
+    ] = None,
+    adjust: Annotated[
+        Adjust | None,
+        typer.Option(
+            "--adjust",
+            help="For a table or one folder: correction of p over pairs; by default bonferroni for "
+            "a table, holm for a folder.",
+        ),
+    ] = None,
+    error: Annotated[
+        Error | None,
+        typer.Option(
+            "--error",
+            help="For a table or one folder: error of pairs; by default pooled for a table, paired "
+            "for a folder.",
+        ),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an existing comparison.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compare results over people: conditions, days, groups, timing points, published values.
+
+    One folder is compared over its timing points. Several folders with the same participants are
+    compared person by person, others as groups; differences are first minus second. A table is
+    analysed by a mixed model with participants as a random factor.
+    --df, --adjust and --error are for a table or one folder; --paired, --groups, --days and
+    --margin are for several folders. An option without effect is refused.
+    Exit status: 0 a mean (for several folders: a difference) is available, 1 none is, 2 the input
+    cannot be trusted.
+
+    Example: jointz compare results-loaded results-unloaded --margin 20 --out comparison
+    """
+    del debug
+    columns = {"--response": response, "--within": within, "--participant": participant}
+    option_names = [name for name, value in columns.items() if value]
+    is_table = _is_table(results, option_names)
+    if not is_table:
+        if nested:
+            raise typer.BadParameter("--nested is for a table, not for results folders.")
+        options = {"paired": paired, "days": days, "margin_pct": margin,
+                   "df": df and df.value, "adjust": adjust and adjust.value,
+                   "error": error and error.value}  # fmt: skip
+        _compare_folders(results, out, options, overwrite=overwrite, as_json=as_json, quiet=quiet)
+        return
+    if len(option_names) < len(columns):
+        lacking = ", ".join(name for name in columns if name not in option_names)
+        raise typer.BadParameter(f"a table needs {lacking} too.")
+    if out is not None or paired is not None or days or margin is not None:
+        raise typer.BadParameter(
+            "--out, --paired, --groups, --days and --margin are for results folders."
+        )
+    _fit_table(
+        Path(results[0]),
+        responses=list(dict.fromkeys(response or ())),
+        columns=(str(within), str(participant)),
+        model={"nested": nested, "df": (df or Df.KENWARD_ROGER).value},
+        pairs={
+            "adjust": (adjust or Adjust.BONFERRONI).value,
+            "error": (error or Error.POOLED).value,
+        },
+        form=(as_json, quiet),
+    )
+
+
+def _is_table(results: Sequence[str], option_names: Sequence[str]) -> bool:
+    """Return whether the argument is a table; a reader refuses what is neither."""
+    if option_names and (len(results) > 1 or Path(results[0]).is_dir()):
+        raise typer.BadParameter(
+            f"{option_names[0]} is for one table; results folders need no column names."
+        )
+    return bool(option_names) or (len(results) == 1 and Path(results[0]).is_file())
+
+
+# --- a table -------------------------------------------------------------------------------------
+
+
+def _fit_table(
+    file: Path,
+    *,
+    responses: Sequence[str],
+    columns: tuple[str, str],
+    model: Mapping[str, Any],
+    pairs: Mapping[str, str],
+    form: tuple[bool, bool],
+) -> None:
+    from jointz.comparison.comparison_table import read_responses
+    from jointz.comparison.comparison_text import fit_dict, fit_tables
+    from jointz.stats import mixed_model
+
+    (within, who), (as_json, quiet) = columns, form
+    table = read_responses(file, responses=responses, within=within, participant=who)
+    try:
+        fits = [
+            mixed_model(table, response=name, within=within, participant=who, **model)
+            for name in responses
+        ]
+    except EstimationError as exc:
+        if as_json:
+            emit_json({"status": f"failed:{exc.code}", "message": str(exc)})
+        else:
+            typer.echo(f"jointz: {exc}", err=True)
+        raise typer.Exit(EXIT_NO_ESTIMATE) from exc
+    if as_json:
+        results = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
+        several = {"status": "ok", "responses": dict(zip(responses, results, strict=True))}
+        emit_json(results[0] if len(results) == 1 else several)
+        return
+    for fit in fits if not quiet else ():
+        emit(fit.summary())
+        for title, header, rows in fit_tables(fit, **pairs):
+            emit_table(rows, header, title=title)
+        emit()
+
+
+# --- results folders -----------------------------------------------------------------------------
+
+
+def _compare_folders(
+    results: Sequence[str],
+    out: Path | None,
+    options: Mapping[str, Any],
+    *,
+    overwrite: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    from jointz.comparison.compare import check_out, compare_results, write_comparison
+    from jointz.comparison.comparison_text import comparison_tables
+
+    if out is not None:
+        check_out(out, results, overwrite=overwrite)
+    comparison = compare_results(results, **options)
+    page = None if out is None else write_comparison(comparison, out, overwrite=overwrite)
+    if as_json:
+        status = "ok" if comparison.available else "nothing_stands"
+        emit_json({"status": status, "page": page and str(page)} | comparison.to_dict())
+    elif not quiet:
+        for title, header, rows in comparison_tables(comparison):
+            emit_table(rows, header, title=title)
+        for note in comparison.notes:
+            emit(f"note: {note}")
+        if page is not None:
+            emit(f"Page: {page}")
+    raise typer.Exit(EXIT_OK if comparison.available else EXIT_NO_ESTIMATE)

@@ -1,0 +1,314 @@
+"""Sources of a comparison: results folders and the published tables."""
+
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import RawTable, file_sha256
+from jointz.io.formats.registry import list_columns, read_table
+from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
+from jointz.report.wording import PER_MASS
+from jointz.results.statistics.comparison_rows import PersonValue, Source
+
+#: Word for the dissertation's tables 4.1 to 4.3, instead of a results folder.
+PUBLISHED = "published"
+_ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
+_NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
+_UNIT = ("session", "side")
+_LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
+_AVAILABLE = ("ok", "at_bound")
+_MASSLESS = (Failure.MASS_MISSING.status, "absent")
+#: No value of a joint is larger in SI units; squares of larger numbers would overflow.
+_LARGEST = 1e100
+
+
+@dataclass(frozen=True)
+class Results:
+    """One source of a comparison with all its estimates."""
+
+    source: Source  # name and people
+    values: Mapping[tuple[str, str, str], PersonValue]  # by parameter, timing point and participant
+    # timing point -> % of the gait cycle, if known
+    onsets_pct: Mapping[str, float] = field(default_factory=dict)
+    # joint, hash of the study and version of jointz; empty if unknown
+    joint: str = ""
+    recordings: str = ""
+    version: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the analysis
+    inputs: tuple[Mapping[str, Any], ...] = ()  # files that were read, with their hashes
+    # participants with several sessions or sides, whose values are means over them
+    averaged: tuple[str, ...] = ()
+
+    @cached_property
+    def points(self) -> tuple[str, ...]:
+        """Timing points in the order of the gait cycle, else of the rows; without ``all``."""
+        points = list(dict.fromkeys(point for _, point, _ in self.values if point != ALL_POINTS))
+        if all(point in self.onsets_pct for point in points):
+            points.sort(key=self.onsets_pct.__getitem__)
+        return tuple(points)
+
+    @cached_property
+    def per_mass(self) -> bool:
+        """Whether any body mass is known, even if the values are missing."""
+        return any(
+            v.status not in _MASSLESS for (parameter, _, _), v in self.values.items()
+            if parameter in PER_MASS
+        )  # fmt: skip
+
+    @cached_property
+    def shares_inertia(self) -> bool:
+        """Whether an inertia is shared by all timing points."""
+        return any(
+            parameter == "inertia" and point == ALL_POINTS for parameter, point, _ in self.values
+        )
+
+    def value(self, parameter: str, point: str, person: str) -> PersonValue:
+        """Return a value, with the status ``absent`` if there is no row."""
+        name = self.source.name
+        none = PersonValue(name, person, parameter, point, None, status="absent")
+        return self.values.get((parameter, point, person), none)
+
+    def shared_inertia(self, person: str) -> PersonValue:
+        """Return a participant's inertia of all timing points, else the mean over them."""
+        shared = self.value("inertia", ALL_POINTS, person)
+        if shared.status != "absent":
+            return shared
+        rows = [self.value("inertia", point, person) for point in self.points]
+        known = [row for row in rows if row.value is not None]
+        if not known:
+            return replace(shared, status=rows[0].status if rows else "absent")
+        return replace(
+            shared,
+            value=float(np.mean([row.value for row in known])),
+            status="mean_over_points",
+            n_points=len(known),
+            n_lacking=len(rows) - len(known),
+            n_bounded=sum(row.at_bound for row in known),
+        )
+
+
+def read_sources(sources: Sequence[str | os.PathLike[str]]) -> tuple[Results, ...]:
+    """Read all sources of a comparison."""
+    paths = result_paths(sources)
+    repeated = [p for p, n in Counter(p and p.resolve() for p in paths).items() if n > 1]
+    if repeated:
+        raise DataError(f"{repeated[0] or PUBLISHED}: given twice. Name each source once.")
+    read = tuple(
+        published_results() if path is None else read_results(path, name)
+        for path, name in zip(paths, _names(paths), strict=True)
+    )
+    joints = {results.joint for results in read if results.joint}
+    if len(joints) > 1:
+        raise DataError(
+            "compare: expected one joint, found "
+            + ", ".join(f"{r.joint} in {r.source.name}" for r in read)
+            + ". Impedances of different joints cannot be compared."
+        )
+    return read
+
+
+def result_paths(sources: Sequence[str | os.PathLike[str]]) -> list[Path | None]:
+    """Return the folders of the sources, None for the published tables."""
+    paths = [None if isinstance(s, str) and s == PUBLISHED else Path(s) for s in sources]
+    if None in paths and Path(PUBLISHED).is_dir():
+        raise DataError(
+            f"{PUBLISHED}: is both a folder here and the word for the dissertation's tables. Write "
+            f"./{PUBLISHED} for the folder; for the tables, call jointz from another folder."
+        )
+    return paths
+
+
+def _names(paths: Sequence[Path | None]) -> list[str]:
+    """Name folders by the shortest distinct ends of their paths, never ``published``."""
+    parts = [None if path is None else path.resolve().parts for path in paths]
+    longest = max((len(p) for p in parts if p), default=1)
+    for length in range(1, longest + 1):
+        names = [PUBLISHED if p is None else "/".join(p[-length:]) for p in parts]
+        reserved = any(p and name == PUBLISHED for p, name in zip(parts, names, strict=True))
+        if len(set(names)) == len(names) and not reserved:
+            break
+    return names
+
+
+def published_results() -> Results:
+    """Return tables 4.1 to 4.3 of the dissertation as results."""
+    table = participant_table()
+    values = {
+        (parameter, str(row["timing_point"]), str(row["participant"])): PersonValue(
+            PUBLISHED,
+            str(row["participant"]),
+            parameter,
+            str(row["timing_point"]),
+            float(row[parameter]),
+            status="at_bound" if row[parameter] < NUMERICALLY_ZERO else "ok",
+        )
+        for row in table.to_dict("records")
+        for parameter in (*PER_MASS, "inertia")
+    }
+    onsets = {str(point): float(pct) for point, pct in
+              zip(table["timing_point"], table["onset_gait_pct"], strict=True)}  # fmt: skip
+    people = tuple(dict.fromkeys(map(str, table["participant"])))
+    source = Source(PUBLISHED, people, ("dissertation",), published=True)
+    return Results(source, values, onsets, joint="knee")
+
+
+def read_results(folder: Path, name: str) -> Results:
+    """Read a results folder of ``jointz analyze``."""
+    provenance = _provenance(folder)
+    joint = _joint(provenance, folder)
+    file = folder / _ESTIMATES
+    units = [n for n in _UNIT if n in (list_columns(file, FilesSpec()) or ())]
+    labels = (*_LABELS, *units)
+    table = read_table(file, numeric=_NUMBERS, labels=labels, files=FilesSpec(), as_written=True)
+    values, averaged = _values(table, file, name)
+    people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
+    methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
+    inputs = tuple(
+        {"file": f"{name}/{required}", "sha256": file_sha256(folder / required)}
+        for required in (_ESTIMATES, _PROVENANCE)
+    )
+    return Results(
+        Source(name, people, methods),
+        values,
+        _onsets(table),
+        joint=joint,
+        recordings=str(provenance.get("study_sha256", "")),
+        version=str(provenance.get("jointz", "")),
+        settings=provenance.get("settings", {}),
+        inputs=inputs,
+        averaged=averaged,
+    )
+
+
+def _provenance(folder: Path) -> dict[str, Any]:
+    for name in (_ESTIMATES, _PROVENANCE):
+        if not (folder / name).is_file():
+            problem = "does not exist" if not folder.exists() else f"contains no {name}"
+            raise DataError(
+                f"{folder}: {problem}. Expected a results folder of jointz analyze, or the word "
+                f"'{PUBLISHED}' for the dissertation's tables."
+            )
+    file = folder / _PROVENANCE
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise DataError(
+            f"{file}: cannot be read ({exc}). Run jointz analyze again.", path=str(file)
+        ) from exc
+    if not isinstance(content, dict):
+        raise DataError(
+            f"{file}: expected a JSON object. Run jointz analyze again.", path=str(file)
+        )
+    return content
+
+
+def _joint(provenance: Mapping[str, Any], folder: Path) -> str:
+    """Return the joint of a walking study."""
+    study, settings = provenance.get("study"), provenance.get("settings", {})
+    known = study if isinstance(study, dict) else {}
+    texts = [known.get(key) for key in ("kind", "joint")]
+    if not all(isinstance(t, str) and t for t in texts) or not isinstance(settings, dict):
+        raise DataError(
+            f"{folder / _PROVENANCE}: expected study with kind and joint, and settings, as jointz "
+            f"analyze writes them; found study {study!r:.60}, settings {settings!r:.60}. Run "
+            "jointz analyze again.",
+            path=str(folder / _PROVENANCE),
+        )
+    if known["kind"] == "bench":
+        raise DataError(
+            f"{folder}: results of a bench study. Its participants are loads, and a mean over "
+            "different loads is meaningless. Compare results of walking studies."
+        )
+    return str(known["joint"])
+
+
+def _values(
+    table: RawTable, file: Path, name: str
+) -> tuple[dict[tuple[str, str, str], PersonValue], tuple[str, ...]]:
+    """Return one value for each person, and the people with several sessions or sides."""
+    values: dict[tuple[str, str, str], dict[tuple[str, ...], PersonValue]] = {}
+    columns = {key: column.tolist() for key, column in table.columns.items()}
+    for i, parameter in enumerate(columns["parameter"]):
+        row = {key: column[i] for key, column in columns.items()}
+        place = (parameter, row["timing_point"], row["participant"])
+        unit = tuple(row[key] for key in _UNIT if key in row)
+        line = table.first_row + i
+        if unit in values.get(place, ()):
+            raise DataError(
+                f"{file}, row {line}: a second {' of '.join(place)}. Each estimate has one row; "
+                "run jointz analyze again.",
+                path=str(file),
+                row=line,
+            )
+        if PARAMETER_UNITS.get(parameter) != row["unit"]:
+            raise DataError(
+                f"{file}, row {line}: expected {parameter} in {PARAMETER_UNITS.get(parameter)}, "
+                f"found {row['unit']}. Values in different units cannot be compared.",
+                path=str(file),
+                row=line,
+            )
+        values.setdefault(place, {})[unit] = _value(row, name, file, line)
+    averaged = dict.fromkeys(person for (_, _, person), v in values.items() if len(v) > 1)
+    means = {place: _person_mean([*by_unit.values()]) for place, by_unit in values.items()}
+    return means, tuple(averaged)
+
+
+def _person_mean(values: Sequence[PersonValue]) -> PersonValue:
+    """Return the mean over a person's sessions and sides; their errors count as common."""
+    undecided = [v for v in values if v.status == "undecided"]
+    known = [v for v in values if v.value is not None]
+    if len(values) == 1 or undecided or not known:
+        return (undecided or values)[0]
+    status = "ok" if any(v.status == "ok" for v in known) else known[0].status
+    columns = ([getattr(v, key) for v in known] for key in ("value", "ci_low", "ci_high"))
+    value, low, high = (None if None in column else float(np.mean(column)) for column in columns)
+    return replace(known[0], value=value, ci_low=low, ci_high=high, status=status)
+
+
+def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonValue:
+    available = row["status"] in _AVAILABLE
+    number = _number(row["value"])
+    if available == (number is None):
+        raise DataError(
+            f"{file}, row {line}: status {row['status']!r} with "
+            f"{'no value' if number is None else 'a value'}. Run jointz analyze again.",
+            path=str(file),
+            row=line,
+        )
+    low, high = _number(row["ci_low"]), _number(row["ci_high"])
+    if max(abs(x or 0.0) for x in (number, low, high)) > _LARGEST:
+        raise DataError(
+            f"{file}, row {line}: {row['parameter']} {row['value']:g} [{row['ci_low']:g}, "
+            f"{row['ci_high']:g}] is not a possible value of a joint. Correct it, or run jointz "
+            "analyze again.",
+            path=str(file),
+            row=line,
+        )
+    place = (row["participant"], row["parameter"], row["timing_point"])
+    return PersonValue(name, *place, number, low, high, row["status"])
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _onsets(table: RawTable) -> dict[str, float]:
+    points, onsets = table.columns["timing_point"], table.columns["onset_gait_pct"]
+    means = {}
+    for point in dict.fromkeys(points.tolist()):
+        known = onsets[(points == point) & np.isfinite(onsets)]
+        if point != ALL_POINTS and known.size:
+            means[str(point)] = circular_mean_pct(known)
+    return means

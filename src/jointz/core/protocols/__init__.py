@@ -1,0 +1,1 @@
+"""The model of a protocol and its checks."""

@@ -1,0 +1,185 @@
+"""Checks of a protocol against its own limits and against what can be run at all."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from jointz.core.checked_model import Problem
+from jointz.core.limits import DUTY_WINDOW_S
+from jointz.core.protocols.protocol_checks import (
+    ROUNDING_S,
+    assumed_stride_s,
+    expected_duration_s,
+    trial_duration_s,
+)
+
+if TYPE_CHECKING:
+    from jointz.core.protocols.protocol import PerturbationPlan, Protocol, PulseSpec
+
+_LONGEST_S = 86_400.0
+#: Of a trial on a bench: all of it is laid out before it begins.
+_MOST_TICKS = 10_000_000
+
+
+# --- checks of the whole -----------------------------------------------------------------------
+
+
+def _pulse_within_torque(protocol: "Protocol") -> Iterator[Problem]:
+    limit = protocol.safety.torque_nm
+    if protocol.pulse is None or limit is None or protocol.pulse.amplitude_nm <= limit:
+        return
+    yield Problem(
+        ("pulse", "amplitude_nm"),
+        f"{protocol.pulse.amplitude_nm:g} N*m is above safety.torque_nm = {limit:g} N*m: it would "
+        "be cut. Lower it, or raise the limit.",
+    )
+
+
+def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
+    pulse, limit = protocol.pulse, protocol.safety.torque_rate_nm_s
+    if pulse is None or limit is None:
+        return
+    for key in ("ramp_up_s", "ramp_down_s"):
+        ramp_s: float = getattr(pulse, key) or 1.0 / protocol.rates.control_hz
+        if pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
+            yield Problem(
+                ("pulse", key),
+                f"{pulse.amplitude_nm:g} N*m in {ramp_s:g} s is steeper than "
+                f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
+                f"{pulse.amplitude_nm / limit:.3g} s, or raise the limit.",
+            )
+
+
+def _pulse_within_duty(protocol: "Protocol") -> Iterator[Problem]:
+    pulse, duty = protocol.pulse, protocol.safety.pulse_duty
+    if pulse is None or duty is None:
+        return
+    longest_s = duty * DUTY_WINDOW_S
+    if pulse.duration_s > longest_s + ROUNDING_S:
+        yield Problem(
+            ("safety", "pulse_duty"),
+            f"{duty:g} of {DUTY_WINDOW_S:g} s is {longest_s:g} s, less than pulse.duration_s = "
+            f"{pulse.duration_s:g} s: no pulse would come to its end. Give at least "
+            f"{pulse.duration_s / DUTY_WINDOW_S:.3g}, or shorten the pulse.",
+        )
+
+
+def _samples_young_enough(protocol: "Protocol") -> Iterator[Problem]:
+    limit_s, period_s = protocol.safety.sensor_age_s, 1.0 / protocol.rates.sample_hz
+    if limit_s is not None and limit_s < period_s - ROUNDING_S:
+        yield Problem(
+            ("safety", "sensor_age_s"),
+            f"expected at least one period of rates.sample_hz ({period_s:g} s), got {limit_s:g} s: "
+            "the gate would trip at once. Raise it, or the rate.",
+        )
+
+
+PROTOCOL_LIMIT_CHECKS = (
+    _pulse_within_torque,
+    _pulse_within_torque_rate,
+    _pulse_within_duty,
+    _samples_young_enough,
+)
+
+
+# --- checks of one condition -------------------------------------------------------------------
+
+
+def _count_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, limit = protocol.conditions[i], protocol.safety.pulse_count
+    if condition.perturbations is None or limit is None:
+        return
+    planned = condition.trials * condition.perturbations.total
+    if planned > limit:
+        yield Problem(
+            ("conditions", i, "perturbations"),
+            f"{planned} pulses are more than safety.pulse_count = {limit}. Plan fewer, or raise "
+            "the limit.",
+        )
+
+
+def _pulses_within_duty(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    plan, pulse = protocol.conditions[i].perturbations, protocol.pulse
+    duty = protocol.safety.pulse_duty
+    if plan is None or pulse is None or duty is None:
+        return
+    if pulse.duration_s > duty * DUTY_WINDOW_S:
+        return  # a problem of the limit already
+    apart_s = _mean_apart_s(protocol, plan, pulse)
+    if pulse.duration_s > duty * apart_s * (1.0 + 1e-9) > 0.0:
+        yield Problem(
+            ("conditions", i, "perturbations"),
+            f"a pulse of {pulse.duration_s:g} s about every {apart_s:.3g} s is "
+            f"{pulse.duration_s / apart_s:.3g} of the time; safety.pulse_duty = {duty:g} would "
+            "break pulses off. Put them further apart, shorten them, or raise the limit.",
+        )
+
+
+def _mean_apart_s(protocol: "Protocol", plan: "PerturbationPlan", pulse: "PulseSpec") -> float:
+    """Return the mean time from onset to onset, s; 0 if the plan does not state it."""
+    if plan.gap_strides is not None:
+        return sum(plan.gap_strides) / 2.0 * assumed_stride_s(protocol)
+    return plan.pause_s + pulse.duration_s if plan.pause_s is not None else 0.0
+
+
+def _torque_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    condition, limit = protocol.conditions[i], protocol.safety.torque_nm
+    if condition.torque_nm is None or limit is None:
+        return
+    pulse_nm = protocol.pulse.amplitude_nm if condition.perturbations and protocol.pulse else 0.0
+    largest_nm = max(map(abs, condition.torque_nm.bounds)) + pulse_nm
+    if largest_nm > limit:
+        yield Problem(
+            ("conditions", i, "torque_nm"),
+            f"reaches {largest_nm:g} N*m{' with the pulse' if pulse_nm else ''}, above "
+            f"safety.torque_nm = {limit:g} N*m. Lower it, or raise the limit.",
+        )
+
+
+def _position_within_limits(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    position, safety = protocol.conditions[i].position_rad, protocol.safety
+    if position is None:
+        return
+    lowest, highest = position.bounds
+    for key, over in (
+        ("angle_min_rad", safety.angle_min_rad is not None and lowest < safety.angle_min_rad),
+        ("angle_max_rad", safety.angle_max_rad is not None and highest > safety.angle_max_rad),
+    ):
+        if over:
+            yield Problem(
+                ("conditions", i, "position_rad"),
+                f"goes from {lowest:.4g} to {highest:.4g} rad, beyond safety.{key} = "
+                f"{getattr(safety, key):g} rad. Lower it, or widen the limit.",
+            )
+
+
+def _over_in_a_day(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    takes_s = expected_duration_s(protocol, protocol.conditions[i])
+    if takes_s > _LONGEST_S:
+        yield Problem(
+            ("conditions", i),
+            f"would take {takes_s / 3600.0:.3g} h; expected at most {_LONGEST_S / 3600.0:g} h. "
+            "Do less in one condition.",
+        )
+
+
+def _trial_can_be_laid_out(protocol: "Protocol", i: int) -> Iterator[Problem]:
+    if protocol.kind == "walking":
+        return
+    rate_hz = protocol.rates.control_hz
+    trial_s = trial_duration_s(protocol, protocol.conditions[i])
+    if trial_s * rate_hz > _MOST_TICKS:
+        yield Problem(
+            ("conditions", i),
+            f"a trial of {trial_s:g} s has more than {_MOST_TICKS} periods of control_hz = "
+            f"{rate_hz:g} Hz. Give at most {_MOST_TICKS / rate_hz:g} s a trial, and more trials.",
+        )
+
+
+CONDITION_LIMIT_CHECKS = (
+    _count_within_limit,
+    _pulses_within_duty,
+    _torque_within_limit,
+    _position_within_limits,
+    _over_in_a_day,
+    _trial_can_be_laid_out,
+)

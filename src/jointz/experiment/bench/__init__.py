@@ -1,0 +1,1 @@
+"""Trials on a bench: plan, streams and reference signals."""

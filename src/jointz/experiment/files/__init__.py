@@ -1,0 +1,1 @@
+"""Files of a session: journal, log, locks."""

@@ -1,0 +1,1 @@
+"""Gait in real time: heel strikes, phase, steadiness."""

@@ -1,0 +1,176 @@
+"""Kinds of trials: walking, and on a bench. A :class:`TrialKind` holds what differs."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from jointz.core.clock import Clock
+from jointz.core.errors import ProtocolError
+from jointz.core.protocols.protocol import ConditionSpec, PulseSpec
+from jointz.core.protocols.protocol import Protocol as ProtocolSpec
+from jointz.core.protocols.protocol_checks import trial_duration_s
+from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
+from jointz.devices.interface import Devices
+from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
+from jointz.experiment.bench.bench_trial import BenchTrial
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.files.session_files import PLAN_FILE
+from jointz.experiment.files.whole_files import read_twice
+from jointz.experiment.gait.gait_watch import CONTACT_LEVELS
+from jointz.experiment.plan import PlannedPulse, make_plan
+from jointz.experiment.pulse_runner import PulseRunner
+from jointz.experiment.safety import SafetyGate
+from jointz.experiment.scheduler import LATE_PCT, Scheduler
+from jointz.experiment.trial import Course, Motor, Trial
+
+#: Called with accepted strides, completed pulses and planned pulses of walking; with seconds done,
+#: the same again and seconds in all of a bench.
+ProgressCallback = Callable[[int, int, int], None]
+
+
+class AnyTrial(Protocol):
+    """A trial of any kind, as a session runs it."""
+
+    @property
+    def tick(self) -> Callable[[int, int, int], bool]:
+        """Called in every slot; False when the trial is over."""
+        ...
+
+    def request_stop(self) -> None:
+        """End the trial soon; torque is faded out first."""
+        ...
+
+    def pause(self, *, on: bool) -> bool:
+        """Begin no more pulses, or go on with them; False where there is nothing to pause."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetup:
+    """Parts of a trial of any kind."""
+
+    protocol: ProtocolSpec
+    condition: ConditionSpec
+    name: str  # of the trial
+    segment: int  # number of this stretch of it
+    devices: Devices  # not yet active
+    gate: SafetyGate | None  # None without an actuator
+    recorder: Recorder
+    clock: Clock
+    journal: Journal
+    pulses: Sequence[Any]  # the plan of the trial, of the kind's own pulses
+    done: Mapping[int, Any]  # pulses that are completed, by their number
+    rng: np.random.Generator  # for the references of a bench
+    # V: calibrated levels of a footswitch that gives volts, off and on
+    contact_levels_v: tuple[float, float] | None = None
+
+    @property
+    def contact_levels(self) -> tuple[float, float]:
+        """Levels of the footswitch, off and on, in its own unit."""
+        switch = self.devices.contact
+        if switch is None or self.contact_levels_v is None or switch.describe().kind != "voltage":
+            return CONTACT_LEVELS
+        return self.contact_levels_v
+
+    @property
+    def period_ns(self) -> int:
+        """Period of the loop, ns."""
+        return round(1e9 / self.protocol.rates.control_hz)
+
+
+def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
+    """Return a stretch of a walking condition with the pulses that are not done yet."""
+    protocol, condition, done = setup.protocol, setup.condition, len(setup.done)
+    if protocol.gait is None:
+        raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
+    pulses = None
+    if condition.perturbations is not None and protocol.pulse is not None:
+        pulses = PulseRunner(
+            setup.name,
+            setup.segment,
+            protocol.pulse,
+            Scheduler(
+                [pulse for pulse in setup.pulses if pulse.number not in setup.done],
+                condition.perturbations,
+                late_pct=max(LATE_PCT, setup.period_ns * 1e-7 / protocol.gait.shortest_stride_s),
+            ),
+            journal=setup.journal,
+            period_ns=setup.period_ns,
+        )
+    return Trial(
+        Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
+        devices=setup.devices,
+        motor=None if setup.gate is None else Motor(setup.devices, setup.gate),
+        pulses=pulses,
+        recorder=setup.recorder,
+        clock=setup.clock,
+        progress=lambda strides, completed: progress(strides, done + completed, len(setup.pulses)),
+    )
+
+
+def bench_trial(setup: TrialSetup, progress: ProgressCallback) -> BenchTrial:
+    """Return a trial on a bench, from its beginning."""
+    if setup.gate is None:
+        raise ProtocolError(setup.protocol.name, ["a bench needs an actuator; the rig has none."])
+    course = bench_course(
+        setup.condition,
+        setup.pulses,
+        setup.protocol.pulse,
+        duration_s=trial_duration_s(setup.protocol, setup.condition),
+        rate_hz=setup.protocol.rates.control_hz,
+        rng=setup.rng,
+    )
+    return BenchTrial(
+        course,
+        period_ns=setup.period_ns,
+        devices=setup.devices,
+        gate=setup.gate,
+        recorder=setup.recorder,
+        clock=setup.clock,
+        progress=lambda seconds, total: progress(seconds, seconds, total),
+    )
+
+
+def _walking_plan(
+    condition: ConditionSpec, pulse: PulseSpec, rng: np.random.Generator
+) -> tuple[PlannedPulse, ...]:
+    plan = condition.perturbations
+    return () if plan is None else make_plan(plan, pulse, rng)
+
+
+@dataclass(frozen=True, slots=True)
+class TrialKind:
+    """Differences between trials of walking and those of a bench."""
+
+    pulse: type[PlannedPulse] | type[TimedPulse]
+    make_plan: Callable[[ConditionSpec, PulseSpec, np.random.Generator], Sequence[Any]]
+    layout: Callable[[Devices], Layout]  # of the records of a log
+    trial: Callable[[TrialSetup, ProgressCallback], AnyTrial]
+    # whether an interrupted trial goes on in a new stretch; else it is done again as a whole
+    resumes: bool
+
+    def read_plan(self, folder: Path) -> dict[str, tuple[Any, ...]]:
+        """Return the plan that a session wrote down, trial by trial."""
+        plan = read_twice(folder / PLAN_FILE)[0]
+        return {name: tuple(self.pulse(**one) for one in pulses) for name, pulses in plan.items()}
+
+
+WALKING_TRIALS = TrialKind(
+    PlannedPulse, _walking_plan, lambda _: WALKING, walking_trial, resumes=True
+)
+BENCH_TRIALS = TrialKind(
+    TimedPulse,
+    make_bench_plan,
+    lambda devices: BENCH if devices.contact is None else BENCH_CONTACT,
+    bench_trial,
+    resumes=False,
+)
+
+
+def trial_kind(protocol: ProtocolSpec) -> TrialKind:
+    """Return the kind of the trials of a protocol."""
+    return WALKING_TRIALS if protocol.kind == "walking" else BENCH_TRIALS

@@ -1,0 +1,211 @@
+"""State that all pages of the explorer share, and the work behind them."""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Mapping
+from concurrent.futures import Executor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from functools import partial
+from typing import Any, TypeVar
+
+from jointz.core.errors import JointzError
+from jointz.core.events import PulseRecord
+from jointz.core.study import Study, UserExclusion
+from jointz.explorer.exclusions import FILE, Action, decide
+from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
+from jointz.explorer.results_files import Exploration
+from jointz.explorer.traces import PulseKey, PulseTrace
+from jointz.io.study_reader import open_study
+from jointz.results.study_analysis import StudyAnalysis
+
+Result = TypeVar("Result")
+
+#: Traces of so many people are kept, 4 MB each.
+_MOST_TRACED = 20
+
+
+class Explorer:
+    """Results that several pages show: one state, and work that blocks no page."""
+
+    def __init__(self, results: Exploration, pool: Executor | None) -> None:
+        self._results = results
+        self._pool = pool
+        self._analysis = results.current()
+        self._traces: dict[str, Mapping[PulseKey, PulseTrace]] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._failed: set[str] = set()
+        self._stamp = self._file_stamp()
+        self._changed = results.changed()
+        self._waiting = frozenset(results.stale())
+        self.version = 0
+        self.problem = ""
+        self.working: dict[str, str] = {}
+
+    @property
+    def results(self) -> Exploration:
+        """The results, the study and new estimates."""
+        return self._results
+
+    @property
+    def analysis(self) -> StudyAnalysis:
+        """The current numbers."""
+        return self._analysis
+
+    @property
+    def changed(self) -> tuple[PulseRecord, ...]:
+        """Pulses that were excluded or restored since the analysis."""
+        return self._changed
+
+    def waiting(self, person_id: str) -> bool:
+        """Tell whether a participant's numbers are older than the exclusions."""
+        return person_id in self._waiting
+
+    def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
+        """Return a participant's traces, None until they are ready."""
+        return self._traces.get(person_id)
+
+    def request(self, person_id: str) -> None:
+        """Start to compute a participant's traces, and all numbers with changed exclusions."""
+        if self._results.study is None:
+            return
+        missing = [person_id] if person_id not in self._traces else []
+        for person in dict.fromkeys([*missing, *self._results.stale()]):
+            if person not in self.working and person not in self._failed:
+                self._begin(person, self._estimate(person))
+
+    async def decide(self, pulse: PulseRecord, action: Action, *, reason: str) -> bool:
+        """Exclude or restore a pulse in the study, and reestimate its participant."""
+        study = self._results.study
+        if study is None:
+            return False
+        try:
+            changed = await asyncio.to_thread(decide, study, pulse, action, reason=reason)
+        except JointzError as exc:
+            self._say(str(exc))
+            return False
+        self._stamp = self._file_stamp()
+        self._take(changed)
+        self.request(pulse.participant)
+        return True
+
+    async def check_study(self) -> None:
+        """Follow changes of the exclusions by other pages and programs."""
+        stamp = self._file_stamp()
+        study = self._results.study
+        if study is None or stamp == self._stamp:
+            return
+        self._stamp = stamp
+        try:
+            changed = await asyncio.to_thread(open_study, study.root)
+        except JointzError as exc:
+            self._say(str(exc))
+            return
+        if changed.sha256 != study.sha256:
+            self._say("study.toml was changed. Analyse the study again, and open the new results.")
+            return
+        self._take(changed)
+
+    def compare(self, method: str) -> None:
+        """Estimate all participants by another method."""
+        if method in self._results.more_methods():
+            for person in self._results.people:
+                self._begin(f"{method} {person}", self._estimate_by(method, person))
+
+    def dismiss(self) -> None:
+        """Forget errors, so that failed work may be tried again."""
+        self._failed.clear()
+        self._say("")
+
+    def _take(self, study: Study) -> None:
+        self._results = self._results.with_study(study)
+        self._failed.clear()
+        self._compare_with_study()
+        self._say("")
+
+    def _compare_with_study(self) -> None:
+        """Find numbers on the pages that are older than the exclusions."""
+        self._changed = self._results.changed()
+        older = self._results.changed(self._analysis.pulses)
+        self._waiting = frozenset(pulse.participant for pulse in older)
+
+    async def _settle(self) -> None:
+        """Compute the analysis that pages show; means over people take a moment."""
+        while True:
+            results = self._results
+            analysis = await asyncio.to_thread(results.current)
+            if results is self._results:
+                break
+        self._analysis = analysis
+        self._compare_with_study()
+
+    def _say(self, problem: str) -> None:
+        self.problem = problem
+        self.version += 1
+
+    def _begin(self, task: str, work: Coroutine[Any, Any, None]) -> None:
+        self.working[task] = task
+        self.version += 1
+        running = asyncio.get_running_loop().create_task(self._run(task, work))
+        self._tasks.add(running)
+        running.add_done_callback(self._tasks.discard)
+
+    async def _run(self, task: str, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except Exception as exc:  # noqa: BLE001 - or every page would try again without end
+            self._failed.add(task)
+            bug = f"{type(exc).__name__}: {exc}. This is a bug in jointz."
+            self._say(str(exc) if isinstance(exc, JointzError) else bug)
+        finally:
+            self.working.pop(task, None)
+            self.version += 1
+
+    async def _estimate(self, person: str) -> None:
+        """Estimate until the exclusions did not change meanwhile."""
+        request = EstimationRequest.of(self._results.analysed)
+        while True:
+            study = self._results.study
+            if study is None:
+                return
+            estimated = await self.call(partial(reestimate, study, person, request))
+            if _exclusions(study, person) == _exclusions(self._results.study, person):
+                break
+        if person in self._results.stale() or person in self._results.reestimated:
+            self._results = self._results.with_result(person, estimated.result)
+        self._traces.pop(person, None)
+        self._traces[person] = estimated.traces
+        while len(self._traces) > _MOST_TRACED:
+            del self._traces[next(iter(self._traces))]
+        await self._settle()
+        for method in {method for method, other in self._results.others if other == person}:
+            self._begin(f"{method} {person}", self._estimate_by(method, person))
+
+    async def _estimate_by(self, method: str, person: str) -> None:
+        request = EstimationRequest.of(self._results.analysed)
+        study = self._results.study
+        if study is not None:
+            work = partial(estimate_by_method, study, person, request, method=method)
+            cells = await self.call(work)
+            self._results = self._results.with_other(method, person, cells)
+            await self._settle()
+
+    async def call(self, work: Callable[[], Result]) -> Result:
+        """Run work where it blocks no page."""
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._pool, work)
+        except BrokenProcessPool:  # a worker was killed, most likely because memory ran out
+            self._pool = None
+            return await asyncio.to_thread(work)
+
+    def _file_stamp(self) -> tuple[int, int] | None:
+        study = self._results.study
+        with suppress(OSError):
+            if study is not None:
+                stat = (study.root / FILE).stat()
+                return stat.st_mtime_ns, stat.st_size
+        return None
+
+
+def _exclusions(study: Study | None, person: str) -> tuple[UserExclusion, ...]:
+    lines = () if study is None else study.user_exclusions
+    return tuple(line for line in lines if line.participant == person)

@@ -1,0 +1,277 @@
+"""Page of the explorer: participants and timing points left, pulses and curves right."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jointz.explorer.cycle_page import CycleTab, MethodsTab
+from jointz.explorer.explorer_app import Explorer
+from jointz.explorer.files_page import FilesTab
+from jointz.explorer.pulses_page import PulsesTab
+from jointz.explorer.results_files import Exploration, cell_of
+from jointz.explorer.tab import Tab
+from jointz.explorer.view import View, estimate_or_status
+from jointz.report.subjects import subjects
+from jointz.report.wording import (
+    DASH,
+    format_count,
+    format_estimate,
+    method_name,
+    parameter_name,
+    pretty_unit,
+    status_meaning,
+)
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.web.server import require_app, serve
+
+if TYPE_CHECKING:
+    from nicegui.element import Element
+    from nicegui.events import KeyEventArguments
+
+_STYLE = Path(__file__).parent / "static" / "explore.css"
+#: NiceGUI resizes a plot even when its tab is left, and Plotly refuses a hidden plot.
+_RESIZE_DISPLAYED_ONLY = """<script type="module">
+import { Plotly } from "nicegui-plotly";
+const { Plots } = Plotly, resize = Plots.resize;
+Plots.resize = (plot) => plot.offsetParent ? resize(plot) : Promise.resolve();
+</script>"""
+_EVERY_S = 0.2
+_LOOK_EVERY_S = 2.0
+_FIRST_TAB = "Pulses"
+
+
+class ExplorePage:
+    """A page of one browser."""
+
+    def __init__(self, explorer: Explorer) -> None:
+        self._explorer = explorer
+        self._view = View(explorer)
+        self._seen = -1
+        self._pulses = PulsesTab(self._view, self._refresh)
+        self._tabs: dict[str, Tab] = {
+            "Pulses": self._pulses,
+            "Gait cycle": CycleTab(self._view),
+            "Methods": MethodsTab(self._view),
+            "Files": FilesTab(self._view),
+        }
+        self._tab = _FIRST_TAB
+        self._words = subjects(explorer.results.analysed)
+        if self._words.bench:
+            del self._tabs["Gait cycle"]
+
+    def build(self) -> None:
+        """Make the page."""
+        from nicegui import ui
+
+        ui.add_css(_STYLE.read_text(encoding="utf-8"))
+        ui.add_body_html(_RESIZE_DISPLAYED_ONLY)
+        ui.colors(primary="#2b6cb0", secondary="#5b6b7c", accent="#a566b5", negative="#c4432b")
+        self._header()
+        with ui.element("div").classes("explore"):
+            with ui.element("aside").classes("side"):
+                self._people = ui.element("div").classes("card people")
+                self._points = ui.element("div").classes("card points")
+                self._numbers = ui.element("div").classes("card numbers")
+            with ui.element("main").classes("stage"):
+                self._notices = ui.element("div").classes("notices")
+                self._main()
+        ui.keyboard(on_key=self._key)
+        ui.timer(_EVERY_S, self._follow)
+        ui.timer(_LOOK_EVERY_S, self._explorer.check_study)
+
+    def _header(self) -> None:
+        from nicegui import ui
+
+        settings = self._explorer.results.analysed.settings
+        with ui.header().classes("bar"):
+            ui.label("jointz explore").classes("brand")
+            ui.label(str(settings.get("study", ""))).classes("study")
+            what = ", ".join(dict.fromkeys([settings["joint"], settings["kind"]]))
+            about = f"{what} · {method_name(settings['method'])}"
+            ui.label(about).classes("about")
+            ui.space()
+            self._state = ui.label().classes("state")
+            dark = ui.dark_mode(None)
+            contrast = ui.button(icon="contrast", on_click=lambda: _switch(dark))
+            contrast.props('flat round dense color=white aria-label="light or dark"')
+        self._progress = ui.linear_progress(show_value=False).props("indeterminate")
+        self._progress.classes("progress")
+
+    def _main(self) -> None:
+        from nicegui import ui
+
+        with ui.tabs() as tabs:
+            for name in self._tabs:
+                ui.tab(name)
+        tabs.classes("tabs").props(
+            "align=left dense no-caps active-color=primary indicator-color=primary"
+        )
+        with ui.tab_panels(tabs, value=_FIRST_TAB, animated=False).classes("panels"):
+            for name, tab in self._tabs.items():
+                with ui.tab_panel(name):
+                    tab.build()
+        tabs.on_value_change(lambda event: self._open_tab(str(event.value)))
+
+    def _open_tab(self, name: str) -> None:
+        if name in self._tabs:
+            self._tab = name
+            self._tabs[name].refresh()
+
+    def _follow(self) -> None:
+        """Update the page after any change, on this page or another."""
+        if self._seen != self._explorer.version:
+            self._refresh()
+
+    def _refresh(self) -> None:
+        self._explorer.request(self._view.participant)
+        self._seen = self._explorer.version
+        self._progress.set_visibility(bool(self._explorer.working))
+        self._state.set_text(self._status())
+        self._show_notices()
+        self._list_people()
+        self._list_points()
+        self._list_numbers()
+        self._tabs[self._tab].refresh()
+
+    def _status(self) -> str:
+        explorer = self._explorer
+        if explorer.working:
+            names = sorted(explorer.working)
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            return f"estimating {names[0]}{more} …"
+        changed = len(explorer.changed)
+        if changed:
+            return f"{format_count(changed, 'pulse')} changed since the analysis"
+        return "as analysed"
+
+    def _show_notices(self) -> None:
+        """Show errors, and that the study is missing."""
+        from nicegui import ui
+
+        self._notices.clear()
+        with self._notices:
+            if self._explorer.results.study is None:
+                ui.label(
+                    "The study was not found beside these results: pulses cannot be shown or "
+                    "excluded. Open them with  jointz explore RESULTS --study STUDY"
+                ).classes("notice")
+            if self._explorer.problem:
+                with ui.element("div").classes("notice bad"):
+                    ui.label(self._explorer.problem)
+                    retry = ui.button("Try again", on_click=self._explorer.dismiss)
+                    retry.props("flat dense no-caps")
+
+    def _list_people(self) -> None:
+        from nicegui import ui
+
+        analysis = self._explorer.analysis
+        self._people.clear()
+        with self._people:
+            ui.label(self._words.many.capitalize()).classes("head")
+            with ui.element("div").classes("list"):
+                for person in self._explorer.results.labels:
+                    pulses = [p for p in analysis.pulses if p.label == person]
+                    n_used = sum(not p.code for p in pulses)
+                    with self._item(person == self._view.person, person=person):
+                        ui.label(person).classes("name")
+                        ui.label(f"{n_used} of {len(pulses)}").classes("count")
+
+    def _item(self, is_selected: bool, **choice: str) -> "Element":  # noqa: FBT001 - of a list
+        """Return an item of a list, which selects a participant or a timing point."""
+        from nicegui import ui
+
+        item = ui.element("button").classes("item picked" if is_selected else "item")
+        return item.on("click", lambda: self._choose(**choice))
+
+    def _list_points(self) -> None:
+        from nicegui import ui
+
+        self._points.clear()
+        with self._points:
+            ui.label(self._words.points.capitalize()).classes("head")
+            for point in self._view.points():
+                cell = cell_of(self._explorer.analysis, self._view.person, point)
+                with self._item(point == self._view.point, point=point):
+                    ui.label(point).classes("name")
+                    ui.label(_onset(cell)).classes("onset")
+                    stiffness = None if cell is None else cell.parameter("stiffness")
+                    waits = self._explorer.waiting(self._view.participant)
+                    ui.label(_short(stiffness)).classes("value stale" if waits else "value")
+            ui.label(
+                "stiffness (N·m/rad)" if self._words.bench else "onset · stiffness (N·m/rad)"
+            ).classes("foot")
+
+    def _list_numbers(self) -> None:
+        from nicegui import ui
+
+        cell, before = self._view.cell(), self._view.cell_as_analysed()
+        waits = self._explorer.waiting(self._view.participant)
+        self._numbers.clear()
+        with self._numbers:
+            with ui.element("div").classes("head"):
+                ui.label(f"{self._view.person} at {self._view.point}")
+            if cell is None:
+                return
+            n_pulses = cell.n_used + cell.n_excluded
+            ui.label(f"{cell.n_used} of {n_pulses} pulses used").classes("used")
+            for parameter in cell.parameters:
+                old = None if before is None else before.parameter(parameter.name)
+                with ui.element("div").classes("number stale" if waits else "number"):
+                    ui.label(parameter_name(parameter.name)).classes("what")
+                    ui.label(pretty_unit(parameter.unit)).classes("unit")
+                    value = ui.label(estimate_or_status(parameter)).classes("now")
+                    if not parameter.available:
+                        value.tooltip(status_meaning(parameter.status))
+                    if old is not None and old != parameter:
+                        ui.label(f"as analysed {estimate_or_status(old)}").classes("was")
+            ui.label("value and 95 % interval").classes("foot")
+
+    def _choose(self, *, person: str | None = None, point: str | None = None) -> None:
+        self._view.choose(person=person, point=point)
+        self._refresh()
+
+    def _key(self, event: "KeyEventArguments") -> None:
+        if self._tab == "Pulses" and event.action.keydown and not event.action.repeat:
+            if event.key.arrow_left:
+                self._pulses.step(-1)
+            elif event.key.arrow_right:
+                self._pulses.step(1)
+
+
+def _switch(dark: "object") -> None:
+    """Switch from the browser's setting to dark, to light, and back."""
+    following = {None: True, True: False, False: None}
+    dark.value = following[dark.value]  # type: ignore[attr-defined]
+
+
+def _onset(cell: CellEstimate | None) -> str:
+    if cell is None or cell.onset_gait_pct is None:
+        return ""
+    return f"{cell.onset_gait_pct:.1f} %"
+
+
+def _short(parameter: ParameterEstimate | None) -> str:
+    if parameter is None or parameter.value is None or not parameter.available:
+        return DASH
+    return format_estimate(parameter).split(" [")[0]
+
+
+def explore(
+    results: Exploration,
+    *,
+    pool: Executor | None,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    announce: Callable[[str], None],
+) -> None:
+    """Serve the explorer until the process ends."""
+    require_app()
+    explorer = Explorer(results, pool)
+    serve(
+        lambda: ExplorePage(explorer).build(),
+        title=f"jointz explore: {results.folder.name}",
+        host=host,
+        port=port,
+        announce=announce,
+    )

@@ -1,0 +1,145 @@
+"""New estimates of one participant, as by ``jointz analyze``, with the traces of every pulse."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.core.errors import DataError
+from jointz.core.study import Study
+from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
+from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.results.estimates import CellEstimate
+from jointz.results.person_estimates import person_cells
+from jointz.results.statistics.pooled_estimates import has_budget
+from jointz.results.study_analysis import StudyAnalysis
+from jointz.stats.partial_pooling import pool_people
+from jointz.stats.population import population_means
+from jointz.tasks.engine import on_one_thread
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReestimatedParticipant:
+    """New estimates of a participant."""
+
+    participant: str  # the id
+    # estimates of every method, without evidence and without single pulses of a bench
+    result: ParticipantResult
+    traces: Mapping[PulseKey, PulseTrace]  # signals that each pulse was estimated from
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationRequest:
+    """Settings of a new estimation."""
+
+    method: str  # name of the method
+    resamples: int  # of the bootstrap
+    seed: int
+    sha256: Mapping[str, str]  # file -> hash when the study was analysed; others are refused
+
+    @classmethod
+    def of(cls, analysis: StudyAnalysis) -> "EstimationRequest":
+        """Return the settings of an analysis."""
+        settings, provenance = analysis.settings, analysis.provenance
+        inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
+        return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
+
+
+def reestimate(study: Study, person_id: str, request: EstimationRequest) -> ReestimatedParticipant:
+    """Estimate a participant with the current exclusions of the study."""
+    settings, recordings = _inputs(study, person_id, request)
+    result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
+    traces = on_one_thread(partial(pulse_traces, person_id, recordings, settings, result))
+    return ReestimatedParticipant(person_id, replace(result, evidence=()), traces)
+
+
+def estimate_by_method(
+    study: Study, person_id: str, request: EstimationRequest, *, method: str
+) -> tuple[CellEstimate, ...]:
+    """Estimate a participant by another method, for comparison."""
+    settings, recordings = _inputs(study, person_id, replace(request, method=method))
+    single = replace(settings, methods=(method,))
+    result = on_one_thread(partial(analyze_participant, person_id, recordings, single))
+    return tuple(result.cells[method])
+
+
+def _inputs(
+    study: Study, person_id: str, request: EstimationRequest
+) -> tuple[ParticipantSettings, Sequence[RecordingInput]]:
+    """Return settings and recordings of a participant; refuse changed recordings."""
+    inputs: dict[str, dict[str, Any]] = {}
+    recordings = read_participant(study, person_id, inputs)
+    changed = [name for name, f in inputs.items() if request.sha256.get(name) != f["sha256"]]
+    if changed:
+        raise DataError(
+            f"{', '.join(changed)}: expected the content that was analysed, found another. "
+            "Analyse the study again: jointz analyze."
+        )
+    settings = participant_settings(
+        study, person_id, request.method, resamples=request.resamples, seed=request.seed
+    )
+    return settings, recordings
+
+
+def with_new_estimates(
+    analysis: StudyAnalysis, study: Study, results: Mapping[str, ParticipantResult]
+) -> StudyAnalysis:
+    """Return an analysis with new estimates of participants, and the new means over people.
+
+    Certificate, statistics and provenance stay as analysed; :func:`jointz.analyze` updates them.
+    """
+    method = str(analysis.settings["method"])
+    new_cells = {
+        (cell.label, cell.timing_point, name): cell
+        for result in results.values()
+        for name, cells in result.cells.items()
+        for cell in cells
+    }
+    old = {cell.label for cell in analysis.cells}
+    new = {label for label, _, name in new_cells if name == method}
+    if new - old or any(has_budget(c) and not c.prior_effects for c in analysis.cells):
+        raise DataError(
+            "the results were made by an earlier version of jointz and cannot be combined with new "
+            "estimates. Analyse the study again: jointz analyze."
+        )
+    cells = _updated(analysis.cells, new_cells)
+    people = list(dict.fromkeys(cell.participant for cell in cells))
+    pulses = {p: tuple(r.pulses) for p, r in results.items()}
+    strides = {p: tuple(r.strides) for p, r in results.items()}
+    # Single pulses of a bench stay as analysed if the method explains whole trials.
+    single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
+    models = {p: r.models for p, r in results.items()}
+    changed = replace(
+        analysis,
+        cells=cells,
+        comparison=_updated(analysis.comparison, new_cells),
+        population=population_means(person_cells(cells)) if study.spec.kind == "walking" else (),
+        pulses=_replaced(people, analysis.pulses, pulses),
+        strides=_replaced(people, analysis.strides, strides),
+        single=_replaced(people, analysis.single, single),
+        models=_replaced(people, analysis.models, models),
+        pooled=(),
+    )
+    if method != RECOMMENDED or len(people) < 2 or not any(map(has_budget, cells)):
+        return changed
+    pool = pool_people(person_cells(cells))
+    return replace(changed, population=pool.population, pooled=pool.cells)
+
+
+def _updated(
+    cells: tuple[CellEstimate, ...], new: Mapping[tuple[str, str, str], CellEstimate]
+) -> tuple[CellEstimate, ...]:
+    # The cell of a point without pulses stays.
+    return tuple(new.get((c.label, c.timing_point, c.method), c) for c in cells)
+
+
+def _replaced(people: list[str], old: tuple[Any, ...], new: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(
+        record
+        for person in people
+        for record in new.get(person, [r for r in old if r.participant == person])
+    )

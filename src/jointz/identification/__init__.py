@@ -1,0 +1,1 @@
+"""Identification of single recordings (``jointz identify``)."""

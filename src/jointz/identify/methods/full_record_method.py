@@ -1,0 +1,27 @@
+"""The method ``full_record``: loads on a bench, estimated from whole trials."""
+
+from jointz.identify.bench.bench_cells import METHOD, FullRecordEstimator
+from jointz.identify.estimators import Estimates, ParticipantData
+from jointz.identify.preparation.assignment import assign_pulses
+from jointz.identify.preparation.sources import ParticipantSettings
+from jointz.identify.study_kinds import StudyKind
+
+
+class FullRecordMethod:
+    """Estimator of whole trials; a case that is not one linear load is fitted pulse by pulse."""
+
+    name = METHOD
+    kinds = ("bench",)
+
+    def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
+        """Return ``none``: nothing is subtracted from a whole trial."""
+        return "none"
+
+    def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
+        """Estimate every case."""
+        estimator = FullRecordEstimator(data.participant, data.sources, settings)
+        pulses = assign_pulses(
+            data.participant, data.sources, settings, baseline=estimator.baseline
+        )
+        cells, records = estimator.run(pulses)
+        return Estimates(cells, records, single=estimator.single)

@@ -1,0 +1,42 @@
+"""Kinds of study, walking and bench, and what they differ in when impedance is estimated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class StudyKind:
+    """A kind of study."""
+
+    name: str  # as ``kind`` in study.toml
+    by_gait: bool  # timing points are phases of the gait cycle; otherwise cases or trials
+    by_side: bool  # every session and side is estimated by itself
+    drifts: bool  # posture drifts, so that neighbouring strides are resampled together
+    reference_keys: tuple[str, ...]  # what a recording should share with its unperturbed one
+    bounded: bool  # whether the dissertation asks for K, B, J >= 0
+    per_mass: bool  # values per kg are expected even if the mass is missing
+    single_pulses: bool  # every pulse is estimated by itself, too
+
+
+WALKING = StudyKind(
+    name="walking",
+    by_gait=True,
+    by_side=True,
+    drifts=True,
+    reference_keys=("session", "side"),  # a new donning moves the sensor
+    bounded=True,
+    per_mass=True,
+    single_pulses=False,
+)
+BENCH = StudyKind(
+    name="bench",
+    by_gait=False,
+    by_side=False,
+    drifts=False,
+    reference_keys=("session", "side", "trial"),  # every trial has its own reference
+    bounded=False,
+    per_mass=False,
+    single_pulses=True,
+)
+#: Kinds by name.
+KINDS: Mapping[str, StudyKind] = {kind.name: kind for kind in (WALKING, BENCH)}

@@ -1,0 +1,1 @@
+"""Inspection of a file, and a proposed study (``jointz inspect``)."""

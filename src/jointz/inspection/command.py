@@ -1,0 +1,126 @@
+"""``jointz inspect``: content of a file, and a study to start from."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from jointz.core.errors import OutputError
+from jointz.core.whole_file import whole_file
+from jointz.terminal.file_options import Decimal, Delimiter, Figure
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import emit, emit_json
+from jointz.terminal.printout import check_figure, save_canvas
+
+if TYPE_CHECKING:
+    from jointz.inspection.inspection_result import Inspection
+
+
+def inspect(
+    file: Annotated[
+        Path, typer.Argument(dir_okay=False, help="Recording of any format that jointz reads.")
+    ],
+    toml: Annotated[
+        Path | None,
+        typer.Option("--toml", help="Write the proposed study to this file, or into this folder."),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a study file, or a figure, that exists.")
+    ] = False,
+    figure: Figure = None,
+    delimiter: Delimiter = None,
+    decimal: Annotated[
+        Decimal | None,
+        typer.Option("--decimal", help="Decimal sign in numbers; detected by default."),
+    ] = None,
+    skip_rows: Annotated[
+        int | None,
+        typer.Option("--skip-rows", min=0, help="Rows before the table; detected by default."),
+    ] = None,
+    no_header: Annotated[
+        bool, typer.Option("--no-header", help="The columns of a text file have no names.")
+    ] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Show the content of a file and propose a study.toml for it.
+
+    Prints channels, units, rates, gaps, ranges, thumbnails, obstacles to an analysis, and a
+    study.toml in which every guess is marked. The file is never changed.
+
+    Example: jointz inspect S01_walking.csv --toml study.toml
+    """
+    del debug
+    check_figure(figure)
+    target = None if toml is None else _target(toml)
+    for written in (target, figure):
+        if written is not None:
+            _check_free(written, file, overwrite=overwrite)
+    from jointz.inspection.inspect_file import inspect_file
+
+    layout = _layout(delimiter, decimal, skip_rows, no_header=no_header)
+    found = inspect_file(file, layout=layout, study_folder=target.parent if target else None)
+    if figure is not None:
+        _draw(found, figure)
+    if target is not None:
+        with whole_file(target, "Name another place.") as partial:
+            partial.write_text(found.toml, encoding="utf-8")
+    if as_json:
+        emit_json({"status": "ok", **found.to_dict(), "written": str(target) if target else None})
+    elif not quiet:
+        _print(found, target)
+
+
+def _target(toml: Path) -> Path:
+    """Return the study file; another ending could be that of a recording."""
+    target = toml / "study.toml" if toml.is_dir() else toml
+    if target.suffix.lower() != ".toml":
+        raise typer.BadParameter(f"--toml {toml}: expected a folder, or a name that ends in .toml.")
+    if not target.absolute().parent.is_dir():
+        raise typer.BadParameter(f"--toml {toml}: expected a file in a folder that exists.")
+    return target
+
+
+def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
+    """Refuse to replace existing files without --overwrite, and the recording in any case."""
+    if not target.exists():
+        return
+    if file.exists() and target.samefile(file):
+        raise OutputError(f"{target}: is the file to inspect. Name another file.")
+    if not overwrite:
+        raise OutputError(
+            f"{target}: exists and is kept. Name another file, or add --overwrite to replace it."
+        )
+
+
+def _layout(
+    delimiter: str | None, decimal: Decimal | None, skip_rows: int | None, *, no_header: bool
+) -> dict[str, Any]:
+    if delimiter == "":
+        raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
+    known: dict[str, Any] = {
+        "delimiter": delimiter,
+        "decimal": decimal.value if decimal else None,
+        "skip_rows": skip_rows,
+    }
+    assigned = {name: value for name, value in known.items() if value is not None}
+    return assigned | ({"header": False} if no_header else {})
+
+
+def _draw(found: "Inspection", figure: Path) -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    drawn = sum(any(v is not None for v in c.outline) for c in found.channels)
+    canvas = Canvas(figsize=(7.0, max(2.0, 0.45 * drawn + 0.8)), layout="constrained")
+    found.plot(canvas.subplots())
+    save_canvas(canvas, figure)
+
+
+def _print(found: "Inspection", target: Path | None) -> None:
+    emit(found.summary())
+    if target is None:
+        emit("\nA study.toml to start from (--toml FILE writes it):\n")
+        emit(found.toml.rstrip("\n"))
+    else:
+        emit(f"\nWrote {target}: {found.n_guesses} guesses to check.")

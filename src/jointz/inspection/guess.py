@@ -1,0 +1,274 @@
+"""Guesses of the channels of a study among the columns of a file, with reasons."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.core.channels import CHANNEL_UNITS, CONDITIONS
+from jointz.core.units import conversion, si_unit_of
+from jointz.inspection.content import Column
+from jointz.inspection.names import (
+    GAIT_WORDS,
+    JOINTS,
+    Words,
+    channel_scores,
+    readable_unit,
+    word_set,
+    words_of,
+)
+from jointz.inspection.signals import Course, course_of
+
+#: Order of assignment: channels with clear names come first.
+_ORDER = (
+    *("time", "trial", "condition", "contact", "ground_reaction_force", "command", "reference"),
+    *("current", "motor_velocity", "motor_acceleration", "motor_angle", "torque", "angle"),
+    *("velocity", "cycle"),
+)
+_BARE_T = re.compile(r"[%#]?\s*T\s*")
+_LABELS = ("trial", "condition", "cycle")
+_LARGEST_RAD = 3.5  # beyond the range of joints
+_FULL_TURN = 2 * np.pi
+_LONGEST_STEP_S = 0.1
+_MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
+_CHANGES = 0.05  # largest share of samples at which a label changes
+_UNPERTURBED = word_set("unperturbed unpert npc enp normal baseline rest off no 0 false")
+_PERTURBED = word_set("perturbed pert apc ewp pulses pulse on yes 1 true")
+_NO_DEVICE = word_set("nwc nodevice without barefoot")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InspectedColumn:
+    """A column with the words of its name and a summary of its samples."""
+
+    column: Column
+    words: Words  # of its name, with the unit that the file states, if any
+    course: Course  # summary of its samples
+
+    @property
+    def key(self) -> str | int:
+        """Name of the column in a study."""
+        return self.column.key
+
+    @property
+    def title(self) -> str:
+        """Name of the column for people."""
+        return str(self.column.title or self.column.key)
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """Assignment of a column to a channel of a study."""
+
+    channel: str
+    why: str  # reason, in words
+    unit: str = ""  # "" for a label or a switch
+    unit_why: str = ""  # reason for the unit, "" if the file states it
+
+
+def inspect_column(column: Column) -> InspectedColumn:
+    """Inspect the name and the samples of a column."""
+    words = words_of(str(column.title or column.key))
+    stated = readable_unit(column.unit)
+    return InspectedColumn(
+        column, replace(words, unit=stated) if stated else words, course_of(column)
+    )
+
+
+def guessed_joint(columns: Sequence[InspectedColumn], file: Words) -> tuple[str, str]:
+    """Return the most likely joint of a file and the reason; "" if there is no hint."""
+    found: Counter[str] = Counter()
+    for channel in ("angle", "torque"):
+        for joint in {c.words.joint for c in columns if channel in channel_scores(c.words)}:
+            found[joint] += 1
+    del found[""]
+    if file.joint and (not found or file.joint in found):
+        return file.joint, "by the name of the file or the folder"
+    if found:
+        best = max(found.values())
+        return next(j for j in JOINTS if found[j] == best), "by names of columns"
+    named = next((j for j in JOINTS if any(c.words.joint == j for c in columns)), "")
+    return named, "by names of columns" if named else ""
+
+
+def guessed_side(columns: Sequence[InspectedColumn], file: Words, joint: str) -> tuple[str, str]:
+    """Return the first side to analyse and the reason; "" if names state no side."""
+    if file.side:
+        return file.side, "by the file's name"
+    sides = {c.words.side for c in columns if c.words.joint in ("", joint)} - {""}
+    if len(sides) > 1:
+        return "right", "the file has columns of both sides; name the others for left"
+    return (sides.pop(), "by names of columns") if sides else ("", "")
+
+
+def assign_channels(
+    columns: Sequence[InspectedColumn], file: Words, *, joint: str, side: str
+) -> dict[str, tuple[InspectedColumn, Assignment]]:
+    """Assign columns to channels, one to one."""
+    of_joint = [
+        c for c in columns
+        if c.words.joint in ("", joint) and (not side or c.words.side in ("", side))
+    ]  # fmt: skip
+    assigned: dict[str, tuple[InspectedColumn, Assignment]] = {}
+    used: set[int] = set()
+    for channel in _ORDER:
+        best = _best(channel, [c for c in of_joint if id(c) not in used])
+        if best is not None:
+            used.add(id(best))
+            by_unit = channel_scores(best.words)[channel] == 1
+            why = "its unit and name" if by_unit else "its name"
+            assigned[channel] = (best, _assignment(channel, best, why))
+    _by_content(assigned, [c for c in of_joint if id(c) not in used], file)
+    return assigned
+
+
+def _best(channel: str, columns: Sequence[InspectedColumn]) -> InspectedColumn | None:
+    fitting = [c for c in columns if _fits(channel, c)]
+    return max(fitting, key=lambda c: _score(channel, c), default=None)
+
+
+def _fits(channel: str, inspected: InspectedColumn) -> bool:
+    if channel not in channel_scores(inspected.words):
+        return False
+    if channel in _LABELS:
+        return _is_label(inspected, least=2 if channel == "condition" else 1)
+    if inspected.column.is_text or inspected.course.low is None:
+        return False
+    if channel == "contact" and channel_scores(inspected.words)[channel] == 1:
+        return inspected.words.unit == "V" or len(inspected.course.levels) == 2
+    if channel == "time" and _BARE_T.fullmatch(inspected.title) and not inspected.words.unit:
+        return False  # a torque, or a temperature
+    return channel != "time" or inspected.course.rises or _restarts(inspected)
+
+
+def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
+    level = float(channel == "time" and bool(inspected.words.unit))
+    if channel == "ground_reaction_force":  # of three axes, the one that carries the body
+        values = inspected.column.values
+        level = float(np.nanmean(values)) if np.isfinite(values).any() else 0.0
+    steady = "constant" in " ".join(inspected.course.notes)
+    return channel_scores(inspected.words)[channel] - 2 * steady, level
+
+
+def _is_label(inspected: InspectedColumn, *, least: int) -> bool:
+    """Tell whether a column holds few values that rarely change."""
+    values = inspected.column.values
+    if not inspected.column.is_text and not inspected.course.whole:
+        return False
+    changes = int((values[1:] != values[:-1]).sum())
+    return changes + 1 >= least and changes <= _CHANGES * values.size
+
+
+def _restarts(inspected: InspectedColumn) -> bool:
+    """Tell whether numbers rise and sometimes restart, as the time of trials."""
+    steps = np.diff(inspected.column.values)
+    rising = steps > 0
+    return bool(rising.size and rising.mean() > 0.9)
+
+
+def _by_content(
+    assigned: dict[str, tuple[InspectedColumn, Assignment]],
+    free: Sequence[InspectedColumn],
+    file: Words,
+) -> None:
+    """Assign columns without a name by their samples, in place."""
+    unnamed = [c for c in free if not c.column.title and isinstance(c.key, int)]
+    unnamed = [c for c in unnamed if c.course.low is not None]
+    if "time" not in assigned and unnamed and unnamed[0].course.rises:
+        first = unnamed.pop(0)
+        why = "the first column, and it only increases"
+        assigned["time"] = (first, _assignment("time", first, why))
+    if len(unnamed) != 1:
+        return
+    (only,) = unnamed
+    named = channel_scores(file)
+    wanted = max(named, key=lambda name: named[name], default="")
+    if wanted and wanted not in assigned and wanted not in ("time", *_LABELS):
+        assigned[wanted] = (
+            only,
+            _assignment(wanted, only, "the only column beside time; file's name"),
+        )
+    elif not wanted and _smooth(only) and not file.found & GAIT_WORDS:
+        assigned["angle"] = (
+            only,
+            _assignment("angle", only, "the only column beside time; it is smooth"),
+        )
+
+
+def _smooth(inspected: InspectedColumn) -> bool:
+    values = inspected.column.values[np.isfinite(inspected.column.values)]
+    spread = float(values.std())
+    turning = inspected.course.high is not None and max(
+        abs(inspected.course.high), abs(inspected.course.low or 0.0)
+    ) <= 360.0  # fmt: skip
+    return bool(spread and turning and np.diff(values).std() < 0.2 * spread)
+
+
+def _assignment(channel: str, inspected: InspectedColumn, why: str) -> Assignment:
+    if channel in _LABELS:
+        return Assignment(channel, why)
+    if channel == "contact":
+        volts = len(inspected.course.levels) != 2
+        return Assignment(channel, why, (inspected.words.unit or "V") if volts else "")
+    if inspected.words.unit:
+        return Assignment(channel, why, inspected.words.unit, inspected.column.unit_why)
+    unit, unit_why = guessed_unit(channel, inspected)
+    return Assignment(channel, why, unit, unit_why)
+
+
+def guessed_unit(channel: str, inspected: InspectedColumn) -> tuple[str, str]:
+    """Return the unit that a column's numbers suggest, and the reason."""
+    low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
+    size, span = max(abs(low), abs(high)), high - low
+    if channel == "time":
+        return _unit_of_time(inspected.column.values)
+    if channel in ("angle", "motor_angle"):
+        if span > _FULL_TURN or size > _LARGEST_RAD:
+            return "deg", f"{low:.4g} to {high:.4g} is too far for rad"
+        return "rad", f"{low:.4g} to {high:.4g} would be small in deg"
+    if channel in ("torque", "command") and size > _MOST_NM:
+        return "N*m", f"the usual one, though {size:.4g} is too much"
+    if channel == "current" and _MOST_A < size < _MOST_MA:
+        return "mA", f"{size:.4g} is too much for A"
+    return CHANNEL_UNITS[channel][0], "the usual one"
+
+
+def _unit_of_time(time: np.ndarray) -> tuple[str, str]:
+    steps = np.diff(time[np.isfinite(time)])
+    step = float(np.median(steps)) if steps.size else 0.0
+    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
+        if 0 < step * factor < _LONGEST_STEP_S:
+            return unit, f"stamps are {step:.6g} apart"
+    return "s", "the usual one"
+
+
+def si_of(assignment: Assignment) -> tuple[str, float]:
+    """Return the SI unit of a column and the factor to it."""
+    if not assignment.unit:
+        return "1", 1.0
+    si_unit, factor, _ = si_unit_of(assignment.unit)
+    return si_unit, factor
+
+
+def in_seconds(inspected: InspectedColumn, assignment: Assignment) -> np.ndarray:
+    """Return the stamps of a time column, s."""
+    factor, offset = conversion(assignment.unit or "s", "s")
+    return np.asarray(factor * inspected.column.values + offset)
+
+
+def guessed_condition(text: str) -> str:
+    """Return the condition that a name or a level means, "" for none."""
+    known = CONDITIONS.get(text.strip().casefold())
+    if known:
+        return known
+    found = words_of(text).found | {text.strip().casefold()}
+    for condition, words in (
+        ("no_device", _NO_DEVICE),
+        ("unperturbed", _UNPERTURBED),
+        ("perturbed", _PERTURBED),
+    ):
+        if found & words:
+            return condition
+    return ""

@@ -1,0 +1,189 @@
+"""Meaning of column names: words, units, joints, sides, and channels of a study."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from jointz.core.channels import CHANNEL_UNITS
+from jointz.core.errors import UnitError
+from jointz.core.units import si_unit_of
+from jointz.io.text.column_names import unit_in_name
+
+_WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+_BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
+_TAIL = re.compile(r"[_ ]([A-Za-z%°][A-Za-z0-9*/^°%.·]*)$")
+
+
+def word_set(text: str) -> frozenset[str]:
+    """Return the words of a text as a set."""
+    return frozenset(text.split())
+
+
+#: Last parts of names that are axes, counters or words, although they also spell a unit.
+_NO_UNIT_TEXTS = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
+_NO_UNIT_WORDS = word_set(
+    "x y z in t h g k j w c l r rev max min mean out id no m a n",
+)
+#: Common spellings of units in column names.
+_SPELLINGS: Mapping[str, str] = {
+    "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
+    "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
+    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg",
+}  # fmt: skip
+
+JOINTS = ("knee", "ankle", "hip", "elbow", "wrist", "shoulder")
+SIDES: Mapping[str, str] = {"right": "right", "left": "left", "r": "right", "l": "left"}
+#: Words that name the positive direction.
+DIRECTIONS = ("plantarflexion", "dorsiflexion", "flexion", "extension")
+#: Words of names in recordings of walking.
+GAIT_WORDS = word_set(
+    "grf gait stride treadmill footswitch contact heel foot walk walking belt cop fsr stance"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """Words of a name, and their meaning; "" for none."""
+
+    found: frozenset[str] = field(default_factory=frozenset)  # its words, in small letters
+    joint: str = ""
+    side: str = ""
+    direction: str = ""
+    unit: str = ""  # as :mod:`jointz.core.units` reads it
+
+
+def words_of(name: str) -> Words:
+    """Split a name into words."""
+    parts = [word.casefold() for word in _WORD.findall(name)]
+    found = frozenset([*parts, *(a + b for a, b in pairwise(parts))])
+    return Words(
+        found,
+        joint=next((joint for joint in JOINTS if joint in found), ""),
+        side=next((side for word, side in SIDES.items() if word in found), ""),
+        direction=next((d for d in DIRECTIONS if d in found), ""),
+        unit=_unit_of(name),
+    )
+
+
+def _unit_of(name: str) -> str:
+    """Return the unit at the end of a name, in brackets or after a blank."""
+    bracketed = _BRACKETS.search(name)
+    if bracketed:
+        return readable_unit(bracketed[1])
+    tail = _TAIL.search(name.replace("_per_", "/").replace(" per ", "/"))
+    if tail is None or tail[1].casefold() in _NO_UNIT_WORDS:
+        camel = _WORD.findall(name)[-1:] or [""]
+        last = camel[0].casefold()
+        return _SPELLINGS.get(last, last) if last in ("deg", "rad", "degrees", "radians") else ""
+    return readable_unit(tail[1])
+
+
+def readable_unit(text: str) -> str:
+    """Return a unit in readable spelling, "" if it is unknown."""
+    plain = _SPELLINGS.get(text.strip().casefold(), text.strip()) if text.strip() != "N" else "N"
+    if not plain or plain in ("1", "-") or plain.isdecimal():
+        return ""
+    try:
+        si_unit_of(plain)
+    except UnitError:
+        return ""
+    return plain
+
+
+def unreadable_unit(name: str, stated: str) -> str:
+    """Return the unit of a column that cannot be read, "" if there is none."""
+    unit = (stated or unit_in_name(name)).strip()
+    if unit.casefold() in _NO_UNIT_TEXTS or unit.isdecimal():
+        return ""
+    return "" if readable_unit(unit) else unit
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """Names of a channel: they have any of some words, and none of others."""
+
+    channel: str
+    any_of: frozenset[str]
+    none_of: frozenset[str] = frozenset()
+    and_of: frozenset[str] = frozenset()  # also one of these
+    score: int = 2
+
+    def fits(self, words: frozenset[str]) -> bool:
+        return bool(
+            words & self.any_of
+            and not words & self.none_of
+            and (not self.and_of or words & self.and_of)
+        )
+
+
+_AXES = word_set("posx posy posz x y z com cop")
+_TORQUES = word_set("torque moment tau trq drehmoment couple")
+_ANGLES = word_set("angle ang position pos theta winkel goniometer gonio encoder enc flexion q")
+_COMMANDED = word_set("command cmd commanded desired setpoint target demand")
+_MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
+_RULES = (
+    _Rule("time", word_set("time t timestamp zeit tijd temps sec seconds clock s"),
+          word_set("point to")),
+    _Rule("trial", word_set("trial run rep repetition block versuch trialno"), score=3),
+    _Rule("cycle", word_set("stride strideno cyclenumber stridenumber"), score=2),
+    _Rule("condition", word_set("condition cond phase mode perturbed bedingung"),
+          _ANGLES | _TORQUES),
+    _Rule("contact", word_set("contact footswitch fsr heelswitch stance switch"), score=3),
+    _Rule("ground_reaction_force", word_set("grf vgrf fz fory forz groundreaction loadcellz"),
+          _TORQUES, score=3),
+    _Rule("command", _COMMANDED | word_set("perturbation pert"),
+          _ANGLES | word_set("current response"), _TORQUES, 4),
+    _Rule("command", word_set("command cmd commanded"),
+          _ANGLES | word_set("current speed velocity")),
+    _Rule("reference", word_set("reference ref") | _COMMANDED, word_set("current"), _ANGLES, 4),
+    _Rule("current", word_set("current curr amps strom iq"), _COMMANDED, score=3),
+    _Rule("motor_velocity", _MOTOR, _TORQUES | _COMMANDED,
+          word_set("speed velocity vel omega"), 4),
+    _Rule("motor_acceleration", _MOTOR, _TORQUES | _COMMANDED,
+          word_set("acceleration acc accel"), 4),
+    _Rule("motor_angle", _MOTOR, _TORQUES | _COMMANDED, _ANGLES, 4),
+    _Rule("torque", _TORQUES, _COMMANDED | _AXES | word_set("momx momy momz motor"), score=3),
+    _Rule("velocity", word_set("velocity vel omega angularvelocity"),
+          word_set("belt treadmill motor com walking gait") | _AXES),
+    _Rule("angle", _ANGLES, _TORQUES | _COMMANDED | _AXES | word_set("motor scheduling reference "
+          "ref velocity vel speed rate acceleration sd toe"), score=3),
+)  # fmt: skip
+#: Words of columns that are no channel of the joint, whatever their unit.
+_NOT_JOINT = _MOTOR | word_set("scheduling reference ref sd std error")
+_INSOLE = word_set("heel foot toe insole sole")
+#: Words that raise or lower the score of a column.
+_PREFERRED = word_set("measured sensor adc loadcell joint exo actual knee filtered")
+_AVOIDED = word_set("raw estimated model calc calculated error sd std var perkg")
+
+
+def channel_scores(words: Words) -> dict[str, int]:
+    """Return the channels of a study that fit a name, with scores."""
+    scores: dict[str, int] = {}
+    for rule in _RULES:
+        if rule.fits(words.found):
+            more = bool(words.found & _PREFERRED) - bool(words.found & _AVOIDED)
+            scores[rule.channel] = max(scores.get(rule.channel, 0), 2 * rule.score + more)
+    for channel in _by_unit(words):
+        scores.setdefault(channel, 1)
+    return {c: s for c, s in scores.items() if _unit_allows(c, words.unit)}
+
+
+def _by_unit(words: Words) -> list[str]:
+    """Return the channels that fit a unit, if no words do: ``Knee_deg``, ``M_Nm``."""
+    if words.found & (_COMMANDED | _AXES | _NOT_JOINT):
+        return []
+    si_unit = si_unit_of(words.unit)[0] if words.unit else ""
+    found = ["angle"] if si_unit == "rad" and words.joint else []
+    found += ["torque"] if si_unit == "N*m" else []
+    return found + (["contact"] if words.found & _INSOLE else [])
+
+
+def _unit_allows(channel: str, unit: str) -> bool:
+    """Tell whether a unit fits a channel, per body mass or not."""
+    if not unit or channel not in CHANNEL_UNITS:
+        return True
+    si_unit = si_unit_of(unit)[0]
+    return si_unit.removesuffix("/kg") in CHANNEL_UNITS[channel] or (
+        channel == "ground_reaction_force" and si_unit in ("N", "m/s^2")  # N/kg
+    )

@@ -1,0 +1,361 @@
+"""Problems of a recording: pulses, direction of torque, obstacles to an analysis."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.recording import build_recording
+from jointz.core.study import FilesSpec
+from jointz.gait.sample_rate import (
+    LONGEST_S,
+    SHORTEST_S,
+    is_walking_stride,
+    median_stride_s,
+    rates_of_strides,
+    told_rates,
+)
+from jointz.identify.preparation.pulses import pulses_from_angle
+from jointz.inspection.guess import Assignment, InspectedColumn, in_seconds, si_of
+from jointz.inspection.inspection_result import SeenClock
+from jointz.inspection.names import channel_scores
+
+Assignments = Mapping[str, tuple[InspectedColumn, Assignment]]
+
+_SMOOTH_S = 0.01
+_APART_S = 0.08
+_EXPLAINED = 0.3
+_FOLLOWS = 0.6
+_FEWEST_PULSES = 3
+_CUTOFF_HZ = 20.0
+_FEWEST_SAMPLES = 100
+_LONGEST_LIST = 3
+_CYCLE_POINTS = (2, 1001)
+
+
+@dataclass(frozen=True, slots=True)
+class Pulses:
+    """Pulses of a recording."""
+
+    source: str = ""  # ``command``, ``angle``, or "" for none
+    n: int = 0
+    why: str = ""  # reason, in words
+
+
+def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
+    """Find pulses in the command, or else as steps of the angle."""
+    if "command" in assigned:
+        command = assigned["command"][0].column.values
+        there = np.isfinite(command) & (command != 0)
+        n = int((np.diff(there.astype(np.int8)) == 1).sum()) + int(bool(there.size and there[0]))
+        if n and there.mean() < 0.5:
+            return Pulses("command", n, f"the command is not zero {n} time(s)")
+        return Pulses("", 0, "the command is never zero for long" if n else "the command is zero")
+    if "angle" not in assigned or "torque" not in assigned or clock.rate_hz is None:
+        return Pulses()
+    return _steps(assigned, clock)
+
+
+def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
+    time = _time(assigned, clock)
+    if time is None or clock.restarts or clock.n_back or (clock.rate_hz or 0.0) < 5 * _CUTOFF_HZ:
+        return Pulses()
+    recording = build_recording(time, {"angle": _si(assigned, "angle")})
+    n = len(pulses_from_angle(recording, cutoff_hz=_CUTOFF_HZ))
+    return Pulses("angle", n, f"the angle steps {n} time(s)") if n >= _FEWEST_PULSES else Pulses()
+
+
+def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
+    """Return rates (Hz) at which strides have a usual duration, with that duration (s)."""
+    recording = _steps_of_feet(assigned, np.arange(clock.n, dtype=float))
+    return {} if recording is None else rates_of_strides(recording)
+
+
+def stride_notes(assigned: Assignments, clock: SeenClock, *, walking: bool) -> list[str]:
+    """Return a note if strides are longer or shorter than those of walking people."""
+    time = _time(assigned, clock)
+    if not walking or time is None or clock.restarts or clock.n_back:
+        return []
+    recording = _steps_of_feet(assigned, time)
+    stride = None if recording is None else median_stride_s(recording)
+    if recording is None or stride is None or is_walking_stride(stride):
+        return []
+    likely = told_rates(rates_of_strides(recording))
+    return [
+        f"strides last {stride:.3g} s (median) at {clock.rate_hz:.6g} Hz; people walk with "
+        f"{SHORTEST_S:g} to {LONGEST_S:g} s. Likely rate: {likely or 'unknown'}."
+    ]
+
+
+def _steps_of_feet(assigned: Assignments, time: np.ndarray) -> xr.Dataset | None:
+    """Return the channels that show heel strikes, None if there are none."""
+    names = [name for name in ("contact", "ground_reaction_force") if name in assigned]
+    if not names or time.size < _FEWEST_SAMPLES or not np.isfinite(time).all():
+        return None
+    kind = "voltage" if "contact" in assigned and assigned["contact"][1].unit else "contact"
+    units = {name: si_of(assigned[name][1])[0] for name in names if assigned[name][1].unit}
+    channels = {name: _si(assigned, name) for name in names}
+    return build_recording(time, channels, units=units, contact_kind=kind)
+
+
+def command_correlation(assigned: Assignments) -> float | None:
+    """Return the correlation of torque and command in pulses, None if it is small."""
+    command, torque = _si(assigned, "command"), _si(assigned, "torque")
+    both = np.isfinite(command) & np.isfinite(torque)
+    command, torque = command[both], torque[both]
+    if command.size < _FEWEST_SAMPLES or not command.std() or not torque.std():
+        return None
+    correlation = float(np.corrcoef(command, torque)[0, 1])
+    return correlation if abs(correlation) > _FOLLOWS else None
+
+
+def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:
+    """Return the signed share of the torque's changes that motion explains, None if it is small.
+
+    Changes of torque over 80 ms are regressed on those of angle, velocity and acceleration. If
+    stiffness and inertia are both negative, the torque acts on the device; if both are positive, it
+    acts on the joint.
+    """
+    time = _time(assigned, clock)
+    if time is None or clock.rate_hz is None or time.size < _FEWEST_SAMPLES:
+        return None
+    angle, torque = _si(assigned, "angle"), _si(assigned, "torque")
+    both = np.isfinite(angle) & np.isfinite(torque)
+    if not both.all() or clock.restarts or clock.n_back:
+        return None
+    half, apart = (max(1, round(s * clock.rate_hz)) for s in (_SMOOTH_S, _APART_S))
+    angle, torque = _smoothed(angle, half), _smoothed(torque, half)
+    velocity = np.gradient(angle) * clock.rate_hz
+    terms = (angle, velocity, np.gradient(velocity) * clock.rate_hz)
+    inside = slice(2 * half, -2 * half)
+    moves = np.column_stack([term[apart:] - term[:-apart] for term in terms])[inside]
+    answer = (torque[apart:] - torque[:-apart])[inside]
+    if len(answer) < _FEWEST_SAMPLES or not answer.var():
+        return None
+    solved, *_ = np.linalg.lstsq(moves, answer, rcond=None)
+    share = float(1 - (answer - moves @ solved).var() / answer.var())
+    together = solved[0] * solved[2] > 0
+    return share * float(np.sign(solved[0])) if share >= _EXPLAINED and together else None
+
+
+def _smoothed(values: np.ndarray, n: int) -> np.ndarray:
+    kernel = np.full(n, 1 / n)
+    return np.convolve(np.convolve(values, kernel, "same"), kernel, "same")
+
+
+def _time(assigned: Assignments, clock: SeenClock) -> np.ndarray | None:
+    if "time" in assigned:
+        return in_seconds(*assigned["time"])
+    return None if clock.rate_hz is None else np.arange(clock.n) / clock.rate_hz
+
+
+def _si(assigned: Assignments, channel: str) -> np.ndarray:
+    inspected, assignment = assigned[channel]
+    _, factor = si_of(assignment)
+    return np.asarray(factor * inspected.column.values)
+
+
+def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -> tuple[str, str]:
+    """Return why a table holds no course in time, and what takes it; two empty texts: it may."""
+    rows = columns[0].course.n if columns else 0
+    names = {str(c.column.title or c.key).casefold() for c in columns}
+    if any("stiffness" in n or "damping" in n for n in names):
+        return (
+            "it is a table of estimates, one row a person and timing point; not a course in time.",
+            "jointz compare takes it: --response COL --within COL --participant COL.",
+        )
+    if rows == 1 and {"mass", "height"} & {w for c in columns for w in c.words.found}:
+        return (
+            "it holds one row about a person; not a course in time.",
+            "Copy mass and height into [[participants]] of a study: mass_kg, height_m.",
+        )
+    percent = _percent(columns)
+    if percent and "time" not in assigned:
+        return (
+            f"it holds one mean over the cycle, {rows} points of column '{percent}', not strides "
+            "in time; impedance needs pulses and what surrounds them.",
+            "jointz.stats.quasi_stiffness takes a mean cycle.",
+        )
+    numbers = [c for c in columns if not c.column.is_text]
+    if "time" not in assigned and len(numbers) > 1 and all(_stamps(c) for c in numbers):
+        return (
+            "all its columns only increase: they hold times of events, not signals.",
+            "A study takes times of pulses from a table with the column onset_s: see the key "
+            "perturbations of a recording.",
+        )
+    return "", ""
+
+
+def _percent(columns: Sequence[InspectedColumn]) -> str:
+    for inspected in columns:
+        course, words = inspected.course, inspected.words
+        few = _CYCLE_POINTS[0] <= course.n <= _CYCLE_POINTS[1]
+        if few and course.rises and words.found & {"percent", "pct", "cycle", "gait"}:
+            return str(inspected.column.title or inspected.key)
+    return ""
+
+
+def _stamps(inspected: InspectedColumn) -> bool:
+    """Tell whether a column only increases; numbers may be missing at its end."""
+    return inspected.course.rises and not inspected.course.whole
+
+
+def missing_channels(
+    columns: Sequence[InspectedColumn], assigned: Assignments, clock: SeenClock
+) -> list[str]:
+    """Return what a study needs and the file does not have, a sentence each."""
+    found = []
+    names = {w for c in columns for w in c.words.found}
+    if (
+        columns
+        and not {"angle", "torque"} & set(assigned)
+        and not any(_has_name(c) for c in columns)
+    ):
+        found.append("its columns have no names: assign them to channels in [channels].")
+    if "angle" not in assigned:
+        why = "no column holds the joint's angle"
+        if names & {"posx", "posy", "posz"}:
+            why += " (there are markers: compute angles from them by inverse kinematics)"
+        elif "motor_velocity" in assigned or "current" in assigned:
+            why += " (it is a log of the actuator only)"
+        why += _in_other_units(columns, "angle")
+        found.append(f"{why}; every study needs it.")
+    if "torque" not in assigned and "current" not in assigned:
+        why = "no column holds a torque, or a motor current to compute it from"
+        found.append(f"{why}{_in_other_units(columns, 'torque')}.")
+    if "time" not in assigned and clock.rate_hz is None:
+        found.append(
+            f"no column holds time in numbers{_time_as_text(columns)}"
+            f"{_in_other_units(columns, 'time')}, and the file states no rate: give it as "
+            "sample_rate_hz."
+        )
+    return found
+
+
+def _in_other_units(columns: Sequence[InspectedColumn], channel: str) -> str:
+    """Return the columns with the name of a channel and a unit of another quantity."""
+    named = [
+        f"'{c.title}' is in '{c.words.unit}'"
+        for c in columns
+        if channel not in channel_scores(c.words)
+        and channel in channel_scores(replace(c.words, unit=""))
+    ]
+    return f" (with such a name, {', '.join(named[:_LONGEST_LIST])})" if named else ""
+
+
+def _time_as_text(columns: Sequence[InspectedColumn]) -> str:
+    for inspected in columns:
+        if inspected.column.is_text and "time" in channel_scores(inspected.words):
+            example = next(iter(inspected.course.levels), "")
+            return f" (column '{inspected.title}' holds text such as '{example}')"
+    return ""
+
+
+def _has_name(inspected: InspectedColumn) -> bool:
+    """Tell whether a column has a name, not only a number."""
+    last = (inspected.column.title or str(inspected.key)).rpartition(".")[2]
+    return not last.isdecimal()
+
+
+def bad_channels(assigned: Assignments, overflow: Mapping[str, str]) -> list[str]:
+    """Return why channels cannot be used, a sentence each."""
+    found = [
+        f"column '{assigned[channel][0].key}' ({channel}): {note} Its samples cannot be trusted."
+        for channel, note in overflow.items()
+        if channel in ("torque", "angle", "current", "time")
+    ]
+    found += [
+        inspected.column.stray for inspected, _ in assigned.values() if inspected.column.stray
+    ]
+    for channel in ("torque", "angle"):
+        if channel in assigned and si_of(assigned[channel][1])[0].endswith("/kg"):
+            found.append(
+                f"column '{assigned[channel][0].key}' is a {channel} per body mass: multiply it by "
+                "the body mass before you use it in a study."
+            )
+    return found
+
+
+def clock_obstacles(assigned: Assignments, clock: SeenClock) -> list[str]:
+    """Return the problems of the time stamps, a sentence each."""
+    found = []
+    if clock.n_back:
+        found.append(
+            f"{clock.n_back} time stamp(s) are missing, repeat or go back; time must increase."
+        )
+    cut = set()
+    for channel in ("trial", "condition"):
+        if channel in assigned:
+            values = assigned[channel][0].column.values
+            cut |= set((np.flatnonzero(values[1:] != values[:-1]) + 1).tolist())
+    open_ends = [k for k in clock.restarts if k not in cut]
+    if open_ends:
+        found.append(
+            f"time begins again {len(open_ends)} time(s), first at sample {open_ends[0] + 1}, and "
+            "no column marks the end of a trial there: add one that counts trials, or split it."
+        )
+    return found
+
+
+def command_advice(
+    file: str, assigned: Assignments, files: FilesSpec | None, *, acts_on: str
+) -> list[str]:
+    """Return the commands that take the file without changes."""
+    if "torque" not in assigned:
+        return []
+    options = {name: _option(assigned, name) for name in assigned}
+    own = f"{_quoted(file)}{_layout(files)}"
+    commands = []
+    if "angle" in assigned:
+        commands.append(
+            f"joint {own} --angle {options['angle']} --torque {options['torque']}{_clock(options)} "
+            f"--torque-acts-on {acts_on} {_input(options)} --model kbj"
+        )
+    if {"current", "motor_velocity"} <= set(assigned):
+        commands.append(
+            f"actuator {own} --model friction --current {options['current']} --velocity "
+            f"{options['motor_velocity']} --torque {options['torque']} --gear-ratio G"
+        )
+    course = assigned["command"][0].course if "command" in assigned else None
+    if course is not None and course.low != course.high:
+        commands.append(
+            f"bandwidth {own} --command {options['command']} --torque {options['torque']}"
+            f"{_clock(options)}"
+        )
+    return [f"Taken as it is by: jointz identify {command}" for command in commands]
+
+
+def _layout(files: FilesSpec | None) -> str:
+    if files is None:
+        return ""
+    options = [
+        (files.delimiter not in (None, ","), f"--delimiter {_quoted(files.delimiter or '')}"),
+        (files.decimal != ".", f"--decimal {files.decimal}"),
+        (files.skip_rows > 0, f"--skip-rows {files.skip_rows}"),
+        (not files.header, "--no-header"),
+    ]
+    return "".join(f" {option}" for needed, option in options if needed)
+
+
+def _quoted(text: str) -> str:
+    """Return a word quoted for a shell; a tab is written as an escape."""
+    return "$'\\t'" if text == "\t" else shlex.quote(text)
+
+
+def _clock(options: Mapping[str, str]) -> str:
+    return f" --time {options['time']}" if "time" in options else " --rate HZ"
+
+
+def _input(options: Mapping[str, str]) -> str:
+    return (
+        f"--input torque --command {options['command']}"
+        if "command" in options
+        else "--input angle"
+    )
+
+
+def _option(assigned: Assignments, name: str) -> str:
+    inspected, assignment = assigned[name]
+    return _quoted(f"{inspected.key}:{assignment.unit}" if assignment.unit else f"{inspected.key}")

@@ -1,0 +1,1 @@
+"""Formats of recordings: the registry and the formats of tables."""

@@ -1,0 +1,175 @@
+"""Registry of file formats, and functions that read or write a file in its format.
+
+A format registers by an entry point of the group ``jointz.formats``: its name is the suffix, its
+value a class that implements :class:`Format`. It is loaded when a file of its suffix is used.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Protocol, cast
+
+from jointz.core.acquisition import Acquisition
+from jointz.core.entry_points import registered
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.core.whole_file import whole_file
+from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_error
+
+GROUP = "jointz.formats"
+_TEXT = "jointz.io.text.text_format:TextFormat"
+_OPENSIM = "jointz.io.formats.opensim:OpenSimFormat"
+#: Suffix -> class of the formats of jointz; pyproject.toml registers the same.
+BUILT_IN: Mapping[str, str] = {
+    **dict.fromkeys((".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"), _TEXT),
+    **dict.fromkeys((".mot", ".sto"), _OPENSIM),
+    ".c3d": "jointz.io.c3d.c3d_format:C3dFormat",
+    ".mat": "jointz.io.formats.matlab_format:MatlabFormat",
+    ".nc": "jointz.io.formats.netcdf_format:NetcdfFormat",
+    ".parquet": "jointz.io.formats.parquet_format:ParquetFormat",
+    ".xdf": "jointz.io.xdf.xdf_format:XdfFormat",
+    ".xlsx": "jointz.io.text.workbook:WorkbookFormat",
+}
+
+
+class Format(Protocol):
+    """A file format.
+
+    To add a format, derive from :class:`jointz.io.formats.group_format.GroupFormat`: it needs
+    ``name`` and ``read`` only.
+    """
+
+    name: str  # as messages call the format, such as "text table"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:
+        """Return the whole content of a file, neither interpolated nor converted."""
+
+    def read_columns(self, path: Path, request: TableRequest) -> RawTable:
+        """Return the requested columns."""
+
+    def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
+        """Return the column names; None if only reading the samples would show them."""
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Return what writing would lose, one sentence per loss."""
+
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return the bytes of the file, without what :meth:`losses` lists."""
+
+
+def read_table(
+    path: Path,
+    *,
+    numeric: Sequence[str | int],
+    labels: Sequence[str | int] = (),
+    files: FilesSpec,
+    as_written: bool = False,
+    from_zero: bool = False,
+) -> RawTable:
+    """Read columns of a file; the other arguments are the fields of :class:`TableRequest`."""
+    file_format = _format_of_existing(path)
+    request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
+    both = {str(c) for c in numeric} & {str(c) for c in labels}
+    if both:
+        raise file_error(
+            path,
+            f"column '{min(both)}' is asked for both as numbers and as labels. Use it for one of "
+            "them.",
+        )
+    try:
+        table = file_format.read_columns(path, request)
+    except OSError as exc:
+        raise damaged(path, exc) from exc
+    lengths = {name: len(values) for name, values in table.columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise file_error(
+            path,
+            f"columns differ in length: {lengths}. Choose columns that were sampled together.",
+        )
+    return table
+
+
+def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
+    """List the columns of a file without reading its samples."""
+    file_format = _format_of_existing(path)
+    try:
+        return file_format.list_columns(path, files)
+    except OSError as exc:
+        raise damaged(path, exc) from exc
+
+
+def read_acquisition(path: Path, files: FilesSpec | None = None) -> Acquisition:
+    """Read the whole content of a file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file; its suffix selects the format.
+    files : FilesSpec, optional
+        How text files are laid out.
+
+    Raises
+    ------
+    DataError
+        If the file is missing or damaged, or no format has its suffix.
+    """
+    file_format = _format_of_existing(path)
+    try:
+        return file_format.read(path, files or FilesSpec())
+    except OSError as exc:
+        raise damaged(path, exc) from exc
+
+
+def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) -> list[str]:
+    """Write a file in the format of its suffix, whole or not at all; return what was lost.
+
+    Losses are refused unless ``lossy`` allows them.
+    """
+    file_format = format_of(path)
+    losses = file_format.losses(content)
+    if losses and not lossy:
+        raise file_error(
+            path,
+            f"{file_format.name} cannot hold all of it: {' '.join(losses)} Choose another format, "
+            "or allow the losses (--lossy).",
+        )
+    data = file_format.encode(content, path)
+    with whole_file(path, "Make room or name another place.") as partial:
+        partial.write_bytes(data)
+    return losses
+
+
+def format_of(path: Path) -> Format:
+    """Return the format of a file by its suffix; of several that match, the longest counts."""
+    name = path.name.lower()
+    formats = _formats()
+    matches = [suffix for suffix in formats if name.endswith(suffix)]
+    if not matches:
+        raise file_error(
+            path,
+            "no format for this kind of file; expected one of "
+            f"{', '.join(sorted(formats))}. Convert the file, or correct its suffix.",
+        )
+    return _load_format(formats[max(matches, key=len)])
+
+
+def _format_of_existing(path: Path) -> Format:
+    """Return the format of a file to be read, after checking that the file exists."""
+    file_format = format_of(path)
+    if not path.is_file():
+        raise DataError(
+            f"{path}: no such file. Correct the path or copy the file there.", path=str(path)
+        )
+    return file_format
+
+
+@cache
+def _formats() -> Mapping[str, EntryPoint]:
+    """Return the formats by suffix; those of other packages cannot replace those of jointz."""
+    return registered(GROUP, BUILT_IN)
+
+
+@cache
+def _load_format(entry: EntryPoint) -> Format:
+    return cast("Format", entry.load()())

@@ -1,0 +1,448 @@
+"""Open a study folder: read ``study.toml`` and report all its problems at once."""
+
+import difflib
+import hashlib
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from jointz.core.channels import (
+    CHANNEL_UNITS,
+    CONDITIONS,
+    LABEL_CHANNELS,
+    OPPOSITE_DIRECTION,
+)
+from jointz.core.errors import DataError, StudyError, UnitError
+from jointz.core.events import row_label
+from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
+from jointz.core.units import conversion
+from jointz.io.formats.registry import list_columns
+from jointz.io.recordings import StudyRecording
+from jointz.io.study_files import (
+    Unit,
+    channel_unit,
+    data_file,
+    named_as_written,
+    needed_channels,
+    shown_file,
+)
+from jointz.io.toml_problems import parse_toml, shape_problems
+
+_RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
+_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
+
+Problems = list[str]
+
+
+class OpenedStudy(Study):
+    """A study that was opened and checked, with its recordings."""
+
+    @property
+    def recordings(self) -> tuple[StudyRecording, ...]:
+        """Recordings in the order of ``study.toml``; each is read when ``read()`` is called."""
+        return tuple(StudyRecording(self, entry) for entry in self.spec.recordings)
+
+    def __repr__(self) -> str:
+        spec = self.spec
+        return (
+            f"<{spec.kind} study {self.root.resolve().name!r}: {spec.joint}, "
+            f"{len(spec.participants)} participants, {len(spec.recordings)} recordings>"
+        )
+
+
+def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
+    """Open a study and check everything that can be checked without reading samples.
+
+    Parameters
+    ----------
+    path : path
+        The folder that holds ``study.toml``, or the file itself.
+
+    Returns
+    -------
+    OpenedStudy
+        The study, ready for :func:`jointz.analyze`; ``recordings`` holds one object a recording,
+        whose ``read()`` gives its samples.
+
+    Raises
+    ------
+    StudyError
+        With every problem found: unknown keys, units, missing files and columns.
+    DataError
+        When there is no ``study.toml``.
+    """
+    file = Path(path)
+    file = file / "study.toml" if os.path.isdir(file) else file
+    if not os.path.isfile(file):
+        raise DataError(
+            f"{file}: no study.toml found. Give the folder that holds study.toml "
+            "(docs/study-format.md shows one to start from).",
+            path=str(file),
+        )
+    text = file.read_bytes()
+    raw = parse_toml(str(file), text, error=StudyError)
+    spec, problems = None, []
+    try:
+        spec = StudySpec.model_validate(raw)
+    except ValidationError as exc:
+        problems = shape_problems(exc, StudySpec, raw)
+    units, edges, unit_problems = _units(raw)
+    problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
+    problems += _file_problems(raw, file.parent)
+    exclusions, exclusion_problems = _user_exclusions(file.parent)
+    problems += exclusion_problems
+    if spec is None or problems:
+        raise StudyError(str(file), problems)
+    return OpenedStudy(
+        root=file.parent,
+        spec=spec,
+        sha256=hashlib.sha256(text).hexdigest(),
+        units=units,
+        group_edges=edges,
+        user_exclusions=exclusions,
+    )
+
+
+def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = raw.get(key)
+    return value if isinstance(value, Mapping) else {}
+
+
+def _entries(raw: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    value = raw.get(key)
+    return [e for e in value if isinstance(e, Mapping)] if isinstance(value, list) else []
+
+
+def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], Problems]:
+    """Convert the unit of every channel; problems instead of exceptions."""
+    units: dict[str, Unit] = {}
+    problems: Problems = []
+    for name, channel in _table(raw, "channels").items():
+        unit = channel.get("unit") if isinstance(channel, Mapping) else None
+        if unit is None or not isinstance(unit, str):
+            units[name] = (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
+            continue
+        try:
+            units[name] = channel_unit(name, unit, kind=channel.get("kind"))
+        except UnitError as exc:
+            analog = name == "contact" and channel.get("kind") != "voltage"
+            hint = ' A footswitch in V has kind = "voltage".' if analog else ""
+            problems.append(f"channels.{name}.unit: {exc}{hint}")
+    edges, edge_problems = _group_edges(raw, units)
+    return units, edges, problems + edge_problems
+
+
+def _group_edges(
+    raw: Mapping[str, Any], units: Mapping[str, Unit]
+) -> tuple[tuple[float, ...], Problems]:
+    group = _table(_table(raw, "perturbations"), "group")
+    edges, channel = group.get("edges"), group.get("channel")
+    if not isinstance(edges, list) or not isinstance(channel, str) or channel not in units:
+        return (), []
+    unit = group.get("unit")
+    try:
+        factor, offset = conversion(str(unit), units[channel][0]) if unit else (1.0, 0.0)
+    except UnitError as exc:
+        return (), [f"perturbations.group.unit: {exc}"]
+    return tuple(factor * e + offset for e in edges if isinstance(e, (int, float))), []
+
+
+def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what only the whole file shows: names that nothing stands behind."""
+    channels = _table(raw, "channels")
+    ids = [str(p.get("id")) for p in _entries(raw, "participants") if "id" in p]
+    for name, count in Counter(ids).items():
+        if count > 1:
+            yield f"participants: id '{name}' is given {count} times. Ids must be unique."
+    for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        person = str(entry.get("participant", ""))
+        if person and person not in ids:
+            yield (
+                f"recordings[{i}].participant: '{person}' is not among the participants "
+                f"({', '.join(ids) or 'none'})."
+            )
+        if "condition" not in entry and "condition" not in channels:
+            yield (
+                f'recordings[{i}]: no condition. Give condition = "unperturbed" or '
+                '"perturbed", or say with [channels.condition] which column holds it.'
+            )
+    yield from _cell_problems(raw)
+    yield from _side_problems(raw)
+    yield from _channel_problems(raw, channels)
+    yield from _perturbation_problems(raw, channels)
+
+
+def _cell_problems(raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what would put two recordings into one cell, or two cells under one name."""
+    cells = Counter(
+        (
+            str(entry.get("participant", "")),
+            _condition_of(entry),
+            str(entry.get("session", "")),
+            str(entry.get("side", "")),
+        )
+        for entry in _entries(raw, "recordings")
+        if _condition_of(entry) or "condition" not in entry
+    )
+    for (person, condition, session, side), count in cells.items():
+        if count > 1:
+            which = f", session '{session}'" if session else ""
+            which += f", side '{side}'" if side else ""
+            yield (
+                f"recordings: {count} recordings for participant '{person}', condition "
+                f"'{condition or 'in the file'}'{which}. One cell has one recording: join its "
+                "trials into one file (where time begins again, [channels.trial] names the column "
+                "that tells them apart), or remove the others. Another session is another day (on "
+                "a bench another case) and is estimated apart."
+            )
+    labels = Counter(row_label(*unit) for unit in {(p, s, side) for p, _, s, side in cells})
+    for label, count in labels.items():
+        if count > 1 and raw.get("kind") == "walking":
+            yield (
+                f"recordings: '{label}' would name two rows: an id or a session holds what another "
+                "recording states as its session or side. Change the id or the session."
+            )
+
+
+def _side_problems(raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield pulses of an unknown side, where the motion of both legs would be taken off."""
+    entries = _entries(raw, "recordings") if raw.get("kind") == "walking" else []
+    sides = {
+        (str(entry.get("participant", "")), entry.get("side"))
+        for entry in entries
+        if "condition" not in entry or _condition_of(entry) == "unperturbed"
+    }
+    for i, entry in enumerate(entries, start=1):
+        person = str(entry.get("participant", ""))
+        pulses = "condition" not in entry or _condition_of(entry) == "perturbed"
+        if pulses and "side" not in entry and {(person, "left"), (person, "right")} <= sides:
+            yield (
+                f"recordings[{i}].side: missing, and '{person}' has unperturbed recordings of both "
+                f"sides: state the side of {entry.get('file')}."
+            )
+
+
+def _condition_of(entry: Mapping[str, Any]) -> str:
+    """Return the condition of a recording, "" where it gives none that is known."""
+    return CONDITIONS.get(str(entry.get("condition", "")).strip().lower(), "")
+
+
+def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    if isinstance(raw.get("channels"), Mapping):  # said already where it is no table
+        yield from _missing_channels(raw, channels)
+    for name, channel in channels.items():
+        if not isinstance(channel, Mapping):
+            continue
+        if "kind" in channel and name != "contact":
+            yield f"channels.{name}.kind: only channels.contact has a kind."
+        if "values" in channel and name not in ("condition", "trial"):
+            yield f"channels.{name}.values: only condition and trial have values."
+        if "positive" in channel:
+            yield from _direction_problems(name, channel["positive"], raw)
+    for value in _table(_table(channels, "condition"), "values").values():
+        if str(value).lower() not in CONDITIONS:
+            yield (
+                f"channels.condition.values: '{value}' is no condition; expected unperturbed, "
+                "perturbed or no_device."
+            )
+
+
+def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    if "angle" not in channels:
+        yield "channels.angle: missing; every study needs the joint's angle."
+    conditions = [_condition_of(r) for r in _entries(raw, "recordings")]
+    # A bench that nothing perturbs may be a calibration: a hinge swung by hand has no torque.
+    unmoved = raw.get("kind") == "bench" and set(conditions) <= {"unperturbed", "no_device"}
+    need_torque = any(c != "no_device" for c in conditions) and not unmoved
+    from_current = "current" in channels and "torque_model" in raw
+    if need_torque and "torque" not in channels and not from_current:
+        yield "channels.torque: missing; give it, or channels.current and [torque_model]."
+
+
+def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
+    """Ask for a rate where there is no time; a line that only proposes one is named."""
+    if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
+        return []
+    line = next(
+        (n for n, content in enumerate(text.splitlines(), 1) if _RATE_LINE.match(content)), None
+    )
+    todo = f"correct line {line} and take its '#' away" if line else "give it"
+    return [
+        "channels.time: missing; without a time column sample_rate_hz is needed: "
+        f"{todo} (the rate of your recorder, no guess: it scales K, B and J)."
+    ]
+
+
+def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a direction that cannot be turned into the study's."""
+    if name in ("time", "contact", *LABEL_CHANNELS):
+        yield f"channels.{name}.positive: {name} has no direction. Remove the key."
+        return
+    study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
+    comparable = (
+        isinstance(study_direction, str)
+        and study_direction in OPPOSITE_DIRECTION
+        and isinstance(direction, str)
+    )
+    if (
+        comparable
+        and direction in OPPOSITE_DIRECTION
+        and direction not in (study_direction, OPPOSITE_DIRECTION[study_direction])
+    ):
+        yield (
+            f"channels.{name}.positive: expected the study's '{study_direction}' or its opposite "
+            f"'{OPPOSITE_DIRECTION[study_direction]}', got '{direction}'. Correct it, or the "
+            "study's positive."
+        )
+
+
+def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    settings = _table(raw, "perturbations")
+    source = settings.get("source")
+    perturbed = [
+        (i, r)
+        for i, r in enumerate(_entries(raw, "recordings"), start=1)
+        if "condition" not in r or _condition_of(r) == "perturbed"
+    ]
+    if source in ("command", "reference") and source not in channels:
+        yield f"perturbations.source: '{source}' needs [channels.{source}]."
+    for i, entry in perturbed:
+        if source == "table" and "perturbations" not in entry:
+            yield f'recordings[{i}].perturbations: missing; perturbations.source is "table".'
+        has_command = {"command", "reference"} & set(channels) or "perturbations" in entry
+        if source is None and not has_command:
+            yield (
+                f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
+                'a table (perturbations = "FILE.csv"), or perturbations.source.'
+            )
+    channel = _table(settings, "group").get("channel")
+    if isinstance(channel, str) and (channel not in channels or channel in LABEL_CHANNELS):
+        known = [name for name in channels if name not in LABEL_CHANNELS]
+        yield (
+            f"perturbations.group.channel: '{channel}' is not among the channels of numbers "
+            f"({', '.join(known)})."
+        )
+
+
+def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
+    """Find missing files and columns of all recordings, without reading samples."""
+    problems: Problems = []
+    try:
+        files = FilesSpec.model_validate(raw.get("files", {}))
+    except ValidationError:
+        return []  # reported already, and nothing can be read without it
+    columns = {
+        name: channel["column"]
+        for name, channel in _table(raw, "channels").items()
+        if isinstance(channel, Mapping) and "column" in channel
+    }
+    conditions = {_condition_of(entry) for entry in _entries(raw, "recordings")}
+    moments_only = raw.get("kind") == "walking" and conditions == {"no_device"}
+    checked: set[tuple[str, ...]] = set()
+    for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        needed = needed_channels(columns, _condition_of(entry) or None, moments_only=moments_only)
+        for key in ("file", "perturbations"):
+            name = entry.get(key)
+            if not isinstance(name, str) or (name, *needed) in checked:
+                continue
+            place = f"recordings[{i}].{key}"
+            path_problem = _path_problem(root, name)
+            if path_problem:
+                problems.append(f"{place}: {path_problem}")
+            elif key == "file":
+                checked.add((name, *needed))
+                needed_columns = {n: columns[n] for n in needed}
+                problems += _column_problems(place, root, name, needed_columns, files)
+    return problems
+
+
+def _path_problem(root: Path, name: str) -> str:
+    """Return why a file cannot be read, "" where it is there."""
+    try:
+        path = data_file(root, name)
+    except DataError as exc:
+        return str(exc)
+    if os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
+        return ""
+    shown = name if "$" in name else path
+    return f"file '{shown}' does not exist. Correct the name or bring the file."
+
+
+def _column_problems(
+    place: str, root: Path, file: str, columns: Mapping[str, str | int], files: FilesSpec
+) -> Problems:
+    try:
+        with named_as_written(root, file) as path:
+            columns_of_file = list_columns(path, files)
+    except DataError as exc:
+        return [f"{place}: {exc}"]
+    if columns_of_file is None or not files.header:
+        return []
+    missing = {n: c for n, c in columns.items() if isinstance(c, str) and c not in columns_of_file}
+    if not missing:
+        return []
+    shown = shown_file(file) if "$" in file else path.name
+    sentences = []
+    for channel, column in missing.items():
+        close = difflib.get_close_matches(column, columns_of_file, n=1)
+        hint = f" (did you mean '{close[0]}'?)" if close else ""
+        sentences.append(f"'{column}' for channel '{channel}'{hint}")
+    return [
+        f"{place}: {shown} has no column {', no column '.join(sentences)}. It has: "
+        f"{', '.join(columns_of_file)}.{_layout_hint(columns_of_file)}"
+    ]
+
+
+def _layout_hint(columns: list[str]) -> str:
+    for mark, name in ((";", "a semicolon"), ("\t", "a tab")):
+        if len(columns) == 1 and mark in columns[0]:
+            return f" The columns seem to be separated by {name}: set delimiter under [files]."
+    return ""
+
+
+def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
+    """Read the user's own ``exclusions.csv``, where there is one."""
+    file = root / "exclusions.csv"
+    if not file.is_file():
+        return (), []
+    try:
+        table = pd.read_csv(file, encoding="utf-8-sig", dtype=str, keep_default_na=False)
+    except (OSError, ValueError) as exc:
+        return (), [f"exclusions.csv: not a readable table: {exc}."]
+    missing = [c for c in _EXCLUSION_COLUMNS if c not in table.columns]
+    if missing:
+        return (), [f"exclusions.csv: missing column(s) {', '.join(missing)}."]
+    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
+        return (), ["exclusions.csv, row 2: more values than the header has columns."]
+    table = table.fillna("").assign(onset=pd.to_numeric(table["onset_s"], errors="coerce"))
+    problems = [
+        f"exclusions.csv, row {row}, column 'onset_s': expected a number, found '{text}'."
+        for row, (text, onset) in enumerate(zip(table["onset_s"], table["onset"], strict=True), 2)
+        if not np.isfinite(onset)
+    ]
+    bad = sorted(set(table["action"]) - {"exclude", "restore"})
+    problems += [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
+    reasons = table["reason"].tolist() if "reason" in table.columns else []
+    problems += [
+        f"exclusions.csv, row {row}, column 'reason': {wrong}."
+        for row, text in enumerate(reasons, 2)
+        if (wrong := name_problem(" ".join(text.split())))  # a reason may have several lines
+    ]
+    rows = tuple(
+        UserExclusion(
+            participant=str(row["participant"]),
+            recording=str(row["recording"]),
+            onset_s=float(row["onset"]),
+            action=str(row["action"]),
+            reason=str(row.get("reason", "")),
+        )
+        for row in table.to_dict("records")
+    )
+    return rows, problems

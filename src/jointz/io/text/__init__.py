@@ -1,0 +1,1 @@
+"""Delimited text, workbooks, units and column names."""

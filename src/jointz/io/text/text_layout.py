@@ -1,0 +1,279 @@
+"""Proposal for the layout of a text file, from its first lines.
+
+Nothing is read by this layout: it is proposed, as ``[files]`` of a study, to whoever
+inspects a file, and :mod:`jointz.io.text.delimited` still refuses what does not fit it.
+"""
+
+import csv
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import file_error
+from jointz.io.text.delimited import MISSING_TEXT, check_signs, decompressed_text, is_number
+
+_LINES = 400
+_IN_A_ROW = 3  # rows of one shape that are called the table
+#: Signs between columns, in the order in which they are tried, and what they are called.
+DELIMITERS: Mapping[str, str] = {
+    ",": "a comma",
+    ";": "a semicolon",
+    "\t": "a tab",
+    "|": "a bar",
+    " ": "a blank",
+}
+_HERTZ = r"(?:k?hz|1/s|s\^?-1|samples\s?(?:/|per)\s?s\w*)(?![a-z])"
+#: A number of Hz, in lower case without accents.
+_FREQUENCY = re.compile(
+    rf"""(?<![\d.,])(\d+(?:[.,]\d+)?) \s* ({_HERTZ})
+    | (?<![a-z])(k?hz) [^a-z\d.+-]* (\d+(?:[.,]\d+)?)""",
+    re.VERBOSE,
+)
+#: What says a sampling rate, likewise, at the beginning of a line or cell.
+_RATE = re.compile(
+    rf"""\W*(?:
+        (?:sampl\w*|sampel|data|frame|capture|abtast|mess|meet|bemonsterings)[ _-]?
+        (?:rate|freq\w*|hz|frequen[zt]\w*) | rate | sr | fs | f_s | sfreq | srate | abtastung
+        | (?:frequence|taux|cadence)[ ]d.?[ ]?echantillonnage
+        | (?:frecuencia|tasa|velocidad)[ ]de[ ]muestreo
+        | (?:frequenza|tasso|velocita)[ ]di[ ]campionamento
+    )(?![a-z]) [^a-z\d.+-]* (?:k?hz)? [^a-z\d.+-]* \d+(?:[.,]\d+)? \s* (?:{_HERTZ})? \W*$""",
+    re.VERBOSE,
+)
+_PARTS = re.compile(r"[;\t|]|,\s")
+_THOUSANDS = re.compile(r"\d{1,3}[.,]000")
+_SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
+_BRACKETED = re.compile(r"^[\[(].*[\])]$")
+_UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
+#: Words that stand in a row of units and nowhere else.
+_UNIT_WORDS = frozenset(
+    [
+        *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
+        *("n.m", "mnm", "nmm", "n", "m", "mm", "cm", "a", "ma", "v", "mv", "volts", "n/a", "-"),
+        *("1", "%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TextLayout:
+    """The layout of a text file as it was found."""
+
+    files: FilesSpec  # as under ``[files]`` of a study
+    names: tuple[str, ...]  # what the file calls its columns, "" for a column that it does not name
+    units: tuple[str, ...] = ()  # a row of units under the names; empty where there is none
+    notes: tuple[str, ...] = ()  # what had to be decided
+    rate_hz: float | None = None  # the sampling rate that a line above the table states
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns in a study: their own, or their numbers from 1."""
+        if self.files.header:
+            return self.names
+        return tuple(str(k) for k in range(1, len(self.names) + 1))
+
+
+def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayout:
+    """Find out how a text file is laid out."""
+    known = dict(given or {})
+    skipped = int(known.get("skip_rows") or 0)
+    lines = decompressed_text(path, skipped + _LINES)
+    best = max(
+        (_Candidate.of(lines[skipped:], *signs) for signs in _signs(path, known)),
+        key=lambda candidate: candidate.score,  # the first of equals
+    )
+    if not any(map(any, best.rows)) or (best.start is None and "header" not in known):
+        where = (
+            f"in {_LINES} lines from line {skipped + 1} on"
+            if skipped
+            else f"in its first {len(lines)} lines"
+        )
+        raise file_error(
+            path,
+            f"no table of numbers {where}. Say where it begins (--skip-rows), give its layout "
+            "(--delimiter, --decimal, --no-header), or another file.",
+        )
+    layout = _layout(best, known)
+    above = lines[: skipped + (best.start or 0)]
+    said = [part for line in above for part in (line, *_PARTS.split(line))]
+    rates = {rate for part in said if (rate := _stated_rate(part))}
+    other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
+    if rates and len(rates | other_rates) > 1:
+        rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
+        note = f"its first lines state {rate_list} Hz: which is the rate of the table?"
+        return replace(layout, notes=(*layout.notes, note))
+    return replace(layout, rate_hz=min(rates, default=None))
+
+
+def _stated_rate(line: str) -> float | None:
+    """Return the sampling rate in Hz that a line above a table states, None where it states none.
+
+    >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
+    (500.0, 1000.0, None)
+    """
+    plain = _plain(line)
+    return next(iter(_frequencies(plain)), None) if _RATE.fullmatch(plain) else None
+
+
+def _frequencies(plain: str) -> list[float]:
+    """Return every number above 0 that stands beside Hz or kHz, in Hz."""
+    rates = []
+    for after, unit, before_unit, before in _FREQUENCY.findall(plain):
+        text, unit = after or before, unit or before_unit
+        number = float(text.replace(",", "."))
+        exact = number < _SLOWEST_HZ and _THOUSANDS.fullmatch(text)
+        rates.append(number * (1000 if unit == "khz" or exact else 1))
+    return [hz for hz in rates if hz]
+
+
+def _plain(line: str) -> str:
+    """Return a line in lower case without accents."""
+    letters = unicodedata.normalize("NFKD", line.casefold())
+    return "".join(c for c in letters if not unicodedata.combining(c))
+
+
+def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:
+    delimiters = [known["delimiter"]] if known.get("delimiter") else list(DELIMITERS)
+    decimals = [known["decimal"]] if known.get("decimal") else [".", ","]
+    if known.get("delimiter"):
+        check_signs(path, known["delimiter"], known.get("decimal", ""))
+    return [(d, sign) for d, sign in product(delimiters, decimals) if d != sign]
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """The table that two signs make of the lines."""
+
+    delimiter: str
+    decimal: str
+    rows: tuple[tuple[str, ...], ...]
+    start: int | None
+
+    @classmethod
+    def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Candidate":
+        rows = tuple(_cells(line, delimiter) for line in lines)
+        return cls(delimiter, decimal, rows, _first_row(rows, decimal))
+
+    def spec(self, skip_rows: int, *, header: bool = True) -> FilesSpec:
+        """Return the layout with these signs."""
+        signs = {"delimiter": self.delimiter, "decimal": self.decimal}
+        return FilesSpec.model_validate({**signs, "skip_rows": skip_rows, "header": header})
+
+    @property
+    def score(self) -> tuple[bool, bool, float, int]:
+        """A table at all; more than one column; share of numbers; columns."""
+        if self.start is None:
+            return (False, False, 0.0, 0)
+        cells = [cell for row in self.rows[self.start :] for cell in row]
+        numbers = sum(is_number(cell, self.decimal) for cell in cells)
+        width = len(self.rows[self.start])
+        return (True, width > 1, round(numbers / max(len(cells), 1), 3), width)
+
+
+def _cells(line: str, delimiter: str) -> tuple[str, ...]:
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a quote that never ends, or a cell longer than csv allows
+        return (line,)
+    return tuple(cell.strip() for cell in cells)
+
+
+def _first_row(rows: Sequence[tuple[str, ...]], decimal: str) -> int | None:
+    """Return the first of some rows of one width in which a number stands.
+
+    Lines above a table may look like one (``Mass;70``): the table is where most cells stand in
+    rows of one shape, numbers and text in the same places.
+    """
+    shapes = [_shape(row, decimal) if _is_sample(row, decimal) else () for row in rows]
+    counts = Counter(shapes)
+    usual = max(counts, key=lambda shape: counts[shape] * len(shape), default=())
+    n_rows = min(_IN_A_ROW, sum(bool(row and any(row)) for row in rows[-_IN_A_ROW:]), len(rows))
+    alike = [len(shape) == len(usual) > 0 for shape in shapes]
+    for k, shape in enumerate(shapes):
+        if shape == usual and all(alike[k : k + max(n_rows, 1)]):
+            while k and alike[k - 1]:  # rows with a stray text are samples, too
+                k -= 1
+            return k
+    return None
+
+
+def _shape(row: tuple[str, ...], decimal: str) -> tuple[bool, ...]:
+    """Return where text stands in a row."""
+    return tuple(not is_number(cell, decimal) and cell not in MISSING_TEXT for cell in row)
+
+
+def _is_sample(row: tuple[str, ...], decimal: str) -> bool:
+    """Whether at least half of what stands in a row are numbers."""
+    written = [cell for cell in row if cell not in MISSING_TEXT]
+    numbers = sum(is_number(cell, decimal) for cell in written)
+    return bool(numbers) and 2 * numbers >= len(written)
+
+
+def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
+    if "skip_rows" in known or "header" in known:
+        return _stated_layout(candidate, known)
+    start = candidate.start or 0
+    width = len(candidate.rows[start])
+    above = candidate.rows[start - 1] if start else ()
+    if start >= 2 and _is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
+        files = candidate.spec(start, header=False)
+        note = (
+            f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
+            "are given by number."
+        )
+        return TextLayout(files, candidate.rows[start - 2], _bare(above), (note,))
+    if not start or not any(above) or len(above) > width + 1 or len(above) < max(width - 1, 2):
+        note = "the columns have no names: they are given by number, from 1."
+        files = candidate.spec(start, header=False)
+        return TextLayout(files, ("",) * width, (), (note,))
+    if len(above) != width or len(set(above)) < width:
+        return _numbered(candidate, above, width)
+    files = candidate.spec(start - 1)
+    note = f"{start - 1} row(s) stand above the names and are skipped."
+    return TextLayout(files, above, (), (note,) if start > 1 else ())
+
+
+def _numbered(candidate: _Candidate, above: tuple[str, ...], width: int) -> TextLayout:
+    """Return a layout of columns by number: the names above them do not tell them apart."""
+    start = candidate.start or 0
+    files = candidate.spec(start, header=False)
+    names = (above + ("",) * width)[:width]
+    why = f"row {start} names {len(above)} column(s), {width} stand under it"
+    if len(above) == width:
+        why = f"row {start} gives one name to several columns"
+    return TextLayout(files, names, (), (f"{why}: columns are given by number, from 1.",))
+
+
+def _stated_layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
+    """Return the layout of a table that begins where it is said to, else where it was found."""
+    header = bool(known.get("header", True))
+    above = 0 if "skip_rows" in known else max((candidate.start or 0) - header, 0)
+    files = candidate.spec(int(known.get("skip_rows") or above), header=header)
+    row = candidate.rows[above]
+    note = f"{above} row(s) stand above the table and are skipped."
+    return TextLayout(files, row if header else ("",) * len(row), (), (note,) if above else ())
+
+
+def _is_units(row: tuple[str, ...]) -> bool:
+    """Whether a row holds units: each is short, and most are known or stand in brackets."""
+    written = [cell for cell in row if cell]
+    bare = _bare(tuple(written))
+    likely = [
+        bool(_BRACKETED.match(cell)) or name.casefold() in _UNIT_WORDS
+        for cell, name in zip(written, bare, strict=True)
+    ]
+    return (
+        bool(written)
+        and all(_UNIT_LIKE.fullmatch(name) for name in bare if name)
+        and 2 * sum(likely) > len(likely)
+    )
+
+
+def _bare(row: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(cell.strip("[]() ") for cell in row)

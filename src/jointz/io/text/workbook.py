@@ -1,0 +1,211 @@
+"""Workbooks (.xlsx) as laboratories record into them, through openpyxl (``jointz[formats]``).
+
+What jointz writes is a sheet a group (names, units, samples) and a last sheet ``jointz`` with
+what cells have no place for: rates, kinds, descriptions, events, metadata.
+"""
+
+import io
+import lzma
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+from xml.parsers import expat
+
+import numpy as np
+
+from jointz.core.acquisition import Acquisition, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import has_infinity, has_text, listed, lost_signals, words_of
+from jointz.io.formats.memory_limit import check_unpacked
+from jointz.io.text.column_names import READING
+from jointz.io.text.workbook_layout import (
+    MOST_ROWS,
+    OWN_SHEET,
+    fits,
+    own_acquisition,
+    put_acquisition,
+)
+from jointz.io.text.workbook_tables import Sheet, groups_of, letters
+
+#: What a damaged workbook makes zipfile, the XML parser and openpyxl raise.
+_LIBRARY_ERRORS = (
+    *(OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, SyntaxError),
+    *(EOFError, MemoryError, OverflowError, RuntimeError, ArithmeticError, AssertionError),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+)
+_BLOCK_BYTES = 1 << 16
+_ELEMENT_BYTES = 700  # of one element of XML in memory; a cell with a value is two
+_MOST_COLUMNS = 16_384
+_MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
+
+
+class WorkbookFormat(GroupFormat):
+    """Reads the tables of all visible sheets; writes a sheet a group."""
+
+    name = "workbook .xlsx"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return a group a sheet, or a group a column of time; formulas by their values."""
+        sheets, hidden = _sheets(path)
+        if sheets and sheets[-1].title == OWN_SHEET:
+            try:
+                return own_acquisition(sheets)
+            except (KeyError, ValueError, TypeError, IndexError, OverflowError) as exc:
+                if isinstance(exc, DataError):
+                    raise
+                raise damaged(path, exc) from exc
+        groups: list[SignalGroup] = []
+        metadata: dict[str, str] = {}
+        for sheet in sheets:
+            tables, notes = groups_of(sheet)
+            groups += tables
+            metadata |= notes
+        if hidden:
+            metadata[f"{READING}hidden_sheets"] = f"not read: {', '.join(hidden)}"
+        if not groups:
+            titles = ", ".join(sheet.title for sheet in sheets) or "none visible"
+            raise file_error(
+                path,
+                "expected a row of names with numbers under it, found none on its sheets "
+                f"({titles}). Put names over the columns.",
+            )
+        return Acquisition(tuple(groups), (), metadata)
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Name what cells cannot hold: infinite numbers, control characters, too many rows."""
+        lost = []
+        for group in content.groups:
+            lost += lost_signals(group, "infinite numbers", has_infinity)
+            lost += lost_signals(
+                group,
+                "text with control characters, or over 32767 letters",
+                lambda s: has_text(s, fits),
+            )
+            if group.time_s is not None and not np.isfinite(group.time_s).all():
+                lost.append(f"Time stamps of group '{group.name}' that are no numbers are empty.")
+            if group.n_samples > MOST_ROWS - 2 or len(group.signals) > _MOST_COLUMNS - 1:
+                lost.append(
+                    f"Group '{group.name}' has {group.n_samples} samples of {len(group.signals)} "
+                    f"signals; a sheet ends at {MOST_ROWS} rows and {_MOST_COLUMNS} columns."
+                )
+        odd = [repr(word[:40]) for word in words_of(content) if not fits(word)]
+        if odd:
+            lost.append(f"It cannot hold as they are (control characters): {listed(odd)}.")
+        return lost
+
+    def encode(self, content: Acquisition, path: Path) -> bytes:
+        """Return a sheet a group, and the sheet ``jointz``."""
+        book = _openpyxl(path).Workbook(write_only=True)
+        put_acquisition(book, content, most_rows=MOST_ROWS - 2)
+        stream = io.BytesIO()
+        book.save(stream)
+        return stream.getvalue()
+
+
+def _openpyxl(path: Path) -> Any:
+    try:
+        import openpyxl
+    except ImportError as exc:
+        raise file_error(
+            path, 'workbooks need openpyxl. Install it: pip install "jointz[formats]".'
+        ) from exc
+    return openpyxl
+
+
+def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
+    """Return the visible sheets, and the titles of the hidden ones."""
+    openpyxl = _openpyxl(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # styles and extensions it does not know
+            _check_parts(path)
+            with path.open("rb") as stream:
+                values = openpyxl.load_workbook(stream, data_only=True)
+            with path.open("rb") as stream:
+                formulas = openpyxl.load_workbook(stream)
+            visible = [s for s in values.worksheets if s.sheet_state == "visible"]
+            titles = {sheet.title for sheet in visible}
+            hidden = [s.title for s in values.worksheets if s.title not in titles]
+            return [_sheet(path, s, formulas[s.title]) for s in visible], hidden
+    except _LIBRARY_ERRORS as exc:
+        if isinstance(exc, DataError):
+            raise
+        raise damaged(path, exc) from exc
+
+
+def _check_parts(path: Path) -> None:
+    """Refuse a damaged part of the file: openpyxl leaves out sheets that it cannot find."""
+    total = 0
+    with zipfile.ZipFile(path) as parts:
+        # What a part holds beyond its declared size is never read: its checksum is then wrong.
+        check_unpacked(path, sum(part.file_size for part in parts.infolist()))
+        for part in parts.infolist():
+            with parts.open(part) as stream:
+                for n_elements in _counted_elements(stream):
+                    total += n_elements
+                    check_unpacked(path, _ELEMENT_BYTES * total)
+
+
+def _counted_elements(stream: IO[bytes]) -> Iterator[int]:
+    """Yield how many elements a part has, block by block; of merged ranges each cell is one."""
+    counted = [0]
+
+    def count(tag: str, attributes: dict[str, str]) -> None:
+        counted[0] += 1
+        if tag.rpartition(":")[2] in ("mergeCell", "hyperlink"):
+            counted[0] += _cells_of(attributes.get("ref", ""))
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = count
+    is_xml = True
+    while block := stream.read(_BLOCK_BYTES):
+        try:
+            parser.Parse(block if is_xml else b"")
+        except expat.ExpatError:  # an image; what is wrong with a sheet openpyxl says
+            is_xml = False
+        yield counted[0]
+        counted[0] = 0
+
+
+def _cells_of(ref: str) -> int:
+    from openpyxl.utils import range_boundaries
+
+    try:
+        left, top, right, bottom = range_boundaries(ref)
+    except (ValueError, TypeError):
+        return 1
+    last = right or _MOST_COLUMNS, bottom or MOST_ROWS
+    return (last[0] - (left or 1) + 1) * (last[1] - (top or 1) + 1)
+
+
+def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
+    # The cells that there are: a stray one in the last corner makes a rectangle of 1.7e10.
+    filled = {at: c.value for at, c in values._cells.items() if c.value is not None}
+    unknown = {at for at, c in formulas._cells.items() if c.data_type == "f" and at not in filled}
+    used = filled.keys() | unknown
+    n_rows = max((row for row, _ in used), default=0)
+    width = max((column for _, column in used), default=1)
+    if n_rows * width > _MOST_CELLS:
+        row, column = max(used)
+        raise DataError(
+            f"{path.name}, {values.title}!{letters(column - 1)}{row}: cells are filled in as far "
+            f"as here, {n_rows} rows and {width} columns; expected a table of at most "
+            f"{_MOST_CELLS:,} cells. Empty what stands apart.",
+            path=str(path),
+        )
+    rows: list[list[Any]] = [[None] * width for _ in range(n_rows)]
+    for (row, column), value in filled.items():
+        rows[row - 1][column - 1] = value
+    merged = tuple(
+        (r.min_row - 1, r.min_col - 1, r.max_row - 1, r.max_col - 1)
+        for r in values.merged_cells.ranges
+    )
+    open_formulas = frozenset((row - 1, column - 1) for row, column in unknown)
+    return Sheet(path.name, values.title, [tuple(row) for row in rows], open_formulas, merged)

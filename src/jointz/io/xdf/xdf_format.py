@@ -1,0 +1,425 @@
+"""XDF: the streams of Lab Streaming Layer, each with time stamps on one common clock."""
+
+import io
+import logging
+import re
+import struct
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
+from jointz.io.formats.losses import text_array
+from jointz.io.text.column_names import READING, distinct_names
+from jointz.io.xdf.xdf_chunks import (
+    FILE_HEADER,
+    FOOTER,
+    MAGIC,
+    SAMPLES,
+    STREAM_HEADER,
+    Stream,
+    walk,
+)
+from jointz.io.xdf.xdf_plan import (
+    EVENTS,
+    OWN,
+    UNNAMED,
+    Clock,
+    XdfContent,
+    XdfStream,
+    events_of,
+    plan,
+)
+from jointz.io.xdf.xdf_tree import flat, xml_bytes
+
+_LIBRARY_ERRORS = (
+    *(ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError),
+    *(MemoryError, EOFError, SyntaxError, struct.error),
+)
+#: What pyxdf logs where offsets of a clock lead to no correction.
+_UNUSED = re.compile(r"Stream (\d+): Clock offsets .* cannot be used for synchronization")
+#: What became groups and signals, or is made by pyxdf, and is not told again as metadata.
+_TOLD = frozenset(
+    ("name", "channel_count", "channel_format", "nominal_srate", "stream_id", "effective_srate")
+)
+_NOT_IN_HEADER = ("segments", "clock_segments")
+_LARGEST_EXACT = 2**53
+
+
+class XdfFormat(GroupFormat):
+    """A group a stream; streams of markers are events too."""
+
+    name = "XDF"
+
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+        """Return the streams of a file, each under its name.
+
+        Time stamps are those of the recording computer: where the file has measured offsets of
+        a stream's clock they are put to account by pyxdf, and nothing is smoothed or
+        interpolated. Streams of one name are told apart by source, else by number. Streams of
+        texts at no nominal rate are markers, and each text is an event as well.
+        """
+        content = path.read_bytes()
+        walked = walk(path, content)
+        loaded = _load(path, content)
+        try:
+            return _acquisition(path, walked, loaded)
+        except DataError:
+            raise
+        except ValueError as exc:  # a number in a description that is none
+            raise damaged(path, exc) from exc
+
+    def losses(self, content: Acquisition) -> list[str]:
+        """Return what of a content an XDF file cannot hold."""
+        return plan(content)[1]
+
+    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
+        """Return XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
+        return xdf_bytes(plan(content)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    """Result of pyxdf: streams by number, header, and how often offsets led to no correction."""
+
+    streams: dict[int, dict[str, Any]]
+    header: Mapping[str, Any]
+    unused: Counter[int]
+
+
+def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> Acquisition:
+    names = _names(loaded.streams)
+    groups: list[SignalGroup] = []
+    events: list[Event] = []
+    info = loaded.header.get("info")
+    metadata = flat(info) if isinstance(info, Mapping) else {}
+    metadata.pop("version", None)
+    for number, stream in loaded.streams.items():
+        name, settings = names[number], _settings(stream)
+        group = _group(path, name, stream, _clock(path, walked[number], stream, settings))
+        remarks = _remarks(walked[number], stream, group)
+        remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
+        if settings.get(EVENTS) != "only":
+            groups.append(group)
+            metadata |= _described(stream, name, settings)
+            metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
+        irregular = float(_first(stream, "nominal_srate")) == 0
+        markers = irregular and _first(stream, "channel_format") == "string"
+        if settings.get(EVENTS, "yes" if markers else "no") != "no":
+            events += events_of(group)
+    events.sort(key=lambda event: event.time_s)
+    return Acquisition(tuple(groups), tuple(events), metadata)
+
+
+def _load(path: Path, content: bytes) -> _Loaded:
+    """Have pyxdf read a file; what it would only log is an error here."""
+    try:
+        import pyxdf
+    except ImportError as exc:
+        raise file_error(
+            path, "XDF files need pyxdf. Install it: pip install 'jointz[formats]'."
+        ) from exc
+    try:
+        with (
+            _overheard("pyxdf.pyxdf") as records,
+            warnings.catch_warnings(),
+            np.errstate(all="ignore"),
+        ):
+            warnings.simplefilter("ignore")
+            streams, header = pyxdf.load_xdf(
+                io.BytesIO(content), synchronize_clocks=True, dejitter_timestamps=False
+            )
+    except _LIBRARY_ERRORS as exc:
+        raise damaged(path, exc) from exc
+    errors = [record for record in records if record.levelno >= logging.ERROR]
+    if errors:
+        raise damaged(path, ValueError(errors[0].getMessage()))
+    if any("clock_segments" not in stream["info"] for stream in streams):
+        raise file_error(
+            path,
+            "XDF files need pyxdf 1.17.2 or newer, with numpy 2; found an older one. Update it: "
+            "pip install --upgrade 'jointz[formats]'.",
+        )
+    unused = [match for record in records if (match := _UNUSED.match(record.getMessage()))]
+    by_number = {int(stream["info"]["stream_id"]): stream for stream in streams}
+    return _Loaded(by_number, header, Counter(int(match[1]) for match in unused))
+
+
+@contextmanager
+def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
+    """Collect the warnings that a logger tells meanwhile, and keep them from the terminal."""
+    records: list[logging.LogRecord] = []
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.levelno >= logging.WARNING:
+                records.append(record)
+
+    logger, listener = logging.getLogger(name), Listener()
+    before = logger.propagate
+    logger.addHandler(listener)
+    logger.propagate = False
+    try:
+        yield records
+    finally:
+        logger.removeHandler(listener)
+        logger.propagate = before
+
+
+def _names(streams: Mapping[int, dict[str, Any]]) -> dict[int, str]:
+    """Return a name of its own for each stream."""
+    plain = {
+        number: "" if _settings(stream).get(UNNAMED) else _first(stream, "name")
+        for number, stream in streams.items()
+    }
+    names: dict[int, str] = {}
+    for number, name in plain.items():
+        twins = [n for n, other in plain.items() if other == name]
+        sources = [_first(streams[n], "source_id") for n in twins]
+        apart = all(sources) and len(set(sources)) == len(twins)
+        mark = _first(streams[number], "source_id") if apart else str(number)
+        unique = f"{name} ({mark})" if len(twins) > 1 else name
+        names[number] = unique if unique not in names.values() else f"{unique} #{number}"
+    return names
+
+
+def _first(stream: Mapping[str, Any], tag: str) -> str:
+    text = stream["info"].get(tag, [None])[0]
+    return text if isinstance(text, str) else ""
+
+
+def _settings(stream: Mapping[str, Any]) -> dict[str, str]:
+    """Return what jointz wrote about a stream for itself."""
+    texts = flat({"desc": stream["info"].get("desc", [])})
+    return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}
+
+
+def _described(stream: Mapping[str, Any], name: str, settings: Mapping[str, str]) -> dict[str, str]:
+    """Return what a stream's header says besides what jointz wrote for itself, as metadata."""
+    info = {tag: nodes for tag, nodes in stream["info"].items() if tag not in _NOT_IN_HEADER}
+    texts = flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
+    labelled = {
+        f"{place}.{tag}"
+        for place in _channel_places(stream)
+        for tag in ("label", "unit", "description")
+    }
+    metadata = {
+        f"{name}.{k}": text
+        for k, text in texts.items()
+        if k not in labelled and not k.startswith(OWN)
+    }
+    if settings.get("type"):  # said for other programs
+        metadata.pop(f"{name}.type", None)
+    nominal = _first(stream, "nominal_srate")
+    if float(nominal) > 0 and settings.get("clock") != Clock.UNIFORM:
+        metadata[f"{name}.nominal_srate"] = nominal
+    return metadata
+
+
+def _channel_places(stream: Mapping[str, Any]) -> list[str]:
+    count = int(_first(stream, "channel_count"))
+    return [f"desc.channels.channel{f'.{i}' if i > 1 else ''}" for i in range(1, count + 1)]
+
+
+def _clock(
+    path: Path, walked: Stream, stream: Mapping[str, Any], settings: Mapping[str, str]
+) -> SignalGroup:
+    """Return a stream's clock: its stamps, or first stamp and rate where it has no others."""
+    stamps = np.array(stream["time_stamps"], dtype=np.float64)
+    rate = float(_first(stream, "nominal_srate"))
+    only_first = walked.stamped == 1 and walked.first_stamped and walked.n_offsets == 0
+    clock = settings.get("clock")
+    empty = walked.n_samples == 0 and clock == Clock.UNIFORM
+    if rate > 0 and clock != Clock.STAMPS and (empty or only_first):
+        start = float(settings.get("start_s", "0")) if empty else float(stamps[0])
+        return SignalGroup("", (), rate_hz=rate, start_s=start)
+    if clock == Clock.NONE or (clock is None and walked.n_samples and not walked.stamped + rate):
+        return SignalGroup("", ())
+    if walked.n_samples and not walked.first_stamped:
+        raise _unstamped(path, walked, "its first sample has none to count from")
+    if walked.stamped < walked.n_samples and not rate:
+        missing = walked.n_samples - walked.stamped
+        raise _unstamped(path, walked, f"{missing} of {walked.n_samples} have none, nor a rate")
+    return SignalGroup("", (), time_s=stamps)
+
+
+def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
+    return DataError(
+        f"{path.name}, stream '{walked.name}': expected a time stamp a sample, or a first one and "
+        f"a nominal rate; {found}. Record or export it again.",
+        path=str(path),
+    )
+
+
+def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup) -> SignalGroup:
+    texts = flat({"desc": stream["info"].get("desc", [])})
+    places = _channel_places(stream)
+    labels = [texts.get(f"{place}.label", "") for place in places]
+    names = distinct_names(labels, len(places), "channel")
+    if clock.time_s is not None and not np.isfinite(clock.time_s).all():
+        row = int(np.flatnonzero(~np.isfinite(clock.time_s))[0])
+        raise DataError(
+            f"{path.name}, stream '{name}', sample {row + 1}: expected a time stamp, found "
+            f"{clock.time_s[row]}. Record or export it again.",
+            path=str(path),
+        )
+    signals = tuple(
+        Signal(
+            label,
+            _column(stream["time_series"], i),
+            texts.get(f"{place}.unit", ""),
+            texts.get(f"{place}.description", ""),
+        )
+        for i, (label, place) in enumerate(zip(names, places, strict=True))
+    )
+    return SignalGroup(name, signals, clock.rate_hz, clock.start_s, clock.time_s)
+
+
+def _column(series: Any, i: int) -> np.ndarray:
+    """Return a channel as float64, or as texts where float64 cannot hold its whole numbers."""
+    if isinstance(series, np.ndarray):
+        column = series[:, i]
+        if column.dtype.kind == "f" or not (np.abs(column) > _LARGEST_EXACT).any():
+            return column.astype(np.float64)
+        texts = [str(v) for v in column.tolist()]
+    else:
+        texts = [row[i] for row in series]
+    return text_array(texts)
+
+
+def _remarks(walked: Stream, stream: Mapping[str, Any], group: SignalGroup) -> list[str]:
+    """Return remarks on what looks odd about a stream."""
+    remarks = []
+    if walked.footer_count is None:
+        remarks.append("It has no footer: the recording was not closed.")
+    elif walked.footer_count > walked.n_samples:
+        remarks.append(f"Its footer counts {walked.footer_count} samples, it holds fewer.")
+    if len(stream["time_stamps"]) < walked.n_samples:
+        remarks.append("pyxdf left out samples after its end, known to be wrong.")
+    if walked.n_garbled:
+        remarks.append(f"{walked.n_garbled} texts are no UTF-8; what cannot be read is \ufffd.")
+    made_up = walked.n_samples - walked.stamped
+    if made_up and group.time_s is not None:
+        remarks.append(f"{made_up} of {walked.n_samples} time stamps follow from the nominal rate.")
+    return remarks
+
+
+def _synchronised(
+    path: Path, walked: Stream, stream: Mapping[str, Any], n_unused: int
+) -> list[str]:
+    """Return how the measured offsets of a stream's clock were used."""
+    segments = stream["info"]["clock_segments"]
+    if not (walked.n_offsets and walked.n_samples):
+        return []
+    if n_unused and len(segments) > 1:
+        raise DataError(
+            f"{path.name}, stream '{walked.name}': expected offsets of its clock that pyxdf can "
+            f"use, found {n_unused} of {len(segments)} parts without; their times are not known. "
+            "Record or export it again.",
+            path=str(path),
+        )
+    if n_unused:
+        return [
+            f"None of the {walked.n_offsets} offsets of its clock can be used: its time stamps are "
+            "NOT on the clock of the other streams."
+        ]
+    resets = len(segments) - 1
+    resets_note = f" Its clock was reset {resets} time(s); each part has a correction of its own."
+    return [
+        f"Time stamps are corrected by {walked.n_offsets} offsets of its clock."
+        + (resets_note if resets > 0 else "")
+    ]
+
+
+_SAMPLES_OF_A_CHUNK = 1 << 16
+_STAMPED = 8
+_SHORT = 0xFF
+
+
+def xdf_bytes(content: XdfContent) -> bytes:
+    """Return a whole file."""
+    head = xml_bytes({"version": ["1.0"], **content.header})
+    chunks = [MAGIC, _chunk(FILE_HEADER, head)]
+    streams = list(enumerate(content.streams, start=1))
+    chunks += [_chunk(STREAM_HEADER, _number(n) + xml_bytes(s.header)) for n, s in streams]
+    for number, stream in streams:
+        chunks += [_chunk(SAMPLES, _number(number) + body) for body in _samples(stream)]
+        chunks.append(_chunk(FOOTER, _number(number) + xml_bytes(_footer(stream.group))))
+    return b"".join(chunks)
+
+
+def _samples(stream: XdfStream) -> Iterator[bytes]:
+    """Yield the samples of each chunk; on a uniform clock only the first one has a stamp."""
+    group, n = stream.group, stream.group.n_samples
+    cuts = [*range(0, n, _SAMPLES_OF_A_CHUNK), n]
+    if stream.clock is Clock.UNIFORM and n > 1:
+        cuts.insert(1, 1)
+    stamps = group.times_s()
+    for start, stop in pairwise(cuts):
+        stamped = stream.clock is Clock.STAMPS or (stream.clock is Clock.UNIFORM and start == 0)
+        part = stamps[start:stop] if stamped and stamps is not None else None
+        columns = [signal.values[start:stop] for signal in group.signals]
+        write = _texts if group.signals[0].is_text else _numbers
+        yield _length(stop - start, short=False) + write(columns, part)
+
+
+def _numbers(columns: list[np.ndarray], stamps: np.ndarray | None) -> bytes:
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [("flag", "u1")]
+    if stamps is not None:
+        fields.append(("stamp", "<f8"))
+    fields.append(("values", "<f8", (len(columns),)))
+    rows = np.zeros(len(columns[0]), dtype=fields)
+    if stamps is not None:
+        rows["flag"], rows["stamp"] = _STAMPED, stamps
+    rows["values"] = np.stack(columns, axis=1)
+    return rows.tobytes()
+
+
+def _texts(columns: list[np.ndarray], stamps: np.ndarray | None) -> bytes:
+    parts = []
+    for row in range(len(columns[0])):
+        if stamps is None:
+            parts.append(b"\0")
+        else:
+            parts.append(struct.pack("<Bd", _STAMPED, stamps[row]))
+        for column in columns:
+            raw = column[row].encode("utf-8")
+            parts += [_length(len(raw), short=True), raw]
+    return b"".join(parts)
+
+
+def _footer(group: SignalGroup) -> dict[str, list[str]]:
+    stamps = group.times_s()
+    content = {"sample_count": [str(group.n_samples)]}
+    if stamps is not None and len(stamps):
+        content["first_timestamp"] = [repr(float(stamps[0]))]
+        content["last_timestamp"] = [repr(float(stamps[-1]))]
+    return content
+
+
+def _chunk(tag: int, body: bytes) -> bytes:
+    return _length(len(body) + 2, short=False) + struct.pack("<H", tag) + body
+
+
+def _number(stream: int) -> bytes:
+    return struct.pack("<I", stream)
+
+
+def _length(value: int, *, short: bool) -> bytes:
+    """Return a number of variable length: one byte where that will do, else four, else eight."""
+    if short and value <= _SHORT:
+        return struct.pack("<BB", 1, value)
+    if value <= 0xFFFFFFFF:
+        return struct.pack("<BI", 4, value)
+    return struct.pack("<BQ", 8, value)

@@ -1,0 +1,108 @@
+r"""A smooth curve over a cycle through values with errors: a periodic Gaussian process.
+
+Covariance between phases p and q :math:`a^2 \exp(-2 \sin^2(\pi (p - q)) / (2 \pi l)^2)` (MacKay
+1998, Introduction to Gaussian processes, equation 47), level unknown; a and l are integrated over
+a grid by their evidence.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.kernels.statistics.pooling_posterior import mixture_quantile
+
+#: Over which part of the cycle a curve may stay alike, cycles; even chances in its logarithm.
+_LENGTHS = np.geomspace(0.05, 0.5, 16)
+#: Amplitude over the range of the values; even chances in its logarithm.
+_AMPLITUDES = np.geomspace(0.1, 3.0, 14)
+_NUGGET = 1e-6
+#: Pairs of length and amplitude that are less likely do not count.
+_UNLIKELY = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PeriodicCurve:
+    """A curve with its pointwise band.
+
+    ``value``, ``low``, ``high`` (k,): median, and ends of the interval; ``length``: cycles: over
+    which part of the cycle the curve stays alike.
+    """
+
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    length: float
+
+
+def periodic_curve(
+    phases: np.ndarray,
+    values: np.ndarray,
+    covariance: np.ndarray,
+    *,
+    systematic: np.ndarray,
+    at: np.ndarray,
+    level: float = 0.95,
+) -> PeriodicCurve:
+    """Return a smooth periodic curve through values with errors.
+
+    ``phases`` (n,) cycles, rising; ``values`` (n,) with ``covariance`` (n, n) of their errors;
+    ``systematic`` (n,): sd of those alike at neighbouring phases, which must not average out;
+    ``at`` (k,) cycles: where the curve is evaluated. Length 5 to 50 % of the cycle, amplitude 0.1
+    to 3 times the range of the values, even chances in the logarithm. Misleads where the curve
+    changes within 5 % of the cycle.
+    """
+    n = values.size
+    if n < 2 or phases.shape != (n,) or covariance.shape != (n, n) or (np.diff(phases) < 0).any():
+        raise ValueError(
+            f"periodic_curve: expected two or more values at rising phases and their covariance, "
+            f"got {n} values, {phases.size} phases and a covariance of shape {covariance.shape}."
+        )
+    span = max(float(np.ptp(values)), float(np.sqrt(np.median(np.diag(covariance)))))
+    apart, beyond = phases[:, None] - phases[None, :], at[:, None] - phases[None, :]
+    added = np.interp(at, phases, systematic, period=1.0) ** 2
+    logs, means, variances = [], [], []
+    for length in _LENGTHS:
+        shape, reach = _likeness(apart, length), _likeness(beyond, length)
+        for amplitude in _AMPLITUDES * span:
+            power = amplitude**2
+            log, mean, lacking = _kriged(values, covariance, power * shape, power * reach)
+            logs.append(log)
+            means.append(mean)
+            variances.append(np.maximum(power + lacking, _NUGGET * power) + added)
+    chance = np.exp(np.array(logs) - max(logs))
+    chance /= chance.sum()
+    lengths = np.cumsum(chance.reshape(_LENGTHS.size, -1).sum(axis=1))
+    kept = chance > _UNLIKELY
+    parts = np.array(means)[None, kept], np.sqrt(np.array(variances))[None, kept]
+    weights = (chance[kept] / chance[kept].sum())[None]
+    tails = (0.5, 0.5 - level / 2.0, 0.5 + level / 2.0)
+    value, low, high = (mixture_quantile(*parts, weights, tail)[0] for tail in tails)
+    middle = float(_LENGTHS[min(int(np.searchsorted(lengths, 0.5)), _LENGTHS.size - 1)])
+    return PeriodicCurve(value, low, high, middle)
+
+
+def _likeness(apart: np.ndarray, length: float) -> np.ndarray:
+    width = 2.0 * np.pi * length
+    return np.asarray(np.exp(-2.0 * (np.sin(np.pi * apart) / width) ** 2))
+
+
+def _kriged(
+    values: np.ndarray, covariance: np.ndarray, shape: np.ndarray, reach: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return log evidence, mean, and variance less that of the process, of unknown level.
+
+    Rasmussen and Williams (2006), Gaussian processes for machine learning, section 2.7.
+    """
+    n = values.size
+    even = _NUGGET * float(np.trace(shape)) / n * np.eye(n)
+    total = shape + covariance + even
+    ones = np.ones(n)
+    solved = np.linalg.solve(total, np.column_stack([ones, values, reach.T]))
+    weight = float(ones @ solved[:, 0])
+    level = float(ones @ solved[:, 1]) / weight
+    off = solved[:, 1] - level * solved[:, 0]
+    log = -0.5 * float(np.linalg.slogdet(total)[1]) - 0.5 * float(np.log(weight))
+    log -= 0.5 * float((values - level) @ off)
+    lacking = 1.0 - ones @ solved[:, 2:]
+    variance = lacking**2 / weight - np.einsum("kn,nk->k", reach, solved[:, 2:])
+    return log, level + reach @ off, variance

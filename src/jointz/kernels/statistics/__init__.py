@@ -1,0 +1,1 @@
+"""Array functions for statistics."""

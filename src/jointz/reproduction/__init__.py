@@ -1,0 +1,1 @@
+"""Reproduction of the dissertation's chapters (``jointz reproduce``)."""

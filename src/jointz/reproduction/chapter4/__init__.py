@@ -1,0 +1,1 @@
+"""Chapter 4: impedance of the knee in walking."""

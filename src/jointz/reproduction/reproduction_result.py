@@ -1,0 +1,86 @@
+"""A chapter of the dissertation, printed beside ours."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import pandas as pd
+
+from jointz.core.provenance import now, software
+from jointz.reproduction.chapter_tables import table_lines
+from jointz.reproduction.reproduction_tables import Compared, ComparedTable, Table, texts
+from jointz.results.base import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Reproduction(Result):
+    """A chapter reproduced."""
+
+    SCHEMA: ClassVar[str] = "jointz.Reproduction/2"
+
+    chapter: int  # its number
+    title: str  # in short
+    tables: tuple[Table, ...]  # in the order of the page
+    curves: Mapping[str, Any] = field(default_factory=dict)  # what the figures draw, plain values
+    notes: tuple[str, ...] = ()  # what a reader must know
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, seed, settings
+
+    @classmethod
+    def of_chapter(
+        cls,
+        chapter: int,
+        tables: Iterable[Table],
+        curves: Mapping[str, Any],
+        *,
+        seed: int,
+        preset: str,
+        notes: Iterable[str] = (),
+    ) -> Self:
+        """Return a chapter under its title, with its notes and all that is needed to repeat it."""
+        text = texts()[f"chapter{chapter}"]
+        settings = {"chapter": chapter, "seed": seed, "preset": preset}
+        provenance = {**software(), "created": now(), "settings": settings}
+        notes = (*text["notes"], *notes)
+        return cls(chapter, text["title"], tuple(tables), curves, notes, provenance)
+
+    def table(self, name: str) -> Table:
+        """Return a table by name."""
+        for table in self.tables:
+            if table.name == name:
+                return table
+        raise KeyError(f"no table {name!r}; there are {', '.join(t.name for t in self.tables)}")
+
+    @property
+    def compared(self) -> tuple[ComparedTable, ...]:
+        """The tables that set number beside number."""
+        return tuple(table for table in self.tables if isinstance(table, ComparedTable))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a compared number, with the name of its table."""
+        columns = ["table", *Compared.__slots__]
+        rows = [{"table": t.name, **asdict(row)} for t in self.compared for row in t.rows]
+        return pd.DataFrame(rows, columns=columns)
+
+    def summary(self) -> str:
+        """Return the tables as text; long ones are left to their files."""
+        lines = [f"Chapter {self.chapter}: {self.title}"]
+        for table in self.tables:
+            lines += ["", *table_lines(table)]
+        lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
+        return "\n".join(lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw ours over the printed numbers, where units are percent."""
+        import matplotlib.pyplot as plt
+
+        axes = ax if ax is not None else plt.subplots(layout="constrained")[1]
+        frame = self.to_frame().query("unit == '%'")
+        for name, marker in (("dissertation", "o"), ("recommended", "s")):
+            axes.plot(*frame[["printed", name]].to_numpy(float).T, marker, linestyle="", label=name)
+        axes.set_xlabel("printed (%)")
+        axes.set_ylabel("reproduced (%)")
+        axes.legend()
+        return axes

@@ -1,0 +1,232 @@
+"""Tables of a chapter: numbers, statements and participants, printed beside ours."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
+
+import pandas as pd
+from pydantic import Field
+
+from jointz.reference import OtherDevice, Printed
+from jointz.reference.audit import audit
+from jointz.results.estimates import ParameterEstimate
+
+#: What became of a printed statement. ``not shown``: the test comes out as printed, and what the
+#: text makes of it does not follow, as likeness from a test that did not reject.
+Verdict = Literal[
+    "reproduced", "not reproduced", "not shown", "only with replicates as people",
+    "contradiction", "not possible", "ambiguous", "worth knowing", "not tested",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One quantity: as printed, by the dissertation's method, by the recommended one."""
+
+    quantity: str  # what is compared; the unit of all numbers, empty for a count
+    unit: str = ""
+    # as printed; by the dissertation's method and by the recommended one on the simulated bench;
+    # the simulation's truth. None where there is none
+    printed: float | None = None
+    dissertation: float | None = None
+    recommended: float | None = None
+    truth: float | None = None
+    printed_sd: float | None = None  # what stands after the plus-minus sign
+    dissertation_sd: float | None = None
+    recommended_low: float | None = None  # 95 % interval
+    recommended_high: float | None = None
+    note: str = ""  # what a reader should know
+
+    @property
+    def holds_truth(self) -> bool | None:
+        """Whether the interval holds the truth, None where the row lacks either."""
+        if self.truth is None or self.recommended_low is None or self.recommended_high is None:
+            return None
+        return self.recommended_low <= self.truth <= self.recommended_high
+
+
+#: A value alone, with its standard deviation, or with the limits of its interval.
+Number = float | None | tuple[float | None, ...]
+
+
+def compare(
+    quantity: str,
+    unit: str = "",
+    printed: Printed | None = None,
+    dissertation: Number = None,
+    recommended: Number | ParameterEstimate = None,
+    *,
+    truth: float | None = None,
+    note: str | None = None,
+) -> Compared:
+    """Set a printed number beside ours: mean and SD; value, lower and upper limit.
+
+    The note is that of the printed number where none is given.
+    """
+    if isinstance(recommended, ParameterEstimate):
+        recommended = recommended.value, recommended.ci_low, recommended.ci_high
+    mean, sd = dissertation if isinstance(dissertation, tuple) else (dissertation, None)
+    interval = recommended if isinstance(recommended, tuple) else (recommended, None, None)
+    value, low, high = interval
+    return Compared(
+        quantity,
+        unit,
+        printed.value if printed else None,
+        mean,
+        value,
+        truth,
+        printed.sd if printed else None,
+        sd,
+        low,
+        high,
+        note if note is not None else printed.note if printed else "",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedTable:
+    """A table that sets number beside number."""
+
+    name: str  # for files: letters, digits and ``_``
+    title: str
+    caption: str
+    rows: tuple[Compared, ...]
+    kind: Literal["ComparedTable"] = "ComparedTable"
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row a quantity."""
+        return pd.DataFrame([asdict(row) for row in self.rows], columns=list(Compared.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One printed statement beside what comes out here."""
+
+    where: str  # table, section or figure of the dissertation
+    claim: str  # what the statement is about
+    # the statement, and what comes out, each with its unit; ``ours`` is empty where nothing can be
+    # computed
+    printed: str
+    ours: str
+    verdict: Verdict
+    remark: str = ""  # what follows
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimTable:
+    """Printed statements with their verdicts."""
+
+    name: str
+    title: str
+    caption: str
+    rows: tuple[Claim, ...]
+    kind: Literal["ClaimTable"] = "ClaimTable"
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row a statement."""
+        return pd.DataFrame([asdict(row) for row in self.rows], columns=list(Claim.__slots__))
+
+
+@dataclass(frozen=True, slots=True)
+class GridBlock:
+    """Values of all participants from one source."""
+
+    label: str  # the source, such as ``printed``
+    # timing point -> a value of every participant, None where undecided
+    cells: Mapping[str, tuple[float | None, ...]]
+    # timing point -> the mean over participants with a value; as printed where it is printed
+    average: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantGrid:
+    """Timing points by participants, as tables 4.1 to 4.4 are printed."""
+
+    name: str
+    title: str
+    caption: str
+    unit: str  # of all values
+    participants: tuple[str, ...]  # heads of the columns
+    blocks: tuple[GridBlock, ...]  # one below the other
+    kind: Literal["ParticipantGrid"] = "ParticipantGrid"
+
+    def frame(self) -> pd.DataFrame:
+        """Return one row a source and timing point, a column a participant, and the average."""
+        return pd.DataFrame(
+            [
+                {"source": block.label, "timing_point": point, "unit": self.unit}
+                | dict(zip(self.participants, row, strict=True))
+                | {"average": block.average[point]}
+                for block in self.blocks
+                for point, row in block.cells.items()
+            ]
+        )
+
+
+Table = Annotated[ComparedTable | ClaimTable | ParticipantGrid, Field(discriminator="kind")]
+
+
+# --- sentences -----------------------------------------------------------------------------------
+
+
+@cache
+def texts() -> dict[str, Any]:
+    """Return all sentences: of ``figures``, and of a chapter by the name of its table."""
+    file = files("jointz.reproduction").joinpath("texts.toml")
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def heading(chapter: int, name: str, /, **values: Any) -> tuple[str, str, str]:
+    """Return name, title and caption of a table, with values filled in."""
+    text = texts()[f"chapter{chapter}"][name]
+    return name, text["title"], text["caption"].format(**values)
+
+
+def compared_table(
+    chapter: int, name: str, rows: Iterable[Compared], **values: Any
+) -> ComparedTable:
+    """Return a table of numbers under its title and caption."""
+    return ComparedTable(*heading(chapter, name, **values), tuple(rows))
+
+
+def claim_table(chapter: int, name: str, rows: Iterable[Claim], **values: Any) -> ClaimTable:
+    """Return a table of statements under its title and caption."""
+    return ClaimTable(*heading(chapter, name, **values), tuple(rows))
+
+
+def stated_claims(name: str, /, **values: Any) -> list[Claim]:
+    """Return statements of chapter 4, with values filled in."""
+    stated = texts()["chapter4"][name]["claims"]
+    return [Claim(**{key: text.format(**values) for key, text in one.items()}) for one in stated]
+
+
+def device_table(chapter: int, devices: Iterable[OtherDevice]) -> ComparedTable:
+    """Return the errors of other devices that a chapter prints."""
+    rows = []
+    for device in devices:
+        citations = ", ".join(map(str, device.citations))
+        quantity = f"{device.quantity} [{citations}]"
+        rows.append(Compared(quantity, device.unit, device.high, note=device.note))
+    return compared_table(chapter, "other_devices", rows)
+
+
+def audit_claims(*chapters: int) -> ClaimTable:
+    """Return the contradictions of the printed text, of some chapters or of all."""
+    rows = []
+    for finding in audit():
+        number = re.search(r"\d", finding.where)
+        if number is None:
+            raise ValueError(f"audit_claims: expected a number in {finding.where!r}")
+        if chapters and int(number.group()) not in chapters:
+            continue
+        verdict: Verdict = finding.kind
+        # Tables factors and pairs show what reproduces the statements of 4.3.2.2.
+        if finding.where == "4.3.2.2" and finding.kind == "not reproduced":
+            verdict = "only with replicates as people"
+        stated = (finding.where, finding.what, finding.printed, finding.recomputed)
+        rows.append(Claim(*stated, verdict, finding.remark))
+    return claim_table(4, "audit", rows)

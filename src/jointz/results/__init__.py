@@ -1,0 +1,1 @@
+"""Result types: values, tables, text, figures and their files."""

@@ -1,0 +1,285 @@
+"""Expected errors of a study, from known responses injected into it."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.events import row_label
+from jointz.core.gait_phases import ALL_POINTS
+from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+_DECIDED = ("ok", "at_bound")
+_LEVEL = 0.95
+#: A truth below this share of what is usual of its parameter has no error in % of it.
+_SMALL = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualEstimate:
+    """One parameter of an injected response, and its estimate."""
+
+    participant: str  # whose strides it was injected into
+    replicate: int  # which of the injections; those of one replicate share sensor and inertia
+    timing_point: str  # what was estimated
+    parameter: str
+    # what was injected, SI; mean over the window, weighted as the response tells of it
+    truth: float
+    value: float | None  # the estimate and its interval; None where undecided
+    ci_low: float | None
+    ci_high: float | None
+    status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
+    session: str = ""  # whose strides; "" where the study does not state them
+    side: str = ""
+
+    @property
+    def decided(self) -> bool:
+        """Whether there is a value to use."""
+        return self.status in _DECIDED and self.value is not None
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedError:
+    """Error to expect of one parameter, at a timing point or over all."""
+
+    parameter: str  # of what; timing point ``all`` is every one
+    timing_point: str
+    n: int  # virtual estimates
+    undecided_pct: float  # share of them without a value
+    # mean, and root mean square, of estimate / truth - 1, decided ones whose truth is not small;
+    # None where none is left
+    bias_pct: float | None
+    rmse_pct: float | None
+    # how well the RMSE is known from so many injections, standard deviation
+    rmse_sd_pct: float | None
+    rmse: float | None  # root mean square error, SI, of all that are decided
+    # share of the 95 % intervals that hold the truth, and how well it is known; of all that are
+    # decided
+    coverage: float | None
+    coverage_sd: float | None
+    # median width of the intervals, % of the truth, where this is not small
+    width_pct: float | None
+    # decided ones whose truth is too small for an error in %; see :func:`expected_errors`
+    n_small: int = 0
+
+    @property
+    def unit(self) -> str:
+        """The unit of ``rmse``."""
+        return PARAMETER_UNITS[self.parameter]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate(PlottedResult):
+    """Error and coverage to expect in a study, measured in its own strides.
+
+    Parameters
+    ----------
+    method : str
+        The method that the injected responses were estimated by.
+    errors : tuple of ExpectedError
+        For each parameter, over all timing points and at each.
+    estimates : tuple of VirtualEstimate
+        Every injected parameter and its estimate.
+    n_participants, replicates : int
+        People whose strides were used, and injections into each.
+    injected : mapping of str to str
+        ``stiffness``, ``damping``, ``inertia``, ``lag_s`` -> where the truth was from: "found"
+        where it is that of the study, or the values that were given.
+    left_out : mapping of str to str
+        Participants that nothing could be injected into, and why.
+    settings : mapping
+        Window, seed.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.Certificate/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
+
+    method: str
+    errors: tuple[ExpectedError, ...]
+    estimates: tuple[VirtualEstimate, ...] = ()
+    n_participants: int = 0
+    replicates: int = 0
+    injected: Mapping[str, str] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def error(self, parameter: str, timing_point: str = ALL_POINTS) -> ExpectedError:
+        """Return the error to expect of a parameter.
+
+        Parameters
+        ----------
+        parameter : str
+            ``stiffness``, ``damping`` or ``inertia``.
+        timing_point : str
+            A timing point, or ``all``.
+
+        Raises
+        ------
+        KeyError
+            When nothing was injected there.
+        """
+        for row in self.errors:
+            if (row.parameter, row.timing_point) == (parameter, timing_point):
+                return row
+        known = ", ".join(f"{r.parameter} at {r.timing_point}" for r in self.errors)
+        raise KeyError(f"no error of {parameter!r} at {timing_point!r}; there is: {known}")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the errors to expect, one row a parameter and timing point."""
+        return record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
+
+    def estimates_frame(self) -> pd.DataFrame:
+        """Return every injected parameter beside its estimate."""
+        return record_frame(self.estimates, VirtualEstimate.__slots__)
+
+    def summary(self) -> str:
+        """Return a short text: what error to expect of K, B and J, and how often it is decided."""
+        title = (
+            f"Certificate of {self.method}: {self.replicates} injection(s) into the unperturbed "
+            f"strides of {self.n_participants} participant(s)."
+        )
+        lines = [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
+        settings = [f"{k} {v}" for k, v in self.injected.items() if v != "found"]
+        if settings:
+            lines.append("Injected as given: " + "; ".join(settings))
+        lines += [f"Left out: {who}: {why}" for who, why in self.left_out.items()]
+        return summary_text(title, lines)
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw bias and RMSE at the timing points."""
+        points = list(dict.fromkeys(row.timing_point for row in self.errors))
+        for k, parameter in enumerate(PARAMETERS):
+            rows = [r for r in self.errors if r.parameter == parameter and r.rmse_pct is not None]
+            at = [points.index(r.timing_point) + 0.25 * (k - 1) for r in rows]
+            rmse = [r.rmse_pct or 0.0 for r in rows]
+            bars = axes.bar(at, rmse, width=0.22, label=f"{parameter}: RMSE")
+            colour = bars.patches[0].get_facecolor() if rows else "none"
+            bias = [r.bias_pct or 0.0 for r in rows]
+            axes.plot(at, bias, "o", color=colour, markeredgecolor="black", linestyle="none")
+        axes.axhline(0.0, color="black", linewidth=0.8)
+        axes.set_xticks(range(len(points)), points)
+        axes.set_ylabel("RMSE (bars), bias (dots), % of the truth")
+        axes.legend()
+
+
+def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError, ...]:
+    """Return the error to expect of every parameter, over all timing points and at each.
+
+    Standard deviations are those of a ratio of sums over virtual participants (Cochran,
+    Sampling Techniques, 6.3): what a participant's timing points share counts once.
+
+    An error in % of nearly nothing says nothing: a truth below a tenth of the median of its
+    parameter, or of its RMSE, over all timing points, counts in ``rmse``, ``coverage`` and
+    ``undecided_pct`` only. The truth decides which these are, not the estimate.
+    """
+    points = [ALL_POINTS, *dict.fromkeys(e.timing_point for e in estimates)]
+    rows = []
+    for name in PARAMETERS:
+        of_parameter = [e for e in estimates if e.parameter == name]
+        least = _least_truth(of_parameter)
+        for point in points:
+            at_point = [e for e in of_parameter if point in (ALL_POINTS, e.timing_point)]
+            if at_point:
+                rows.append(_expected(name, point, at_point, least=least))
+    return tuple(rows)
+
+
+def _least_truth(estimates: Sequence[VirtualEstimate]) -> float:
+    """Return the least truth that errors of a parameter are told in % of, SI."""
+    if not estimates:
+        return 0.0
+    decided = [e for e in estimates if e.decided]
+    usual = float(np.median([e.truth for e in estimates]))
+    return _SMALL * max(usual, _rmse(decided) if decided else 0.0)
+
+
+def _expected(
+    parameter: str, timing_point: str, estimates: Sequence[VirtualEstimate], *, least: float
+) -> ExpectedError:
+    decided = [e for e in estimates if e.decided]
+    undecided = 100.0 * (1.0 - len(decided) / len(estimates))
+    if not decided:
+        no_numbers: dict[str, Any] = dict.fromkeys(ExpectedError.__slots__[4:-1])
+        return ExpectedError(parameter, timing_point, len(estimates), undecided, **no_numbers)
+    relative = [e for e in decided if e.truth > 0.0 and e.truth >= least]
+    truth = _column(e.truth for e in decided)
+    low, high = _column(e.ci_low for e in decided), _column(e.ci_high for e in decided)
+    inside = ((low <= truth) & (truth <= high)).astype(float)
+    coverage, coverage_sd = _mean(inside, _people(decided))
+    return ExpectedError(
+        parameter=parameter,
+        timing_point=timing_point,
+        n=len(estimates),
+        undecided_pct=undecided,
+        **_relative(relative),
+        rmse=_rmse(decided),
+        coverage=coverage,
+        coverage_sd=coverage_sd,
+        n_small=len(decided) - len(relative),
+    )
+
+
+def _relative(estimates: Sequence[VirtualEstimate]) -> dict[str, float | None]:
+    """Return the errors in % of the truth."""
+    if not estimates:
+        return dict.fromkeys(("bias_pct", "rmse_pct", "rmse_sd_pct", "width_pct"))
+    truth = _column(e.truth for e in estimates)
+    relative = _column(e.value for e in estimates) / truth - 1.0
+    width = _column(e.ci_high for e in estimates) - _column(e.ci_low for e in estimates)
+    square, square_sd = _mean(relative**2, _people(estimates))
+    rmse = float(np.sqrt(square))
+    return {
+        "bias_pct": 100.0 * float(relative.mean()),
+        "rmse_pct": 100.0 * rmse,
+        "rmse_sd_pct": None if square_sd is None else 100.0 * square_sd / (2.0 * max(rmse, 1e-12)),
+        "width_pct": 100.0 * float(np.median(width / truth)),
+    }
+
+
+def _rmse(estimates: Sequence[VirtualEstimate]) -> float:
+    errors = _column(e.value for e in estimates) - _column(e.truth for e in estimates)
+    return float(np.sqrt((errors**2).mean()))
+
+
+def _people(estimates: Sequence[VirtualEstimate]) -> list[tuple[str, int]]:
+    return [(row_label(e.participant, e.session, e.side), e.replicate) for e in estimates]
+
+
+def _column(values: Iterable[float | None]) -> np.ndarray:
+    return np.array(list(values), dtype=float)
+
+
+def _mean(values: np.ndarray, clusters: Sequence[Any]) -> tuple[float, float | None]:
+    """Return a mean and its standard deviation, None from a single cluster."""
+    mean = float(values.mean())
+    names = dict.fromkeys(clusters)
+    if len(names) < 2:
+        return mean, None
+    sums = dict.fromkeys(names, 0.0)
+    for name, value in zip(clusters, values, strict=True):
+        sums[name] += float(value) - mean
+    off = np.array(list(sums.values()))
+    variance = len(off) / (len(off) - 1) * float(off @ off) / values.size**2
+    return mean, float(np.sqrt(variance))
+
+
+def _line(row: ExpectedError) -> str:
+    if row.rmse is None or row.coverage is None:
+        return f"{row.parameter:<10} never decided, {row.n} injected"
+    size = f"RMSE {row.rmse:.3g} {row.unit}"
+    if row.rmse_pct is not None:
+        about = "" if row.rmse_sd_pct is None else f" +- {row.rmse_sd_pct:.1f}"
+        size = f"RMSE {row.rmse_pct:.1f}{about} %, bias {row.bias_pct:+.1f} %"
+    small = f", {row.n_small} of {row.n} too small for errors in %" if row.n_small else ""
+    return (
+        f"{row.parameter:<10} {size}, {_LEVEL:.0%} intervals hold {row.coverage:.0%}, "
+        f"undecided {row.undecided_pct:.0f} %{small}"
+    )

@@ -1,0 +1,200 @@
+"""Stiffness and damping as smooth curves over the gait cycle, with bands."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.results.base import Result, axes_or_new, summary_text
+from jointz.results.series.frequency_response_curve import INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+#: Whose curve the one over people is.
+MEAN = "mean over people"
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """An estimate that a curve goes by."""
+
+    timing_point: str  # the timing point, or the group of measured phases
+    gait_pct: float  # where the response tells of the stiffness on average, % of the gait cycle
+    value: float  # estimate without bounds and its interval, SI
+    ci_low: float
+    ci_high: float
+    decided: bool  # whether it stands by itself; a curve uses undecided ones too, with their errors
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterBand:
+    """One parameter of one person, or of the mean over people, over the cycle."""
+
+    participant: str  # the id, or ``mean over people``
+    parameter: str  # such as ``stiffness``
+    value: tuple[float, ...]  # median of the curve and pointwise interval at each phase, SI
+    ci_low: tuple[float, ...]
+    ci_high: tuple[float, ...]
+    scale: str  # ``logarithmic`` or ``linear``: in which the curve is smooth
+    length_pct: float  # over which part of the cycle the curve stays alike: posterior median, %
+    points: tuple[CurvePoint, ...]  # the estimates it was made from
+
+    @property
+    def unit(self) -> str:
+        """Unit of values and intervals."""
+        return PARAMETER_UNITS[self.parameter]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PhaseCurve(Result):
+    """K and B over the gait cycle, of participants and of their mean.
+
+    Parameters
+    ----------
+    gait_pct : tuple of float
+        Phases of the curves, % of the gait cycle.
+    bands : tuple of ParameterBand
+        A curve a participant and parameter.
+    ci_level : float
+        Level of the pointwise intervals.
+    ci_method : str
+        How they were made.
+    settings : mapping
+        Method, window and version.
+    warnings : tuple of str
+        Whose curve is missing, and what a reader must know.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.PhaseCurve/1"
+
+    gait_pct: tuple[float, ...]
+    bands: tuple[ParameterBand, ...]
+    ci_level: float
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def band(self, parameter: str, participant: str = MEAN) -> ParameterBand:
+        """Return one curve.
+
+        Parameters
+        ----------
+        parameter : str
+            Such as ``stiffness``.
+        participant : str
+            The id; the mean over people by default.
+
+        Raises
+        ------
+        KeyError
+            When there is none.
+        """
+        for band in self.bands:
+            if (band.parameter, band.participant) == (parameter, participant):
+                return band
+        known = ", ".join(f"{b.parameter} of {b.participant}" for b in self.bands)
+        raise KeyError(f"no curve of {parameter!r} of {participant!r}; there are: {known}")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a curve and phase."""
+        columns = ["participant", "parameter", "gait_pct", "value", "unit", "ci_low", "ci_high"]
+        tables = [
+            pd.DataFrame(
+                {
+                    "participant": band.participant,
+                    "parameter": band.parameter,
+                    "gait_pct": self.gait_pct,
+                    "value": band.value,
+                    "unit": band.unit,
+                    "ci_low": band.ci_low,
+                    "ci_high": band.ci_high,
+                }
+            )
+            for band in self.bands
+        ]
+        table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)
+        return table.assign(ci_level=self.ci_level)
+
+    def points_frame(self) -> pd.DataFrame:
+        """Return one row an estimate that a curve goes by."""
+        names = list(CurvePoint.__slots__)
+        rows = [
+            (band.participant, band.parameter, *(getattr(point, name) for name in names))
+            for band in self.bands
+            for point in band.points
+        ]
+        return pd.DataFrame(rows, columns=["participant", "parameter", *names])
+
+    def summary(self) -> str:
+        """Return a short text: range and width of every curve."""
+        title = (
+            f"Impedance over the gait cycle, {len(self.bands)} curve(s), {self.ci_level:.0%} "
+            f"pointwise bands: {self.ci_method}"
+        )
+        return summary_text(title, (_range(b, self.gait_pct) for b in self.bands), self.warnings)
+
+    def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
+        """Draw the curves of one parameter over the cycle, with band and estimates.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        parameter : str
+            Which.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        axes = axes_or_new(ax, (7.0, 4.0))
+        bands = [band for band in self.bands if band.parameter == parameter]
+        # The mean stands out; people are thin lines beside it.
+        main = next((b for b in bands if b.participant == MEAN), bands[0] if bands else None)
+        for band in bands:
+            if band is not main:
+                axes.plot(self.gait_pct, band.value, color="0.7", linewidth=0.8)
+        if main is not None:
+            axes.fill_between(self.gait_pct, main.ci_low, main.ci_high, color=INK, alpha=0.25)
+            axes.plot(self.gait_pct, main.value, color=INK, label=main.participant)
+            _draw_points(axes, main.points)
+            axes.legend(loc="upper right", frameon=False)
+        axes.set_xlim(0.0, 100.0)
+        axes.set_xlabel("gait cycle (%)")
+        axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
+        return axes
+
+
+def _range(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
+    """Return a line: smallest and largest value, where they are, how wide the band is."""
+    low, high = int(np.argmin(band.value)), int(np.argmax(band.value))
+    widths = 0.5 * (np.array(band.ci_high) - np.array(band.ci_low))
+    return (
+        f"{band.parameter:<20} {band.participant}: {band.value[low]:.4g} (at {gait_pct[low]:g} %) "
+        f"to {band.value[high]:.4g} {band.unit} (at {gait_pct[high]:g} %), median band "
+        f"+-{float(np.median(widths)):.2g}, from {len(band.points)} phases"
+    )
+
+
+def _draw_points(axes: "Axes", points: tuple[CurvePoint, ...]) -> None:
+    for decided, face in ((True, INK), (False, "white")):
+        shown = [point for point in points if point.decided is decided]
+        if not shown:
+            continue
+        value = np.array([point.value for point in shown])
+        ends = np.array([[p.value - p.ci_low, p.ci_high - p.value] for p in shown]).T
+        axes.errorbar(
+            [point.gait_pct for point in shown],
+            value,
+            yerr=ends,
+            fmt="o",
+            color=INK,
+            markerfacecolor=face,
+            label=None if decided else "undecided alone",
+        )

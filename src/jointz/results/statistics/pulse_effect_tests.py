@@ -1,0 +1,255 @@
+"""Tests of the sign and direction of pulses on the estimates."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, ClassVar
+
+import pandas as pd
+
+from jointz.core.codes import Code
+from jointz.results.base import PlottedResult, Result, columns_with, record_frame, summary_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+_RESPONSE_SYMBOLS = {"stiffness": "K", "inertia": "J"}
+_EFFECT_MARKERS = {"type": "o", "direction": "s", "type:direction": "^", "joint": "D"}
+_RESPONSE_COLOURS = {"stiffness": "C0", "inertia": "C1"}
+_SMALLEST_DRAWN_P = 1e-16
+
+
+class Undecided(Code):
+    """Why a test of pulses has no answer; part of the file format."""
+
+    TOO_FEW_PULSES = "too_few_pulses", "fewer pulses with a finite estimate than the test needs"
+    ONE_LEVEL = "one_level", "every pulse has the same level: nothing to compare"
+    NO_VARIATION = "no_variation", "the estimates do not vary, or not inside the trials"
+    CONFOUNDED = "confounded", "type and direction go together: only their joint effect can be told"
+    MISSING_COMBINATION = "missing_combination", "a combination of type and direction has no pulse"
+    TOO_FEW_TRIALS = (
+        "too_few_trials",
+        "too few trials to tell the effects from differences between trials",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PulseTest:
+    """One test of one effect on one parameter, in one case and trajectory."""
+
+    case: str  # the load and the reference
+    trajectory: str
+    response: str  # ``stiffness`` or ``inertia``
+    # ``type`` (sign of the pulse), ``direction`` (with or against the trajectory),
+    # ``type:direction``, or ``joint``: any of them, where they cannot be told apart
+    effect: str
+    # ``one_way``: as printed, pulses taken as independent; ``mixed``: trial as a random factor
+    analysis: str
+    # the F test; None where undecided. An infinite F is given as None beside p = 0
+    statistic: float | None
+    df_num: float | None
+    df_den: float | None
+    p: float | None
+    p_holm: float | None  # adjusted over the family of the analysis, see :class:`PulseEffects`
+    # positive minus negative, with minus against; N*m/rad or kg*m^2. None for effects that are not
+    # one difference. The interval is of the mixed model, at ``1 - PulseEffects.alpha``
+    difference: float | None
+    ci_low: float | None
+    ci_high: float | None
+    n_pulses: int  # what entered
+    n_trials: int
+    status: str = "ok"  # ``ok`` or ``undecided``
+    code: str = ""  # why undecided, see :class:`Undecided`; empty where ``ok``
+
+
+@dataclass(frozen=True, slots=True)
+class PulseMeans:
+    """Means of one parameter in one case and trajectory."""
+
+    case: str  # as in :class:`PulseTest`
+    trajectory: str
+    response: str
+    # mean over the pulses of that type or direction; None where there is none
+    positive: float | None
+    negative: float | None
+    along: float | None
+    against: float | None
+    n_used: int  # pulses; those without a finite estimate, a sign or a direction are excluded
+    n_excluded: int
+    trial_sd: float | None  # between and inside trials, of the mixed model
+    residual_sd: float | None
+    # correlation of type and direction over the pulses, -1..1; None where one of them does not vary
+    confounding: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCount(Result):
+    """A count as section 2.4.2 of the dissertation gives them.
+
+    Parameters
+    ----------
+    claim : str
+        ``significant`` (p < alpha), ``positive_larger`` or ``with_larger``.
+    analysis : str
+        ``one_way`` or ``mixed`` for tests, ``means`` for comparisons of means.
+    response, effect : str
+        What it is about; ``all`` over both parameters or effects.
+    count, of : int
+        How many of how many; undecided ones count in neither.
+    """
+
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("share_pct",)
+
+    claim: str
+    analysis: str
+    response: str
+    effect: str
+    count: int
+    of: int
+
+    @property
+    def share_pct(self) -> float | None:
+        """``count`` in percent of ``of``; None of none."""
+        return 100.0 * self.count / self.of if self.of else None
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class PulseEffects(PlottedResult):
+    """Effects of pulse type and direction over the cases and trajectories of a study.
+
+    Parameters
+    ----------
+    tests : tuple of PulseTest
+        Both analyses, undecided tests included. Holm's correction runs over two families:
+        all decided ``one_way`` tests of the study, and all decided ``mixed`` ones.
+    means : tuple of PulseMeans
+        One a case, trajectory and parameter.
+    alpha : float
+        Level of the counts and, as ``1 - alpha``, of the intervals.
+    notes : tuple of str
+        What a reader must know, such as the confounded trajectories.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.PulseEffects/1"
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("counts",)
+
+    tests: tuple[PulseTest, ...]
+    means: tuple[PulseMeans, ...]
+    alpha: float = 0.05
+    notes: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> tuple[PulseCount, ...]:
+        """The counts of 2.4.2, for each analysis, parameter and effect."""
+        return (*self._significant(), *self._larger())
+
+    def count(self, claim: str, analysis: str, response: str, effect: str) -> PulseCount:
+        """Return one of :attr:`counts`.
+
+        Parameters
+        ----------
+        claim, analysis, response, effect : str
+            As in :class:`PulseCount`.
+
+        Raises
+        ------
+        KeyError
+            When there is no such count.
+        """
+        key = (claim, analysis, response, effect)
+        for c in self.counts:
+            if (c.claim, c.analysis, c.response, c.effect) == key:
+                return c
+        raise KeyError(f"no count {key}; PulseEffects.counts lists them")
+
+    def _significant(self) -> Iterable[PulseCount]:
+        every = ("stiffness", "inertia", "all")
+        for analysis in ("one_way", "mixed"):
+            for effect in ("type", "direction", "all", "joint", "type:direction"):
+                effects = ("type", "direction") if effect == "all" else (effect,)
+                for response in every:
+                    p = [
+                        t.p
+                        for t in self.tests
+                        if t.analysis == analysis
+                        and t.effect in effects
+                        and response in (t.response, "all")
+                        and t.p is not None
+                    ]
+                    if p or effect in ("type", "direction", "all"):
+                        n = sum(value < self.alpha for value in p)
+                        yield PulseCount("significant", analysis, response, effect, n, len(p))
+
+    def _larger(self) -> Iterable[PulseCount]:
+        for response in _RESPONSE_SYMBOLS:
+            means = [m for m in self.means if m.response == response]
+            for claim, effect, pairs in (
+                ("positive_larger", "type", [(m.positive, m.negative) for m in means]),
+                ("with_larger", "direction", [(m.along, m.against) for m in means]),
+            ):
+                known = [(a, b) for a, b in pairs if a is not None and b is not None]
+                larger = sum(a > b for a, b in known)
+                yield PulseCount(claim, "means", response, effect, larger, len(known))
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the tests as a table, one row a test."""
+        return record_frame(self.tests, PulseTest.__slots__)
+
+    def means_frame(self) -> pd.DataFrame:
+        """Return the means as a table, one row a case, trajectory and parameter."""
+        return record_frame(self.means, PulseMeans.__slots__)
+
+    def counts_frame(self) -> pd.DataFrame:
+        """Return the counts as a table, with their share in percent."""
+        return record_frame(self.counts, columns_with(PulseCount, "share_pct", after="of"))
+
+    def summary(self) -> str:
+        """Return a short text: the counts of both analyses, and the notes."""
+        cells = {(m.case, m.trajectory) for m in self.means}
+        title = f"Pulse type and direction in {len(cells)} case-trajectory pairs"
+        lines = [_sentence(c, self.alpha) for c in self.counts if c.of]
+        undecided = sum(t.status != "ok" for t in self.tests)
+        lines.append(f"{undecided} of {len(self.tests)} tests undecided")
+        return summary_text(title, lines, self.notes)
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the p-values of the mixed model, one column a case and trajectory."""
+        names = list(dict.fromkeys(f"{m.case}{m.trajectory}" for m in self.means))
+        for effect, marker in _EFFECT_MARKERS.items():
+            for response, symbol in _RESPONSE_SYMBOLS.items():
+                shown = [
+                    (names.index(f"{t.case}{t.trajectory}"), max(t.p, _SMALLEST_DRAWN_P))
+                    for t in self.tests
+                    if t.analysis == "mixed"
+                    and t.p is not None
+                    and (t.effect, t.response) == (effect, response)
+                ]
+                if shown:
+                    x, p = zip(*shown, strict=True)
+                    label, colour = f"{symbol}, {effect}", _RESPONSE_COLOURS[response]
+                    axes.plot(x, p, marker, color=colour, label=label, alpha=0.8)
+        axes.axhline(self.alpha, color="0.4", linestyle=":", label=f"{self.alpha:g}")
+        axes.set_yscale("log")
+        axes.set_xticks(range(len(names)), names)
+        axes.set_xlabel("case and trajectory")
+        axes.set_ylabel("p, trial as a random factor")
+        axes.legend(fontsize="small", ncols=2)
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a plain float, None for one that JSON cannot hold."""
+    return float(value) if isfinite(value) else None
+
+
+def _sentence(c: PulseCount, alpha: float) -> str:
+    share = f"{c.count} of {c.of} ({c.share_pct:.1f} %)"
+    if c.claim == "significant":
+        what = "type or direction" if c.effect == "all" else c.effect
+        where = "stiffness and inertia" if c.response == "all" else c.response
+        return f"{c.analysis}: {what} has p < {alpha:g} for {where} in {share}"
+    first, second = {
+        "positive_larger": ("positive", "negative"),
+        "with_larger": ("with the trajectory", "against it"),
+    }[c.claim]
+    return f"mean {c.response} of pulses {first} larger than {second} in {share}"

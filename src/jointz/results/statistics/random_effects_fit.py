@@ -1,0 +1,172 @@
+"""Random-effects means over studies, of one parameter or of several."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from pydantic import BeforeValidator, InstanceOf
+from scipy.special import stdtrit
+
+from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
+from jointz.kernels.statistics.multivariate_random_effects import MultivariateFit
+from jointz.results.base import Array, PlottedResult, Result, axes_or_new, summary_text
+from jointz.results.series.frequency_response_curve import INK, MODEL
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def _rebuilt(kind: type, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    return kind(**{k: np.asarray(v, float) if isinstance(v, list) else v for k, v in value.items()})
+
+
+_UnivariateFit = Annotated[
+    InstanceOf[RandomEffectsFit], BeforeValidator(partial(_rebuilt, RandomEffectsFit))
+]
+_MultivariateFit = Annotated[
+    InstanceOf[MultivariateFit], BeforeValidator(partial(_rebuilt, MultivariateFit))
+]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyMean:
+    """The mean over the people of a study."""
+
+    study: str  # as tables and figures call it
+    value: float  # mean and its standard error, SI
+    se: float
+    n_people: int  # people it is of
+    ci_level: float = 0.95  # of its own interval
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Student's interval over the people of this study alone."""
+        reach = float(stdtrit(self.n_people - 1, 0.5 + self.ci_level / 2.0)) * self.se
+        return self.value - reach, self.value + reach
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RandomEffects(Result):
+    """One parameter over studies."""
+
+    SCHEMA: ClassVar[str] = "jointz.RandomEffects/1"
+
+    parameter: str
+    unit: str
+    studies: tuple[StudyMean, ...]  # what was pooled
+    fit: _UnivariateFit  # mean, intervals, spread between studies, weights
+    ci_level: float = 0.95  # of all intervals
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a study: ``study, value, se, ci_low, ci_high, n_people, weight_pct``."""
+        rows = [
+            (s.study, s.value, s.se, *s.interval, s.n_people, 100.0 * weight)
+            for s, weight in zip(self.studies, self.fit.weights.tolist(), strict=True)
+        ]
+        names = ["study", "value", "se", "ci_low", "ci_high", "n_people", "weight_pct"]
+        return pd.DataFrame(rows, columns=names)
+
+    def summary(self) -> str:
+        """Return mean, interval, and how much studies differ."""
+        f, people = self.fit, sum(s.n_people for s in self.studies)
+        level = f"{100 * self.ci_level:g} %"
+        title = (
+            f"{self.parameter}: {f.mean:.4g} {self.unit}, {level} interval {f.low:.4g} to "
+            f"{f.high:.4g} ({len(self.studies)} studies, {people} people)"
+        )
+        lines = [
+            f"another study: {f.prediction_low:.4g} to {f.prediction_high:.4g}",
+            f"between studies: sd {np.sqrt(f.tau2):.3g} ({np.sqrt(f.tau2_low):.3g} to "
+            f"{np.sqrt(f.tau2_high):.3g}), I2 {f.i2_pct:.0f} %, Q {f.q:.3g} (p {f.q_p:.2g})",
+        ]
+        return summary_text(title, lines)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw a forest plot: the studies, their mean below them."""
+        f = self.fit
+        mean = {"value": f.mean, "ci_low": f.low, "ci_high": f.high}
+        mean |= {"prediction_low": f.prediction_low, "prediction_high": f.prediction_high}
+        axes = draw_forest(self.to_frame().to_dict("records"), mean, ax)
+        axes.set_xlabel(f"{self.parameter} ({self.unit}), {100 * self.ci_level:g} % intervals")
+        return axes
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class JointRandomEffects(PlottedResult):
+    """Several parameters over studies, their errors and their spread going together."""
+
+    SCHEMA: ClassVar[str] = "jointz.JointRandomEffects/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 3.0)
+
+    parameters: tuple[str, ...]  # of what, in the order of all arrays
+    units: tuple[str, ...]
+    studies: tuple[str, ...]  # what was pooled
+    values: Array  # means over people; NaN where a study has none
+    fit: _MultivariateFit  # means, intervals, covariance between studies
+    ci_level: float = 0.95  # of all intervals
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: mean, intervals, sd between studies, studies."""
+        return pd.DataFrame(
+            {
+                "parameter": self.parameters,
+                "unit": self.units,
+                "value": self.fit.mean,
+                "ci_low": self.fit.low,
+                "ci_high": self.fit.high,
+                "prediction_low": self.fit.prediction_low,
+                "prediction_high": self.fit.prediction_high,
+                "tau": np.sqrt(np.diag(self.fit.between)),
+                "n_studies": np.isfinite(self.values).sum(axis=0),
+            }
+        )
+
+    def summary(self) -> str:
+        """Return a line for each parameter."""
+        title = f"{len(self.studies)} studies, {', '.join(self.parameters)} together"
+        lines = (
+            f"{row.parameter}: {row.value:.4g} {row.unit}, {100 * self.ci_level:g} % interval "
+            f"{row.ci_low:.4g} to {row.ci_high:.4g}; sd between studies {row.tau:.3g}"
+            for row in self.to_frame().itertuples()
+        )
+        return summary_text(title, lines)
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw every parameter as a share of its mean, with its intervals."""
+        f, size, at = self.fit, np.abs(self.fit.mean), np.arange(len(self.parameters))
+        axes.hlines(at, f.prediction_low / size, f.prediction_high / size, lw=1.0, color=INK)
+        axes.hlines(at, f.low / size, f.high / size, lw=3.0, color=INK)
+        axes.plot(f.mean / size, at, "o", color=INK)
+        axes.set_yticks(at, list(self.parameters))
+        axes.set_ylabel("parameter")
+        axes.set_xlabel("share of the mean: interval (thick), another study (thin)")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON, which has no NaN."""
+        values = [[v if np.isfinite(v) else None for v in row] for row in self.values.tolist()]
+        return Result.to_dict(self) | {"values": values}
+
+
+def draw_forest(
+    studies: Sequence[Mapping[Any, Any]], mean: Mapping[Any, Any], ax: "Axes | None" = None
+) -> "Axes":
+    """Draw a forest plot: the studies, their mean below them."""
+    axes = axes_or_new(ax, (6.0, 4.0))
+    at, below = np.arange(len(studies)), len(studies) + 0.3
+    values = np.array([s["value"] for s in studies])
+    axes.hlines(at, [s["ci_low"] for s in studies], [s["ci_high"] for s in studies], color="0.4")
+    sizes = [20.0 + 3.0 * s["weight_pct"] for s in studies]
+    axes.scatter(values, at, s=sizes, marker="s", color=INK, zorder=2.5)
+    axes.hlines(below, mean["prediction_low"], mean["prediction_high"], color=MODEL, lw=1)
+    across = [mean["ci_low"], mean["value"], mean["ci_high"], mean["value"]]
+    axes.fill(across, [below, below - 0.25, below, below + 0.25], color=MODEL)
+    labels = [f"{s['study']} ({int(s['n_people'])})" for s in studies]
+    axes.set_yticks([*at, below], [*labels, "mean over studies"])
+    axes.invert_yaxis()
+    axes.set_ylabel("study (people)")
+    return axes

@@ -1,0 +1,228 @@
+"""The analysis of a whole study, with everything needed to reproduce it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import pandas as pd
+
+from jointz.core.errors import DataError
+from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
+from jointz.results.base import Result, axes_or_new, record_frame, summary_text
+from jointz.results.certificate_result import Certificate
+from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.participant_model import ParticipantModel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+#: Said where a bench has more than one "participant".
+NO_MEANS_ON_A_BENCH = (
+    "Means over participants are left out: those of a bench study are loads, and a mean over "
+    "unlike loads means nothing."
+)
+#: Columns of ``excluded.csv``.
+EXCLUDED_COLUMNS = (
+    "participant",
+    "recording",
+    "onset_s",
+    "timing_point",
+    "kind",
+    "code",
+    "detail",
+    "session",
+    "side",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationEstimate:
+    """Mean of one parameter over people, with an interval over people."""
+
+    timing_point: str  # what it is the mean of
+    onset_gait_pct: float | None  # mean measured onset, % of the gait cycle
+    parameter: str
+    value: float | None  # mean, standard deviation between people, and Student's interval
+    unit: str
+    sd: float | None
+    ci_low: float | None
+    ci_high: float | None
+    n_participants: int  # people with a value
+    method: str  # as in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed
+    status: str
+    ci_level: float = 0.95  # level of the interval
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class StudyAnalysis(Result):
+    """Result of analysing a study.
+
+    Parameters
+    ----------
+    cells : tuple of CellEstimate
+        The chosen method.
+    comparison : tuple of CellEstimate
+        Other methods on the same recordings.
+    population : tuple of PopulationEstimate
+        Means over people; none in a bench study.
+    pulses, strides, gaps : tuple
+        Everything found in the recordings, used or not.
+    single : tuple of PulseEstimate
+        Pulses of a bench, each estimated by itself.
+    pooled : tuple of CellEstimate
+        The chosen method's estimates, each drawn towards those of the others as far as it is
+        uncertain; of walking by the recommended method.
+    models : tuple of ParticipantModel
+        What the recommended method found about each walker's joint and sensor.
+    certificate : Certificate or None
+        What error to expect in this study; of walking by the recommended method.
+    statistics : mapping
+        Descriptive statistics: onset accuracy, strides, VAF.
+    settings : mapping
+        Method, resamples, seed, window and filter.
+    provenance : mapping
+        Versions, hashes, history of every input.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.StudyAnalysis/1"
+
+    cells: tuple[CellEstimate, ...]
+    comparison: tuple[CellEstimate, ...] = ()
+    population: tuple[PopulationEstimate, ...] = ()
+    pulses: tuple[PulseRecord, ...] = ()
+    strides: tuple[StrideRecord, ...] = ()
+    gaps: tuple[GapRecord, ...] = ()
+    single: tuple[PulseEstimate, ...] = ()
+    pooled: tuple[CellEstimate, ...] = ()
+    models: tuple[ParticipantModel, ...] = ()
+    certificate: Certificate | None = None
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def n_standing(self) -> int:
+        """Number of available estimates."""
+        return sum(p.available for cell in self.cells for p in cell.parameters)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the estimates as a tidy table, one row an estimate."""
+        return _frame(self.cells)
+
+    def comparison_frame(self) -> pd.DataFrame:
+        """Return the other methods' estimates in the same columns."""
+        return _frame(self.comparison)
+
+    def pooled_frame(self) -> pd.DataFrame:
+        """Return the partially pooled estimates, in the same columns."""
+        return _frame(self.pooled)
+
+    def population_frame(self) -> pd.DataFrame:
+        """Return the means over people."""
+        return record_frame(self.population, PopulationEstimate.__slots__)
+
+    def strides_frame(self) -> pd.DataFrame:
+        """Return every stride found, accepted or not."""
+        return record_frame(self.strides, StrideRecord.__slots__)
+
+    def pulses_frame(self) -> pd.DataFrame:
+        """Return every pulse found, used or not."""
+        return record_frame(self.pulses, PulseRecord.__slots__)
+
+    def single_frame(self) -> pd.DataFrame:
+        """Return the pulses of a bench, each estimated by itself."""
+        return record_frame(self.single, PulseEstimate.__slots__)
+
+    def covariance_frame(self) -> pd.DataFrame:
+        """Return the covariances of the errors of K, B and J, if the method provides them."""
+        rows = [row for cell in self.cells for row in cell.covariance_rows()]
+        return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
+
+    def excluded_frame(self) -> pd.DataFrame:
+        """Return every stride and pulse left out, with its code."""
+        rows = [_excluded(p, "pulse", p.onset_s, p.timing_point) for p in self.pulses if p.code]
+        rows += [_excluded(s, "stride", s.start_s, "") for s in self.strides if s.code]
+        return pd.DataFrame(rows, columns=list(EXCLUDED_COLUMNS))
+
+    def summary(self) -> str:
+        """Return a short text: counts of people, cells and pulses, and the means."""
+        people = {cell.participant for cell in self.cells}
+        available = sum(p.available for cell in self.cells for p in cell.parameters)
+        estimates = sum(len(cell.parameters) for cell in self.cells)
+        used = sum(cell.n_used for cell in self.cells)
+        left_out = sum(cell.n_excluded for cell in self.cells)
+        title = (
+            f"{len(people)} participant(s), method {self.settings.get('method', '?')}: "
+            f"{available} of {estimates} estimates available, {used} pulses used, {left_out} "
+            "excluded."
+        )
+        lines = (
+            f"{p.timing_point:>12} {p.parameter:<20} "
+            f"{p.status if p.value is None else f'{p.value:9.4g} {p.unit}'} "
+            f"(mean of {p.n_participants})"
+            for p in self.population
+            if p.n_participants > 1
+        )
+        return summary_text(title, lines)
+
+    def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
+        """Draw one parameter with its intervals, over the gait cycle or the groups of a bench.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; a new figure by default.
+        parameter : str
+            Which parameter.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+
+        Raises
+        ------
+        DataError
+            When no estimate has this parameter.
+        """
+        known = list(dict.fromkeys(p.name for cell in self.cells for p in cell.parameters))
+        if parameter not in known:
+            raise DataError(
+                f"plot: parameter: expected one of {', '.join(known)}; got {parameter!r}."
+            )
+        axes = axes_or_new(ax, (8.0, 4.0))
+        table = self.to_frame().query("parameter == @parameter")
+        # One axis for all: a cell that failed has no onset, and is left out of the cycle.
+        walking = table["onset_gait_pct"].notna().any()
+        places = {name: at for at, name in enumerate(dict.fromkeys(table["timing_point"]))}
+        at = table["onset_gait_pct"] if walking else table["timing_point"].map(places)
+        people = list(table.groupby(["participant", "session", "side"], sort=False))
+        for number, (key, rows) in enumerate(people):
+            # Groups have one place; intervals stand beside each other. Onsets differ by themselves.
+            beside = 0.0 if walking else (number - (len(people) - 1) / 2) * 0.05
+            (line,) = axes.plot(
+                at[rows.index] + beside, rows["value"], "o-", label=row_label(*map(str, key))
+            )
+            axes.vlines(at[rows.index] + beside, rows["ci_low"], rows["ci_high"], line.get_color())
+        unit = table["unit"].iloc[0] if len(table) else ""
+        axes.set_xlabel("gait cycle (%)" if walking else "")
+        if not walking:
+            axes.set_xticks(list(places.values()), list(places))
+        axes.set_ylabel(f"{parameter} ({unit})")
+        axes.set_title(f"Vertical lines: {self.settings.get('ci_level', 0.95):.0%} intervals")
+        if people:
+            axes.legend(frameon=False)
+        return axes
+
+
+def _excluded(
+    record: PulseRecord | StrideRecord, kind: str, onset_s: float, timing_point: str
+) -> tuple[str | float, ...]:
+    where = (record.participant, record.recording, onset_s, timing_point, kind)
+    return (*where, record.code, record.detail, record.session, record.side)
+
+
+def _frame(cells: tuple[CellEstimate, ...]) -> pd.DataFrame:
+    rows = [row for cell in cells for row in cell.rows()]
+    return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))

@@ -1,0 +1,1 @@
+"""Experiments: running a protocol on devices or their simulation (``jointz run``)."""

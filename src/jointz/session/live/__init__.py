@@ -1,0 +1,1 @@
+"""A running session as others see it: Lab Streaming Layer, the operator's view."""

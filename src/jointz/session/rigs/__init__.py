@@ -1,0 +1,1 @@
+"""Rigs: the devices of an experiment, simulated or real."""

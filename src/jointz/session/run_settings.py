@@ -1,0 +1,42 @@
+"""Settings of a run, and the names of its files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from jointz.core.protocols.protocol import ConditionSpec, Protocol
+
+#: The folder of a study that holds what was recorded.
+SESSIONS = "sessions"
+
+
+@dataclass(frozen=True, slots=True)
+class RunSettings:
+    """Settings of a run."""
+
+    protocol: Protocol  # what to do
+    seed: int  # of plan and simulation
+    clock: Literal["fast", "real"]  # virtual or the machine's
+    study: Path  # the study's folder
+    attended: bool = False  # whether an operator's page starts, pauses and stops
+    # whether damaged parts of what was recorded are left out instead of refused
+    salvage: bool = False
+
+    def session_folder(self, participant: str) -> Path:
+        """Return where a participant's session is kept."""
+        return self.study / SESSIONS / participant
+
+
+def recording_name(participant: str, condition: str) -> str:
+    """Return the name of a recording's file in the study."""
+    return f"{participant}_{condition}.nc"
+
+
+def pulses_name(participant: str, condition: str) -> str:
+    """Return the name of the table of pulses of a recording."""
+    return f"{participant}_{condition}_pulses.csv"
+
+
+def has_pulse_table(protocol: Protocol, condition: ConditionSpec) -> bool:
+    """Return whether a recording has a table of pulses; recordings of a bench have none."""
+    return condition.perturbations is not None and protocol.kind != "bench"

@@ -1,0 +1,118 @@
+"""Bring the streams of a log, each by the clock of its device, to the times of one of them.
+
+Clocks of devices tell other times than the host's and run at other rates: 50 parts in
+a million are 85 ms in half an hour. When a sample was taken by the host's clock is
+told by those that came fastest: nothing arrives before it was measured.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.session_log import NO_SAMPLE
+
+#: A stream is not filled over a hole of more than this many of its own sample periods.
+_HOLE_PERIODS = 1.5
+#: The fastest sample of every block of so long tells the way; a line goes through three or more.
+_BLOCK_NS = 10_000_000_000
+_FEWEST_BLOCKS = 3
+_NEVER = np.iinfo(np.int64).min
+
+
+@dataclass(frozen=True, slots=True)
+class ClockFit:
+    """A device's clock against the host's."""
+
+    start_ns: int  # ns: device time of the first sample
+    way_ns: int  # ns: host time less device time there
+    drift: float  # how much faster the host's clock runs, share; 0 for a short record
+    residual_ms: float  # ms: farthest of the blocks' fastest samples from the line
+
+    def place(self, device_ns: np.ndarray, master: "ClockFit") -> np.ndarray:
+        """Return device times by another device's clock, since its start, ns."""
+        # Whole numbers, as long as they are large: a float holds 2**53 ns, a hundred days.
+        later = (self.start_ns + self.way_ns) - (master.start_ns + master.way_ns)
+        since = (device_ns - self.start_ns).astype(float)
+        return np.asarray((later + since * (1.0 + self.drift)) / (1.0 + master.drift))
+
+
+def fresh(records: np.ndarray, clock: str) -> np.ndarray:
+    """Tell which records hold a sample of a device that is newer than all before it.
+
+    A clock that stands still or jumps back measures nothing that could be placed.
+    """
+    times = records[clock]
+    sampled = times != NO_SAMPLE
+    newest = np.maximum.accumulate(np.where(sampled, times, _NEVER))
+    before = np.concatenate([[_NEVER], newest[:-1]])
+    return np.asarray(sampled & (times > before))
+
+
+def fit_clock(records: np.ndarray, clock: str) -> ClockFit:
+    """Fit a device's clock to the host's."""
+    rows = records[fresh(records, clock)]
+    times = rows[clock]
+    way = (rows["host_time_ns"] - times).astype(np.int64)
+    first = int(times[0])
+    block = (times - first) // _BLOCK_NS
+    edges = np.flatnonzero(np.diff(block, prepend=-1))
+    fastest = np.array([a + int(np.argmin(way[a:b])) for a, b in _blocks(edges, way.size)])
+    least = int(way.min())
+    if fastest.size < _FEWEST_BLOCKS:
+        return ClockFit(first, least, 0.0, 0.0)
+    since = (times[fastest] - first).astype(float)
+    later = (way[fastest] - least).astype(float)
+    drift, at_start = np.polyfit(since, later, 1) if np.ptp(later) else (0.0, 0.0)
+    residual = later - (at_start + drift * since)
+    return ClockFit(
+        first, least + round(at_start), float(drift), float(np.abs(residual).max()) * 1e-6
+    )
+
+
+def _blocks(edges: np.ndarray, n: int) -> list[tuple[int, int]]:
+    return list(zip(edges.tolist(), [*edges[1:].tolist(), n], strict=True))
+
+
+def onto(
+    records: np.ndarray, field: str, *, clock: str, master: str, interpolated: bool = True
+) -> np.ndarray:
+    """Return what a device measured at the times of the master's samples.
+
+    Devices sampled in step share their times and are taken as they are. Others
+    are placed by the host's clock (:func:`fit_clock`) and interpolated.
+    """
+    time_ns = records[master][fresh(records, master)]
+    rows = records[fresh(records, clock)]
+    values = rows[field].astype(float)
+    if rows.size == time_ns.size and (rows[clock] == time_ns).all():
+        return np.asarray(values)
+    if rows.size < 2 or time_ns.size == 0:
+        return np.full(time_ns.size, np.nan)
+    masters, sensor = fit_clock(records, master), fit_clock(records, clock)
+    place = (time_ns - masters.start_ns).astype(float)
+    device_place = sensor.place(rows[clock], masters)
+    after = np.searchsorted(device_place, place, side="right").clip(1, device_place.size - 1)
+    hole = np.diff(device_place) > _HOLE_PERIODS * np.median(np.diff(device_place))
+    inside = (place > device_place[after - 1]) & (place < device_place[after])
+    outside = (place < device_place[0]) | (place > device_place[-1])
+    if interpolated:
+        placed = np.interp(place, device_place, values)
+    else:
+        placed = values[after - (place < device_place[after])]
+    return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
+
+
+def clock_notes(records: np.ndarray, clocks: dict[str, str]) -> dict[str, dict[str, float]]:
+    """Return, for the history of a recording, how each device's clock ran."""
+    notes = {}
+    for device, clock in clocks.items():
+        new = fresh(records, clock)
+        if not new.any():
+            continue
+        fit = fit_clock(records, clock)
+        notes[device] = {
+            "drift_ppm": round(fit.drift * 1e6, 3),
+            "residual_ms": round(fit.residual_ms, 3),
+            "repeated_samples": int((records[clock] != NO_SAMPLE).sum() - new.sum()),
+        }
+    return notes

@@ -1,0 +1,1 @@
+"""Simulated benches with known loads."""

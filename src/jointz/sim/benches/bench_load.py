@@ -1,0 +1,45 @@
+"""Known loads of a simulated bench."""
+
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+
+from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.study import Calibrated
+
+
+@dataclass(frozen=True, slots=True)
+class BenchLoad:
+    """A known load."""
+
+    name: str  # as the protocol calls it
+    stiffness: float = 0.0  # N*m/rad: of the spring, about the angle 0
+    damping: float = 0.0  # N*m*s/rad: of a damper
+    inertia: float = 0.0  # kg*m^2: of the mass, about the output
+    locked: bool = False  # whether the output is held; the rest is then without effect
+
+
+def draw_load(spec: LoadSpec, *, seed: int, spread: bool) -> BenchLoad:
+    """Return the load that really hangs there: the one stated, or one drawn within its sd.
+
+    Two loads that state the same spring have the same spring.
+    """
+
+    def drawn(part: str) -> float:
+        entry: Calibrated | None = getattr(spec, part)
+        if entry is None:
+            return 0.0
+        if not spread:
+            return entry.value
+        key = crc32(f"{part} {entry.value!r} {entry.sd!r}".encode())
+        error = np.random.default_rng([seed, key]).standard_normal()
+        return max(0.0, entry.value + entry.sd * float(error))
+
+    return BenchLoad(
+        name=spec.name,
+        stiffness=drawn("stiffness"),
+        damping=drawn("damping"),
+        inertia=drawn("inertia"),
+        locked=spec.locked,
+    )

@@ -1,0 +1,1 @@
+"""Simulated calibration experiments."""

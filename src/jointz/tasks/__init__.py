@@ -1,0 +1,1 @@
+"""Engines that run tasks in parallel, and the store of finished tasks."""

@@ -1,0 +1,1 @@
+"""Output, options and progress of the command line."""

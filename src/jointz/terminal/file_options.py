@@ -1,0 +1,53 @@
+"""Options that the commands of ``jointz identify`` share, and what they mean together."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+class Decimal(StrEnum):
+    """Choices of ``--decimal``."""
+
+    POINT = "."
+    COMMA = ","
+
+
+File = Annotated[
+    Path, typer.Argument(dir_okay=False, help="Recording: csv, csv.gz, parquet, nc, mat.")
+]
+Time = Annotated[str | None, typer.Option("--time", help="COL[:unit] of time (s).")]
+Rate = Annotated[
+    float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
+]
+Figure = Annotated[Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")]
+Delimiter = Annotated[
+    str | None, typer.Option("--delimiter", help="Between the columns of a text file.")
+]
+DecimalSign = Annotated[Decimal, typer.Option("--decimal", help="Sign in numbers.")]
+SkipRows = Annotated[
+    int, typer.Option("--skip-rows", min=0, help="Rows before the table of a text file.")
+]
+NoHeader = Annotated[
+    bool, typer.Option("--no-header", help="No column names: COL is a number, from 1.")
+]
+
+
+def given_columns(**columns: str | None) -> dict[str, str]:
+    """Return the columns that were given."""
+    return {name: text for name, text in columns.items() if text is not None}
+
+
+def text_layout(
+    delimiter: str | None, decimal: Decimal, skip_rows: int, *, no_header: bool
+) -> dict[str, Any]:
+    """Return the layout of a text file, as under ``[files]`` of a study."""
+    if delimiter == "":
+        raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
+    return {
+        "delimiter": delimiter,
+        "decimal": decimal.value,
+        "skip_rows": skip_rows,
+        "header": not no_header,
+    }

@@ -1,0 +1,134 @@
+"""Output of the commands of ``jointz identify``."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import typer
+
+from jointz.core.errors import EstimationError
+from jointz.core.whole_file import whole_file
+from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+    from jointz.io.text.column_arguments import Column
+
+#: Samples for the figure alone: not part of what ``--json`` prints.
+_FOR_FIGURES = "series"
+
+
+class Fit(Protocol):
+    """Interface of a result of ``identify``."""
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return one row a parameter."""
+
+    def summary(self) -> str:
+        """Return a short text."""
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Options of a command that say how it answers."""
+
+    model: str  # that was fitted, for a failure's JSON
+    figure: Path | None  # where a figure goes
+    as_json: bool  # ``--json``
+    quiet: bool  # ``--quiet``
+    size: tuple[float, float] = (7.1, 3.5)  # inches, of the figure
+
+    def __post_init__(self) -> None:
+        """Refuse a figure that could not be written, before the work is done."""
+        check_figure(self.figure)
+
+    @contextmanager
+    def failures(self) -> Iterator[None]:
+        """Turn a fit without an answer into exit status 1, with its code."""
+        try:
+            yield
+        except EstimationError as exc:
+            if self.as_json:
+                content = {"model": self.model, "status": f"failed:{exc.code}"}
+                emit_json({**content, "message": str(exc)})
+            else:
+                typer.echo(f"jointz: {exc}", err=True)
+            raise typer.Exit(EXIT_NO_ESTIMATE) from exc
+
+    def report(
+        self,
+        fit: Fit,
+        columns: "Mapping[str, Column]",
+        *,
+        file: Path,
+        more: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Write the figure, print the result and leave with its exit status."""
+        if self.figure is not None:
+            _save(fit, self.figure, self.size)
+        table = fit.to_frame()
+        if self.as_json:
+            echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
+            content = {k: v for k, v in fit.to_dict().items() if k != _FOR_FIGURES}
+            emit_json({**content, **(more or {}), "file": str(file), "columns": echoed})
+        elif not self.quiet:
+            _print_table(table)
+            emit(fit.summary())
+        standing = bool(table["status"].isin(["ok", "at_bound"]).any())
+        raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
+
+
+def check_figure(figure: Path | None) -> None:
+    """Refuse a figure that could not be written."""
+    kinds = (".svg", ".pdf", ".png")
+    if figure is None:
+        return
+    if figure.suffix.lower() not in kinds:
+        raise typer.BadParameter(f"--figure {figure}: expected a name that ends in {kinds}.")
+    if figure.is_dir() or not figure.absolute().parent.is_dir():
+        raise typer.BadParameter(f"--figure {figure}: expected a file in a folder that exists.")
+
+
+def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
+    """Write the figure, whole or not at all."""
+    from matplotlib.figure import Figure
+
+    canvas = Figure(figsize=size)
+    fit.plot(canvas.subplots())
+    save_canvas(canvas, figure)
+
+
+def save_canvas(canvas: "Canvas", figure: Path) -> None:
+    """Write a figure, whole or not at all."""
+    kind = figure.suffix.removeprefix(".")
+    with whole_file(figure, "Make room or ask for permission, or name another file.") as partial:
+        canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)
+
+
+def _print_table(table: "pd.DataFrame") -> None:
+    def number(value: float | None) -> str:
+        return "-" if value is None or value != value else f"{value:.4g}"
+
+    rows: list[list[str]] = [
+        [
+            row["parameter"],
+            number(row["value"]),
+            f"{number(row['ci_low'])} to {number(row['ci_high'])}",
+            row["unit"],
+            row["status"],
+        ]
+        for row in table.to_dict("records")
+    ]
+    level = float(table["ci_level"].iloc[0])
+    emit_table(rows, ["parameter", "value", f"{100 * level:g} % interval", "unit", "status"])

@@ -1,0 +1,70 @@
+"""A certificate of a whole study."""
+
+import pytest
+
+from jointz.analysis.certify import certify, checked_injection
+
+from .studies import without_recordings
+
+
+@pytest.fixture(scope="module")
+def whole(small_study_source):
+    told = []
+    found = certify(
+        small_study_source, stiffness=80.0, replicates=1, seed=3, progress=lambda *a: told.append(a)
+    )
+    return found, told
+
+
+def test_every_participant_parameter_and_timing_point_is_certified(whole):
+    found, told = whole
+
+    assert found.n_participants == 2
+    assert found.left_out == {}
+    assert len(found.estimates) == 2 * 6 * 3
+    table = found.to_frame()
+    assert set(table["parameter"]) == {"stiffness", "damping", "inertia"}
+    assert list(table["timing_point"].unique()) == ["all", "LRE", "MST", "TST", "PSW", "ISW", "MSW"]
+    assert [t[:2] for t in told] == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_what_was_given_is_what_was_injected(whole):
+    found, _ = whole
+    truths = [e.truth for e in found.estimates if e.parameter == "stiffness"]
+
+    assert truths == pytest.approx([80.0] * 12)
+    assert found.injected["stiffness"] == "80"
+    assert found.injected["lag_s"] == "found"
+
+
+def test_a_participant_without_pulses_is_left_out_by_name(small_study):
+    without_recordings(small_study, "S02", "perturbed")
+
+    found = certify(small_study.root, replicates=1)
+
+    assert list(found.left_out) == ["S02"]
+    assert found.n_participants == 1
+
+
+def test_a_bench_study_is_refused(small_study):
+    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
+
+    with pytest.raises(ValueError, match="expected a walking study"):
+        certify(small_study.root)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"stiffness": -1.0}, "stiffness: expected a finite, positive value, got -1.0"),
+        ({"damping": float("nan")}, "damping: expected a finite"),
+        ({"damping": {"XYZ": 1.0}}, "damping: expected timing points among LRE, got XYZ"),
+        ({"lag_s": 5.0}, "lag_s: expected 0 to 0.06 s, got 5.0"),
+    ],
+)
+def test_values_that_make_no_sense_are_refused(given, message):
+    asked = {"stiffness": None, "damping": None, "inertia": None} | given
+    lag_s = asked.pop("lag_s", None)
+
+    with pytest.raises(ValueError, match=message):
+        checked_injection(**asked, lag_s=lag_s, timing_points=["LRE"])

@@ -1,0 +1,287 @@
+import re
+import time
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+
+from jointz.analysis.page import figure_files
+from jointz.analysis.page.budget_figure import draw_budget, mean_shares
+from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
+from jointz.analysis.page.figure_files import (
+    FIGURES,
+    captions,
+    draw_figures,
+    draw_picture,
+    draw_truth_picture,
+)
+from jointz.analysis.page.impedance_figures import draw_impedance_column, draw_impedance_over_gait
+from jointz.analysis.page.method_figures import draw_methods
+from jointz.analysis.page.response_figures import draw_responses
+from jointz.core.events import PulseRecord
+from jointz.report.style import figure_style, new_figure, to_svg
+from jointz.report.subjects import timing_points
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.statistics.pooled_estimates import POOLED_METHOD
+from jointz.results.study_analysis import StudyAnalysis
+
+
+def plot(draw, analysis):
+    with figure_style():
+        return draw(analysis)
+
+
+def labels(texts):
+    return [t.get_text() for t in texts]
+
+
+def only_group(analysis, person, point):
+    cells = tuple(c for c in analysis.cells if c.participant == person and c.timing_point == point)
+    return replace(analysis, cells=cells, population=(), comparison=(), strides=(), pulses=())
+
+
+def panel(figure, heading):
+    return next(a for a in figure.axes if heading in labels(a.texts))
+
+
+def test_every_figure_is_well_formed_svg_without_outside_references(walking):
+    start = time.process_time()
+    drawn = draw_figures(walking)
+    assert time.process_time() - start < 6.0  # ten people and six timing points
+    assert list(drawn) == [
+        "impedance_over_gait", "methods", "responses", "onset_accuracy", "strides",
+        "impedance_column",
+    ]  # fmt: skip
+    for name, svg in drawn.items():
+        root = ET.fromstring(svg)
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        width_mm = float(root.attrib["width"].removesuffix("pt")) * 25.4 / 72.0
+        assert width_mm == pytest.approx(85.0 if name.endswith("_column") else 180.0, abs=0.01)
+        links = [v for e in root.iter() for k, v in e.attrib.items() if k.endswith("href")]
+        assert links
+        assert all(link.startswith("#") for link in links)
+        assert "DOCTYPE" not in svg
+        assert "<metadata" not in svg
+
+
+def test_a_picture_has_a_pdf_of_its_size_with_its_fonts_and_without_a_date(recommended):
+    picture, again = (draw_picture(recommended, "budget") for _ in range(2))
+    assert (again.svg, again.pdf) == (picture.svg, picture.pdf)
+    (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", picture.pdf)
+    assert float(box) * 25.4 / 72.0 == pytest.approx(180.0, abs=0.01)
+    for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator", b"/Type3"):
+        assert word not in picture.pdf
+    assert b"/FontFile2" in picture.pdf
+
+
+def test_the_truth_is_drawn_for_each_parameter(truth):
+    picture = draw_truth_picture(truth)
+    assert len(ET.fromstring(picture.svg).findall(".//*[@id='axes_3']")) == 1
+    assert picture.pdf.startswith(b"%PDF")
+    assert draw_truth_picture(truth.iloc[:0]) is None
+
+
+def texts(figure):
+    from matplotlib.text import Text
+
+    return [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recommended, name):
+    with figure_style():
+        drawn = [figure_files._REPORT_FIGURES[name].draw(a) for a in (walking, recommended)]
+        sizes = [t.get_fontsize() for f in drawn if f is not None for t in texts(f)]
+    assert sizes
+    assert min(sizes) >= 6.0
+
+
+def test_no_text_of_the_column_runs_off_its_edge(walking, bench):
+    for analysis in (walking, bench):
+        figure = plot(draw_impedance_column, analysis)
+        with figure_style():
+            figure.draw_without_rendering()
+            page = figure.bbox
+            boxes = [t.get_window_extent() for t in texts(figure)]
+        assert min(b.x0 for b in boxes) >= page.x0
+        assert max(b.x1 for b in boxes) <= page.x1 + 0.02 * page.width
+        assert min(b.y0 for b in boxes) >= page.y0
+
+
+def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
+    plain = draw_figures(bench)
+    with matplotlib.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
+        assert draw_figures(bench) == plain
+        assert matplotlib.rcParams["font.size"] == 30.0
+
+
+def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
+    """A font that comes with matplotlib stands for one of Chinese."""
+    monkeypatch.setattr(figure_files, "_OTHER_FONTS", ("No Such Font", "DejaVu Sans Mono"))
+    with figure_style(), figure_files._fonts_of_any_script():
+        figure = new_figure(20.0)
+        figure.text(0.5, 0.5, "A\u2315B")  # a telephone recorder: in Mono only
+        svg = to_svg(figure)
+    fonts = re.findall(r'href="#(\w+)-', svg)
+    assert fonts == ["DejaVuSans", "DejaVuSansMono", "DejaVuSans"]
+
+
+def test_a_bench_study_has_its_groups_on_the_axis(bench):
+    figure = plot(draw_impedance_over_gait, bench)
+    assert labels(figure.axes[0].get_xticklabels()) == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
+    assert set(draw_figures(bench)) == {"impedance_over_gait", "responses", "impedance_column"}
+
+
+def test_nothing_is_drawn_where_nothing_stands(failed):
+    assert draw_figures(failed) == {}
+    assert draw_figures(StudyAnalysis(cells=())) == {}
+
+
+def test_failed_and_undecided_estimates_are_counted_not_drawn(walking):
+    axes = panel(plot(draw_impedance_over_gait, walking), "Stiffness per body mass")
+    assert "not drawn: 1 failed, 1 undecided" in labels(axes.texts)
+    dots, triangles = axes.lines[0], axes.lines[1]
+    assert len(dots.get_xdata()) == 60 - 4
+    assert len(triangles.get_xdata()) == 2
+
+
+def test_an_estimate_at_its_bound_hangs_from_its_upper_limit(bench):
+    figure = plot(draw_impedance_over_gait, bench)
+    axes = panel(figure, "Damping")
+    limit = bench.cells[3].parameter("damping").ci_high
+    triangles = axes.lines[1]
+    assert triangles.get_marker() == "v"
+    np.testing.assert_allclose(triangles.get_ydata(), [limit])
+
+
+def test_one_huge_interval_does_not_flatten_the_others(bench):
+    first = bench.cells[0]
+    wide = replace(first.parameters[0], ci_high=1e6)
+    cells = (replace(first, parameters=(wide, *first.parameters[1:])), *bench.cells[1:])
+    figure = plot(draw_impedance_over_gait, replace(bench, cells=cells))
+    axes = panel(figure, "Stiffness")
+    assert axes.get_ylim()[1] < 1000.0
+    assert "1 interval cut off" in labels(axes.texts)
+
+
+def test_timing_points_about_heel_strike_are_ordered_on_the_circle(walking):
+    cell = walking.cells[0]
+    around = [
+        replace(cell, timing_point=name, onset_gait_pct=pct)
+        for name, pct in (("LRE", 7.0), ("ICO", 99.8), ("ICO", 2.4))
+    ]
+    assert timing_points(around) == ["ICO", "LRE"]  # the mean of 99.8 and 2.4 is 1.1
+
+
+def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
+    one = only_group(walking, "S01", "LRE")
+    figure = plot(draw_responses, one)
+    angle, torque = figure.axes
+    degrees = np.degrees(one.cells[0].response.angle)
+    np.testing.assert_allclose(angle.lines[0].get_ydata()[:-1], degrees)
+    np.testing.assert_allclose(
+        torque.lines[1].get_ydata()[:-1], one.cells[0].response.fitted_torque
+    )
+    assert "n 48" in labels(angle.texts)
+    assert f"{one.cells[0].vaf_pct:.1f} %" in labels(torque.texts)
+
+
+def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(recommended):
+    one = only_group(recommended, "S01", "LRE")
+    angle, torque = plot(draw_responses, one).axes
+    cell = one.cells[0]
+    _measured, fitted, _zero = angle.lines
+    np.testing.assert_allclose(fitted.get_ydata()[:-1], np.degrees(cell.response.fitted_angle))
+    assert len(torque.lines) == 2  # the measured one, and the level of zero
+    assert f"n 48\n{cell.vaf_pct:.1f} %" in labels(angle.texts)
+
+
+def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
+    figure = plot(draw_budget, recommended)
+    assert [a.texts[-1].get_text() for a in figure.axes] == ["Stiffness", "Damping", "Inertia"]
+    for axes, parameter in zip(figure.axes, ("stiffness", "damping", "inertia"), strict=True):
+        tops = {}
+        for bar in axes.patches:
+            at = round(bar.get_x(), 6)
+            tops[at] = max(tops.get(at, 0.0), bar.get_y() + bar.get_height())
+        np.testing.assert_allclose(list(tops.values()), 100.0)
+        lowest = [bar for bar in axes.patches if bar.get_y() == 0.0]
+        first = mean_shares([c for c in recommended.cells if c.timing_point == "LRE"], parameter)
+        assert lowest[0].get_height() == pytest.approx(100.0 * first["noise"])
+
+
+def test_methods_are_named_as_people_say_them(recommended):
+    other = tuple(replace(c, method="matched_strides") for c in recommended.comparison)
+    figure = plot(draw_methods, replace(recommended, comparison=other))
+    names = labels(figure.legends[0].texts)
+    assert names == ["recommended (chosen)", "matched strides"]
+
+
+def test_onset_deviations_are_taken_on_the_circle():
+    pulses = tuple(
+        PulseRecord("S01", "a.csv", float(i), 0.25, 17.0, "ICO", 1.0, pct)
+        for i, pct in enumerate((99.0, 3.0))
+    )
+    figure = plot(draw_onset_accuracy, StudyAnalysis(cells=(), pulses=pulses))
+    assert labels(figure.axes[0].texts)[0] == "SD 2.83 %\nmean +0.00 %\nn 2"
+
+
+def test_names_with_markup_and_dollars_are_drawn_as_they_are(walking):
+    one = only_group(walking, "S01", "LRE")
+    cells = tuple(replace(c, participant="<script>$x_{1$") for c in one.cells)
+    for svg in draw_figures(replace(one, cells=cells)).values():
+        ET.fromstring(svg)
+        assert "<script" not in svg
+
+
+def test_methods_are_not_compared_by_means_over_unlike_loads(bench):
+    cells = tuple(replace(c, participant=f"load-{k}") for k, c in enumerate(bench.cells))
+    other = tuple(replace(c, method="dissertation") for c in cells)
+    one = tuple(replace(c, method="dissertation") for c in bench.cells)
+    assert "methods" not in draw_figures(replace(bench, cells=cells, comparison=other))
+    assert "methods" in draw_figures(replace(bench, comparison=one))
+
+
+def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):
+    nothing = ParameterEstimate("damping", -0.004, -0.03, 0.02, "ok")
+    cells = tuple(
+        replace(c, parameters=(c.parameters[0], nothing, *c.parameters[2:])) for c in bench.cells
+    )
+    figure = plot(draw_impedance_over_gait, replace(bench, cells=cells))
+    assert not any("cut off" in text for axes in figure.axes for text in labels(axes.texts))
+
+
+def test_strides_that_hold_a_pulse_are_stroked_in_any_recording(walking):
+    stride = next(s for s in walking.strides if s.condition == "perturbed" and not s.code)
+    pulse = replace(walking.pulses[0], participant=stride.participant, recording=stride.recording,
+                    onset_s=stride.start_s + 0.3)  # fmt: skip
+    plain = replace(walking, strides=(stride,), pulses=(), gaps=())
+    for analysis, strokes in ((plain, 0), (replace(plain, pulses=(pulse,)), 1)):
+        figure = plot(draw_strides, analysis)
+        legend = labels(figure.legends[0].texts)
+        assert ("contains a pulse" in legend) is bool(strokes)
+        rug = figure.axes[0].lines[1].get_xdata()
+        assert np.isfinite(rug).sum() == 2 * strokes
+        caption = captions(analysis)["strides"]
+        assert ("Grey strokes" in caption) is bool(strokes)
+        assert "Marks" not in caption
+    left_out = replace(plain, strides=(stride, replace(stride, code="missing_strike")))
+    assert "Marks: excluded strides" in captions(left_out)["strides"]
+
+
+def test_a_caption_says_what_has_no_panel_and_why_means_differ(recommended):
+    drawn = captions(recommended)
+    assert "Not drawn" not in drawn["impedance_over_gait"]
+    cells = tuple(
+        replace(c, parameters=tuple(
+            replace(p, value=None, ci_low=None, ci_high=None, status="undecided")
+            if p.name == "inertia" else p for p in c.parameters))
+        for c in recommended.cells
+    )  # fmt: skip
+    without = captions(replace(recommended, cells=cells))
+    assert "Not drawn: inertia (no estimate is available)." in without["impedance_over_gait"]
+    pooled = tuple(replace(m, method=POOLED_METHOD) for m in recommended.population)
+    told = "each estimate is weighted by its uncertainty, undecided ones included"
+    assert told in captions(replace(recommended, population=pooled))["methods"]

@@ -1,0 +1,188 @@
+import hashlib
+import re
+from base64 import b64encode
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.report.pages import Page, words
+
+from jointz.analysis.page.figure_files import draw_figures, draw_truth_picture
+from jointz.analysis.page.report_page import render_report
+from jointz.analysis.paper.methods_text import methods_text
+from jointz.report.subjects import report_title
+from jointz.report.wording import DASH
+
+
+@pytest.fixture(scope="module")
+def html(walking, truth):
+    figures = draw_figures(walking) | {"truth": draw_truth_picture(truth).svg}
+    return render_report(walking, figures, title="Knee study", truth=truth)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+def test_the_page_is_well_formed(html, page):
+    assert page.open == []
+    assert page.tags.count("figure") == page.tags.count("svg") == 6
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links} <= set(page.ids)
+    assert html.count("<style") == 1  # no rule of a figure reaches the page
+    assert len(html.encode()) < 5e6  # ten people and six timing points
+
+
+def test_the_page_needs_nothing_from_outside(html, page):
+    bare = re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
+    assert "http:" not in bare
+    assert "https:" not in bare
+    assert "//" not in "".join(page.links)
+    assert "@import" not in html
+    assert "link" not in page.tags
+
+
+def test_a_browser_may_run_no_script_but_the_copy_button_and_fetch_nothing(html):
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html).group(1)
+    (script,) = re.findall(r"<script>(.*?)</script>", html, flags=re.DOTALL)
+    digest = b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in policy
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy.replace("style-src 'unsafe-inline'", "")
+    assert "innerHTML" not in script
+
+
+def test_the_methods_stand_on_the_page_as_in_their_file(walking, html, page):
+    text = methods_text(walking, simulated=True)
+    assert " ".join(text.split()) in words(page)
+    assert '<button type="button" id="copy-methods" hidden>' in html  # shown where scripts run
+
+
+def test_a_study_on_people_does_not_say_that_it_is_simulated(walking, page):
+    told = "All recordings are simulated"
+    assert told in words(page)  # with a truth beside it
+    assert told not in words(Page(render_report(walking, {}, title="t")))
+
+
+def test_a_bound_is_shown_as_a_bound_and_dust_never(html, page):
+    assert re.search(r"0 \(at most 0\.\d{3}\)", words(page))
+    assert not re.search(r"\d[eE]-\d", re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL))
+
+
+def test_the_summary_counts_each_pulse_once(page):
+    assert "10 participants (S01 to S10), knee, 6 timing points of the gait cycle." in words(page)
+    # 59 cells of 48 + 2 pulses, one of 0 + 50; the rows of the shared inertia do not count again.
+    assert "2\N{NARROW NO-BREAK SPACE}832 pulses were used and 168 excluded." in page.text
+
+
+def test_notes_of_the_analysis_are_on_the_page(walking):
+    note = "S03: inertia is 3 times the median of all participants"
+    noted = replace(walking, statistics={**walking.statistics, "notes": [note]})
+    assert note in words(Page(render_report(noted, {}, title="Lab")))
+
+
+def test_the_truth_table_holds_rms_and_coverage(page, truth):
+    rows = truth[truth["parameter"] == "stiffness"].dropna()
+    rms = float(np.sqrt((rows["error_pct"] ** 2).mean()))
+    assert f"Stiffness{rms:.1f}" in page.text.replace("\n", "")
+    assert f"{int(rows['covered'].sum())} of {len(rows)}" in page.text
+
+
+@pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "&lt;", "$1_{"])
+def test_user_text_stays_text(bench, text):
+    cells = tuple(replace(c, participant=text, timing_point=text) for c in bench.cells[:1])
+    hostile = replace(bench, cells=cells, settings={"method": text, "study": text})
+    page = Page(render_report(hostile, draw_figures(hostile), title=text))
+    assert page.open == []
+    assert page.tags.count("script") == 1  # our own, and no other may run
+    assert page.text.count(text) >= 4
+
+
+def test_a_study_in_which_nothing_stands_still_has_a_page(failed):
+    page = Page(render_report(failed, draw_figures(failed), title="Nothing"))
+    assert page.open == []
+    assert "0 of 3 estimates are available (3 failed)" in words(page)
+    assert "no pulse at this timing point" in words(page)
+    assert "figure" not in page.tags
+
+
+def test_a_recording_is_shown_by_the_name_its_variables_lead_to(walking):
+    raw, shown = "${LAB_DISK:-../disk}/ewp.csv", "ewp_of_the_lab.csv"
+    strides = tuple(replace(s, recording=raw) for s in walking.strides)
+    pulses = tuple(replace(p, recording=raw, code=p.code or "user") for p in walking.pulses)
+    summary = [{**row, "recording": raw} for row in walking.statistics["strides"]]
+    renamed = replace(
+        walking,
+        strides=strides,
+        pulses=pulses,
+        statistics={**walking.statistics, "strides": summary},
+        provenance={**walking.provenance, "inputs": [{"file": raw, "name": shown}]},
+    )
+    html = render_report(renamed, {}, title="Lab")
+
+    assert "LAB_DISK" not in html
+    assert html.count(shown) > len(summary) + 1  # in all three tables
+
+
+def bench_page(analysis, methods=("full_record",), **settings):
+    cells = tuple(
+        replace(c, method=methods[k % len(methods)], baseline="none")
+        for k, c in enumerate(analysis.cells)
+    )
+    settings = {
+        "kind": "bench", "joint": "knee", "method": "full_record", "baseline": "none",
+        "cutoff_hz": 100.0, "window_s": 0.1, "resamples": 1000, **settings,
+    }  # fmt: skip
+    return replace(analysis, cells=cells, settings=settings)
+
+
+def test_a_bench_report_speaks_of_loads_and_trajectories(bench):
+    analysis = bench_page(bench)
+    text = words(Page(render_report(analysis, {}, title=report_title(analysis))))
+    text = text.split("Settings")[0]  # which repeat those of study.toml
+    assert report_title(analysis) == "Impedance of loads on the bench"
+    for word in ("articipant", "people", "knee", "iming point", "% of cycle", "limb"):
+        assert word not in text
+    assert "Trajectory" in text
+
+
+def test_the_methods_of_whole_trials_are_not_those_of_pulses(bench):
+    text = methods_text(bench_page(bench))
+    assert "Whole trials were used, without windows and without a baseline" in text
+    assert "standard deviation 40 Hz" in text
+    for wrong in ("100 ms", "100 Hz", "resamples", "subtracted", "knee"):
+        assert wrong not in text
+
+
+def effect(analysis, name, trajectory="A", p=0.01, code=""):
+    return {
+        "case": "k1", "trajectory": trajectory, "response": "stiffness", "effect": name,
+        "analysis": analysis, "statistic": None if code else 7.25, "df_num": 1.0, "df_den": 54.0,
+        "p": None if code else p, "p_holm": None if code else 3 * p, "code": code,
+    }  # fmt: skip
+
+
+def test_a_bench_report_has_the_tests_of_type_and_direction(bench):
+    tests = [
+        effect("one_way", "type"),
+        effect("mixed", "type", p=0.012),
+        effect("one_way", "direction", "E"),
+        effect("mixed", "direction", "E", code="confounded"),
+        effect("mixed", "joint", "E", p=1e-9),
+    ]
+    statistics = {
+        "pulse_effects": {
+            "methods": ["pulse_likelihood"], "tests": tests, "alpha": 0.05, "notes": ["k1 E so"],
+        }
+    }  # fmt: skip
+    analysis = replace(bench_page(bench), statistics=statistics)
+    html = render_report(analysis, {}, title="Bench")
+    text = words(Page(html.replace("<td", " <td")))
+    assert "k1 A stiffness type 7.25 (1, 54) 0.01 7.25 (1, 54) 0.012 0.036" in text
+    assert f"k1 E stiffness direction 7.25 (1, 54) 0.01 confounded {DASH} {DASH}" in text
+    assert "k1 E stiffness type or direction 7.25 (1, 54) < 0.0001 < 0.0001" in text
+    assert "errors-in-variables likelihood over 250 ms" in text
+    assert "Type and direction of the pulses" not in words(
+        Page(render_report(bench_page(bench), {}, title="Bench"))
+    )

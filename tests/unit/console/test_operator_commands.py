@@ -1,0 +1,248 @@
+"""What is asked for is checked before it reaches a session."""
+
+import json
+
+import pytest
+
+from jointz.console import operator_commands
+from jointz.console.operator_commands import Heartbeat, OperatorCommands
+from jointz.core.errors import DataError
+from jointz.experiment.control_box import ControlBox, Order
+from jointz.experiment.files.journal import Journal
+
+
+class Process:
+    """Would run a session."""
+
+    def __init__(self):
+        self.lives, self.started = True, []
+        self.is_own = False
+
+    @property
+    def number(self):
+        return 4711 if self.lives else None
+
+    def alive(self):
+        return self.lives
+
+    def start(self, *, resume):
+        self.started.append(resume)
+
+
+class Room:
+    """Commands of an operator, with the box that a session reads."""
+
+    def __init__(self, study):
+        self.folder = study / "sessions" / "S01"
+        self.folder.mkdir(parents=True)
+        self.box = ControlBox(self.folder / "control")
+        self.process = Process()
+        self.status = {"condition": "perturbed", "participant": "S01", "reason": ""}
+        self.status["state"] = "waiting"
+        self.desk = OperatorCommands(study, self.process, lambda: dict(self.status))
+
+    def ask(self, **message):
+        self.desk.ask(json.dumps(message).encode())
+
+
+@pytest.fixture
+def room(tmp_path):
+    made = Room(tmp_path)
+    yield made
+    made.box.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("state", "message", "order"),
+    [
+        ("waiting", {"order": "start", "condition": "perturbed"}, Order.START),
+        ("running", {"order": "pause"}, Order.PAUSE),
+        ("paused", {"order": "go_on"}, Order.GO_ON),
+        ("running", {"order": "note", "text": "left strap"}, Order.NOTE),
+        ("waiting", {"order": "note", "text": "left strap"}, Order.NOTE),
+    ],
+)
+def test_what_fits_is_passed_on(room, state, message, order):
+    room.status["state"] = state
+    room.ask(**message)
+    command = room.box.take()
+    assert command.order is order
+    assert command.text == message.get("text", "")
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ("running", {"order": "start", "condition": "perturbed"}),
+        ("waiting", {"order": "start", "condition": "another"}),
+        ("waiting", {"order": "pause"}),
+        ("running", {"order": "go_on"}),
+        ("running", {"order": "rearm", "reason": ""}),
+    ],
+)
+def test_what_was_meant_for_another_moment_is_refused(room, state, message):
+    room.status["state"] = state
+    with pytest.raises(DataError, match="session is"):
+        room.ask(**message)
+    assert room.box.take() is None
+    assert room.process.started == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        b"",
+        b"{}",
+        b'{"order": "start"}',
+        b'{"order": "torque", "value": 17}',
+        b'{"order": "start", "condition": "perturbed", "torque": 17}',
+        b'{"order": "note", "text": "  "}',
+        b'{"order": "note", "text": 3}',
+        b'{"order": "note", "text": "a\\nb"}',
+        b'{"order": "note", "text": "\\ud800"}',
+        b'{"order": "note", "text": "' + b"x" * 300 + b'"}',
+        b"\xff\xfe",
+    ],
+)
+def test_what_is_malformed_is_refused(room, message):
+    with pytest.raises(DataError, match=r"^command: "):
+        room.desk.ask(message)
+    assert room.box.take() is None
+
+
+def test_a_stop_reaches_every_box_whatever_the_state(room, tmp_path):
+    (tmp_path / "sessions" / "S00").mkdir()
+    (tmp_path / "sessions" / "S00" / "control").write_bytes(b"something else")
+    with ControlBox(tmp_path / "sessions" / "S00x.control"):
+        assert room.desk.stop() == 1
+    assert room.box.stop_asked
+
+
+@pytest.mark.parametrize(
+    ("lives", "asked", "why"),
+    [(True, 1, ""), (True, 0, "has not received the stop"), (False, 1, "nobody has received")],
+)
+def test_a_stop_that_nobody_receives_is_told(room, lives, asked, why):
+    room.process.lives = lives
+    told = room.desk.unheard(asked)
+    assert why in told
+    assert ("emergency stop" in told) == bool(why)
+
+
+def test_a_session_that_is_over_receives_no_stop_while_the_next_is_loaded(room):
+    room.box.__exit__(None, None, None)
+    assert room.desk.stop() == 0
+    assert "has not received the stop" in room.desk.unheard(0)
+
+
+def test_a_new_box_of_the_same_name_is_the_one_that_is_stopped(room):
+    """A session that goes on makes its box anew: the old one is not what is meant."""
+    with ControlBox(room.folder / "control") as newer:
+        room.desk.stop()
+        assert newer.stop_asked
+        assert not room.box.stop_asked
+
+
+def test_rearming_names_what_happened(room):
+    room.status |= {"state": "tripped", "reason": "safety: overrun"}
+    with pytest.raises(DataError, match="something else has happened"):
+        room.ask(order="rearm", reason="safety: posture")
+    assert room.process.started == []
+    room.ask(order="rearm", reason="safety: overrun")
+    assert room.process.started == [True]
+
+
+def test_nothing_is_left_for_a_session_that_is_gone(room):
+    room.process.lives = False
+    with pytest.raises(DataError, match="no session runs"):
+        room.ask(order="start", condition="perturbed")
+
+
+class OwnProcess(Process):
+    """A session that ends by its stop, when it has made its box."""
+
+    def __init__(self, box, *, loads=3):
+        super().__init__()
+        self._box, self._loads = box, loads
+
+    @property
+    def is_own(self):
+        self._loads -= 1
+        self.lives = self.lives and not (self._loads < 0 and self._box.stop_asked)
+        return self.lives
+
+    @is_own.setter
+    def is_own(self, value):
+        pass
+
+
+def leaving(room, *events, own=True):
+    """Close the page of a session whose journal holds these events."""
+    with Journal(room.folder / "journal.jsonl") as journal:
+        for event in events:
+            journal.write(event, condition="perturbed", time_ns=1)
+    room.process = OwnProcess(room.box) if own else Process()
+    return OperatorCommands(room.folder.parents[1], room.process, lambda: dict(room.status)).leave()
+
+
+@pytest.mark.parametrize("events", [(), ("prompted",), ("prompted", "stop_asked", "prompted")])
+def test_a_session_that_nobody_started_ends_with_its_page(room, events):
+    words = leaving(room, *events)
+    assert room.box.stop_asked
+    assert not room.process.lives
+    assert "nobody had started" in words
+
+
+def test_a_start_that_came_with_the_stop_is_not_said_to_go_on(room, monkeypatch):
+    looks = iter([False])
+    monkeypatch.setattr(OperatorCommands, "_was_started", lambda _: next(looks, True))
+    assert leaving(room, "prompted", "started") == "The page is closed. No session runs."
+    assert room.box.stop_asked
+
+
+def test_a_session_that_was_started_outlives_its_page(room, tmp_path):
+    room.status["state"] = "running"
+    words = leaving(room, "prompted", "started", "segment_started")
+    assert not room.box.stop_asked
+    assert words == (
+        "The page is closed. The session goes on (process 4711); jointz console --out "
+        f"{tmp_path} shows it again."
+    )
+
+
+def test_a_page_that_looks_on_ends_nobody_elses_session(room):
+    assert "goes on (process 4711)" in leaving(room, "prompted", own=False)
+    assert not room.box.stop_asked
+
+
+def test_a_session_that_stops_without_its_page_is_not_said_to_go_on(room):
+    room.status |= {"state": "running", "without_console": "stop"}
+    assert "(process 4711) stops without it" in leaving(room, "prompted", "started")
+
+
+def test_a_session_that_does_not_end_is_told(room, monkeypatch):
+    monkeypatch.setattr(operator_commands, "_PATIENCE_S", 0.1)
+    room.process.is_own = True
+    assert "goes on (process 4711)" in room.desk.leave()
+
+
+class Followed:
+    """A session that is followed."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+
+def test_signs_of_life_follow_a_session_that_goes_on(room):
+    beat = Heartbeat(Followed(room.folder), lambda: True)
+    beat.beat()
+    assert room.box.beat_ns > 0
+    with ControlBox(room.folder / "control") as newer:
+        beat.beat()
+        assert newer.beat_ns > 0
+    beat.close()
+
+
+def test_without_a_session_there_is_nobody_to_beat_for(tmp_path):
+    Heartbeat(Followed(None), lambda: True).beat()
+    Heartbeat(Followed(tmp_path), lambda: True).beat()

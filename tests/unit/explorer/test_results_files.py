@@ -1,0 +1,368 @@
+"""Results looked through: traces of pulses, exclusions, estimates made again."""
+
+import io
+import json
+import shutil
+import threading
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from jointz.analysis.analyze import analyze
+from jointz.analysis.results_folder import write_results
+from jointz.core.errors import DataError, WriteError
+from jointz.explorer.exclusions import FILE, decide, is_excluded
+from jointz.explorer.files_page import (
+    TABLES,
+    figure_svg,
+    file_name,
+    table_csv,
+    traces_netcdf,
+)
+from jointz.explorer.literature_curves import reference_curves
+from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
+from jointz.explorer.results_files import cell_of, open_results, pulses_of
+from jointz.explorer.traces import PulseKey
+from jointz.io.study_reader import open_study
+
+RESAMPLES = 50
+
+
+@pytest.fixture(scope="module")
+def made(small_study_source, tmp_path_factory):
+    """A study with its results beside it."""
+    above = tmp_path_factory.mktemp("explored")
+    shutil.copytree(small_study_source, above / "study")
+    write_results(analyze(above / "study", resamples=RESAMPLES, seed=3), above / "results")
+    return above
+
+
+@pytest.fixture
+def opened(made, tmp_path):
+    """Results of a study that a test may change."""
+    shutil.copytree(made / "study", tmp_path / "study")
+    shutil.copytree(made / "results", tmp_path / "results")
+    return open_results(tmp_path / "results")
+
+
+@pytest.fixture(scope="module")
+def again(made):
+    found = open_results(made / "results")
+    return found, reestimate(found.study, found.people[0], EstimationRequest.of(found.analysed))
+
+
+def first_pulse(found, k=0):
+    person = found.people[0]
+    point = found.analysed.cells[0].timing_point
+    return pulses_of(found.analysed, person, point)[k]
+
+
+def renewed(found, person):
+    made = reestimate(found.study, person, EstimationRequest.of(found.analysed))
+    return found.with_result(person, made.result), made
+
+
+def test_the_study_beside_the_results_is_found(opened, tmp_path):
+    assert opened.study is not None
+    assert opened.study.root == tmp_path / "study"
+    assert opened.stale() == ()
+    assert opened.command().startswith(f"jointz analyze {tmp_path / 'study'} --out")
+
+
+def test_results_open_without_their_study(opened, tmp_path):
+    (tmp_path / "study").rename(tmp_path / "elsewhere")
+
+    alone = open_results(tmp_path / "results")
+    named = open_results(tmp_path / "results", study=tmp_path / "elsewhere")
+
+    assert alone.study is None
+    assert (alone.stale(), alone.changed(), alone.more_methods()) == ((), (), ())
+    assert alone.current() == alone.analysed
+    assert named.study is not None
+
+
+def test_another_study_is_refused(opened, tmp_path):
+    toml = tmp_path / "study" / "study.toml"
+    toml.write_text(toml.read_text() + "\n# changed\n")
+
+    assert open_results(tmp_path / "results").study is None
+    with pytest.raises(DataError, match=r"expected the study that was analysed for"):
+        open_results(tmp_path / "results", study=tmp_path / "study")
+
+
+def test_absent_and_damaged_results_are_refused(opened, tmp_path):
+    with pytest.raises(DataError, match="expected a folder that jointz analyze made"):
+        open_results(tmp_path)
+    (tmp_path / "results" / "analysis.json").write_text('{"schema": 1')
+    with pytest.raises(DataError, match=r"analysis\.json: cannot be read"):
+        open_results(tmp_path / "results")
+
+
+def test_nothing_changed_gives_the_same_numbers(again):
+    found, made = again
+    person = made.participant
+    own = tuple(c for c in found.analysed.cells if c.participant == person)
+
+    assert made.result.cells["recommended"] == own
+    assert made.result.evidence == ()
+
+
+@pytest.mark.parametrize("method", ["recommended", "dissertation"])
+def test_responses_of_the_pulses_used_make_the_average(again, method):
+    found, made = again
+    for cell in (c for c in found.analysed.cells if c.participant == made.participant):
+        cell = cell_of(found.analysed, made.participant, cell.timing_point, method=method)
+        if cell is None or cell.response is None:
+            continue
+        windows = [
+            made.traces[PulseKey.of(p)].windows[method]
+            for p in pulses_of(found.analysed, made.participant, cell.timing_point)
+            if not p.code
+        ]
+        angle = np.mean([w.response_angle for w in windows], axis=0)
+        torque = np.mean([w.response_torque for w in windows], axis=0)
+        np.testing.assert_allclose(angle, cell.response.angle, atol=1e-9)
+        np.testing.assert_allclose(torque, cell.response.torque, atol=1e-9)
+        np.testing.assert_allclose(windows[0].time_s, cell.response.time_s, atol=1e-9)
+
+
+def test_residuals_are_responses_minus_the_fit(again):
+    _, made = again
+    windows = [w for t in made.traces.values() for w in t.windows.values() if w.fitted is not None]
+
+    assert {w.fits for w in windows} == {"angle", "torque"}
+    for window in windows:
+        own = window.response_angle if window.fits == "angle" else window.response_torque
+        np.testing.assert_allclose(window.residual + window.fitted, own)
+        assert window.misfit == pytest.approx(np.sqrt(np.mean(window.residual**2)))
+
+
+def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened):
+    pulse = first_pulse(opened)
+    found = opened.with_study(decide(opened.study, pulse, "exclude", reason="stumbled"))
+
+    assert found.stale() == (pulse.participant,)
+    assert [PulseKey.of(p) for p in found.changed()] == [PulseKey.of(pulse)]
+    found, _ = renewed(found, pulse.participant)
+    assert found.stale() == ()
+
+    now, fresh = found.current(), analyze(found.study.root, resamples=RESAMPLES, seed=3)
+    for name in ("cells", "comparison", "population", "pooled", "pulses", "strides", "models"):
+        assert getattr(now, name) == getattr(fresh, name), name
+    told = now.excluded_frame().query("code == 'user'")
+    assert told["detail"].tolist() == ["stumbled"]
+    old = cell_of(found.analysed, pulse.participant, pulse.timing_point)
+    new = cell_of(now, pulse.participant, pulse.timing_point)
+    assert new.n_used == old.n_used - 1
+    assert new.parameters != old.parameters
+
+
+def test_a_restored_pulse_brings_the_old_numbers_back(opened):
+    pulse = first_pulse(opened)
+    study = decide(opened.study, pulse, "exclude", reason="stumbled")
+    found, _ = renewed(opened.with_study(study), pulse.participant)
+
+    study = decide(found.study, pulse, "restore", reason="")
+    assert not is_excluded(study, pulse)
+    found = found.with_study(study)
+    assert found.stale() == (pulse.participant,)
+    assert found.changed() == ()
+    found, _ = renewed(found, pulse.participant)
+
+    assert found.current().cells == opened.analysed.cells
+
+
+def test_an_excluded_pulse_is_shown_as_if_restored(opened, again):
+    pulse = first_pulse(opened)
+    study = decide(opened.study, pulse, "exclude", reason="stumbled")
+    _, made = renewed(opened.with_study(study), pulse.participant)
+    before = again[1].traces[PulseKey.of(pulse)]
+
+    now = made.traces[PulseKey.of(pulse)]
+
+    assert now.if_restored
+    assert sum(t.if_restored for t in made.traces.values()) == 1
+    for method in ("recommended", "dissertation"):
+        np.testing.assert_allclose(
+            now.windows[method].response_angle, before.windows[method].response_angle
+        )
+
+
+def test_changed_recordings_are_refused(opened):
+    person = opened.people[0]
+    entry = next(r for r in opened.study.spec.recordings if r.participant == person)
+    file = opened.study.root / entry.file
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(lines[:-5]))
+
+    with pytest.raises(DataError, match="expected the content that was analysed"):
+        reestimate(opened.study, person, EstimationRequest.of(opened.analysed))
+
+
+def test_one_more_method_is_what_the_method_gives(opened):
+    person = opened.people[0]
+    assert "pre_pulse" in opened.more_methods()
+    assert "full_record" not in opened.more_methods()
+
+    cells = estimate_by_method(
+        opened.study, person, EstimationRequest.of(opened.analysed), method="pre_pulse"
+    )
+    found = opened.with_other("pre_pulse", person, cells)
+
+    chosen = analyze(opened.study, method="pre_pulse", resamples=RESAMPLES, seed=3)
+    assert {c.timing_point: c for c in cells} == {
+        c.timing_point: c for c in chosen.cells if c.participant == person
+    }
+    assert found.methods() == ("recommended", "dissertation", "pre_pulse")
+    assert all(cell in found.current().comparison for cell in cells)
+
+
+# exclusions.csv
+
+
+def test_the_users_lines_stay_byte_for_byte(opened):
+    file = opened.study.root / "exclusions.csv"
+    own = (
+        b"\xef\xbb\xbfwho,reason,participant,onset_s,recording,action\r\n"
+        b'me,"a, ""b""\r\n c",S99,1.0,none.csv,exclude\r\n'
+        b"me,,S99,1.0,none.csv,restore"  # without an end of line
+    )
+    file.write_bytes(own)
+    study = open_study(opened.study.root)
+    pulse = first_pulse(opened)
+
+    study = decide(study, pulse, "exclude", reason='fell, "hard"\nagain')
+
+    now = file.read_bytes()
+    assert now.startswith(own + b"\r\n")
+    assert now.endswith(b"\r\n")
+    line = pd.read_csv(file, dtype=str, encoding="utf-8-sig", keep_default_na=False).iloc[-1]
+    assert line["reason"] == 'fell, "hard" again'
+    assert line["who"] == ""
+    assert float(line["onset_s"]) == pulse.onset_s
+    assert is_excluded(study, pulse)
+    assert len(study.user_exclusions) == 3
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_lines_end_as_they_do_in_the_file(opened, ending):
+    pulse = first_pulse(opened)
+    file = opened.study.root / FILE
+    lines = ["participant,recording,onset_s,action,reason", "x,y,1.5,exclude,old"]
+    file.write_bytes(ending.join(lines).encode())
+    study = decide(opened.study, pulse, "exclude", reason="stumbled")
+    assert [line.reason for line in study.user_exclusions] == ["old", "stumbled"]
+    assert file.read_bytes().count(ending.encode()) == 3
+
+
+def test_a_file_system_without_locks_is_written_to_all_the_same(opened, monkeypatch):
+    def refused(*_):
+        raise OSError(9, "Bad file descriptor")  # what NFS says of a folder
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    study = decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+    assert len(study.user_exclusions) == 1
+
+
+def test_what_is_no_file_is_told(opened):
+    (opened.study.root / FILE).mkdir()
+    with pytest.raises(WriteError, match="Is a directory"):
+        decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+
+
+def test_nothing_is_decided_about_another_study(opened):
+    toml = opened.study.root / "study.toml"
+    toml.write_text(toml.read_text() + "\n# another\n")
+    with pytest.raises(DataError, match=r"study\.toml was changed"):
+        decide(opened.study, first_pulse(opened), "exclude", reason="stumbled")
+    assert not (opened.study.root / FILE).exists()
+
+
+def test_pages_do_not_lose_each_others_lines(opened):
+    pulses = opened.analysed.pulses[:12]
+    threads = [
+        threading.Thread(target=decide, args=(opened.study, p, "exclude"), kwargs={"reason": "x"})
+        for p in pulses
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    study = open_study(opened.study.root)
+    assert len(study.user_exclusions) == len(pulses)
+    assert all(is_excluded(study, p) for p in pulses)
+
+
+def test_what_is_decided_already_is_not_written_again(opened):
+    pulse = first_pulse(opened)
+    decide(opened.study, pulse, "exclude", reason="one")
+    study = decide(opened.study, pulse, "exclude", reason="two")  # a page that is behind
+    assert [line.reason for line in study.user_exclusions] == ["one"]
+
+
+def test_a_reason_is_asked_for_and_kept_short(opened):
+    pulse = first_pulse(opened)
+    with pytest.raises(DataError, match="reason: missing"):
+        decide(opened.study, pulse, "exclude", reason=" \n ")
+    with pytest.raises(DataError, match="at most 300 letters, got 301"):
+        decide(opened.study, pulse, "exclude", reason="x" * 301)
+    assert not (opened.study.root / "exclusions.csv").exists()
+
+
+def test_a_file_that_cannot_be_read_is_left_alone(opened):
+    file = opened.study.root / "exclusions.csv"
+    file.write_text("participant,onset_s\nS01,1\n")
+    with pytest.raises(DataError, match="missing column"):
+        decide(opened.study, first_pulse(opened), "exclude", reason="x")
+    assert file.read_text() == "participant,onset_s\nS01,1\n"
+
+
+# downloads and references
+
+
+def test_tables_are_those_of_a_results_folder_and_figures_have_known_names(made):
+    found = open_results(made / "results")
+    for name in TABLES:
+        there = (made / "results" / f"{name}.csv").read_bytes()
+        assert table_csv(found.current(), name) == there, name
+    assert figure_svg(found.current(), "impedance_over_gait").startswith(b"<svg")
+    with pytest.raises(ValueError, match="name: expected one of"):
+        figure_svg(found.current(), "../secret")
+
+
+def test_traces_come_as_netcdf(again):
+    found, made = again
+    content = traces_netcdf(found.current(), made.participant, made.traces)
+    data = xr.load_dataset(io.BytesIO(content), engine="h5netcdf")
+
+    pulse = first_pulse(found)
+    k = int(np.flatnonzero(data["onset_s"].to_numpy() == pulse.onset_s)[0])
+    window = made.traces[PulseKey.of(pulse)].windows["recommended"]
+    np.testing.assert_allclose(data["recommended_response_angle"][k], window.response_angle)
+    np.testing.assert_allclose(data["recommended_residual"][k], window.residual)
+    assert data["recommended_baseline_torque"].attrs["units"] == "N*m"
+    assert data.sizes["pulse"] == len(made.traces)
+
+
+def test_names_of_files_are_safe():
+    assert file_name("pulses", "../<S/01>", "nc") == "pulses_S_01.nc"
+    assert file_name("pulses", "...", "nc") == "pulses_unnamed.nc"
+
+
+def test_published_values_of_the_knee():
+    curves = reference_curves("knee", "stiffness_per_mass")
+    assert curves[0].points[0].value == pytest.approx(2.131)
+    assert curves[0].points[0].low < 2.131 < curves[0].points[0].high
+    assert all(p.value is None for curve in curves[1:] for p in curve.points)
+    assert len(reference_curves("knee", "inertia")) == 1
+    assert reference_curves("knee", "stiffness") == ()
+    assert reference_curves("ankle", "stiffness_per_mass") == ()
+
+
+def test_results_know_no_place_of_the_study(made):
+    """Why --study is there: nothing of the machine is in a results folder."""
+    told = json.loads((made / "results" / "provenance.json").read_text())
+    assert str(made) not in json.dumps(told)

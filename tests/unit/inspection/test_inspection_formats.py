@@ -1,0 +1,159 @@
+"""What jointz inspect proposes for a file of any format, a study reads as it stands."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+import xarray as xr
+
+from jointz.conversion.convert import convert
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.inspection.inspect_file import inspect_file
+from jointz.io.formats.registry import BUILT_IN, read_acquisition, write_acquisition
+from jointz.io.recordings import read_recording
+from jointz.io.study_reader import open_study
+
+N, RATE_HZ = 400, 200.0
+S = np.arange(N) / RATE_HZ
+ANGLE_DEG = 30 * np.sin(2 * np.pi * S)
+TORQUE = np.cos(2 * np.pi * S)
+
+
+def group(name: str = "") -> SignalGroup:
+    signals = (Signal("knee angle", ANGLE_DEG, "deg"), Signal("knee torque", TORQUE, "N*m"))
+    return SignalGroup(name, signals, RATE_HZ)
+
+
+def stamped(name: str = "") -> SignalGroup:
+    return replace(group(name), rate_hz=None, time_s=S + 1e-5 * np.sin(np.arange(N)))
+
+
+def apart(name: str) -> SignalGroup:
+    """Other signals, sampled apart, some under the same name."""
+    return SignalGroup(name, (Signal("knee angle raw", np.arange(50.0), "V"),), 50.0)
+
+
+def assert_is_read(file: Path) -> xr.Dataset:
+    """Inspect a file, and read it by the study that was proposed."""
+    found = inspect_file(file)
+    assert found.obstacles == ()
+    (file.parent / "study.toml").write_text(found.toml, encoding="utf-8")
+    study = open_study(file.parent)
+    (recording,) = read_recording(study, study.spec.recordings[0])
+    np.testing.assert_allclose(recording["angle"], np.deg2rad(ANGLE_DEG), atol=1e-6)
+    np.testing.assert_allclose(recording["torque"], TORQUE, atol=1e-6)
+    np.testing.assert_allclose(np.diff(recording["time"]), 1 / RATE_HZ, atol=5e-5)
+    return recording
+
+
+@pytest.mark.parametrize("made", [group, stamped])
+@pytest.mark.parametrize("suffix", sorted(BUILT_IN))
+def test_a_file_of_every_format_is_read_as_it_was_proposed(tmp_path, suffix, made):
+    if suffix == ".c3d" and made is stamped:
+        pytest.skip("C3D has rates, no stamps")
+    file = tmp_path / f"S01{suffix}"
+    write_acquisition(Acquisition((made("data"),)), file, lossy=True)
+
+    assert_is_read(file)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".mat", ".xlsx", ".xdf"])
+def test_one_of_several_groups_is_read_as_it_was_proposed(tmp_path, suffix):
+    file = tmp_path / f"S01{suffix}"
+    content = Acquisition((apart("slow"), stamped("fast"), apart("other")))
+    write_acquisition(content, file, lossy=True)
+
+    assert_is_read(file)
+
+
+@pytest.mark.parametrize("suffix", [".c3d", ".mat", ".nc", ".parquet", ".sto", ".xdf", ".xlsx"])
+def test_a_rate_that_does_not_start_at_0_keeps_its_start(tmp_path, suffix):
+    file = tmp_path / f"S01{suffix}"
+    cropped = replace(group("data"), start_s=5.0)
+    write_acquisition(Acquisition((cropped,)), file, lossy=True)
+
+    found = inspect_file(file)
+
+    (clock,) = found.clocks
+    assert (clock.source, clock.rate_hz, clock.start_s) == ("rate", RATE_HZ, 5.0)
+    assert clock.end_s == pytest.approx(5.0 + S[-1])
+    assert "sample_rate_hz" not in found.toml
+    assert float(assert_is_read(file)["time"][0]) == 5.0
+
+
+WRITERS = {
+    ".csv": lambda table, file: pd.DataFrame(table).to_csv(file, index=False),
+    ".mat": lambda table, file: scipy.io.savemat(file, table),
+    ".nc": lambda table, file: xr.Dataset({k: ("t", v) for k, v in table.items()}).to_netcdf(
+        file, engine="h5netcdf"
+    ),
+    ".parquet": lambda table, file: pd.DataFrame(table).to_parquet(file),
+    ".xlsx": lambda table, file: pd.DataFrame(table).to_excel(file, index=False),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_unit_of_time_that_no_file_states_is_told_by_the_stamps(tmp_path, suffix):
+    file = tmp_path / f"S01{suffix}"
+    WRITERS[suffix]({"time": 1e3 * S, "knee_angle_deg": ANGLE_DEG, "knee_torque": TORQUE}, file)
+
+    found = inspect_file(file)
+
+    time = found.channel("time")
+    assert (time.column, time.unit, time.unit_is) == ("time", "ms", "guessed")
+    assert found.clocks[0].rate_hz == pytest.approx(RATE_HZ)
+    assert not any("taken for seconds" in note for note in found.notes)
+    assert_is_read(file)
+
+
+def test_foreign_netcdf_in_groups_and_matrices(tmp_path):
+    file = tmp_path / "S01.nc"
+    both = np.column_stack([np.deg2rad(ANGLE_DEG), 0 * S])
+    xr.Dataset({"start": ("one", [3.0])}).to_netcdf(file, engine="h5netcdf")
+    lab = xr.Dataset(
+        {
+            "time": ("t", S, {"units": "s"}),
+            "knee_angle": (("t", "axis"), both, {"units": "rad"}),
+            "knee_torque": ("t", TORQUE, {"units": "N*m"}),
+        }
+    )
+    lab.to_netcdf(file, mode="a", group="lab/leg", engine="h5netcdf")
+
+    assert_is_read(file)
+    assert 'column = "lab/leg/knee_angle.1"' in inspect_file(file).toml
+
+
+@pytest.mark.parametrize("n_people", [1, 2])
+def test_the_struct_of_a_study_is_read_as_it_was_proposed(tmp_path, n_people):
+    toml = 'jointz = 1\njoint = "knee"\nkind = "bench"\n'
+    for name in ("time", "angle", "torque"):
+        toml += f'[channels.{name}]\ncolumn = "{name}"\n'
+    for person in ["S01", "S02"][:n_people]:
+        columns = {"time": S + 3.0, "angle": np.deg2rad(ANGLE_DEG), "torque": TORQUE}
+        pd.DataFrame(columns).to_csv(tmp_path / f"{person}.csv", index=False)
+        toml += f'[[participants]]\nid = "{person}"\n[[recordings]]\nparticipant = "{person}"\n'
+        toml += f'condition = "unperturbed"\nfile = "{person}.csv"\n'
+    (tmp_path / "study.toml").write_text(toml)
+    convert(tmp_path, tmp_path / "all.mat")
+
+    found = inspect_file(tmp_path / "all.mat")
+
+    (tmp_path / "study.toml").write_text(found.toml)
+    study = open_study(tmp_path)
+    (recording,) = read_recording(study, study.spec.recordings[0])
+    np.testing.assert_array_equal(recording["time"], S + 3.0)
+    np.testing.assert_array_equal(recording["angle"], np.deg2rad(ANGLE_DEG))
+
+
+def test_a_matrix_with_samples_along_its_rows_is_left_out_not_taken_apart(tmp_path):
+    file = tmp_path / "S01.mat"
+    scipy.io.savemat(file, {"wide": np.zeros((3, 100_000)), "knee_angle": ANGLE_DEG})
+
+    content = read_acquisition(file)
+
+    assert [s.name for g in content.groups for s in g.signals] == ["knee_angle"]
+    assert content.metadata["reading.left_out"] == "no series of samples: wide"
+    assert any("wide" in note for note in inspect_file(file).notes)

@@ -1,0 +1,102 @@
+"""One random intercept against lmerTest, closed form and a dense likelihood."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jointz.kernels.statistics.anova import one_way_anova
+from jointz.kernels.statistics.mixed_model_likelihood import (
+    fit_random_intercept,
+    satterthwaite_test,
+)
+
+HERE = Path(__file__).parent
+ORACLE = json.loads((HERE / "mixed_model_oracle.json").read_text(encoding="utf-8"))
+
+
+def oracle_data(name):
+    rows = pd.read_csv(HERE / "mixed_model_oracle.csv").query("set == @name")
+    kind, direction = rows["type"].to_numpy(float), rows["direction"].to_numpy(float)
+    design = np.column_stack([np.ones(len(rows)), kind, direction, kind * direction])
+    return design, rows["y"].to_numpy(), rows["trial"].to_numpy()
+
+
+@pytest.mark.parametrize("name", ORACLE)
+def test_estimates_variances_and_tests_are_those_of_lmertest(name):
+    known = ORACLE[name]
+    fit = fit_random_intercept(*oracle_data(name))
+
+    np.testing.assert_allclose(fit.beta, known["beta"], rtol=1e-7)
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), known["se"], rtol=1e-7)
+    found = (fit.variance_group, fit.variance_residual)
+    np.testing.assert_allclose(found, known["variances"], rtol=1e-6)
+    singles = [satterthwaite_test(fit, np.eye(4)[k]) for k in (1, 2, 3)]
+    # lmerTest differentiates numerically, 1e-8 at best.
+    np.testing.assert_allclose([t.df_den for t in singles], known["df_den"], rtol=1e-7)
+    np.testing.assert_allclose([t.statistic for t in singles], known["f"], rtol=1e-7)
+    np.testing.assert_allclose([t.p for t in singles], known["p"], rtol=1e-6)
+    joint = satterthwaite_test(fit, np.eye(4)[1:])
+    np.testing.assert_allclose(
+        [joint.df_num, joint.df_den, joint.statistic, joint.p], known["joint"], rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("group", [np.zeros(12, int), np.arange(12)], ids=["one", "singles"])
+def test_groups_that_say_nothing_leave_ordinary_least_squares(group):
+    rng = np.random.default_rng(7)
+    kind = np.repeat([1.0, -1.0], 6)
+    y = rng.standard_normal(12) + 0.5 * kind
+
+    test = satterthwaite_test(
+        fit_random_intercept(np.column_stack([np.ones(12), kind]), y, group), np.array([0.0, 1.0])
+    )
+
+    plain = one_way_anova(y, kind)
+    assert test.df_den == pytest.approx(plain.df_den)
+    assert test.statistic == pytest.approx(plain.statistic)
+    assert test.p == pytest.approx(plain.p)
+
+
+def test_a_joint_test_with_a_contrast_of_one_degree_of_freedom_has_two_at_least_as_in_lmertest():
+    rng = np.random.default_rng(8)
+    group = np.repeat(np.arange(3), 8)
+    between, inside = np.where(group == 2, 1.0, -1.0), np.tile([1.0, -1.0], 12)
+    y = 3.0 * rng.standard_normal(3)[group] + rng.standard_normal(24)
+    fit = fit_random_intercept(np.column_stack([np.ones(24), between, inside]), y, group)
+
+    df = [satterthwaite_test(fit, np.eye(3)[k]).df_den for k in (1, 2)]
+    assert df == pytest.approx([1.0, 20.0], rel=1e-6)
+    assert satterthwaite_test(fit, np.eye(3)[1:]).df_den == 2.0
+
+
+ONES = np.ones((4, 1))
+PAIRS = np.array([0, 0, 1, 1])
+
+
+@pytest.mark.parametrize(
+    ("design", "response", "group", "message"),
+    [
+        (ONES, np.arange(3.0), PAIRS, "expected design"),
+        (ONES, np.array([1.0, np.nan, 2.0, 3.0]), PAIRS, "finite"),
+        (np.ones((4, 2)), np.arange(4.0), PAIRS, "independent columns"),
+        (ONES, np.full(4, 7.0), PAIRS, "about the fixed effects"),
+        (ONES, np.array([1.0, 1.0, 2.0, 2.0]), PAIRS, "inside the groups"),
+        (np.column_stack([ONES, PAIRS]), np.array([0.0, 1.0, 3.0, 1.0]), PAIRS, "more groups"),
+        (ONES, np.array([0.0, 1e-7, 1.0, 1.0]), PAIRS, "next to none"),
+        (np.eye(4), np.arange(4.0), PAIRS, "about the fixed effects"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(design, response, group, message):
+    with pytest.raises(ValueError, match=message):
+        fit_random_intercept(design, response, group)
+
+
+def test_contrasts_must_fit_the_effects():
+    fit = fit_random_intercept(*oracle_data("balanced"))
+    with pytest.raises(ValueError, match="contrasts of 4 effects, got 2"):
+        satterthwaite_test(fit, np.eye(2))
+    with pytest.raises(ValueError, match="not 0 everywhere"):
+        satterthwaite_test(fit, np.zeros((1, 4)))

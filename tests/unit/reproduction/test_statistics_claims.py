@@ -1,0 +1,213 @@
+"""The statistics of 4.3 from the published tables, printed beside ours."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from jointz.reference import chapter3, chapter4
+from jointz.reference.audit import audit
+from jointz.reproduction.chapter4 import published_statistics as chapter4_statistics
+from jointz.reproduction.chapter4.published_statistics import (
+    fitted_models,
+    implied_fwhm,
+    pairs_table,
+    published_statistics,
+    spm_threshold,
+)
+from jointz.reproduction.reproduction_result import Reproduction
+from jointz.reproduction.reproduction_tables import audit_claims
+
+NAMES = {"stiffness": "K", "damping": "B", "inertia": "J"}
+
+
+@pytest.fixture(scope="module")
+def published():
+    return published_statistics(4, n_simulations=200)
+
+
+@pytest.fixture(scope="module")
+def chapter(published):
+    tables, curves = published
+    return Reproduction(4, "statistics", tables, curves)
+
+
+def claims(chapter, name):
+    return {row.claim: row for row in chapter.table(name).rows}
+
+
+# --- averages ------------------------------------------------------------------------------------
+
+
+def test_every_printed_average_but_the_lowest_damping_comes_out_to_its_last_digit(chapter):
+    apart = []
+    for row in chapter.table("averages").rows:
+        decimals = {"N*m/rad/kg": 2, "%": 2}.get(row.unit, 3)
+        # Half a digit, and the dissertation's own rounding of halves.
+        if abs(row.recommended - row.printed) > 0.5001 * 10.0**-decimals:
+            apart.append(row.quantity)
+    assert apart == ["damping, smallest of the six"]
+
+
+def test_the_mean_vaf_and_its_sd_over_timing_points_are_as_printed(chapter):
+    row = chapter.table("averages").rows[-1]
+    assert round(row.recommended, 2) == round(row.dissertation, 2) == row.printed == 90.62
+    assert round(row.dissertation_sd, 2) == row.printed_sd == 4.32
+
+
+def test_intervals_of_averages_are_students_over_ten_people(chapter):
+    row = chapter.table("averages").rows[0]
+    values = [cell.value for cell in chapter4.STIFFNESS["LRE"].values()]
+    low, high = stats.t.interval(0.95, 9, np.mean(values), stats.sem(values))
+    assert row.quantity == "stiffness, LRE"
+    np.testing.assert_allclose([row.recommended_low, row.recommended_high], [low, high])
+
+
+# --- factors -------------------------------------------------------------------------------------
+
+
+def test_f_of_timing_points_is_that_of_one_value_a_person_and_point(chapter):
+    rows = claims(chapter, "factors")
+    for name, f in {"stiffness": 6.835, "damping": 1.981, "inertia": 1.079}.items():
+        assert f"F(5, 45) = {f}, " in rows[f"timing point, {name}"].ours
+    stiffness = rows["timing point, stiffness"]
+    assert "p = 8.08e-05 (Satterthwaite 8.08e-05)" in stiffness.ours
+    assert "epsilon 0.31, p = 0.0122" in stiffness.ours
+    assert stiffness.remark == "not below 0.001 where the want of sphericity is heeded"
+
+
+def test_only_the_timing_point_of_stiffness_is_reproduced_with_people(chapter):
+    verdicts = {claim: row.verdict for claim, row in claims(chapter, "factors").items()}
+    assert verdicts.pop("timing point, stiffness") == "reproduced"
+    assert set(verdicts.values()) == {"only with replicates as people"}
+    assert len(verdicts) == 5
+
+
+def test_subjects_have_an_exact_test_and_both_reference_distributions(chapter):
+    rows = claims(chapter, "factors")
+    for name, p in {"stiffness": "0.0199", "damping": "0.0129", "inertia": "0.0326"}.items():
+        ours = rows[f"subject, {name}"].ours
+        assert re.search(rf"exact F\(9, 45\) = 2\.\d+, p = {p}; likelihood ratio", ours)
+        mixture, squared = re.search(r"p = ([\d.]+) \(mixture\), ([\d.]+) \(chi", ours).groups()
+        assert float(mixture) == pytest.approx(float(squared) / 2, rel=0.01)
+
+
+# --- pairs ---------------------------------------------------------------------------------------
+
+
+def test_three_pairs_of_stiffness_differ_and_no_other(chapter):
+    found = {
+        (NAMES[curve["name"]], *pair["numbers"]): pair["p"]
+        for curve in chapter.curves["pairs"].values()
+        for pair in curve["pairs"]
+        if pair["p"] < 0.05
+    }
+    assert {key: float(f"{p:.2g}") for key, p in found.items()} == {
+        ("K", 1, 2): 0.0025, ("K", 1, 5): 0.00017, ("K", 1, 6): 0.00031,
+    }  # fmt: skip
+
+
+def test_all_pairs_of_the_text_and_only_they_stand_in_the_table(chapter):
+    rows = chapter.table("pairs").rows
+    assert len(rows) == 29
+    assert sum(row.printed == "different" for row in rows) == 20
+    assert sum(len(curve["pairs"]) for curve in chapter.curves["pairs"].values()) == 45
+    assert (
+        "Of the 16 pairs that the text does not state, 0 differ" in chapter.table("pairs").caption
+    )
+
+
+def test_verdicts_of_pairs_follow_from_the_test_and_from_what_is_printed(chapter):
+    for row in chapter.table("pairs").rows:
+        p = float(row.ours.rpartition("p = ")[2])
+        if row.printed == "similar":
+            assert row.verdict == "not shown"
+            assert row.remark.startswith("no rejection here either")
+        else:
+            assert (row.verdict == "reproduced") == (p < 0.05)
+
+
+def test_no_interval_lies_in_the_band_of_twenty_percent(chapter):
+    for parameter, curve in chapter.curves["pairs"].items():
+        values = [c.value for row in chapter4.TABLES[parameter].values() for c in row.values()]
+        assert curve["band"] == pytest.approx(0.2 * np.mean(values))
+        assert not any(pair["alike"] for pair in curve["pairs"])
+        assert all(pair["ci_high"] - pair["ci_low"] > 2 * curve["band"] for pair in curve["pairs"])
+
+
+# --- gait and quasi-stiffness --------------------------------------------------------------------
+
+
+def test_the_printed_threshold_is_that_of_a_width_of_12_534_nodes():
+    assert round(spm_threshold(12.534), 3) == chapter4.SPM_THRESHOLD.value == 4.299
+    assert round(implied_fwhm(4.299), 3) == 12.534
+
+
+def test_a_threshold_that_no_smoothness_gives_is_refused():
+    for threshold in (1.0, 9.0):
+        with pytest.raises(ValueError, match="no width of 2 to 100 nodes"):
+            implied_fwhm(threshold)
+
+
+def test_the_printed_p_of_quasi_stiffness_is_welchs_over_timing_points(chapter):
+    welch = claims(chapter, "quasi_stiffness")["unpaired t-test of Q against K"]
+    assert welch.verdict == "reproduced"
+    assert welch.ours == "p = 0.3374: t = -1.020, df 8.06, n = 6 and 6"
+    k = [np.mean([c.value for c in row.values()]) for row in chapter4.STIFFNESS.values()]
+    q = list(chapter4.implied_quasi_stiffness().values())
+    assert round(stats.ttest_ind(q, k, equal_var=False).pvalue, 4) == 0.3374
+    assert f"with equal variances p = {stats.ttest_ind(q, k).pvalue:.4f}" in welch.remark
+    assert f"paired p = {stats.ttest_rel(q, k).pvalue:.3f}" in welch.remark
+    assert "timing points of one joint, not people" in welch.remark
+
+
+# --- the pilot and the audit ---------------------------------------------------------------------
+
+
+def test_the_pilots_numbers_are_those_of_s2_and_s3(chapter):
+    rows = chapter.table("pilot_people").rows
+    assert len(rows) == 2 * len(chapter3.PILOT_RANGES) + 3
+    digits = {"N*m/rad/kg": 0.01, "N*m*s/rad/kg": 0.01, "kg*m^2": 0.01, "%": 0.1}
+    for row in rows:
+        assert abs(row.recommended - row.printed) < 0.51 * digits[row.unit]
+    both = [row for row in rows if row.note]
+    assert [round(row.recommended, 2) for row in both] == [row.printed for row in both]
+
+
+def test_the_audit_is_told_whole_and_by_chapter():
+    whole = audit_claims()
+    assert [(r.where, r.claim, r.printed, r.ours) for r in whole.rows] == [
+        (f.where, f.what, f.printed, f.recomputed) for f in audit()
+    ]
+    parts = [audit_claims(chapter).rows for chapter in (2, 3, 4)]
+    assert all(parts)
+    assert sum(len(rows) for rows in parts) == len(whole.rows)
+    assert audit_claims(2, 3, 4) == whole
+    for chapter, rows in zip("234", parts, strict=True):
+        assert all(re.search(r"\d", row.where).group() == chapter for row in rows)
+
+
+# --- where not even replicates give what is printed -----------------------------------------------
+
+
+def test_what_no_scatter_of_rows_gives_is_not_reproduced(monkeypatch):
+    monkeypatch.setattr(chapter4_statistics, "fitting_scatter", lambda _: None)
+    monkeypatch.setattr(chapter4_statistics, "largest_scatter", lambda _: (None, None))
+    fits = fitted_models()
+    pairs, curves = pairs_table(fits)
+    assert all(curve["rows_find"] is None for curve in curves.values())
+    for table in (pairs, chapter4_statistics.factors(fits, fits)):
+        assert {row.verdict for row in table.rows} - {"not shown"} == {
+            "reproduced",
+            "not reproduced",
+        }
+        assert not any("replicates" in row.remark for row in table.rows)
+
+
+def test_pairs_whose_interval_lies_in_the_band_are_called_alike(monkeypatch):
+    monkeypatch.setattr(chapter4_statistics, "BAND", 5.0)
+    pairs, curves = pairs_table(fitted_models())
+    similar = [row for row in pairs.rows if row.printed == "similar"]
+    assert all(row.remark.endswith(": alike") for row in similar)
+    assert all(pair["alike"] for curve in curves.values() for pair in curve["pairs"])

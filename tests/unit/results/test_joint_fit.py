@@ -1,0 +1,77 @@
+"""The fit of one time series: its parts, its words and its figure."""
+
+import dataclasses
+
+import pytest
+
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.series.joint_fit import FitSeries, JointFit
+
+FIT = JointFit(
+    model="kbj",
+    estimator="output_error",
+    input="torque",
+    parameters=(
+        ParameterEstimate("stiffness", 50.0, 48.0, 52.0, "ok"),
+        ParameterEstimate("damping", 0.0, 0.0, 0.5, "at_bound"),
+        ParameterEstimate("inertia", None, None, None, "undecided"),
+    ),
+    vaf_pct=98.04,
+    vaf_of="angle",
+    status="undecided",
+    n_samples=1250,
+    rate_hz=500.0,
+    cutoff_hz=30.0,
+    condition_number=4.0,
+    covariance=(),
+    residual_correlation_time_s=0.05,
+    ci_method="sandwich",
+    warnings=("the record is short",),
+    series=FitSeries((0.0, 0.1), (1.0, 2.0), (1.1, 1.9)),
+)
+
+
+def test_a_parameter_it_has_not_is_refused_with_those_it_has():
+    with pytest.raises(KeyError) as caught:
+        FIT.parameter("mass")
+
+    assert caught.value.args == (
+        "no parameter 'mass' in this fit; it has stiffness, damping, inertia",
+    )
+
+
+def test_a_notebook_shows_the_title_and_a_small_table_escaped():
+    html = dataclasses.replace(FIT, estimator="<b>")._repr_html_()
+
+    assert html.startswith(
+        "<p>Joint impedance, estimator &lt;b&gt;, torque perturbed: undecided</p>"
+    )
+    assert "<td>stiffness</td>" in html
+    assert "<b>" not in html
+
+
+def test_the_summary_gives_intervals_quality_and_warnings():
+    assert FIT.summary().splitlines() == [
+        "Joint impedance, estimator output_error, torque perturbed: undecided",
+        "  2.5 s at 500 Hz, low-pass 30 Hz",
+        "  stiffness  50 N*m/rad (95% interval 48 to 52; ok)",
+        "  damping    0 N*m*s/rad (95% interval 0 to 0.5; at_bound)",
+        "  inertia    undecided",
+        "  VAF of the angle 98.0 %; intervals: sandwich",
+        "  Check: the residual was not tested for a stretch reflex or a higher order",
+        "  Note: the record is short",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("signal", "label"), [("angle", "angle (rad)"), ("torque", "torque (N*m)")]
+)
+def test_the_figure_shows_measurement_and_model(signal, label):
+    ax = dataclasses.replace(FIT, vaf_of=signal).plot()
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+
+    assert drawn == {"measured": [[0.0, 1.0], [0.1, 2.0]], "model": [[0.0, 1.1], [0.1, 1.9]]}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", label)
+    assert ax.get_title() == (
+        "K = 50 N*m/rad, B = 0 N*m*s/rad, J undecided\n" + f"VAF of the {signal} 98.0 %"
+    )

@@ -1,0 +1,25 @@
+"""What of a protocol reaches the simulated rig."""
+
+import pytest
+
+from jointz.io.protocols import load_protocol
+from jointz.session.rigs.rig_settings import open_rig, rig_settings
+
+
+def test_the_speed_of_the_treadmill_reaches_the_person():
+    protocol = load_protocol("walking")
+    gait = protocol.gait.model_copy(update={"speed_m_s": 0.6})
+    slower = protocol.model_copy(update={"gait": gait})
+
+    rigs = [open_rig(rig_settings(p, "sim", "clean", 1), 0) for p in (protocol, slower)]
+    usual, slow = (rig.motion("EWP", 0).next().duration_s for rig in rigs)
+
+    assert [rig.speed_m_s for rig in rigs] == [1.2, 0.6]
+    assert slow / usual == pytest.approx(2.0**0.5)
+    assert usual == rigs[0].person.stride_time_s
+
+
+def test_a_bench_has_no_speed_of_walking():
+    settings = rig_settings(load_protocol("qdd-static"), "sim", "clean", 1)
+
+    assert settings.bench == "quasi-direct-drive"
