@@ -194,7 +194,8 @@ def test_the_readme_shows_the_figures_of_the_demo(tmp_path):
     for row in made.accuracy().to_dict("records"):
         shown = f"{row['rms_error_pct']:.0f} % | {100 * row['coverage']:.0f} % | {row['n']}"
         assert f"| {row['parameter']} | {shown} |" in text("README.md")
-    assert f"VAF of {made.analysis.statistics['vaf']['mean_pct']:.2f} %" in text("README.md")
+    vaf_pct = made.analysis.statistics["vaf"]["mean_pct"]
+    assert f"accounted for by the fit) is {vaf_pct:.2f} %" in text("README.md")
     found = made.accuracy()
     errors = " / ".join(f"{x:.0f}" for x in found["rms_error_pct"])
     held = " / ".join(f"{100 * x:.0f}" for x in found["coverage"])

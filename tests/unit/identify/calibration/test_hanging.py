@@ -169,6 +169,7 @@ def test_intervals_of_the_lag_cover_where_sensors_are_as_expected(make):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # five minutes where nothing else runs
 def test_intervals_of_the_gain_cover(make):
     def find(seed):
         entry = leg(make, Rig(**a_sensor(seed)), seed).entry("torque_gain")
