@@ -34,7 +34,8 @@ html_theme.sidebar_secondary.remove: true
 
 <!-- Made by docs/make_from_matlab.py out of docs/from_matlab; do not edit. -->
 
-Calls of MATLAB and other programs, their equivalents here, and the number on which both agree. Of {n} rows {tested} are
+Calls of MATLAB and other programs, their equivalents here, and the number on which both agree.
+Of {n} rows {tested} are
 compared, each number to the share stated, on the same data; the other {untested} say why not. In
 {run} of them the left side ran in the program named *in italics*: {by}. In the
 other {formulas}, *Octave, the formula*, Octave does not have the function: what ran is its

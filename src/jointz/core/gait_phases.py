@@ -1,7 +1,7 @@
-"""Phases of the gait cycle (Perry) and the timing points in their middles."""
+"""Phases of the gait cycle (Perry), the timing points in their middles, and walking speed."""
 
 from collections.abc import Iterable, Mapping
-from math import isfinite
+from math import isfinite, sqrt
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -30,6 +30,11 @@ TIMING_POINTS: Mapping[str, float] = MappingProxyType(
 
 #: Stands where a timing point could, for all of a participant's; no timing point has this name.
 ALL_POINTS = "all"
+
+#: The dissertation's; stride times that are assumed or drawn belong to it, m/s.
+REFERENCE_SPEED_M_S = 1.2
+#: Where people walk: below it they stop between steps, above it they run.
+SLOWEST_M_S, FASTEST_M_S = 0.3, 2.2
 
 
 def phase_name(gait_pct: float) -> str:
@@ -60,3 +65,14 @@ def mean_phase(phases: Iterable[float | None]) -> float | None:
     """Return the circular mean of the known phases in %, None if there is none."""
     known = [p for p in phases if p is not None]
     return circular_mean_pct(known) if known else None
+
+
+def stride_time_ratio(speed_m_s: float) -> float:
+    """Return the stride time at a speed over that at 1.2 m/s.
+
+    Adults keep the walk ratio, step length over step rate, nearly constant (Bogen et al. 2018,
+    Gait & Posture 61, 479, doi 10.1016/j.gaitpost.2018.02.019). Speed is the product of the two,
+    so the stride time goes with speed to the power -1/2. Misleads in very slow walking, where the
+    walk ratio grows and strides are longer in time than this.
+    """
+    return sqrt(REFERENCE_SPEED_M_S / speed_m_s)

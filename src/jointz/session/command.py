@@ -104,7 +104,10 @@ def run(
         int | None, typer.Option("--seed", min=0, help="Of plan and simulation.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Participants run in parallel (default: number of cores).")
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="Participants run in parallel (default: number of cores)."
+        ),
     ] = None,
     scheduler: SchedulerOption = None,
     resume: Annotated[

@@ -12,7 +12,7 @@ from math import exp, pi, sqrt
 
 import numpy as np
 
-from jointz.core.walking_speed import REFERENCE_SPEED_M_S
+from jointz.core.gait_phases import REFERENCE_SPEED_M_S
 from jointz.sim.knee_joint import knee_angle
 from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
 from jointz.sim.presets import GaitSettings

@@ -19,7 +19,7 @@ from jointz.collections.entry_model import Condition, Entry, Person, Place
 from jointz.collections.entry_reader import EntryFolder
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
-from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S
+from jointz.core.gait_phases import FASTEST_M_S, SLOWEST_M_S
 from jointz.io.formats.columns import file_sha256
 from jointz.io.protocols import builtin_protocols, load_protocol
 

@@ -15,14 +15,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
-from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.gait_phases import ALL_POINTS, FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 from jointz.core.limits import LimitsOverride
 from jointz.core.protocols import protocol_calibration_checks as calibrations
 from jointz.core.protocols import protocol_checks as whole
 from jointz.core.protocols import protocol_limit_checks as limits
 from jointz.core.protocols.reference_signal_models import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
-from jointz.core.walking_speed import FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 
 #: The steps of a calibration, in the order in which a lab does them.
 CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]

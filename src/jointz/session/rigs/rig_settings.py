@@ -6,9 +6,9 @@ from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError
+from jointz.core.gait_phases import REFERENCE_SPEED_M_S
 from jointz.core.protocols.protocol import CalibrationStep, LoadSpec, Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec
-from jointz.core.walking_speed import REFERENCE_SPEED_M_S
 from jointz.devices.drivers import registered_devices
 from jointz.devices.interface import Devices, Rig, Wearer
 from jointz.io.calibration_file import CalibrationFile

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jointz.core.walking_speed import (
+from jointz.core.gait_phases import (
     FASTEST_M_S,
     REFERENCE_SPEED_M_S,
     SLOWEST_M_S,
