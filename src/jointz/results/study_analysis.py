@@ -187,7 +187,7 @@ class StudyAnalysis(Result):
             When no estimate has this parameter.
         """
         known = list(dict.fromkeys(p.name for cell in self.cells for p in cell.parameters))
-        if parameter not in known:
+        if known and parameter not in known:
             raise DataError(
                 f"plot: parameter: expected one of {', '.join(known)}; got {parameter!r}."
             )
