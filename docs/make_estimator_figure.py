@@ -9,6 +9,7 @@ import jointz
 from jointz.analysis.page.budget_figure import source_name
 from jointz.analysis.page.details_tables import variance_shares
 from jointz.core.study import Study
+from jointz.identify.prediction.unperturbed_prediction import UnperturbedPredictor
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.raw_signals import RAW_ANGLE, raw_signals
 from jointz.identify.preparation.sources import (
@@ -17,7 +18,6 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.unperturbed_prediction import UnperturbedPredictor
 from jointz.identify.study_kinds import WALKING
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.report.style import (

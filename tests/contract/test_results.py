@@ -56,6 +56,7 @@ from jointz.results.bench.calibration_fit import (
 from jointz.results.bench.paired_runs_fit import PairedRunsFit
 from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.run_report import RunReport, StudyRun
 from jointz.results.series.cycle_curve import CurvePoint, ParameterBand, PhaseCurve
 from jointz.results.series.joint_fit import FitSeries, JointFit
@@ -336,6 +337,22 @@ def reproduction() -> Reproduction:
     return Reproduction(2, "The bench", tables)
 
 
+def log_posterior() -> LogPosterior:
+    names = ("stiffness", "damping", "inertia")
+    covariance = 0.04 * np.eye(6) + 0.01
+    return LogPosterior(
+        participant="S01",
+        parameters=tuple(name for name in names for _ in range(2)),
+        timing_points=("LRE", "MST") * 3,
+        mean=np.log([60.0, 40.0, 2.0, 1.5, 0.05, 0.06]),
+        covariance=covariance,
+        prior_mean=np.log([50.0, 50.0, 2.0, 2.0, 0.05, 0.05]),
+        prior_covariance=covariance + 0.2 * np.eye(6),
+        session="day 2",
+        side="left",
+    )
+
+
 def certificate() -> Certificate:
     estimates = tuple(
         VirtualEstimate("S01", replicate, "LRE", name, truth, value, low, high, status)
@@ -586,6 +603,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "calibration step": calibration_fit,
     "refused calibration step": refused_calibration,
     "calibration": calibration,
+    "log posterior": log_posterior,
     "specification curve": specification_curve,
     "phase curve": phase_curve,
     "mapped curves": mapped_curves,

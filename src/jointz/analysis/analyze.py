@@ -12,6 +12,7 @@ from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
+from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import assembled, replicates_for
@@ -22,6 +23,7 @@ from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
 from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
+from jointz.identify.strapped import METHOD as STRAPPED
 from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import VirtualEstimate
@@ -210,10 +212,21 @@ def _chosen(study: Study, method: str) -> str:
         raise DataError(
             f"method: {name} is for {kinds[0]} studies; this is a {kind} study. Choose another."
         )
-    if baseline == PREDICTED and name != RECOMMENDED and "walking" in kinds:
+    own = METHODS[name].baseline_for(KINDS[kind])
+    if own == PREDICTED and baseline not in (None, PREDICTED):
         raise DataError(
-            f'method: {name} has no baseline "{PREDICTED}"; only {RECOMMENDED} has, for walking '
-            "with perturbations of torque. Choose another under perturbations.baseline."
+            f'method: {name} has the baseline "{PREDICTED}" only, and perturbations.baseline is '
+            f'"{baseline}". Remove it, or choose another method.'
+        )
+    if own == PREDICTED and study.spec.perturbations.source == "angle":
+        raise DataError(
+            f"method: {name} is for perturbations of torque; perturbations.source is "
+            '"angle". Choose another method.'
+        )
+    if baseline == PREDICTED and own != PREDICTED and "walking" in kinds:
+        raise DataError(
+            f'method: {name} has no baseline "{PREDICTED}". Choose another under '
+            f"perturbations.baseline, or the method {RECOMMENDED} or strapped."
         )
     return name
 
@@ -248,6 +261,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
         gaps=tuple(g for r in results.values() for g in r.gaps),
         single=tuple(p for r in results.values() for p in r.single),
         models=tuple(m for r in results.values() for m in r.models),
+        log_posteriors=tuple(p for r in results.values() for p in r.log_posteriors),
         statistics=statistics,
         settings=_settings_record(request),
         provenance={
@@ -257,8 +271,16 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             "study": study.spec.model_dump(mode="json", exclude_none=True),
             "inputs": inputs,
             "seed": request.seed,
+            **_priors_record(study, method),
         },
     )
+
+
+def _priors_record(study: Study, method: str) -> dict[str, Any]:
+    """Return the priors of a method that takes them from the study."""
+    if method != STRAPPED:
+        return {}
+    return {"priors": (study.spec.priors or PriorsSpec()).model_dump(mode="json")}
 
 
 def _completed(study: Study, method: str, outputs: _Outputs) -> list[CellEstimate]:

@@ -13,6 +13,7 @@ from jointz.analysis.likelihood_pulses import likelihood_pulses
 from jointz.analysis.rate_checks import check_strides
 from jointz.analysis.study_pulses import pulse_tables
 from jointz.core.errors import DataError, StudyError
+from jointz.core.priors import PriorsSpec
 from jointz.core.recording import history_of
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
@@ -193,6 +194,7 @@ def participant_settings(
         positive=spec.positive,
         person=spec.participant(person_id),
         device=spec.device,
+        priors=spec.priors or PriorsSpec(),
     )
 
 

@@ -23,6 +23,7 @@ from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.kernels.robust_spread import robust_sd
 from jointz.report.wording import format_span
 from jointz.results.estimates import CellEstimate
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
@@ -63,7 +64,7 @@ def study_statistics(
             *_sign_notes(cells),
             *_method_notes(method, cells),
             *_model_notes(models),
-            *_doubt_notes(models),
+            *_doubt_notes(models or [p for r in results for p in r.log_posteriors]),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
@@ -197,8 +198,8 @@ def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
     ]
 
 
-def _doubt_notes(models: Sequence[ParticipantModel]) -> list[str]:
-    """Name the participants whose responses may not be those of a linear joint."""
+def _doubt_notes(models: Sequence[ParticipantModel | LogPosterior]) -> list[str]:
+    """Name the participants whose responses may not be those of the model."""
     separate = any(m.session or m.side for m in models)
     noun = "sessions or sides" if separate else "participants"
     notes = []

@@ -284,6 +284,7 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         "models": models_frame(analysis),
         "pooled": analysis.pooled_frame(),
         "covariance": analysis.covariance_frame(),
+        "log_posterior": analysis.log_posterior_frame(),
     }
     tables |= {name: table for name, table in optional.items() if not table.empty}
     if analysis.certificate is not None:

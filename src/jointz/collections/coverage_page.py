@@ -14,11 +14,12 @@ from jointz.core.codes import NotPooled
 from jointz.core.gait_phases import ALL_POINTS, PHASES
 from jointz.report.html_page import render_template
 from jointz.report.wording import (
+    ALL_PARAMETERS,
     DASH,
-    PARAMETERS,
     format_interval,
     format_number,
     method_name,
+    parameter_name,
     point_name,
     pretty_unit,
 )
@@ -116,7 +117,7 @@ def _in_order(values: Iterable[Any]) -> list[str]:
 
 def _sorted(pool: CollectionPool, rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows by place along the gait cycle and by parameter."""
-    orders = {key: _in_order(rows[key]) for key in pool.by} | {"parameter": list(PARAMETERS)}
+    orders = {key: _in_order(rows[key]) for key in pool.by} | {"parameter": list(ALL_PARAMETERS)}
     ranks = pd.DataFrame(
         {key: pd.Categorical(rows[key].astype(str), order).codes for key, order in orders.items()},
         index=rows.index,
@@ -186,7 +187,7 @@ def _joint_grids(pool: CollectionPool, rows: pd.DataFrame, joint: str) -> _Row:
     several = len(set(of_joint["methods"])) > 1
     aside = _aside(pool) + ["methods"] * several
     grids = []
-    for parameter in [name for name in PARAMETERS if name in set(of_joint["parameter"])]:
+    for parameter in [name for name in ALL_PARAMETERS if name in set(of_joint["parameter"])]:
         lines: dict[tuple[str, ...], list[_Row]] = {}
         records = _records(of_joint[of_joint["parameter"] == parameter])
         for row in records:
@@ -194,7 +195,7 @@ def _joint_grids(pool: CollectionPool, rows: pd.DataFrame, joint: str) -> _Row:
         columns = _columns(pool, records)
         grids.append(
             {
-                "name": PARAMETERS[parameter][0],
+                "name": parameter_name(parameter),
                 "columns": [point_name(column) for column in columns],
                 "lines": [
                     {"names": names, "cells": _line(pool, line, columns)}
@@ -310,7 +311,7 @@ def _row_head(pool: CollectionPool, row: _Row) -> _Row:
             "name": ", ".join(point_name(str(row[key])) for key in pool.by if key not in aside),
             "rest": ", ".join(str(row[key]) for key in aside),
         },
-        "parameter": PARAMETERS[row["parameter"]][0],
+        "parameter": parameter_name(row["parameter"]),
         "unit": row["unit"],
         "mean": DASH if pd.isna(row["value"]) else mean,
         "people": row["n_people"],
@@ -359,7 +360,7 @@ def forest_plots(pool: CollectionPool, rows: pd.DataFrame) -> list[dict[str, Any
     for row in rows[rows["status"] == "ok"].to_dict("records"):
         group = of_row(by_place[tuple(row[key] for key in keys)], row)
         joint = str(row["joint"]).capitalize() if "joint" in pool.by else ""
-        name = ": ".join(part for part in (joint, PARAMETERS[row["parameter"]][0]) if part)
+        name = ": ".join(part for part in (joint, parameter_name(row["parameter"])) if part)
         place = [point_name(str(row[key])) for key in pool.by if key != "joint"]
         p = f"p {row['q_p']:.2g}" if row["q_p"] >= _P_SMALLEST else "p < 0.001"
         groups.setdefault(name, []).append(

@@ -77,6 +77,8 @@ PARAMETER_UNITS: Mapping[str, str] = MappingProxyType(
         "inertia": "kg*m^2",
         "stiffness_per_mass": "N*m/rad/kg",
         "damping_per_mass": "N*m*s/rad/kg",
+        "stiffness_onset": "N*m/rad",
+        "damping_onset": "N*m*s/rad",
         "bias": "N*m",
         "torque_constant": "N*m/A",
         "viscous_friction": "N*m*s/rad",

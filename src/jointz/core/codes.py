@@ -151,8 +151,8 @@ class Failure(FailureCode):
     )
     WINDOW_TOO_LONG = (
         "window_too_long",
-        "K and B change in a window of more than 0.12 s in ways that the recommended method "
-        "does not follow: shorten window_s",
+        "K and B change in a window of more than 0.12 s (method strapped: 0.25 s) in ways that "
+        "the method does not follow: shorten window_s",
     )
     ANALYSIS_BROKE = "analysis_broke", "this participant's analysis broke off; a note says why"
 
@@ -191,6 +191,22 @@ class Doubt(Code):
         "lag_unlikely",
         "the responses speak against the calibrated lag by more than 100 to 1: a lag that is "
         "5 ms off changes J by a third",
+    )
+    INERTIA_UNLIKE_BODY = (
+        "inertia_unlike_body",
+        "the inertia differs from that of a leg of this mass and height by more than 2 prior "
+        "sds: mass, height or units may be wrong, or the device is not strapped to soft tissue;"
+        " K, B and J are undecided",
+    )
+    INERTIA_UNLIKE_AT_POINT = (
+        "inertia_unlike_at_point",
+        "the inertia at a timing point is not that of a leg of this mass and height, though that "
+        "of the other points is; K and B are undecided there",
+    )
+    RESPONSES_MISFIT = (
+        "responses_misfit",
+        "the model of a strapped leg does not explain the responses within their noise; K and B "
+        "are undecided",
     )
 
 

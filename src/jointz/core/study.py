@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_va
 from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
 from jointz.core.checked_model import STRICT
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.priors import PriorsSpec
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 _FORMULA = re.compile(r"(?:^|;)\s*([=+\-@])")  # a semicolon parts cells where a comma is decimal
@@ -314,6 +315,7 @@ class StudySpec(_Model):
     perturbations: PerturbationsSpec = PerturbationsSpec()
     files: FilesSpec = FilesSpec()
     calibration: CalibrationSpec = CalibrationSpec()
+    priors: PriorsSpec | None = None
     torque_model: TorqueModelSpec | None = None
     device: DeviceSpec | None = None
 

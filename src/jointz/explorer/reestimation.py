@@ -113,6 +113,7 @@ def with_new_estimates(
     # Single pulses of a bench stay as analysed if the method explains whole trials.
     single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
     models = {p: r.models for p, r in results.items()}
+    log_posteriors = {p: r.log_posteriors for p, r in results.items()}
     changed = replace(
         analysis,
         cells=cells,
@@ -122,6 +123,7 @@ def with_new_estimates(
         strides=_replaced(people, analysis.strides, strides),
         single=_replaced(people, analysis.single, single),
         models=_replaced(people, analysis.models, models),
+        log_posteriors=_replaced(people, analysis.log_posteriors, log_posteriors),
         pooled=(),
     )
     if method != RECOMMENDED or len(people) < 2 or not any(map(has_budget, cells)):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from jointz.explorer.view import View
-from jointz.report.wording import PARAMETERS, parameter_name
+from jointz.report.wording import ALL_PARAMETERS, parameter_name
 
 
 class Tab:
@@ -27,12 +27,12 @@ def parameter_choice(view: View, on_change: Callable[[], None]) -> Any:
     from nicegui import ui
 
     def choose(event: Any) -> None:
-        if event.value in PARAMETERS and event.value != view.parameter:
+        if event.value in ALL_PARAMETERS and event.value != view.parameter:
             view.parameter = event.value
             on_change()
 
     present = {p.name for cell in view.explorer.analysis.cells for p in cell.parameters}
-    names = {name: parameter_name(name) for name in PARAMETERS if name in present}
+    names = {name: parameter_name(name) for name in ALL_PARAMETERS if name in present}
     choice = ui.select(names, value=view.parameter if view.parameter in names else None)
     choice.on_value_change(choose)
     return choice.props("dense outlined options-dense").classes("choice")

@@ -18,6 +18,7 @@ from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.participant import ParticipantResult, analyze_participant
+from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE, Conditioned
 from jointz.identify.preparation.raw_signals import (
@@ -34,7 +35,6 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate

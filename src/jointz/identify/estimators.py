@@ -15,6 +15,7 @@ from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _METHODS = "jointz.identify.methods"
 #: Method -> estimator of the methods of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
     "recommended": "jointz.identify.recommended.walking_estimator:RecommendedMethod",
+    "strapped": "jointz.identify.strapped.strapped_method:StrappedMethod",
     "dissertation": f"{_METHODS}.cell_regressions:DISSERTATION",
     "pre_pulse": f"{_METHODS}.cell_regressions:PRE_PULSE",
     "matched_strides": f"{_METHODS}.cell_regressions:MATCHED_STRIDES",
@@ -55,6 +57,7 @@ class Estimates:
     single: tuple[PulseEstimate, ...] = ()  # pulses of a bench, each estimated by itself
     model: ParticipantModel | None = None  # estimated joint and sensor
     evidence: "Evidence | None" = None  # what a certificate or a repeated estimate needs
+    log_posterior: LogPosterior | None = None  # of K, B and J of all timing points together
 
 
 @runtime_checkable

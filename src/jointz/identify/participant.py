@@ -25,6 +25,7 @@ from jointz.identify.preparation.sources import (
 )
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
 
 
@@ -40,6 +41,8 @@ class ParticipantResult:
     # joint and sensor of every session and side, by the recommended method
     models: tuple[ParticipantModel, ...] = ()
     evidence: tuple[Evidence, ...] = ()  # the responses and what explains them, likewise
+    # joint posterior of all timing points of every session and side, if the method provides it
+    log_posteriors: tuple[LogPosterior, ...] = ()
     # strides of a participant who was never perturbed, if a moment was recorded
     curves: tuple[StrideCurves, ...] = ()
     sampling: tuple[SamplingRecord, ...] = ()
@@ -84,6 +87,7 @@ def _analyze_group(
     session, side = unit or ("", "")
     models = [e.model for e in estimates.values() if e.model is not None]
     evidence = [e.evidence for e in estimates.values() if e.evidence is not None]
+    log_posteriors = [e.log_posterior for e in estimates.values() if e.log_posterior is not None]
     return ParticipantResult(
         cells={
             name: tuple(replace(c, session=session, side=side) for c in e.cells)
@@ -101,6 +105,7 @@ def _analyze_group(
         ),
         models=tuple(replace(m, session=session, side=side) for m in models),
         evidence=tuple(replace(e, session=session, side=side) for e in evidence),
+        log_posteriors=tuple(replace(p, session=session, side=side) for p in log_posteriors),
         curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
         sampling=tuple(
             SamplingRecord(

@@ -22,6 +22,12 @@ PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     "damping": ("Damping", "B"),
     "inertia": ("Inertia", "J"),
 }
+#: The same with the parameters that only some methods have and that no table of the report shows.
+ALL_PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
+    **PARAMETERS,
+    "stiffness_onset": ("Stiffness at the onset", "K at the onset"),
+    "damping_onset": ("Damping at the onset", "B at the onset"),
+}
 
 #: What every method estimates, its symbols, and the values per kg of body mass.
 ABSOLUTE: Final = ("stiffness", "damping", "inertia")
@@ -176,7 +182,7 @@ def method_name(method: str) -> str:
 
 def parameter_name(parameter: str) -> str:
     """Return the name of a parameter in words."""
-    return PARAMETERS[parameter][0]
+    return ALL_PARAMETERS[parameter][0]
 
 
 def point_name(timing_point: str) -> str:
@@ -192,7 +198,7 @@ def point_name(timing_point: str) -> str:
 
 def parameter_label(parameter: str) -> str:
     """Return symbol and unit, for axes and column heads."""
-    return f"{PARAMETERS[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"
+    return f"{ALL_PARAMETERS[parameter][1]} ({pretty_unit(PARAMETER_UNITS[parameter])})"
 
 
 def status_meaning(status: str) -> str:

@@ -41,7 +41,8 @@ class ParameterEstimate:
     ----------
     name : str
         ``stiffness``, ``damping``, ``inertia``, ``stiffness_per_mass`` or
-        ``damping_per_mass``.
+        ``damping_per_mass``; of some methods also ``stiffness_onset`` and ``damping_onset``, for
+        small displacements at the onset of the pulse.
     value : float or None
         The estimate, SI; None where there is none.
     ci_low, ci_high : float or None

@@ -36,13 +36,17 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
         or list(cells)
     )
     covariances = [c.covariance for c in kept if c.covariance is not None]
+    # A session or side may lack a parameter that another one has.
+    names = dict.fromkeys(p.name for c in kept for p in c.parameters)
+    budgets = dict.fromkeys(name for c in kept for name in c.budget)
+    effects = dict.fromkeys(name for c in kept for name in c.prior_effects)
     return replace(
         kept[0],
         session="",
         side="",
         onset_gait_pct=mean_phase([c.onset_gait_pct for c in kept]),
         centre_gait_pct=mean_phase([c.centre_gait_pct for c in kept]),
-        parameters=tuple(_parameter(kept, p.name) for p in kept[0].parameters),
+        parameters=tuple(_parameter(kept, name) for name in names),
         vaf_pct=None,
         n_used=sum(c.n_used for c in cells),
         n_excluded=sum(c.n_excluded for c in cells),
@@ -51,9 +55,9 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
         response=None,
         nuisance=(),
         gravity_corrected=None,
-        budget={name: _budget(kept, name) for name in kept[0].budget},
+        budget={name: _budget(kept, name) for name in budgets},
         through_instruments={},
-        prior_effects={name: _prior_effect(kept, name) for name in kept[0].prior_effects},
+        prior_effects={name: _prior_effect(kept, name) for name in effects},
         covariance=tuple(map(tuple, np.mean(covariances, axis=0).tolist()))
         if covariances
         else None,
@@ -67,7 +71,8 @@ def _counting(cells: Sequence["CellEstimate"], name: str) -> list["CellEstimate"
 
 
 def _parameter(cells: Sequence["CellEstimate"], name: str) -> "ParameterEstimate":
-    estimates = [p for p in (c.parameter(name) for c in _counting(cells, name) or cells[:1]) if p]
+    known = [c for c in cells if c.parameter(name)]
+    estimates = [p for c in _counting(known, name) or known[:1] if (p := c.parameter(name))]
     statuses = {p.status for p in estimates}
     stands = statuses <= {"ok", "at_bound"}
     status = "ok" if stands and "ok" in statuses else estimates[0].status
@@ -82,7 +87,8 @@ def _parameter(cells: Sequence["CellEstimate"], name: str) -> "ParameterEstimate
 
 
 def _budget(cells: Sequence["CellEstimate"], name: str) -> dict[str, float]:
-    parts = [c.budget[name] for c in _counting(cells, name) or cells[:1]]
+    known = [c for c in cells if name in c.budget]
+    parts = [c.budget[name] for c in _counting(known, name) or known[:1]]
     return {
         source: float(np.sqrt(np.mean([part.get(source, 0.0) ** 2 for part in parts])))
         for source in dict.fromkeys(source for part in parts for source in part)

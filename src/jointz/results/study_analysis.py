@@ -11,6 +11,7 @@ from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideReco
 from jointz.results.base import Result, axes_or_new, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
 from jointz.results.participant_model import ParticipantModel
 
 if TYPE_CHECKING:
@@ -75,6 +76,9 @@ class StudyAnalysis(Result):
         uncertain; of walking by the recommended method.
     models : tuple of ParticipantModel
         What the recommended method found about each walker's joint and sensor.
+    log_posteriors : tuple of LogPosterior
+        Joint posterior of each walker's impedance at all timing points; of methods that provide
+        it.
     certificate : Certificate or None
         What error to expect in this study; of walking by the recommended method.
     statistics : mapping
@@ -96,6 +100,7 @@ class StudyAnalysis(Result):
     single: tuple[PulseEstimate, ...] = ()
     pooled: tuple[CellEstimate, ...] = ()
     models: tuple[ParticipantModel, ...] = ()
+    log_posteriors: tuple[LogPosterior, ...] = ()
     certificate: Certificate | None = None
     statistics: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -138,6 +143,11 @@ class StudyAnalysis(Result):
         """Return the covariances of the errors of K, B and J, if the method provides them."""
         rows = [row for cell in self.cells for row in cell.covariance_rows()]
         return pd.DataFrame(rows, columns=list(COVARIANCE_COLUMNS))
+
+    def log_posterior_frame(self) -> pd.DataFrame:
+        """Return the posteriors of all people, if the method provides them."""
+        rows = [row for posterior in self.log_posteriors for row in posterior.rows()]
+        return pd.DataFrame(rows, columns=list(LOG_POSTERIOR_COLUMNS))
 
     def excluded_frame(self) -> pd.DataFrame:
         """Return every stride and pulse left out, with its code."""

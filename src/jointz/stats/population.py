@@ -1,6 +1,6 @@
 """Means over people, with intervals over people, never over replicates."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +9,17 @@ from scipy.special import stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import mean_phase
-from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.results.estimates import ESTIMATE_COLUMNS, REACH_95, CellEstimate, decides
 from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.partial_pooling import pool_people
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
+#: Method -> relative sd of the error of its model, which no number of people averages out.
+_SHARED_ERROR: Mapping[str, Mapping[str, float]] = {
+    "strapped": {"stiffness": 0.08, "damping": 0.08, "inertia": 0.04}
+}
 
 
 def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate, ...]:
@@ -54,7 +58,11 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     )
     if n < _FEWEST_PEOPLE:
         return row
-    mean = decided_mean(values, level=_LEVEL)
+    shared_sd = _SHARED_ERROR.get(str(first["method"]), {}).get(_absolute(str(first["parameter"])))
+    if shared_sd is not None and (rows["status"] == "undecided").any():
+        # A mean of the decided people alone would be chosen by its own result.
+        return replace(row, status="undecided")
+    mean = decided_mean(values, level=_LEVEL, shared_sd=shared_sd or 0.0)
     if mean is None:
         return replace(row, status="undecided")
     value, low, high = mean
@@ -62,8 +70,18 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
 
 
-def decided_mean(values: np.ndarray, *, level: float) -> tuple[float, float, float] | None:
-    """Return mean and Student's interval over people, None if they are undecided."""
+def _absolute(parameter: str) -> str:
+    return parameter.removesuffix("_per_mass").removesuffix("_onset")
+
+
+def decided_mean(
+    values: np.ndarray, *, level: float, shared_sd: float = 0.0
+) -> tuple[float, float, float] | None:
+    """Return mean and Student's interval over people, None if they are undecided.
+
+    ``shared_sd`` is the relative sd of an error that is the same in all people.
+    """
     mean, sd, n = float(values.mean()), float(values.std(ddof=1)), values.size
     half = float(stdtrit(n - 1, (1 + level) / 2) * sd / np.sqrt(n))
+    half = float(np.hypot(half, REACH_95 * shared_sd * mean)) if shared_sd else half
     return (mean, mean - half, mean + half) if mean > 0.0 and decides(mean, half) else None

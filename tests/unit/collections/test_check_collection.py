@@ -207,6 +207,20 @@ def test_twenty_sound_entries_raise_no_alarm(sound):
     assert found.summary() == "20 entries: no problems."
 
 
+def onset_rows(spec, tables):
+    """The method also estimated stiffness and damping at the onset."""
+    table = tables[ESTIMATES]
+    own = table[table["parameter"].isin(["stiffness", "damping"])]
+    tables[ESTIMATES] = pd.concat([table, own.assign(parameter=own["parameter"] + "_onset")])
+    spec["units"] |= {"stiffness_onset": "N*m/rad", "damping_onset": "N*m*s/rad"}
+
+
+def test_parameters_at_the_onset_are_known_and_their_units_checked(tmp_path):
+    write_entry(tmp_path / "lab", seed=3, change=onset_rows)
+    assert check_collection(tmp_path).findings == ()
+    assert "stiffness_onset, damping_onset of the knee" in str(check_collection(tmp_path).to_dict())
+
+
 @pytest.mark.parametrize("slip", PLANTED)
 def test_a_planted_error_is_caught_with_its_code(slip, tmp_path):
     change, code = PLANTED[slip]

@@ -102,6 +102,17 @@ def test_every_place_of_the_map_says_how_well_it_is_known(tables: CollectionPool
     assert sum(kind == "none" for kind, *_ in told) == 3  # TST of the knee, LRE, TST of the ankle
 
 
+def test_a_parameter_at_the_onset_has_its_own_map(tables: CollectionPool) -> None:
+    of_onset = {"parameter": "stiffness_onset"}
+    pool = replace(
+        tables,
+        table=pd.concat([tables.table, pd.DataFrame([pooled_row(**of_onset)])]),
+        studies=pd.concat([tables.studies, pd.DataFrame([study_row("lab-a", 57.0, **of_onset)])]),
+    )
+    assert "Stiffness at the onset" in page_of(pool)
+    assert "Stiffness at the onset" not in page_of(tables)
+
+
 @pytest.mark.parametrize(
     ("status", "counts", "told"),
     [

@@ -264,6 +264,7 @@ def quasi_stiffness_frame() -> pd.DataFrame:
         ("certificate.csv", lambda _: Certificate("recommended", errors=()).to_frame()),
         ("quasi_stiffness.csv", lambda _: quasi_stiffness_frame()),
         ("covariance.csv", StudyAnalysis.covariance_frame),
+        ("log_posterior.csv", StudyAnalysis.log_posterior_frame),
     ],
 )
 def test_every_column_is_described_under_its_file(file, frame):

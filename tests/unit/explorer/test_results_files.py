@@ -4,6 +4,7 @@ import io
 import json
 import shutil
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -22,10 +23,16 @@ from jointz.explorer.files_page import (
     traces_netcdf,
 )
 from jointz.explorer.literature_curves import reference_curves
-from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
+from jointz.explorer.reestimation import (
+    EstimationRequest,
+    estimate_by_method,
+    reestimate,
+    with_new_estimates,
+)
 from jointz.explorer.results_files import cell_of, open_results, pulses_of
 from jointz.explorer.traces import PulseKey
 from jointz.io.study_reader import open_study
+from jointz.results.log_posterior import LogPosterior
 
 RESAMPLES = 50
 
@@ -98,6 +105,23 @@ def test_absent_and_damaged_results_are_refused(opened, tmp_path):
     (tmp_path / "results" / "analysis.json").write_text('{"schema": 1')
     with pytest.raises(DataError, match=r"analysis\.json: cannot be read"):
         open_results(tmp_path / "results")
+
+
+def test_posteriors_of_a_participant_are_replaced(again):
+    found, made = again
+    one, eye = np.zeros(1), np.eye(1)
+    posteriors = {
+        person: LogPosterior(person, ("stiffness",), ("LRE",), one, eye, one, eye)
+        for person in found.people
+    }
+    analysed = replace(found.analysed, log_posteriors=tuple(posteriors.values()))
+    new = replace(posteriors[made.participant], mean=one + 1.0)
+    result = replace(made.result, log_posteriors=(new,))
+
+    now = with_new_estimates(analysed, found.study, {made.participant: result})
+
+    expected = posteriors | {made.participant: new}
+    assert now.log_posteriors == tuple(expected.values())
 
 
 def test_nothing_changed_gives_the_same_numbers(again):

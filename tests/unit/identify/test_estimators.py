@@ -53,7 +53,7 @@ def test_the_registry_loads_no_method():
 def test_every_method_goes_by_its_name_and_serves_its_kinds():
     assert all(METHODS[name].name == name for name in METHODS)
     assert set(METHODS) - set(METHODS.serving("walking")) == {"full_record"}
-    assert set(METHODS) - set(METHODS.serving("bench")) == {"recommended"}
+    assert set(METHODS) - set(METHODS.serving("bench")) == {"recommended", "strapped"}
 
 
 def test_estimators_of_other_packages_follow_those_of_jointz(installed):

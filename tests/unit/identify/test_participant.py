@@ -1,13 +1,19 @@
 """One participant: several methods, every pulse, stride and gap reported, nothing else matters."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
+from jointz.identify import participant
+from jointz.identify.estimators import Estimates
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.study_kinds import WALKING
+from jointz.results.log_posterior import LogPosterior
 
 RATE_HZ = 500.0
 TRUTH = np.array([50.0, 1.5, 0.05])
@@ -122,3 +128,17 @@ def test_a_recording_without_strikes_has_no_strides_to_report():
 def test_the_order_of_the_recordings_changes_nothing():
     pair = [given("unperturbed"), given("perturbed", pulses=ONSETS)]
     assert estimates(analyzed(*pair)) == estimates(analyzed(*pair[::-1]))
+
+
+def test_a_posterior_has_session_and_side_of_its_recordings(monkeypatch):
+    one, eye = np.zeros(1), np.eye(1)
+    posterior = LogPosterior("S01", ("stiffness",), ("LRE",), one, eye, one, eye)
+
+    mine = SimpleNamespace(estimate=lambda *_: Estimates((), (), log_posterior=posterior))
+    monkeypatch.setattr(participant, "METHODS", {"mine": mine})
+    recording = given("perturbed", pulses=ONSETS)
+    recording.recording.attrs |= {"session": "day 2", "side": "left"}
+
+    result = analyzed(recording, methods=("mine",))
+
+    assert result.log_posteriors == (replace(posterior, session="day 2", side="left"),)

@@ -53,3 +53,18 @@ def test_an_undecided_side_counts_where_its_error_is_known(budget, value, unboun
 def test_a_person_measured_once_stays_as_it_is():
     alone = cell("left", estimate(40.0, 4.0))
     assert person_cells([alone])[0] is alone
+
+
+def test_a_parameter_that_only_one_side_has_is_kept():
+    onset = ParameterEstimate("stiffness_onset", 70.0, 60.0, 80.0, "ok", unbounded=70.0)
+    whole = {"stiffness": {"noise": 3.0}}
+    left = cell("left", estimate(40.0, 4.0), budget=whole, effects={"stiffness": (-2.0, 8.0)})
+    right = cell("right", estimate(50.0, 4.0), onset,
+                 budget=whole | {"stiffness_onset": {"noise": 5.0}})  # fmt: skip
+
+    for cells in ([left, right], [right, left]):
+        (mean,) = person_cells(cells)
+        assert [p.name for p in mean.parameters] == ["stiffness", "stiffness_onset"]
+        assert [p.value for p in mean.parameters] == [45.0, 70.0]
+        assert mean.budget["stiffness_onset"] == {"noise": 5.0}
+        assert mean.prior_effects == {"stiffness": (-1.0, 4.0)}

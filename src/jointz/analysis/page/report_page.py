@@ -182,7 +182,8 @@ def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list
 
 
 def _cell_row(cell: CellEstimate, columns: Sequence[tuple[str, ...]]) -> _Row:
-    statuses = {p.status for p in cell.parameters}
+    shown = [p for names in columns for n in names if (p := cell.parameter(n)) is not None]
+    statuses = {p.status for p in shown}
     # If everything failed for one reason, one sentence replaces five dashes.
     common = statuses.pop() if len(statuses) == 1 else ""
     shift = cell.displacement_rad

@@ -14,9 +14,9 @@ from jointz.analysis.paper.methods_data import (
 )
 from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
 from jointz.analysis.summary import interval_methods, mean_interval, mean_over_people_note
+from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES
 from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S
 from jointz.identify.recommended.response_model import Priors
-from jointz.identify.recommended.unperturbed_prediction import FEWEST_STRIDES
 from jointz.report.pulse_words import window_start
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_exact, format_integer, format_span, method_name

@@ -28,7 +28,15 @@ Violation = tuple[str, str, str, str]
 #: Whether a rule is violated, and the violation.
 Rule = tuple[bool, str, str, str, str]
 #: Parameters that an entry may hold.
-PARAMETERS = ("stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass")
+PARAMETERS = (
+    "stiffness",
+    "damping",
+    "inertia",
+    "stiffness_per_mass",
+    "damping_per_mass",
+    "stiffness_onset",
+    "damping_onset",
+)
 #: Codes on plausibility: an entry may accept them, with a reason.
 ACCEPTABLE = frozenset({"out_of_range", "sign", "people_differ", "speed_range", "slope_range",
                         "mass_range", "height_range"})  # fmt: skip

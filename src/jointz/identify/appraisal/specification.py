@@ -10,6 +10,12 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.methods.cell_windows import WindowCutter
+from jointz.identify.prediction.predicted_cells import PredictedCell, alike
+from jointz.identify.prediction.unperturbed_prediction import (
+    LEAD_SAMPLES,
+    PREDICTED_ROWS,
+    Predicted,
+)
 from jointz.identify.preparation.assignment import Candidate, assign_pulses, label_names
 from jointz.identify.preparation.baselines import N_MATCHES
 from jointz.identify.preparation.raw_signals import COMMAND, raw_signals
@@ -25,20 +31,10 @@ from jointz.identify.recommended.response_checks import (
     shared_failure,
 )
 from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
-from jointz.identify.recommended.unperturbed_prediction import (
-    LEAD_SAMPLES,
-    PREDICTED_ROWS,
-    Predicted,
-)
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import (
-    LONGEST_LAG_S,
-    PredictedCell,
-    alike,
-    priors_of,
-)
+from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, priors_of
 from jointz.results.estimates import CellEstimate
 from jointz.results.specification_curve import SpecificationEstimate
 
@@ -314,6 +310,7 @@ def with_baseline(
         strides=strides,
         codes=("",) * len(used),
         posture_rad=cell.predicted.posture_rad,
+        unperturbed_rad=cell.predicted.unperturbed_rad,
     )
     return replace(cell, candidates=used, predicted=predicted, kept=alike(predicted))
 

@@ -1,7 +1,7 @@
 """Prepared recordings of a participant: torque, strides, pulses, filtered signals."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -9,6 +9,7 @@ import xarray as xr
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.priors import PriorsSpec
 from jointz.core.study import (
     CalibrationSpec,
     DeviceSpec,
@@ -77,6 +78,7 @@ class ParticipantSettings:
     # factor on the priors of K, B and J of the recommended method: estimates that change with it
     # are not determined by the data
     prior_scale: float = 1.0
+    priors: PriorsSpec = field(default_factory=PriorsSpec)  # of the method strapped
 
     @property
     def timing_points(self) -> Mapping[str, float]:

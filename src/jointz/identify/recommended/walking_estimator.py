@@ -1,7 +1,7 @@
 """The recommended method for walking: all timing points of a participant together.
 
 Each pulse's unperturbed motion and torque are predicted from its own past
-(:mod:`~jointz.identify.recommended.unperturbed_prediction`); the average response of every
+(:mod:`~jointz.identify.prediction.unperturbed_prediction`); the average response of every
 timing point is explained by a joint and a chain of instruments under several hypotheses
 (:mod:`~jointz.identify.recommended.response_posterior`). Intervals cover the errors of the
 prediction, of the calibration, and the differences between hypotheses.
@@ -12,32 +12,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.codes import Doubt, Exclusion, Failure
+from jointz.core.codes import Doubt, Failure
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
+from jointz.identify.prediction.predicted_cells import CellPredictor, PredictedCell
+from jointz.identify.prediction.pulse_checks import stray_pulses
+from jointz.identify.prediction.signal_checks import (
+    angle_failure,
+    common_failure,
+    torque_failure,
+)
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
-from jointz.identify.preparation.cell_data import calibration_sd, dead_signals
-from jointz.identify.preparation.raw_signals import common_rate_hz, intrinsic_left_in, raw_signals
-from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+from jointz.identify.preparation.cell_data import calibration_sd
+from jointz.identify.preparation.raw_signals import intrinsic_left_in
+from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.recommended.gravity import (
     corrected_stiffness,
     gravity_stiffness,
     hanging_masses,
 )
-from jointz.identify.recommended.pulse_checks import copied_pulses, lame_pulses, stray_pulses
 from jointz.identify.recommended.response_checks import (
     DOUBTFUL_ODDS,
-    angle_failure,
-    common_failure,
     fit_failure,
     instrument_failure,
     lag_odds,
     response_failure,
     shared_failure,
-    torque_failure,
 )
 from jointz.identify.recommended.response_decision import (
     Decision,
@@ -52,19 +55,10 @@ from jointz.identify.recommended.response_linearity import Contrast, contrasts, 
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
 from jointz.identify.recommended.steep_change import undecided_where_steep
-from jointz.identify.recommended.unperturbed_prediction import (
-    FEWEST_STRIDES,
-    Predicted,
-    UnperturbedPredictor,
-    join_predictions,
-    quiet_strides,
-)
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.identify.recommended.walking_responses import (
     LONGEST_LAG_S,
     LONGEST_WINDOW_S,
-    PredictedCell,
-    alike,
     average_responses,
     explain_responses,
     known_together,
@@ -76,8 +70,6 @@ from jointz.results.participant_model import ParticipantModel
 
 METHOD = "recommended"
 BASELINE = "predicted"
-#: If more than this share of the pulses did not reach the joint, the others did not in full.
-_MOST_UNFELT = 0.3
 
 
 class RecommendedMethod:
@@ -115,8 +107,9 @@ class WalkingEstimator:
         self._participant = participant
         self._sources = sources
         self._settings = settings
-        self._predictors: dict[int, UnperturbedPredictor] = {}
-        self._unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
+        self._predictor = CellPredictor(
+            sources, settings, reach_s=settings.perturbations.window_s + LONGEST_LAG_S
+        )
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
         self.model: ParticipantModel | None = None
         self.evidence: Evidence | None = None
@@ -148,85 +141,8 @@ class WalkingEstimator:
         self, label: str, candidates: Sequence[Candidate]
     ) -> tuple[PredictedCell | CellEstimate, list[str]]:
         """Predict the pulses of a timing point; without any, return a failed estimate."""
-        codes = [c.record.code for c in candidates]
-        parts: list[tuple[list[int], Predicted]] = []
-        for index in dict.fromkeys(c.source for c in candidates):
-            usable = [k for k, c in enumerate(candidates) if c.source == index and not codes[k]]
-            usable = self._alive(index, usable, candidates, codes)
-            if not usable:
-                continue
-            part = self._predictor(index).predict([candidates[k] for k in usable])
-            for k, code in zip(usable, part.codes, strict=True):
-                codes[k] = code
-            parts.append((usable, part))
-        if not any(len(part.responses) for _, part in parts):
-            return self._failed(label, codes), codes
-        order = [k for usable, _ in parts for k in usable]
-        ordered = [candidates[k] for k in order]
-        joined = join_predictions([part for _, part in parts])
-        predicted = [k for k, code in zip(order, joined.codes, strict=True) if not code]
-        lame = lame_pulses(joined, self._amplitudes_nm([candidates[k] for k in predicted]))
-        if lame.count(Exclusion.NO_RESPONSE.value) > _MOST_UNFELT * len(lame):
-            self._unfelt.add(label)
-        kept = alike(joined, whole=np.array([not code for code in lame], dtype=bool))
-        for k, code, keep in zip(predicted, lame, kept, strict=True):
-            codes[k] = code or ("" if keep else Exclusion.UNUSUAL_RESPONSE.value)
-        if not kept.any():
-            return self._failed(label, codes), codes
-        strides = self._sources[ordered[0].source].strides
-        phase = mean_phase([c.predicted_pct for c in ordered])
-        cell = PredictedCell(
-            label=label,
-            candidates=ordered,
-            predicted=joined,
-            kept=kept,
-            period_s=1.0 / self._predictor(ordered[0].source).rate_hz,
-            phase=np.nan if phase is None else phase / 100.0,
-            stride_s=float(np.median(strides.duration_s)) if strides is not None else np.nan,
-        )
-        return cell, codes
-
-    def _alive(
-        self, index: int, usable: list[int], candidates: Sequence[Candidate], codes: list[str]
-    ) -> list[int]:
-        """Code pulses with a constant signal, and copies; return the others."""
-        if not usable:
-            return usable
-        pulses = [candidates[k].pulse for k in usable]
-        source, window_s = self._sources[index], self._settings.perturbations.window_s
-        windows, _ = source.signals.cut(
-            np.array([p.onset_s for p in pulses]), before_s=0.0, after_s=window_s
-        )
-        copies = copied_pulses(source.given.recording, pulses, window_s=window_s)
-        for k, dead, copy in zip(usable, dead_signals(windows), copies, strict=True):
-            codes[k] = dead or (Exclusion.COPIED_PULSE.value if copy else "")
-        return [k for k in usable if not codes[k]]
-
-    def _amplitudes_nm(self, candidates: Sequence[Candidate]) -> np.ndarray:
-        """Return the commanded amplitudes, N*m; NaN if pulses are read off a motion."""
-        if not self._by_torque:
-            return np.full(len(candidates), np.nan)
-        return np.array([abs(c.pulse.amplitude) for c in candidates])
-
-    def _predictor(self, index: int) -> UnperturbedPredictor:
-        if index not in self._predictors:
-            source, rate = self._sources[index], common_rate_hz(self._sources)
-            self._predictors[index] = UnperturbedPredictor(
-                source,
-                raw_signals(source, target_hz=rate),
-                window_s=self._settings.perturbations.window_s + LONGEST_LAG_S,
-                others=[(s, raw_signals(s, target_hz=rate)) for s in self._teachers(source)],
-            )
-        return self._predictors[index]
-
-    def _teachers(self, source: Source) -> list[Source]:
-        """Return what else to learn from if a recording has too few quiet strides."""
-        if quiet_strides(source).size >= FEWEST_STRIDES:
-            return []
-        unperturbed = [s for s in self._sources if s.given.condition == "unperturbed"]
-        keys = self._settings.kind.reference_keys
-        nearest = most_alike(source.given, [s.given for s in unperturbed], keys=keys)
-        return [s for s in unperturbed if any(s.given is given for given in nearest)]
+        cell, codes = self._predictor.predict(label, candidates)
+        return self._failed(label, codes) if cell is None else cell, codes
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]
@@ -268,12 +184,12 @@ class WalkingEstimator:
     def _failure_before(
         self, cell: PredictedCell, angles: Mapping[int, Failure | None]
     ) -> Failure | None:
-        if cell.label in self._unfelt:
+        if cell.label in self._predictor.unfelt:
             return Failure.CONSTANT_ANGLE
         indices = list(dict.fromkeys(c.source for c in cell.used))
         if failure := next(filter(None, map(angles.get, indices)), None):
             return failure
-        size_nm = float(np.median(self._amplitudes_nm(cell.used)))
+        size_nm = float(np.median(self._predictor.amplitudes_nm(cell.used)))
         if stray_pulses(cell.predicted, size_nm):
             return Failure.OUT_OF_STEP
         for index in indices if self._by_torque else ():

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from jointz.core.study import CalibrationSpec
+from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior
-from jointz.identify.recommended.walking_responses import PredictedCell
 
 
 @dataclass(frozen=True, slots=True, eq=False)

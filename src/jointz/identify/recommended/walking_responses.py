@@ -1,13 +1,14 @@
 """Average responses of predicted pulses, and their explanation by a joint and its sensor."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import toeplitz
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.prediction.predicted_cells import FINEST_RAD, PredictedCell, unlike_from
+from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
 from jointz.identify.preparation.calibration import pooled_calibration, twist_sd, value_of
 from jointz.identify.recommended.response_model import (
     CellResponse,
@@ -20,43 +21,17 @@ from jointz.identify.recommended.response_posterior import (
     compare_sensors,
     estimate_responses,
 )
-from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.kernels.noise_covariance import shrunk_covariance
-from jointz.kernels.robust_spread import robust_moments, robust_sd
+from jointz.kernels.robust_spread import robust_sd
 
 #: Longest lag that is modelled; with a longer one the window would extend into later motion.
 LONGEST_LAG_S = 0.03
 #: In a longer window K and B change in ways that no hypothesis includes and no misfit reveals.
 LONGEST_WINDOW_S = 0.12
-#: Smallest error of an angle (0.01 degrees), of measurement and of the model.
-_FINEST_RAD = 2e-4
 #: Smallest noise of a sample, below the resolution of goniometers.
 _RESOLUTION_RAD = 2e-5
-#: Responses further from the others, in sds of the prediction error, are excluded.
-_UNLIKE_SD = 8.0
-_FEWEST_TO_COMPARE = 4
 #: Smallest sds of a calibration, rad/(N*m) and logarithm of Hz; the search divides by them.
 _LEAST_TWIST_SD, _LEAST_RESONANCE_SD = 1e-7, 1e-3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PredictedCell:
-    """A timing point with predicted pulses."""
-
-    label: str
-    candidates: list[Candidate]  # the pulses that were to be predicted
-    predicted: Predicted  # their responses, and the errors of the prediction
-    kept: np.ndarray  # which responses are used
-    period_s: float  # between samples
-    phase: float  # mean predicted phase of the onsets, cycles; NaN where unknown
-    stride_s: float  # duration of a stride
-
-    @property
-    def used(self) -> list[Candidate]:
-        """Pulses whose responses are used."""
-        codes = self.predicted.codes
-        predicted = [c for c, code in zip(self.candidates, codes, strict=True) if not code]
-        return [c for c, keep in zip(predicted, self.kept, strict=True) if keep]
 
 
 def known_together(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
@@ -139,17 +114,12 @@ def _response(
         torque=average[1:],
         noise=shrunk_covariance(np.cov(missed[usual].T) + _RESOLUTION_RAD**2 * np.eye(n), n_strides)
         * share
-        + _FINEST_RAD**2 * np.eye(n),
+        + FINEST_RAD**2 * np.eye(n),
         period_s=cell.period_s,
         phase=cell.phase,
         stride_s=cell.stride_s,
         lead_s=LEAD_SAMPLES * cell.period_s,
     )
-
-
-def unlike_from(sd: np.ndarray) -> np.ndarray:
-    """Return the deviation above which a response is excluded."""
-    return np.asarray(_UNLIKE_SD * np.hypot(sd, _FINEST_RAD))
 
 
 def explain_responses(
@@ -179,22 +149,3 @@ def _responses(
 def average_responses(cell: PredictedCell, *, window_s: float) -> CellResponse:
     """Average the responses of a timing point, before any fit."""
     return _response(cell, window_s=window_s, lag_s=LONGEST_LAG_S, fit=(None, 0))
-
-
-def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
-    """Return which responses are similar to the others, relative to the prediction error.
-
-    They are compared with the median response per torque: a pulse of twice the torque moves the
-    joint twice as far.
-    """
-    angles = predicted.responses[:, 0]
-    fine = np.ones(len(angles), dtype=bool) if whole is None else whole
-    if fine.sum() < _FEWEST_TO_COMPARE:
-        return fine
-    torque = predicted.responses[:, 1:].sum(axis=1)
-    shape = torque[fine].mean(axis=0)
-    size = torque @ shape / (shape @ shape)
-    usual, _ = robust_moments(angles[fine] / size[fine, None])
-    off = np.abs(angles - size[:, None] * usual)
-    limit = unlike_from(robust_sd(predicted.misses[:, 0]))
-    return np.asarray(fine & (off <= limit).all(axis=1))

@@ -14,15 +14,12 @@ from jointz.identify.appraisal.certificate_study import (
     virtual_cell,
     virtual_estimates,
 )
+from jointz.identify.prediction.predicted_cells import PredictedCell
+from jointz.identify.prediction.unperturbed_prediction import Predicted
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.recommended.unperturbed_prediction import Predicted
 from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import (
-    PredictedCell,
-    explain_responses,
-    priors_of,
-)
+from jointz.identify.recommended.walking_responses import explain_responses, priors_of
 from jointz.kernels.response_search import FRICTION_GAIN, SHARED
 
 PERIOD_S, WINDOW_S, SAMPLES = 0.002, 0.1, 66
@@ -59,6 +56,7 @@ def cell_of(label, *, n_pulse=20, n_stride=120, size=0.01, rng) -> PredictedCell
         strides=np.tile(np.arange(n_stride), 2),
         codes=("",) * n_pulse,
         posture_rad=0.3,
+        unperturbed_rad=np.zeros(1),
     )
     return PredictedCell(
         label=label,

@@ -9,15 +9,17 @@ import pytest
 import xarray as xr
 
 from jointz.core.codes import Failure
-from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.recommended.pulse_checks import copied_pulses
-from jointz.identify.recommended.response_checks import (
+from jointz.identify.prediction.pulse_checks import copied_pulses
+from jointz.identify.prediction.signal_checks import (
     angle_failure,
     common_failure,
+    torque_failure,
+)
+from jointz.identify.preparation.pulses import Pulse
+from jointz.identify.recommended.response_checks import (
     instrument_failure,
     response_failure,
     shared_failure,
-    torque_failure,
 )
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import Moments

@@ -7,10 +7,11 @@ import pytest
 from scipy.stats import binom
 
 from jointz.core.codes import Doubt
+from jointz.identify.prediction.predicted_cells import PredictedCell
+from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES, Predicted
 from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
 from jointz.identify.recommended.response_model import Priors
-from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, Predicted
-from jointz.identify.recommended.walking_responses import PredictedCell, explain_responses
+from jointz.identify.recommended.walking_responses import explain_responses
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.participant_model import ParticipantModel
 
@@ -69,7 +70,7 @@ def pushes(sizes_nm, signs, *, n=24, seed=0, noise_rad=0.004, **joint):
         responses[k, 1] = size * torque
     misses = np.zeros((200, 3, N))
     misses[:, 0] = (root @ rng.standard_normal((N, 200))).T
-    predicted = Predicted(responses, misses, np.arange(200), ("",) * n, 0.0)
+    predicted = Predicted(responses, misses, np.arange(200), ("",) * n, 0.0, np.zeros(1))
     return PredictedCell(
         label="A",
         candidates=[Pushed(Push(float(sign))) for sign in chosen_signs],

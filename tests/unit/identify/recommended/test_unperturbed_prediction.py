@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jointz.core.study import PerturbationsSpec
+from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES, UnperturbedPredictor
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.raw_signals import raw_signals
 from jointz.identify.preparation.sources import ParticipantSettings, prepare_sources
-from jointz.identify.recommended.unperturbed_prediction import LEAD_SAMPLES, UnperturbedPredictor
 from jointz.identify.study_kinds import WALKING
 
 WINDOW_S = 0.13

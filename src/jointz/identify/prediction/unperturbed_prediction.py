@@ -61,6 +61,7 @@ class Predicted:
     strides: np.ndarray  # the stride of each virtual onset
     codes: tuple[str, ...]  # of all pulses; ``responses`` has a row for every ``""``
     posture_rad: float  # mean unperturbed angle over the window
+    unperturbed_rad: np.ndarray  # (n,) the same over time, less a constant
 
     @property
     def n_strides(self) -> int:
@@ -78,6 +79,7 @@ def join_predictions(parts: Sequence[Predicted]) -> Predicted:
         strides=_apart([part.strides for part in parts]),
         codes=codes,
         posture_rad=float(np.mean([part.posture_rad for part in parts])),
+        unperturbed_rad=np.mean([part.unperturbed_rad for part in parts], axis=0),
     )
 
 
@@ -128,7 +130,7 @@ class UnperturbedPredictor:
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
             none = np.empty((0, 3, n))
-            return Predicted(none, none, np.empty(0, int), tuple(codes), np.nan)
+            return Predicted(none, none, np.empty(0, int), tuple(codes), np.nan, np.empty(0))
         unusual = _distance(pulses.features, virtual.features) > _FARTHEST_PULSE
         codes[(codes == "") & unusual] = Exclusion.UNUSUAL_GAIT.value
         used = codes == ""
@@ -144,6 +146,7 @@ class UnperturbedPredictor:
             strides=virtual.strides,
             codes=tuple(codes),
             posture_rad=float(np.median(levels_rad) + virtual.windows[:, RAW_ANGLE].mean()),
+            unperturbed_rad=virtual.windows[:, RAW_ANGLE].mean(axis=0),
         )
 
     def _virtual(self, ratio: np.ndarray, middle: float, *, label: str) -> "_Moments | None":

@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from jointz.core.codes import Exclusion
+from jointz.identify.prediction.unperturbed_prediction import Predicted
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.raw_signals import DRIVING, FRICTION, RAW_ANGLE
-from jointz.identify.recommended.unperturbed_prediction import Predicted
 from jointz.kernels.robust_spread import robust_sd
 
 #: A copied window may begin so many samples before or after its logged onset.

@@ -1,0 +1,1 @@
+"""Prediction of the unperturbed motion, and the responses of pulses relative to it."""

@@ -1,0 +1,198 @@
+"""Timing points with predicted pulses, and a code for each pulse that cannot be used."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.core.codes import Exclusion
+from jointz.core.gait_phases import mean_phase
+from jointz.identify.prediction.pulse_checks import copied_pulses, lame_pulses
+from jointz.identify.prediction.pulse_shapes import pulse_shapes
+from jointz.identify.prediction.unperturbed_prediction import (
+    FEWEST_STRIDES,
+    Predicted,
+    UnperturbedPredictor,
+    join_predictions,
+    quiet_strides,
+)
+from jointz.identify.preparation.assignment import Candidate
+from jointz.identify.preparation.cell_data import dead_signals
+from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals
+from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
+from jointz.kernels.robust_spread import robust_moments, robust_sd
+
+#: If more than this share of the pulses did not reach the joint, the others did not in full.
+_MOST_UNFELT = 0.3
+#: Smallest error of an angle (0.01 degrees), of measurement and of the model.
+FINEST_RAD = 2e-4
+#: Responses further from the others, in sds of the prediction error, are excluded.
+_UNLIKE_SD = 8.0
+_FEWEST_TO_COMPARE = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedCell:
+    """A timing point with predicted pulses."""
+
+    label: str
+    candidates: list[Candidate]  # the pulses that were to be predicted
+    predicted: Predicted  # their responses, and the errors of the prediction
+    kept: np.ndarray  # which responses are used
+    period_s: float  # between samples
+    phase: float  # mean predicted phase of the onsets, cycles; NaN where unknown
+    stride_s: float  # duration of a stride
+
+    @property
+    def used(self) -> list[Candidate]:
+        """Pulses whose responses are used."""
+        codes = self.predicted.codes
+        predicted = [c for c, code in zip(self.candidates, codes, strict=True) if not code]
+        return [c for c, keep in zip(predicted, self.kept, strict=True) if keep]
+
+
+class CellPredictor:
+    """Predicts the pulses of a participant's timing points, with one predictor a recording."""
+
+    def __init__(
+        self, sources: Sequence[Source], settings: ParticipantSettings, *, reach_s: float
+    ) -> None:
+        self._sources = sources
+        self._settings = settings
+        self._reach_s = reach_s  # from the onset to the end of the predicted windows
+        self._predictors: dict[int, UnperturbedPredictor] = {}
+        self._by_torque = settings.perturbations.source not in ("angle", "reference")
+        self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
+
+    def predict(
+        self, label: str, candidates: Sequence[Candidate], *, by_shape: bool = False
+    ) -> tuple[PredictedCell | None, list[str]]:
+        """Predict the pulses of a timing point; return None without any, and all codes.
+
+        ``by_shape`` compares pulses with those of their own shape only.
+        """
+        codes = [c.record.code for c in candidates]
+        parts: list[tuple[list[int], Predicted]] = []
+        for index in dict.fromkeys(c.source for c in candidates):
+            usable = [k for k, c in enumerate(candidates) if c.source == index and not codes[k]]
+            usable = self._alive(index, usable, candidates, codes)
+            if not usable:
+                continue
+            part = self._predictor(index).predict([candidates[k] for k in usable])
+            for k, code in zip(usable, part.codes, strict=True):
+                codes[k] = code
+            parts.append((usable, part))
+        if not any(len(part.responses) for _, part in parts):
+            return None, codes
+        order = [k for usable, _ in parts for k in usable]
+        ordered = [candidates[k] for k in order]
+        joined = join_predictions([part for _, part in parts])
+        predicted = [k for k, code in zip(order, joined.codes, strict=True) if not code]
+        checked = self._checked(joined, [candidates[k] for k in predicted], by_shape=by_shape)
+        if checked.count(Exclusion.NO_RESPONSE.value) > _MOST_UNFELT * len(checked):
+            self.unfelt.add(label)
+        for k, code in zip(predicted, checked, strict=True):
+            codes[k] = code
+        kept = np.array([not code for code in checked], dtype=bool)
+        if not kept.any():
+            return None, codes
+        strides = self._sources[ordered[0].source].strides
+        phase = mean_phase([c.predicted_pct for c in ordered])
+        cell = PredictedCell(
+            label=label,
+            candidates=ordered,
+            predicted=joined,
+            kept=kept,
+            period_s=1.0 / self._predictor(ordered[0].source).rate_hz,
+            phase=np.nan if phase is None else phase / 100.0,
+            stride_s=float(np.median(strides.duration_s)) if strides is not None else np.nan,
+        )
+        return cell, codes
+
+    def _checked(
+        self, predicted: Predicted, candidates: Sequence[Candidate], *, by_shape: bool
+    ) -> list[str]:
+        """Return a code for every predicted pulse, "" for those that can be used."""
+        shapes = np.zeros(len(candidates), dtype=int)
+        if by_shape:
+            signs = np.array([c.pulse.sign for c in candidates])
+            torque = signs[:, None] * predicted.responses[:, 1:].sum(axis=1)
+            shapes = pulse_shapes(torque, [c.pulse for c in candidates])
+        codes = np.full(len(candidates), "", dtype=object)
+        for shape in np.unique(shapes):
+            members = np.flatnonzero(shapes == shape)
+            part = replace(predicted, responses=predicted.responses[members])
+            own = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]
+            lame = lame_pulses(part, self.amplitudes_nm(own))
+            kept = alike(part, whole=np.array([not code for code in lame], dtype=bool))
+            unusual = Exclusion.UNUSUAL_RESPONSE.value
+            codes[members] = [
+                code or ("" if keep else unusual) for code, keep in zip(lame, kept, strict=True)
+            ]
+        return [str(code) for code in codes]
+
+    def amplitudes_nm(self, candidates: Sequence[Candidate]) -> np.ndarray:
+        """Return the commanded amplitudes, N*m; NaN if pulses are read off a motion."""
+        if not self._by_torque:
+            return np.full(len(candidates), np.nan)
+        return np.array([abs(c.pulse.amplitude) for c in candidates])
+
+    def _alive(
+        self, index: int, usable: list[int], candidates: Sequence[Candidate], codes: list[str]
+    ) -> list[int]:
+        """Code pulses with a constant signal, and copies; return the others."""
+        if not usable:
+            return usable
+        pulses = [candidates[k].pulse for k in usable]
+        source, window_s = self._sources[index], self._settings.perturbations.window_s
+        windows, _ = source.signals.cut(
+            np.array([p.onset_s for p in pulses]), before_s=0.0, after_s=window_s
+        )
+        copies = copied_pulses(source.given.recording, pulses, window_s=window_s)
+        for k, dead, copy in zip(usable, dead_signals(windows), copies, strict=True):
+            codes[k] = dead or (Exclusion.COPIED_PULSE.value if copy else "")
+        return [k for k in usable if not codes[k]]
+
+    def _predictor(self, index: int) -> UnperturbedPredictor:
+        if index not in self._predictors:
+            source, rate = self._sources[index], common_rate_hz(self._sources)
+            self._predictors[index] = UnperturbedPredictor(
+                source,
+                raw_signals(source, target_hz=rate),
+                window_s=self._reach_s,
+                others=[(s, raw_signals(s, target_hz=rate)) for s in self._teachers(source)],
+            )
+        return self._predictors[index]
+
+    def _teachers(self, source: Source) -> list[Source]:
+        """Return what else to learn from if a recording has too few quiet strides."""
+        if quiet_strides(source).size >= FEWEST_STRIDES:
+            return []
+        unperturbed = [s for s in self._sources if s.given.condition == "unperturbed"]
+        keys = self._settings.kind.reference_keys
+        nearest = most_alike(source.given, [s.given for s in unperturbed], keys=keys)
+        return [s for s in unperturbed if any(s.given is given for given in nearest)]
+
+
+def unlike_from(sd: np.ndarray) -> np.ndarray:
+    """Return the deviation above which a response is excluded."""
+    return np.asarray(_UNLIKE_SD * np.hypot(sd, FINEST_RAD))
+
+
+def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
+    """Return which responses are similar to the others, relative to the prediction error.
+
+    They are compared with the median response per torque: a pulse of twice the torque moves the
+    joint twice as far.
+    """
+    angles = predicted.responses[:, 0]
+    fine = np.ones(len(angles), dtype=bool) if whole is None else whole
+    if fine.sum() < _FEWEST_TO_COMPARE:
+        return fine
+    torque = predicted.responses[:, 1:].sum(axis=1)
+    shape = torque[fine].mean(axis=0)
+    size = torque @ shape / (shape @ shape)
+    usual, _ = robust_moments(angles[fine] / size[fine, None])
+    off = np.abs(angles - size[:, None] * usual)
+    limit = unlike_from(robust_sd(predicted.misses[:, 0]))
+    return np.asarray(fine & (off <= limit).all(axis=1))

@@ -1,0 +1,3 @@
+"""The method for legs to which a device is strapped: every timing point in one Bayesian fit."""
+
+METHOD = "strapped"

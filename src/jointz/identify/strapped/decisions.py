@@ -1,0 +1,139 @@
+"""Reported values, limits and statuses of a timing point, and what speaks against them."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.core.codes import Doubt
+from jointz.core.study import CalibrationSpec
+from jointz.identify.methods.cell_parameters import per_mass
+from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
+from jointz.identify.strapped.body import Body
+from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.identify.strapped.posterior import LegPosterior
+from jointz.results.estimates import REACH_95, ParameterEstimate
+
+#: Widest half-width of a decided value: its own, and the geometric mean of its own and the median
+#: of the person's points. Cells that alone of their person come out narrow are narrow by chance.
+WIDEST = 0.5
+#: Of these, the median itself may not be wider: after hold pulses, the narrow ones were too stiff.
+_WITH_COMPANY = ("stiffness", "stiffness_onset")
+#: Where the data decide nothing of a person, errors of the model exceed Laplace's: one-sided limits
+#: are so many times further out (docs/estimator.md).
+_WIDER_LIMITS = 2.0
+_ONE_SIDED_95 = 1.6448536269514722
+#: Chi-square of a point over its samples, above which the model does not explain it.
+_LARGEST_MISFIT = 2.0
+#: Prior sds by which the inertia may differ from the body's.
+_FARTHEST_BODY_SD = 2.0
+#: Largest K (N*m/rad), B (N*m*s/rad) and J (kg*m^2) of any joint.
+LARGEST = {"stiffness": 4900.0, "damping": 98.0, "inertia": 5.0}
+_LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
+_CI_METHOD = (
+    "posterior of a strapped leg under two hypotheses about the gait cycle; errors of virtual "
+    "pulses, of the model, of the calibration"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What the rows of a participant depend on besides the posterior."""
+
+    known: CalibrationSpec  # gains and the intrinsic impedance
+    mass_kg: float | None  # for values per kg
+    subtract: Sequence[str]  # which of the device's K, B and J the torque still includes
+
+    @property
+    def gain_sd(self) -> float:
+        """Relative sd of both gains together, common to K, B and J."""
+        return float(
+            np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
+        )
+
+    def intrinsic(self, name: str) -> tuple[float, float]:
+        """Return the device's own part of an estimate that its torque includes, and its sd."""
+        parameter = name.removesuffix("_onset")
+        values, sds = intrinsic_impedance(self.known)
+        at = PARAMETERS.index(parameter)
+        return float(values[at]) if parameter in self.subtract else 0.0, float(sds[at])
+
+
+def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple[set[Doubt], ...]:
+    """Return what speaks against the model at each timing point.
+
+    An inertia that is not the body's on average is a doubt of the whole person.
+    """
+    n_points = len(posterior.model.points)
+    inertias = np.array([moments.of("inertia", point)[0] for point in range(n_points)])
+    off = np.abs(inertias - np.log(body.inertia.median))
+    person = body.known and float(np.abs(np.mean(inertias) - np.log(body.inertia.median))) > (
+        _FARTHEST_BODY_SD * body.inertia.log_sd
+    )
+    farthest = _FARTHEST_BODY_SD * float(np.hypot(body.inertia.log_sd, body.inertia_of_point_sd))
+    found: list[set[Doubt]] = []
+    for point, misfit in enumerate(posterior.best.misfits):
+        doubts = {Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set()
+        if person:
+            doubts.add(Doubt.INERTIA_UNLIKE_BODY)
+        elif body.known and off[point] > farthest:
+            doubts.add(Doubt.INERTIA_UNLIKE_AT_POINT)
+        found.append(doubts)
+    return tuple(found)
+
+
+def decided_rows(
+    point: int, moments: LogMoments, decision: Decision, doubts: Collection[Doubt]
+) -> tuple[ParameterEstimate, ...]:
+    """Return K, B, J, values per kg, K and B at the onset, each with its status."""
+    rows = [_row(name, point, moments, decision, doubts) for name in ESTIMANDS]
+    kbj, onsets = rows[: len(PARAMETERS)], rows[len(PARAMETERS) :]
+    return (*kbj, *per_mass(kbj, decision.mass_kg), *onsets)
+
+
+def _row(
+    name: str,
+    point: int,
+    moments: LogMoments,
+    decision: Decision,
+    doubts: Collection[Doubt],
+) -> ParameterEstimate:
+    mean, sd = moments.of(name, point)
+    sd = float(np.hypot(sd, decision.gain_sd))
+    own, own_sd = decision.intrinsic(name)
+    whole = float(np.exp(mean))
+    value = whole - own
+    undecided = ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
+    # An inertia that is not the body's shows that the device is not coupled as in the model.
+    against_all = Doubt.INERTIA_UNLIKE_BODY in doubts
+    if value <= 0.0 or against_all or (doubts and name != "inertia"):
+        return undecided
+    sd = float(np.hypot(whole * sd, own_sd)) / value
+    half, usual = relative_half_width(sd), _median_half_width(name, moments)
+    together = usual if name in _WITH_COMPANY else float(np.sqrt(half * usual))
+    if max(half, together) > WIDEST:
+        reach = _ONE_SIDED_95 * sd * (_WIDER_LIMITS if usual > WIDEST else 1.0)
+        low, high = value * np.exp([-reach, reach])
+        return replace(undecided, ci_low=float(low), ci_high=float(high), ci_method=_LIMITS)
+    low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])
+    return replace(
+        undecided,
+        value=value,
+        ci_low=float(low),
+        ci_high=float(high),
+        status="ok",
+        ci_method=_CI_METHOD,
+    )
+
+
+def relative_half_width(sd: float) -> float:
+    """Return half of the 95 % interval over the value, of the sd of a logarithm."""
+    return float(np.sinh(REACH_95 * sd))
+
+
+def _median_half_width(name: str, moments: LogMoments) -> float:
+    """Return the median half-width over the person's timing points."""
+    n_points = moments.mean.size // len(ESTIMANDS)
+    sds = [moments.of(name, point)[1] for point in range(n_points)]
+    return float(np.median([relative_half_width(sd) for sd in sds]))

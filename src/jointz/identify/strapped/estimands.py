@@ -1,0 +1,109 @@
+"""Impedance of every timing point as functions of the parameters, with prior and posterior."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.map_fit import MapFit
+from jointz.identify.strapped.posterior import LegPosterior
+from jointz.kernels import strapped_leg as leg
+
+#: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset.
+ESTIMANDS = ("stiffness", "damping", "inertia", "stiffness_onset", "damping_onset")
+#: Laplace's sds are too small by so much: self-simulation, docs/estimator.md.
+_WIDER = 1.1
+_EVERY_S = 0.002
+_DERIVATIVE_SD = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogMoments:
+    """Mean and covariance of all logarithms, estimand by estimand, and those of the prior."""
+
+    mean: np.ndarray  # (estimand * point,)
+    covariance: np.ndarray
+    prior_mean: np.ndarray
+    prior_covariance: np.ndarray
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Standard deviations of the posterior."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def of(self, name: str, point: int) -> tuple[float, float]:
+        """Return mean and sd of an estimand at a point."""
+        at = ESTIMANDS.index(name) * (self.mean.size // len(ESTIMANDS)) + point
+        return float(self.mean[at]), float(self.sd[at])
+
+
+def log_moments(posterior: LegPosterior) -> LogMoments:
+    """Return the moments of all hypotheses together."""
+    parts = [_linear_moments(posterior.model, fit) for fit in posterior.fits]
+    mean, covariance = _mixed(posterior.weights, [p[0] for p in parts], [p[1] for p in parts])
+    prior, spread = _mixed(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
+    return LogMoments(mean, _WIDER**2 * covariance, prior, spread)
+
+
+def _mixed(
+    weights: np.ndarray, means: list[np.ndarray], covariances: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    mean = sum(w * m for w, m in zip(weights, means, strict=True))
+    covariance = sum(
+        w * (c + np.outer(m - mean, m - mean))
+        for w, m, c in zip(weights, means, covariances, strict=True)
+    )
+    return np.asarray(mean), np.asarray(covariance)
+
+
+def _linear_moments(
+    model: LegModel, fit: MapFit
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return mean and covariance of the posterior and of the prior, to first order."""
+    sd = np.sqrt(np.diag(fit.covariance))
+    points = range(model.layout.n_points)
+    values = np.zeros((len(ESTIMANDS), len(points)))
+    slopes = np.zeros((len(ESTIMANDS), len(points), fit.theta.size))
+    for k in points:
+        columns = model.layout.columns(k)
+        steps = _DERIVATIVE_SD * sd[columns]
+        moved = np.tile(fit.theta, (columns.size + 1, 1))
+        moved[np.arange(columns.size) + 1, columns] += steps
+        logs = log_estimands(model, moved, k)
+        values[:, k] = logs[0]
+        slopes[:, k, columns] = ((logs[1:] - logs[0]) / steps[:, None]).T
+    mean, gradient = values.ravel(), slopes.reshape(-1, fit.theta.size)
+    return (
+        mean,
+        gradient @ fit.covariance @ gradient.T,
+        mean + gradient @ (fit.prior.mean - fit.theta),
+        gradient @ fit.prior.covariance @ gradient.T,
+    )
+
+
+def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
+    """Return the logarithms of all estimands at a point, (m, estimand)."""
+    layout, at = model.layout, model.points[point].time_s
+    window = np.arange(0.0, model.window_s + 1e-9, _EVERY_S)
+    inside = model.knot_weights(window)
+    log_k, log_b = theta[:, layout.stiffness(point)], theta[:, layout.damping(point)]
+    stiffness, damping = np.exp(log_k @ inside.T), np.exp(log_b @ inside.T)
+    _, _, p = model.natural(theta, point)
+    bone = model.bone(theta, point)
+    moved = np.stack([[np.interp(window, at, x) for x in shapes] for shapes in bone])
+    gravity, half, power = (
+        p[:, column, None, None]
+        for column in (leg.GRAVITY_STIFFNESS, leg.HALF_ANGLE, leg.SOFTENING_POWER)
+    )
+    secant = gravity + (stiffness[:, None] - gravity) / (1.0 + (np.abs(moved) / half) ** power)
+    onset = model.knot_weights(np.zeros(1))[0]
+    return np.stack(
+        [
+            np.log(secant.mean(axis=(1, 2))),
+            np.log(damping.mean(axis=1)),
+            np.log(p[:, leg.LIMB_INERTIA] + p[:, leg.DEVICE_INERTIA]),
+            log_k @ onset,
+            log_b @ onset,
+        ],
+        axis=1,
+    )

@@ -1,0 +1,228 @@
+"""Forward model of all timing points: from one vector of parameters to every response.
+
+The vector holds, for each timing point, the logarithms of K and B at knots from the onset on, the
+deviation of log J, the slope of J and the deviation of the reflex; then what all points share.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit
+
+from jointz.identify.strapped.responses import PointResponse
+from jointz.kernels import strapped_leg as leg
+
+#: What all points share, behind the parameters of the points.
+SHARED = (
+    "inertia",
+    "device_share",
+    "strap_hz",
+    "strap_damping",
+    "skin_share",
+    "sensor_delay_s",
+    "sensor_lag_s",
+    "half_angle_rad",
+    "softening_power",
+    "reflex_gain",
+    "reflex_latency_s",
+    "reflex_time_s",
+    "reflex_position",
+    "reflex_shortening",
+    "friction_nm",
+    "torque_error",
+)
+#: Of a point behind its knots: deviation of log J, slope of J, deviation of the log reflex.
+INERTIA, SLOPE, REFLEX = range(3)
+_OWN = 3
+#: Knots of K and B at most so far apart, s.
+_KNOT_S = 0.06
+#: Speed at which Coulomb friction has two thirds of its size, rad/s.
+_FRICTION_VELOCITY = 0.08
+_STEP_S = 0.001
+_FARTHEST_RAD = 100.0
+#: Bounds of the search: logarithms of K and B, 1/s, and physical limits.
+_LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
+_SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
+_LATENCIES_S, _TIMES_S = (0.015, 0.15), (0.008, 0.2)
+#: Knots between which log K is a smooth process of this length, cycles.
+_LENGTH_CYCLES = 0.13
+_KNOT_NUGGET = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Places of the parameters in the vector."""
+
+    n_points: int
+    n_knots: int
+
+    @property
+    def per_point(self) -> int:
+        """Number of parameters of a point."""
+        return 2 * self.n_knots + _OWN
+
+    @property
+    def size(self) -> int:
+        """Number of all parameters."""
+        return self.n_points * self.per_point + len(SHARED)
+
+    def stiffness(self, point: int) -> slice:
+        """Return the places of log K at the knots of a point."""
+        first = point * self.per_point
+        return slice(first, first + self.n_knots)
+
+    def damping(self, point: int) -> slice:
+        """Return the places of log B at the knots of a point."""
+        first = point * self.per_point + self.n_knots
+        return slice(first, first + self.n_knots)
+
+    def own(self, point: int, which: int) -> int:
+        """Return the place of INERTIA, SLOPE or REFLEX of a point."""
+        return point * self.per_point + 2 * self.n_knots + which
+
+    def shared(self, name: str) -> int:
+        """Return the place of a shared parameter."""
+        return self.n_points * self.per_point + SHARED.index(name)
+
+    def columns(self, point: int) -> np.ndarray:
+        """Return the places of all parameters that the responses of a point depend on."""
+        first = point * self.per_point
+        shared = self.n_points * self.per_point
+        return np.asarray(np.r_[first : first + self.per_point, shared : self.size])
+
+
+class LegModel:
+    """Responses of all timing points of a participant."""
+
+    def __init__(
+        self, points: Sequence[PointResponse], *, window_s: float, gravity_stiffness: float
+    ) -> None:
+        self.points = tuple(points)
+        self.window_s = window_s
+        self._gravity = gravity_stiffness
+        end_s = max(window_s, max(float(p.time_s[-1]) for p in points))
+        self.knots_s = np.linspace(0.0, end_s, int(np.ceil(end_s / _KNOT_S - 1e-9)) + 1)
+        self.layout = Layout(len(points), self.knots_s.size)
+        self._length_s = _LENGTH_CYCLES * float(np.mean([p.stride_s for p in points]))
+        among = self._alike(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
+        self._knot_inverse = np.linalg.inv(among)
+        self._torques = [
+            np.stack([_at_steps(s.torque, p.period_s) for s in p.shapes]) for p in points
+        ]
+
+    def natural(self, theta: np.ndarray, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return K and B over time (m, n) and the parameters of the leg (m, N) of a point."""
+        layout, time_s = self.layout, self.points[point].time_s
+        weights = self.knot_weights(np.clip(time_s, 0.0, None))
+        stiffness = np.exp(np.clip(theta[:, layout.stiffness(point)] @ weights.T, *_LOG_K))
+        damping = np.exp(np.clip(theta[:, layout.damping(point)] @ weights.T, *_LOG_B))
+        return stiffness, damping, self._leg(theta, point, stiffness)
+
+    def responses(self, theta: np.ndarray, point: int) -> np.ndarray:
+        """Return the measured channels of all shapes of a point, stacked, (m, shapes * n)."""
+        return self._simulated(theta, point, leg.GONIOMETER).reshape(len(theta), -1)
+
+    def bone(self, theta: np.ndarray, point: int) -> np.ndarray:
+        """Return the angle of the bone, (m, shapes, n)."""
+        return self._simulated(theta, point, leg.BONE)
+
+    def kick(self, theta: np.ndarray, point: int) -> np.ndarray:
+        """Return the response of the sensor to 1 N*m at one sample, without friction, (n,)."""
+        stiffness, damping, parameters = self.natural(theta[None], point)
+        parameters[:, leg.FRICTION] = 0.0
+        small = 1e-3
+        torque = np.zeros(stiffness.shape[1])
+        torque[1] = small
+        out = self._run(
+            point,
+            _at_steps(torque, self.points[point].period_s)[None],
+            stiffness,
+            damping,
+            parameters,
+        )
+        response = out[0, :, leg.GONIOMETER] / small
+        return np.append(response[1:], response[-1])
+
+    def knot_weights(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the weights of the knots at times, (t, knots): the process's conditional mean."""
+        return np.asarray(self._alike(time_s) @ self._knot_inverse)
+
+    def _alike(self, time_s: np.ndarray) -> np.ndarray:
+        """Return how a smooth process at times goes with that at the knots, (t, knots)."""
+        apart = (time_s[:, None] - self.knots_s) / self._length_s
+        return np.asarray(1.0 + np.exp(-0.5 * apart**2))
+
+    def _leg(self, theta: np.ndarray, point: int, stiffness: np.ndarray) -> np.ndarray:
+        layout = self.layout
+
+        def raw(name: str) -> np.ndarray:
+            return np.asarray(theta[:, layout.shared(name)])
+
+        inertia, share = np.exp(raw("inertia")), np.clip(np.exp(raw("device_share")), *_SHARES)
+        # Of the strap, not of the point: the device stays the same when the leg's inertia changes.
+        reduced = inertia * share * (1.0 - share)
+        turn = 2.0 * np.pi * np.exp(raw("strap_hz"))
+        p = np.zeros((len(theta), leg.N_PARAMETERS))
+        own = theta[:, layout.own(point, INERTIA)]
+        p[:, leg.LIMB_INERTIA] = inertia * (1.0 - share) * np.exp(own)
+        p[:, leg.DEVICE_INERTIA] = inertia * share
+        p[:, leg.STRAP_STIFFNESS] = reduced * turn**2
+        p[:, leg.STRAP_DAMPING] = 2.0 * np.exp(raw("strap_damping")) * reduced * turn
+        p[:, leg.HALF_ANGLE] = np.exp(raw("half_angle_rad"))
+        p[:, leg.SOFTENING_POWER] = np.clip(raw("softening_power"), *_POWERS)
+        p[:, leg.GRAVITY_STIFFNESS] = np.minimum(self._gravity, 0.5 * stiffness.min(axis=1))
+        p[:, leg.REFLEX_GAIN] = np.exp(raw("reflex_gain") + theta[:, layout.own(point, REFLEX)])
+        p[:, leg.REFLEX_LATENCY] = np.clip(np.exp(raw("reflex_latency_s")), *_LATENCIES_S)
+        p[:, leg.REFLEX_TIME] = np.clip(np.exp(raw("reflex_time_s")), *_TIMES_S)
+        p[:, leg.REFLEX_POSITION] = expit(raw("reflex_position"))
+        p[:, leg.REFLEX_SHORTENING] = expit(raw("reflex_shortening"))
+        p[:, leg.FRICTION] = np.exp(raw("friction_nm"))
+        p[:, leg.FRICTION_VELOCITY] = _FRICTION_VELOCITY
+        p[:, leg.TORQUE_ERROR] = raw("torque_error")
+        p[:, leg.INERTIA_SLOPE] = np.clip(theta[:, layout.own(point, SLOPE)], *_SLOPES)
+        p[:, leg.SKIN_SHARE] = expit(raw("skin_share"))
+        p[:, leg.SENSOR_TIME] = np.exp(raw("sensor_lag_s"))
+        p[:, leg.SENSOR_DELAY] = np.exp(raw("sensor_delay_s"))
+        return p
+
+    def _simulated(self, theta: np.ndarray, point: int, column: int) -> np.ndarray:
+        stiffness, damping, parameters = self.natural(theta, point)
+        torques = self._torques[point]
+        m, shapes = len(theta), len(torques)
+        out = self._run(
+            point,
+            np.tile(torques, (m, 1)),
+            *(np.repeat(a, shapes, axis=0) for a in (stiffness, damping, parameters)),
+        )
+        return np.asarray(out[:, :, column].reshape(m, shapes, -1))
+
+    def _run(
+        self,
+        point: int,
+        torque: np.ndarray,
+        stiffness: np.ndarray,
+        damping: np.ndarray,
+        parameters: np.ndarray,
+    ) -> np.ndarray:
+        response = self.points[point]
+        velocity = np.broadcast_to(response.velocity, stiffness.shape)
+        curves = np.ascontiguousarray(np.stack([stiffness, damping, velocity], axis=1))
+        period_s, lead_s = response.period_s, -float(response.time_s[0])
+        substeps = _substeps(period_s)
+        out = leg.leg_responses(torque, curves, parameters, period_s, substeps, lead_s)
+        # Far from any leg the integration diverges; the search only needs to see that.
+        near = np.clip(np.nan_to_num(out, nan=_FARTHEST_RAD), -_FARTHEST_RAD, _FARTHEST_RAD)
+        return np.asarray(near)
+
+
+def _substeps(period_s: float) -> int:
+    """Return the number of steps of the integration in one sample."""
+    return max(1, int(np.ceil(period_s / _STEP_S - 1e-6)))
+
+
+def _at_steps(torque: np.ndarray, period_s: float) -> np.ndarray:
+    """Return the torque at the steps of the integration, linear between samples."""
+    substeps = _substeps(period_s)
+    steps = np.arange((torque.size - 1) * substeps + 1) / substeps
+    return np.asarray(np.interp(steps, np.arange(torque.size), torque))

@@ -1,0 +1,174 @@
+"""Most probable parameters of a participant, and the normal posterior about them.
+
+Levenberg and Marquardt's method on responses whitened by the covariance of their errors: errors
+of the predicted unperturbed motion, and of the model, which grows with the response.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.prior import Prior
+
+#: Error of the model: share of the response, correlated over this time; and a floor.
+_MODEL_SHARE, _MODEL_S, _MODEL_FLOOR_RAD = 0.015, 0.03, np.deg2rad(0.02)
+#: The share is of no less than this part of the largest response.
+_LEAST_RESPONSE = 0.1
+_JITTER = 1e-9
+#: Steps of the derivatives, in prior sds, and the longest.
+_DERIVATIVE_SD, _LONGEST_DERIVATIVE = 0.02, 0.02
+#: Damping of the search, and its factors after a failure and a success.
+_DAMPING, _MORE, _LESS, _LEAST_DAMPING = 1e-2, 4.0, 5.0, 1e-7
+_LONGEST_STEP_SD = 2.0
+_SMALL_DECREASE = 0.02
+_ITERATIONS, _TRIALS, _REWEIGHTED = 40, 8, 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weights:
+    """Cholesky factors of the error covariance of each point's used samples."""
+
+    factors: tuple[np.ndarray, ...]
+    measured: tuple[np.ndarray, ...]
+
+    @property
+    def log_det(self) -> float:
+        """Half the logarithm of the determinant of all covariances."""
+        return float(sum(np.log(np.diag(factor)).sum() for factor in self.factors))
+
+    def whitened(self, point: int, values: np.ndarray) -> np.ndarray:
+        return np.asarray(
+            solve_triangular(self.factors[point], values, lower=True, check_finite=False)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapFit:
+    """The mode of the posterior, and its covariance by the curvature there (Laplace)."""
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    prior: Prior
+    objective: float  # negative logarithm of the posterior, up to a constant
+    misfits: tuple[float, ...]  # chi-square over number of samples, of each point
+
+    @property
+    def log_evidence(self) -> float:
+        """Laplace's approximation, up to a constant of the data."""
+        curvature = -np.linalg.slogdet(self.covariance)[1]
+        return float(-self.objective - 0.5 * curvature - 0.5 * self.prior.log_det)
+
+
+class MapSearch:
+    """Search for the mode under one prior."""
+
+    def __init__(self, model: LegModel, prior: Prior) -> None:
+        self._model = model
+        self._prior = prior
+        self._used = [p.used for p in model.points]
+
+    def best(self, starts: Sequence[np.ndarray]) -> MapFit:
+        """Return the best of the modes reached from several starts."""
+        return min((self.fit(start) for start in starts), key=lambda fit: fit.objective)
+
+    def fit(self, start: np.ndarray) -> MapFit:
+        """Return the mode reached from a start; weights are made again twice at the mode."""
+        theta = start
+        for _ in range(_REWEIGHTED):
+            weights = self._weights(theta)
+            theta, residuals, cost = self._descend(theta, weights)
+        hessian, _ = self._normal(theta, residuals, weights)
+        covariance = np.linalg.inv(hessian)
+        return MapFit(
+            theta=theta,
+            covariance=0.5 * (covariance + covariance.T),
+            prior=self._prior,
+            objective=cost + weights.log_det,
+            misfits=tuple(float(r @ r) / r.size for r in residuals),
+        )
+
+    def _descend(
+        self, theta: np.ndarray, weights: _Weights
+    ) -> tuple[np.ndarray, list[np.ndarray], float]:
+        damping = _DAMPING
+        residuals, cost = self._cost(theta, weights)
+        for _ in range(_ITERATIONS):
+            hessian, gradient = self._normal(theta, residuals, weights)
+            for _ in range(_TRIALS):
+                step = self._step(hessian, gradient, damping)
+                tried, tried_cost = self._cost(theta + step, weights)
+                if np.isfinite(tried_cost) and tried_cost < cost:
+                    break
+                damping *= _MORE
+            else:
+                break
+            decrease = cost - tried_cost
+            theta, residuals, cost = theta + step, tried, tried_cost
+            damping = max(damping / _LESS, _LEAST_DAMPING)
+            if decrease < _SMALL_DECREASE:
+                break
+        return theta, residuals, cost
+
+    def _step(self, hessian: np.ndarray, gradient: np.ndarray, damping: float) -> np.ndarray:
+        damped = hessian + damping * np.diag(np.diag(hessian))
+        step = cho_solve(cho_factor(damped, check_finite=False), gradient, check_finite=False)
+        longest = float(np.max(np.abs(step) / (_LONGEST_STEP_SD * self._prior.sd)))
+        return np.asarray(step / max(1.0, longest))
+
+    def _cost(self, theta: np.ndarray, weights: _Weights) -> tuple[list[np.ndarray], float]:
+        residuals = []
+        for k, used in enumerate(self._used):
+            modelled = self._model.responses(theta[None], k)[0][used]
+            residuals.append(weights.whitened(k, weights.measured[k] - modelled))
+        squares = sum(float(r @ r) for r in residuals)
+        return residuals, 0.5 * (squares + self._prior.misfit(theta))
+
+    def _normal(
+        self, theta: np.ndarray, residuals: Sequence[np.ndarray], weights: _Weights
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return Gauss and Newton's matrix and the direction of descent."""
+        hessian = self._prior.precision.copy()
+        gradient = -self._prior.precision @ (theta - self._prior.mean)
+        steps = np.clip(_DERIVATIVE_SD * self._prior.sd, 1e-5, _LONGEST_DERIVATIVE)
+        for k, (used, residual) in enumerate(zip(self._used, residuals, strict=True)):
+            columns = self._model.layout.columns(k)
+            moved = np.tile(theta, (columns.size + 1, 1))
+            moved[np.arange(columns.size) + 1, columns] += steps[columns]
+            responses = self._model.responses(moved, k)[:, used]
+            slopes = ((responses[1:] - responses[0]) / steps[columns, None]).T
+            slopes = weights.whitened(k, slopes)
+            hessian[np.ix_(columns, columns)] += slopes.T @ slopes
+            gradient[columns] += slopes.T @ residual
+        return hessian, gradient
+
+    def _weights(self, theta: np.ndarray) -> _Weights:
+        factors, measured = [], []
+        for k, (point, used) in enumerate(zip(self._model.points, self._used, strict=True)):
+            covariance = self.error_covariance(theta, k)[np.ix_(used, used)]
+            factors.append(np.linalg.cholesky(covariance))
+            measured.append(point.stacked[used])
+        return _Weights(tuple(factors), tuple(measured))
+
+    def error_covariance(self, theta: np.ndarray, k: int) -> np.ndarray:
+        """Return the covariance of all errors of a point's average responses."""
+        point = self._model.points[k]
+        stride = point.stride_covariance(self._model.kick(theta, k))
+        n, shapes = point.time_s.size, len(point.shapes)
+        # The prediction's own error is common to all shapes.
+        covariance = np.tile(stride / point.n_strides, (shapes, shapes))
+        smooth = np.exp(-0.5 * ((point.time_s[:, None] - point.time_s) / _MODEL_S) ** 2)
+        modelled = self._model.responses(theta[None], k)[0].reshape(shapes, n)
+        for i, (shape, response) in enumerate(zip(point.shapes, modelled, strict=True)):
+            block = slice(i * n, (i + 1) * n)
+            size = np.maximum(np.abs(response), _LEAST_RESPONSE * np.abs(response).max())
+            covariance[block, block] += stride / shape.n_pulses
+            covariance[block, block] += _MODEL_SHARE**2 * np.outer(size, size) * smooth
+            covariance[block, block] += 0.5 * _MODEL_FLOOR_RAD**2 * (smooth + np.eye(n))
+        if point.twist_sd:
+            torque = np.concatenate([shape.torque for shape in point.shapes])
+            covariance += point.twist_sd**2 * np.outer(torque, torque)
+        level = float(np.trace(covariance)) / len(covariance)
+        return np.asarray(covariance + _JITTER * level * np.eye(len(covariance)))

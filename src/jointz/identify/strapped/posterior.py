@@ -1,0 +1,77 @@
+"""Posterior of a participant under two hypotheses about the gait cycle, weighed by evidence."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.map_fit import MapFit, MapSearch
+from jointz.identify.strapped.prior import LegPriors
+
+#: Shares of K's and B's variance that follow one curve of the gait cycle: hypotheses.
+CYCLE_SHARES = (0.9, 0.0)
+#: Starts off the prior's mean: changes of the logarithms of K and of shared parameters. A soft
+#: strap is a mode of its own.
+_OTHER_STARTS: Sequence[tuple[float, Mapping[str, float]]] = (
+    (-0.4, {"inertia": -0.45, "strap_hz": 0.35}),
+    (0.0, {"strap_hz": -0.8}),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegPosterior:
+    """Fits of all hypotheses with their probabilities."""
+
+    model: LegModel
+    fits: tuple[MapFit, ...]
+    weights: np.ndarray
+
+    @property
+    def best(self) -> MapFit:
+        """The fit of the likeliest hypothesis."""
+        return self.fits[int(np.argmax(self.weights))]
+
+    @property
+    def cycle_probability(self) -> float:
+        """Probability that K and B follow one curve of the gait cycle."""
+        return float(self.weights[0]) if len(self.fits) > 1 else 0.0
+
+    def shared_moments(self, name: str) -> tuple[float, float]:
+        """Return mean and sd of a shared parameter as transformed."""
+        at = self.model.layout.shared(name)
+        means = np.array([fit.theta[at] for fit in self.fits])
+        variances = np.array([fit.covariance[at, at] for fit in self.fits])
+        mean = float(self.weights @ means)
+        variance = float(self.weights @ (variances + (means - mean) ** 2))
+        return mean, float(np.sqrt(variance))
+
+
+def explain(model: LegModel, priors: LegPriors) -> LegPosterior:
+    """Fit all hypotheses; the first from three starts, the other from its mode and the mean."""
+    known = all(np.isfinite(point.phase) for point in model.points)
+    fits: list[MapFit] = []
+    for share in CYCLE_SHARES if known else CYCLE_SHARES[-1:]:
+        prior = priors.build(model, follows_cycle=share)
+        others = [fits[0].theta] if fits else _other_starts(model, prior.mean)
+        starts = [prior.mean, *others]
+        fits.append(MapSearch(model, prior).best(starts))
+    return LegPosterior(model, tuple(fits), _weights(fits))
+
+
+def _other_starts(model: LegModel, mean: np.ndarray) -> list[np.ndarray]:
+    starts = []
+    for stiffness, changes in _OTHER_STARTS:
+        start = mean.copy()
+        for point in range(model.layout.n_points):
+            start[model.layout.stiffness(point)] += stiffness
+        for name, change in changes.items():
+            start[model.layout.shared(name)] += change
+        starts.append(start)
+    return starts
+
+
+def _weights(fits: Sequence[MapFit]) -> np.ndarray:
+    evidence = np.array([fit.log_evidence for fit in fits])
+    weights = np.exp(evidence - evidence.max())
+    return np.asarray(weights / weights.sum())

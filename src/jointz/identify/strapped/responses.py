@@ -1,0 +1,146 @@
+"""Average responses of a participant by timing point and shape of pulse, and their errors."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import toeplitz
+
+from jointz.core.study import CalibrationSpec
+from jointz.identify.prediction.predicted_cells import PredictedCell
+from jointz.identify.prediction.pulse_shapes import pulse_shapes
+from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
+from jointz.identify.preparation.calibration import twist_sd, value_of
+from jointz.kernels.robust_spread import robust_sd
+
+#: Data after the onset that are used, whatever the window, and the margin for lags.
+FIT_S, _BEYOND_S = 0.2, 0.012
+#: A response is used until the joint has moved so far, and at least so long.
+LARGEST_RAD, _LEAST_S = np.deg2rad(18.0), 0.05
+#: Virtual onsets further from zero, in sds, do not count.
+_OUTLIER_SD = 6.0
+#: Correlations of few strides are reduced by this share, for each sample and stride.
+_LEAST_SHRINKAGE, _SHRINKAGE = 0.02, 0.05
+_RESOLUTION_RAD = 2e-5
+_SMOOTH_S = 0.04
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShapeAverage:
+    """Average response to the pulses of one shape, as signed."""
+
+    angle: np.ndarray  # (channel, n) rad
+    torque: np.ndarray  # (n,) N*m
+    n_pulses: int
+    used: np.ndarray  # (n,) samples before the joint has moved too far
+
+    @property
+    def masked(self) -> bool:
+        """Whether the response ends before its window."""
+        return not bool(self.used.all())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointResponse:
+    """Average responses of one timing point."""
+
+    label: str
+    phase: float  # of the onset, cycles; NaN where unknown
+    stride_s: float
+    time_s: np.ndarray  # (n,) from the onset
+    shapes: tuple[ShapeAverage, ...]
+    velocity: np.ndarray  # (n,) rad/s of the unperturbed motion
+    misses: np.ndarray  # (virtual onset, n) errors of the predicted angle
+    torque_misses: np.ndarray  # likewise of the torque
+    n_strides: int
+    twist_sd: float = 0.0  # rad/(N*m): of the calibrated torque seen as angle
+    channels: tuple[str, ...] = field(default=("goniometer",))
+
+    @property
+    def period_s(self) -> float:
+        """Time between samples."""
+        return float(self.time_s[1] - self.time_s[0])
+
+    @property
+    def stacked(self) -> np.ndarray:
+        """All responses, shape by shape and channel by channel."""
+        return np.concatenate([s.angle.ravel() for s in self.shapes])
+
+    @property
+    def used(self) -> np.ndarray:
+        """Which of the stacked samples are used."""
+        return np.concatenate([np.tile(s.used, len(self.channels)) for s in self.shapes])
+
+    def stride_covariance(self, kick: np.ndarray) -> np.ndarray:
+        """Return the covariance of one stride's prediction error, (n, n) rad^2.
+
+        ``kick`` (n,) is the response to one sample of torque: torque that was predicted wrongly
+        moves the joint, which the measured torque explains.
+        """
+        n = self.time_s.size
+        error = self.misses - self.torque_misses @ toeplitz(kick, np.zeros(n)).T
+        usual = (np.abs(error) < _OUTLIER_SD * (robust_sd(error) + 1e-6)).all(axis=1)
+        sample = np.cov(error[usual].T)
+        shrunk = min(1.0, max(_LEAST_SHRINKAGE, _SHRINKAGE * n / self.n_strides))
+        covariance = (1.0 - shrunk) * sample + shrunk * np.diag(np.diag(sample))
+        # The noise is estimated from so many strides: variance of Student's t.
+        covariance *= (self.n_strides - 1) / (self.n_strides - 3)
+        return np.asarray(covariance + _RESOLUTION_RAD**2 * np.eye(n))
+
+
+def point_response(
+    cell: PredictedCell, *, window_s: float, known: CalibrationSpec
+) -> PointResponse:
+    """Average the responses of a timing point, every shape by itself."""
+    friction_gain = value_of(known.friction_gain, 1.0)
+    n_all = cell.predicted.responses.shape[2]
+    length_s = max(FIT_S, window_s) + _BEYOND_S
+    n = min(round(length_s / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
+    signs = np.array([c.pulse.sign for c in cell.used])[:, None, None]
+    responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
+    misses = cell.predicted.misses[:, :, :n]
+    shapes = pulse_shapes(responses[:, 1] + responses[:, 2], [c.pulse for c in cell.used])
+    return PointResponse(
+        label=cell.label,
+        phase=cell.phase,
+        stride_s=cell.stride_s,
+        time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
+        shapes=tuple(
+            _average(responses[shapes == k], cell.period_s, known) for k in np.unique(shapes)
+        ),
+        velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
+        misses=misses[:, 0],
+        torque_misses=misses[:, 1] + friction_gain * misses[:, 2],
+        n_strides=cell.predicted.n_strides,
+        twist_sd=twist_sd(known),
+    )
+
+
+def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> ShapeAverage:
+    """Average the pulses of a shape, corrected for what is known of torque and angle."""
+    angle, driving, friction = responses.mean(axis=0)
+    torque = driving + value_of(known.friction_gain, 1.0) * friction
+    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
+    angle = angle - shown * torque
+    late_s = value_of(known.torque_lag_s, 0.0)
+    time_s = np.arange(angle.size) * period_s
+    return ShapeAverage(
+        angle=angle[None],
+        torque=np.interp(time_s + late_s, time_s, torque),
+        n_pulses=len(responses),
+        used=usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
+    )
+
+
+def usable_samples(angle: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Return which samples come before the joint has moved too far, (n,) bool."""
+    far = np.flatnonzero((np.abs(angle) > LARGEST_RAD) & (time_s >= _LEAST_S))
+    return np.asarray(np.arange(angle.size) < (far[0] if far.size else angle.size))
+
+
+def _velocity(angle: np.ndarray, period_s: float) -> np.ndarray:
+    """Return the smoothed derivative of the mean unperturbed angle."""
+    width = min(max(3, round(_SMOOTH_S / period_s)), angle.size // 2)
+    kernel = np.hanning(width + 2)[1:-1]
+    padded = np.pad(angle, width, mode="reflect", reflect_type="odd")
+    smooth = np.convolve(padded, kernel / kernel.sum(), mode="same")[width:-width]
+    return np.asarray(np.gradient(smooth, period_s))

@@ -1,0 +1,356 @@
+"""The method ``strapped`` of ``jointz analyze``: a leg to which the device is strapped.
+
+The device moves against the bone on strap and tissue, K softens with displacement and drifts with
+B over the pulse, and a reflex answers. All timing points and shapes of pulse of a participant are
+explained together; data up to 0.2 s after the onset are used, whatever the window.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointz.core.codes import Doubt, Failure
+from jointz.core.events import PulseRecord
+from jointz.core.gait_phases import mean_phase
+from jointz.core.priors import LogPrior, NormalPrior, SharePrior
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.estimators import Estimates, ParticipantData
+from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
+from jointz.identify.prediction.predicted_cells import CellPredictor, PredictedCell
+from jointz.identify.prediction.pulse_checks import stray_pulses
+from jointz.identify.prediction.signal_checks import (
+    angle_failure,
+    common_failure,
+    torque_failure,
+)
+from jointz.identify.preparation.assignment import Candidate, assign_pulses
+from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.cell_data import calibration_sd
+from jointz.identify.preparation.raw_signals import intrinsic_left_in
+from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
+from jointz.identify.recommended.gravity import (
+    corrected_stiffness,
+    gravity_stiffness,
+    hanging_masses,
+)
+from jointz.identify.strapped import METHOD
+from jointz.identify.strapped.body import Body, body_of
+from jointz.identify.strapped.checks import lag_failure, response_failure
+from jointz.identify.strapped.decisions import LARGEST, Decision, decided_rows, doubts_of
+from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
+from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.posterior import LegPosterior, explain
+from jointz.identify.strapped.prior import LegPriors
+from jointz.identify.strapped.responses import FIT_S, PointResponse, point_response
+from jointz.identify.study_kinds import StudyKind
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, Response
+from jointz.results.log_posterior import LogPosterior
+
+BASELINE = "predicted"
+LONGEST_WINDOW_S = 0.25
+#: Beyond the data that are used, for sensors that lag.
+_MARGIN_S = 0.03
+#: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
+_FRICTION_ERROR = 0.1
+_SHORTEST_LAG_S = 1e-4
+
+
+class StrappedMethod:
+    """Estimator of walking with a device that is strapped to the leg."""
+
+    name = METHOD
+    kinds = ("walking",)
+
+    def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
+        """Return ``predicted``."""
+        return BASELINE
+
+    def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
+        """Estimate every timing point."""
+        reach_s = max(FIT_S, settings.perturbations.window_s)
+        longer = settings.perturbations.model_copy(update={"window_s": reach_s})
+        pulses = assign_pulses(
+            data.participant,
+            data.sources,
+            replace(settings, perturbations=longer),
+            baseline=BASELINE,
+            alone=True,
+        )
+        return _Participant(data, settings).estimates(pulses)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Explained:
+    """Timing points that were fitted together, and what they depend on."""
+
+    cells: tuple[PredictedCell, ...]
+    posterior: LegPosterior
+    moments: LogMoments
+    body: Body
+    known: CalibrationSpec
+
+
+class _Participant:
+    """Estimates one participant's timing points."""
+
+    def __init__(self, data: ParticipantData, settings: ParticipantSettings) -> None:
+        self._name = data.participant
+        self._sources = data.sources
+        self._settings = settings
+        reach_s = max(FIT_S, settings.perturbations.window_s) + _MARGIN_S
+        self._predictor = CellPredictor(data.sources, settings, reach_s=reach_s)
+
+    def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
+        """Return the estimates of all timing points, and all pulses with their final codes."""
+        records = [c.record for c in candidates]
+        points = self._settings.timing_points
+        labels = {r.timing_point for r in records if r.timing_point}
+        predicted: dict[str, PredictedCell] = {}
+        codes: dict[str, list[str]] = {}
+        for label in sorted(labels, key=lambda label: (points.get(label, 100.0), label)):
+            indices = [k for k, r in enumerate(records) if r.timing_point == label]
+            cell, codes[label] = self._predictor.predict(
+                label, [candidates[k] for k in indices], by_shape=True
+            )
+            if cell is not None:
+                predicted[label] = cell
+            for k, code in zip(indices, codes[label], strict=True):
+                records[k] = replace(records[k], code=code)
+        failures = self._failures(predicted)
+        explained = self._explained([c for c in predicted.values() if not failures[c.label]])
+        if explained is not None:
+            failures |= _failures_after(explained)
+        return self._assembled(records, codes, predicted, failures, explained)
+
+    def _assembled(
+        self,
+        records: list[PulseRecord],
+        codes: Mapping[str, list[str]],
+        predicted: Mapping[str, PredictedCell],
+        failures: Mapping[str, Failure | None],
+        explained: _Explained | None,
+    ) -> Estimates:
+        places = {c.label: k for k, c in enumerate(explained.cells)} if explained else {}
+        doubts = (
+            doubts_of(explained.posterior, explained.moments, explained.body) if explained else ()
+        )
+        cells = []
+        for label, own in codes.items():
+            failure = failures.get(label)
+            if label in places and failure is None and explained is not None:
+                k = places[label]
+                cells.append(self._cell(k, explained, len(own), doubts[k]))
+            else:
+                cell = predicted.get(label)
+                cells.append(self._failed(label, failure or failure_of_codes(own), cell, len(own)))
+        posterior = None
+        if explained is not None and not all(failures[c.label] for c in explained.cells):
+            posterior = self._log_posterior(explained, doubts)
+        return Estimates(tuple(cells), records, log_posterior=posterior)
+
+    # --- before the fit ------------------------------------------------------------------------
+
+    def _failures(self, cells: Mapping[str, PredictedCell]) -> dict[str, Failure | None]:
+        if self._settings.perturbations.window_s > LONGEST_WINDOW_S + 1e-9:
+            return dict.fromkeys(cells, Failure.WINDOW_TOO_LONG)
+        failures = {label: self._failure(cell) for label, cell in cells.items()}
+        return common_failure(failures) if failures else {}
+
+    def _failure(self, cell: PredictedCell) -> Failure | None:
+        if cell.label in self._predictor.unfelt:
+            return Failure.CONSTANT_ANGLE
+        for index in dict.fromkeys(c.source for c in cell.used):
+            recording = self._sources[index].given.recording
+            pulses = [c.pulse for c in cell.used if c.source == index]
+            if failure := angle_failure(recording) or torque_failure(recording, pulses):
+                return failure
+        size_nm = float(np.median(self._predictor.amplitudes_nm(cell.used)))
+        if stray_pulses(cell.predicted, size_nm):
+            return Failure.OUT_OF_STEP
+        return response_failure(self._point(cell, self._known([cell])))
+
+    def _known(self, cells: Sequence[PredictedCell]) -> CalibrationSpec:
+        sources = [self._sources[c.source] for cell in cells for c in cell.used]
+        return pooled_calibration([s.given.calibration for s in sources])
+
+    def _point(self, cell: PredictedCell, known: CalibrationSpec) -> PointResponse:
+        return point_response(cell, window_s=self._settings.perturbations.window_s, known=known)
+
+    # --- the fit -------------------------------------------------------------------------------
+
+    def _explained(self, cells: Sequence[PredictedCell]) -> _Explained | None:
+        if not cells:
+            return None
+        settings, known = self._settings, self._known(cells)
+        body = body_of(settings.person, settings.joint, settings.priors)
+        model = LegModel(
+            [self._point(cell, known) for cell in cells],
+            window_s=settings.perturbations.window_s,
+            gravity_stiffness=body.gravity_stiffness,
+        )
+        used = dict.fromkeys(c.source for cell in cells for c in cell.used)
+        sources = [self._sources[index] for index in used]
+        priors = LegPriors(settings.priors, body, _measured(known, sources))
+        posterior = explain(model, priors)
+        return _Explained(tuple(cells), posterior, log_moments(posterior), body, known)
+
+    # --- after the fit -------------------------------------------------------------------------
+
+    def _cell(
+        self, k: int, explained: _Explained, n_pulses: int, doubts: set[Doubt]
+    ) -> CellEstimate:
+        cell, point = explained.cells[k], explained.posterior.model.points[k]
+        used = cell.used
+        onset = mean_phase([c.record.measured_pct for c in used])
+        window_s = self._settings.perturbations.window_s
+        centre = None
+        if onset is not None and np.isfinite(cell.stride_s):
+            centre = (onset + 50.0 * window_s / cell.stride_s) % 100.0
+        recording = self._sources[used[0].source].given.recording
+        decision = Decision(
+            known=explained.known,
+            mass_kg=self._settings.mass_kg,
+            subtract=intrinsic_left_in(recording),
+        )
+        parameters = decided_rows(k, explained.moments, decision, doubts)
+        response, vaf_pct = _fitted(explained.posterior, k)
+        inside = point.time_s <= window_s
+        moved = max(float(np.abs(s.angle[0, inside]).max()) for s in point.shapes)
+        return CellEstimate(
+            participant=self._name,
+            timing_point=cell.label,
+            onset_gait_pct=onset,
+            parameters=parameters,
+            vaf_pct=vaf_pct,
+            n_used=len(used),
+            n_excluded=n_pulses - len(used),
+            method=METHOD,
+            baseline=BASELINE,
+            displacement_rad=moved,
+            response=response,
+            nuisance=_nuisance(explained.posterior),
+            centre_gait_pct=centre,
+            gravity_corrected=self._gravity_corrected(cell, parameters[0], point, centre),
+        )
+
+    def _gravity_corrected(
+        self,
+        cell: PredictedCell,
+        stiffness: ParameterEstimate,
+        point: PointResponse,
+        centre: float | None,
+    ) -> ParameterEstimate | None:
+        """Return the stiffness without gravity's part, if limb and posture are known."""
+        settings = self._settings
+        if settings.person is None or centre is None or stiffness.value is None:
+            return None
+        inside = point.time_s <= settings.perturbations.window_s
+        moved_rad = float(np.mean([s.angle[0, inside].mean() for s in point.shapes]))
+        gravity = gravity_stiffness(
+            hanging_masses(settings.joint, settings.person, settings.device),
+            joint=settings.joint,
+            angle_rad=cell.predicted.posture_rad + moved_rad,
+            gait_pct=centre,
+            positive=settings.positive,
+            angle_sd_rad=calibration_sd(self._known([cell]).angle_zero_rad),
+        )
+        return None if gravity is None else corrected_stiffness(stiffness, gravity)
+
+    def _log_posterior(self, explained: _Explained, doubts: Sequence[set[Doubt]]) -> LogPosterior:
+        names = ESTIMANDS[:3]
+        n = len(explained.cells)
+        kept = np.arange(len(names) * n)
+        moments = explained.moments
+        ordered = dict.fromkeys(code.value for found in doubts for code in sorted(found))
+        return LogPosterior(
+            participant=self._name,
+            parameters=tuple(name for name in names for _ in range(n)),
+            timing_points=tuple(c.label for _ in names for c in explained.cells),
+            mean=moments.mean[kept],
+            covariance=moments.covariance[np.ix_(kept, kept)],
+            prior_mean=moments.prior_mean[kept],
+            prior_covariance=moments.prior_covariance[np.ix_(kept, kept)],
+            doubts=tuple(ordered),
+        )
+
+    def _failed(
+        self, label: str, failure: Failure, cell: PredictedCell | None, n_pulses: int
+    ) -> CellEstimate:
+        used = [] if cell is None else cell.used
+        return failed_cell(
+            failure,
+            self._settings,
+            participant=self._name,
+            timing_point=label,
+            counts=(len(used), n_pulses - len(used)),
+            method=METHOD,
+            baseline=BASELINE,
+            onset_gait_pct=mean_phase([c.record.measured_pct for c in used]),
+        )
+
+
+def _measured(
+    known: CalibrationSpec, sources: Sequence[Source]
+) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+    """Return priors of the instruments that were measured, or that a torque model declares."""
+    priors: dict[str, LogPrior | SharePrior | NormalPrior] = {}
+    lag = known.angle_lag_s
+    if lag is not None:
+        # Torque that is late by itself was moved: its error is one of the lag.
+        late = known.torque_lag_s or Calibrated(value=0.0, sd=0.0)
+        value, sd = max(lag.value, 2.0 * _SHORTEST_LAG_S), float(np.hypot(lag.sd, late.sd))
+        priors["sensor_delay_s"] = LogPrior(median=value, log_sd=min(max(sd / value, 1e-3), 2.0))
+        priors["sensor_lag_s"] = LogPrior(median=_SHORTEST_LAG_S, log_sd=1e-3)
+    frictions = [
+        np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
+        for s in sources
+        if FRICTION_OF_MODEL in s.given.recording
+    ]
+    size = float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
+    if size > 0.0:
+        gain = known.friction_gain
+        error = _FRICTION_ERROR if gain is None else max(gain.sd / gain.value, 1e-3)
+        priors["friction_nm"] = LogPrior(median=error * size, log_sd=0.7)
+    return priors
+
+
+def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
+    """Return why fitted timing points have no estimate; values beyond any joint fail one by one."""
+    late = lag_failure(explained.posterior)
+    failures: dict[str, Failure | None] = {}
+    for k, cell in enumerate(explained.cells):
+        beyond = any(
+            np.exp(explained.moments.of(name, k)[0]) > largest for name, largest in LARGEST.items()
+        )
+        failures[cell.label] = late or (Failure.OUTSIDE_RANGE if beyond else None)
+    return failures
+
+
+def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
+    """Return the response of the most frequent shape with its fit, and VAF (%) over all shapes."""
+    point, model = posterior.model.points[k], posterior.model
+    modelled = model.responses(posterior.best.theta[None], k)[0]
+    used, stacked = point.used, point.stacked
+    residual = float(((stacked - modelled)[used] ** 2).sum() / (stacked[used] ** 2).sum())
+    most = int(np.argmax([s.n_pulses for s in point.shapes]))
+    shape = point.shapes[most]
+    inside = (point.time_s <= model.window_s + 1e-9) & shape.used
+    fitted = modelled.reshape(len(point.shapes), -1)[most]
+    response = Response(
+        time_s=point.time_s[inside],
+        angle=shape.angle[0][inside],
+        torque=shape.torque[inside],
+        fitted_torque=shape.torque[inside],
+        fitted_angle=fitted[inside],
+    )
+    return response, 100.0 * (1.0 - residual)
+
+
+def _nuisance(posterior: LegPosterior) -> tuple[ParameterEstimate, ...]:
+    """Return the lag of the sensor: delay and first-order lag together."""
+    moments = [posterior.shared_moments(name) for name in ("sensor_delay_s", "sensor_lag_s")]
+    values = [float(np.exp(mean)) for mean, _ in moments]
+    sds = [value * sd for value, (_, sd) in zip(values, moments, strict=True)]
+    lag, reach = sum(values), REACH_95 * float(np.linalg.norm(sds))
+    return (ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok"),)

@@ -1,0 +1,156 @@
+"""Responses of a leg to torque on a device that is strapped to it, compiled.
+
+The device, its cuff and the soft tissue under it move against the bone on a spring and a damper.
+Angles are deviations from the unperturbed motion. Runge and Kutta's fourth-order method.
+"""
+
+import numpy as np
+from numba import njit
+
+#: Columns of the parameters of a leg, SI.
+(
+    LIMB_INERTIA,  # of the bone side at REFERENCE_S
+    DEVICE_INERTIA,
+    STRAP_STIFFNESS,
+    STRAP_DAMPING,
+    HALF_ANGLE,  # displacement at which the muscles' stiffness is half, rad
+    SOFTENING_POWER,
+    GRAVITY_STIFFNESS,  # the part of K that does not soften
+    REFLEX_GAIN,  # share of K
+    REFLEX_LATENCY,
+    REFLEX_TIME,  # of each of the two first-order lags of the muscle
+    REFLEX_POSITION,  # share of the reflex that answers displacement, the rest velocity
+    REFLEX_SHORTENING,  # share that answers displacements in the negative direction
+    FRICTION,  # of Coulomb, that the stated torque does not include
+    FRICTION_VELOCITY,
+    TORQUE_ERROR,  # stated over true, less one
+    INERTIA_SLOPE,  # relative change a second
+    SKIN_SHARE,  # of the strap's deformation that the goniometer sees
+    SENSOR_TIME,  # first-order lag of the goniometer
+    SENSOR_DELAY,
+) = range(19)
+N_PARAMETERS = 19
+#: Columns of the responses: angles of the goniometer and of the bone.
+GONIOMETER, BONE = range(2)
+#: Time from the onset at which the inertia has its value.
+REFERENCE_S = 0.06
+#: Velocity is this time as good as displacement to the reflex.
+_VELOCITY_S = 0.05
+#: A lag below this is none.
+_SHORTEST_S = 2e-4
+_STATES = 7
+
+
+#: Rows of the curves of a pulse, and of the motion that it causes.
+STIFFNESS, DAMPING, VELOCITY = range(3)
+_POSITION, _SPEED, _SENSED = range(3)
+
+
+@njit(cache=True, nogil=True)
+def leg_responses(
+    torque: np.ndarray,
+    curves: np.ndarray,
+    parameters: np.ndarray,
+    period_s: float,
+    substeps: int,
+    lead_s: float,
+) -> np.ndarray:
+    """Return the angles of goniometer and bone, (m, n, 2).
+
+    ``torque`` (m, (n - 1) * substeps + 1) at the steps; ``curves`` (m, 3, n): K, B and the
+    velocity of the unperturbed motion at the samples, linear between them; ``parameters`` (m,
+    N_PARAMETERS); the onset is ``lead_s`` after the first sample.
+    """
+    m, _, n = curves.shape
+    out = np.zeros((m, n, 2))
+    last = (n - 1) * substeps
+    motion = np.zeros((3, last + 1))
+    for j in range(m):
+        _respond(torque[j], curves[j], parameters[j], period_s, substeps, lead_s, motion)
+        delay = parameters[j, SENSOR_DELAY] * substeps / period_s
+        for i in range(n):
+            out[j, i, BONE] = motion[_POSITION, i * substeps]
+            out[j, i, GONIOMETER] = _past(motion[_SENSED], i * substeps - delay, last)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _past(values: np.ndarray, at: float, last: int) -> float:
+    """Return a series at a fraction of its steps, zero before it begins."""
+    if at <= 0.0:
+        return 0.0
+    k = int(at)
+    if k >= last:
+        return float(values[last])
+    return float(values[k] + (at - k) * (values[k + 1] - values[k]))
+
+
+@njit(cache=True, nogil=True)
+def _respond(
+    torque: np.ndarray,
+    curves: np.ndarray,
+    p: np.ndarray,
+    period_s: float,
+    substeps: int,
+    lead_s: float,
+    motion: np.ndarray,
+) -> None:
+    """Integrate one response from rest; fill position and speed of the bone, and the sensor."""
+    state, trial = np.zeros(_STATES), np.zeros(_STATES)
+    slopes, inputs = np.zeros((4, _STATES)), np.zeros(6)
+    step_s = period_s / substeps
+    last = motion.shape[1] - 1
+    latency = p[REFLEX_LATENCY] / step_s
+    share = p[REFLEX_POSITION]
+    for i in range(last + 1):
+        motion[_POSITION, i], motion[_SPEED, i] = state[0], state[1]
+        motion[_SENSED, i] = state[6] if p[SENSOR_TIME] > _SHORTEST_S else _at_sensor(state, p)
+        if i == last:
+            break
+        sample = i // substeps
+        first = (i - sample * substeps) / substeps
+        for stage in range(4):
+            part = 0.0 if stage == 0 else (0.5 if stage < 3 else 1.0)
+            for z in range(_STATES):
+                trial[z] = state[z] + (0.0 if stage == 0 else step_s * part * slopes[stage - 1, z])
+            within = first + part / substeps
+            for row in range(3):
+                rise = curves[row, sample + 1] - curves[row, sample]
+                inputs[row] = curves[row, sample] + within * rise
+            inputs[3] = torque[i] + part * (torque[i + 1] - torque[i])
+            # What the reflex answers was before this step: latencies are longer than a step.
+            past = i + part - latency
+            drive = share * _past(motion[_POSITION], past, i)
+            drive += (1.0 - share) * _VELOCITY_S * _past(motion[_SPEED], past, i)
+            drive *= p[REFLEX_GAIN] * inputs[STIFFNESS]
+            inputs[4] = drive if drive > 0.0 else drive * p[REFLEX_SHORTENING]
+            inputs[5] = (i + part) * step_s - lead_s
+            _slopes(trial, inputs, p, slopes[stage])
+        for z in range(_STATES):
+            change = slopes[0, z] + 2.0 * slopes[1, z] + 2.0 * slopes[2, z] + slopes[3, z]
+            state[z] += step_s / 6.0 * change
+
+
+@njit(cache=True, nogil=True)
+def _at_sensor(state: np.ndarray, p: np.ndarray) -> float:
+    return float(state[0] + p[SKIN_SHARE] * (state[2] - state[0]))
+
+
+@njit(cache=True, nogil=True)
+def _slopes(state: np.ndarray, inputs: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
+    """Fill the derivatives of angle and speed of bone and device, reflex and sensor."""
+    x, v, x2, v2 = state[0], state[1], state[2], state[3]
+    v0, torque, drive, since_s = inputs[VELOCITY], inputs[3], inputs[4], inputs[5]
+    gravity = p[GRAVITY_STIFFNESS]
+    soft = 1.0 + (abs(x) / p[HALF_ANGLE]) ** p[SOFTENING_POWER]
+    elastic = (gravity + (inputs[STIFFNESS] - gravity) / soft) * x
+    inertia = p[LIMB_INERTIA] * (1.0 + p[INERTIA_SLOPE] * (since_s - REFERENCE_S))
+    strap = p[STRAP_STIFFNESS] * (x2 - x) + p[STRAP_DAMPING] * (v2 - v)
+    vs = p[FRICTION_VELOCITY]
+    friction = p[FRICTION] * (np.tanh(v0 / vs) - np.tanh((v0 + v2) / vs))
+    out[0], out[1] = v, (strap - elastic - inputs[DAMPING] * v - state[5]) / inertia
+    out[2] = v2
+    out[3] = (torque / (1.0 + p[TORQUE_ERROR]) + friction - strap) / p[DEVICE_INERTIA]
+    out[4] = (drive - state[4]) / p[REFLEX_TIME]
+    out[5] = (state[4] - state[5]) / p[REFLEX_TIME]
+    out[6] = (_at_sensor(state, p) - state[6]) / max(p[SENSOR_TIME], _SHORTEST_S)

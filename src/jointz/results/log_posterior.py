@@ -1,0 +1,146 @@
+"""Joint posterior of a person's impedance at all timing points, beside its prior."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.events import row_label
+from jointz.results.base import Array, PlottedResult
+from jointz.results.estimates import REACH_95
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Columns of ``log_posterior.csv``.
+LOG_POSTERIOR_COLUMNS = (
+    "participant",
+    "timing_point",
+    "parameter",
+    "log_mean",
+    "log_sd",
+    "prior_log_mean",
+    "prior_log_sd",
+    "session",
+    "side",
+)
+#: Parameters of one timing point are drawn side by side within this width.
+_DODGE = 0.6
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LogPosterior(PlottedResult):
+    """Normal posterior of the logarithms of a person's impedance, beside its prior.
+
+    The arrays have one element for each parameter and timing point: the stiffness of all points,
+    then the damping of all points, then the inertia of all points. Logarithms are natural and
+    those of values in SI.
+
+    Parameters
+    ----------
+    participant : str
+        The participant's id.
+    parameters : tuple of str
+        Parameter of each element.
+    timing_points : tuple of str
+        Timing point of each element.
+    mean, covariance : ndarray
+        (n,) and (n, n): posterior of the logarithms.
+    prior_mean, prior_covariance : ndarray
+        (n,) and (n, n): prior of the same logarithms.
+    session, side : str
+        Of the perturbed recordings; "" if the study does not state them.
+    doubts : tuple of str
+        Codes of :class:`~jointz.core.codes.Doubt`: why K and B of some points are undecided.
+
+    Notes
+    -----
+    Dividing the posterior by the prior gives the likelihood of the person's data. Its precision
+    is the difference of the inverse covariances, and its precision times its mean is the
+    difference of both precisions times their means. A mean over people needs the likelihoods:
+    combining the posteriors would count the prior once per person.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.LogPosterior/1"
+
+    participant: str
+    parameters: tuple[str, ...]
+    timing_points: tuple[str, ...]
+    mean: Array
+    covariance: Array
+    prior_mean: Array
+    prior_covariance: Array
+    session: str = ""
+    side: str = ""
+    doubts: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.parameters)
+        arrays = (self.mean, self.covariance, self.prior_mean, self.prior_covariance)
+        shapes, expected = [a.shape for a in arrays], [(n,), (n, n), (n,), (n, n)]
+        if not n or len(self.timing_points) != n or shapes != expected:
+            raise ValueError(
+                f"log posterior: expected a timing point and arrays {expected} for {n} "
+                f"parameters (at least one), got {len(self.timing_points)} and {shapes}."
+            )
+
+    @property
+    def label(self) -> str:
+        """The participant with session and side: ``S01, day 2, left``."""
+        return row_label(self.participant, self.session, self.side)
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Standard deviations of the posterior, (n,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def prior_sd(self) -> np.ndarray:
+        """Standard deviations of the prior, (n,)."""
+        return np.asarray(np.sqrt(np.diag(self.prior_covariance)))
+
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Return one row for each element, in the columns of ``log_posterior.csv``."""
+        numbers = np.column_stack([self.mean, self.sd, self.prior_mean, self.prior_sd]).tolist()
+        return [
+            (self.participant, point, parameter, *row, self.session, self.side)
+            for point, parameter, row in zip(
+                self.timing_points, self.parameters, numbers, strict=True
+            )
+        ]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return means and standard deviations, one row for each parameter and timing point."""
+        return pd.DataFrame(self.rows(), columns=list(LOG_POSTERIOR_COLUMNS))
+
+    def summary(self) -> str:
+        """Return a short text: what the posterior holds, and its width beside the prior's."""
+        names, points = dict.fromkeys(self.parameters), dict.fromkeys(self.timing_points)
+        share = float(np.median(self.sd / self.prior_sd))
+        return (
+            f"Posterior of {self.label}: logarithms of {', '.join(names)} at {len(points)} timing "
+            f"point(s). Its standard deviations are {share:.2g} times the prior's (median)."
+        )
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw each value with its 95 % interval, relative to the prior's median."""
+        points = list(dict.fromkeys(self.timing_points))
+        names = list(dict.fromkeys(self.parameters))
+        place = {name: k for k, name in enumerate(points)}
+        for k, name in enumerate(names):
+            own = np.array([p == name for p in self.parameters])
+            at = np.array([place[t] for t in self.timing_points])[own]
+            x = at + _DODGE * ((k + 0.5) / len(names) - 0.5)
+            reach, prior_reach = REACH_95 * self.sd[own], REACH_95 * self.prior_sd[own]
+            middle = (self.mean - self.prior_mean)[own]
+            (line,) = axes.plot(x, np.exp(middle), "o", label=name)
+            colour = line.get_color()
+            axes.vlines(x, np.exp(-prior_reach), np.exp(prior_reach), colour, lw=6.0, alpha=0.2)
+            axes.vlines(x, np.exp(middle - reach), np.exp(middle + reach), colour)
+        axes.axhline(1.0, color="black", linewidth=0.8)
+        axes.set_yscale("log")
+        axes.set_xticks(range(len(points)), points)
+        axes.set_ylabel("value / median of the prior")
+        axes.set_title("Lines: 95 % intervals; wide pale lines: those of the prior")
+        axes.legend(frameon=False)

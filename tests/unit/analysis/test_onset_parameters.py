@@ -1,0 +1,145 @@
+"""Stiffness and damping at the onset: in the files, beside the tables and figures of the report."""
+
+import re
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+from tests.unit.conftest import recommended_analysis
+
+import jointz
+from jointz.analysis.command import _print
+from jointz.analysis.page.details_tables import details_frame
+from jointz.analysis.page.figure_files import draw_figures
+from jointz.analysis.page.report_page import render_report
+from jointz.analysis.paper.methods_text import methods_text
+from jointz.analysis.paper.paper_tables import paper_tables
+from jointz.analysis.saved_analysis import Analysis
+from jointz.comparison.compare import compare_results
+from jointz.results.estimates import ParameterEstimate
+from jointz.results.person_estimates import person_cells
+from jointz.stats.population import population_means
+
+ONSET = ("stiffness_onset", "damping_onset")
+
+
+def with_onset(cell):
+    """Return a cell with both parameters at its end, undecided where the whole one is."""
+    rows = []
+    for name in ONSET:
+        whole = cell.parameter(name.removesuffix("_onset"))
+        numbers = ("value", "ci_low", "ci_high", "unbounded")
+        scaled = {n: x if (x := getattr(whole, n)) is None else 1.2 * x for n in numbers}
+        rows.append(ParameterEstimate(name, status=whole.status, **scaled))
+    budget = {name: cell.budget[name.removesuffix("_onset")] for name in ONSET}
+    return replace(cell, parameters=(*cell.parameters, *rows), budget={**cell.budget, **budget})
+
+
+def as_saved(analysis, cells):
+    people = [{"id": person} for person in dict.fromkeys(c.participant for c in cells)]
+    study = {"kind": "walking", "joint": "knee", "positive": "flexion"}
+    study |= {"participants": people, "recordings": []}
+    provenance = {"study": study, "study_sha256": "ab" * 32}
+    parts = {n: getattr(analysis, n) for n in ("comparison", "models", "settings")}
+    means = population_means(person_cells(cells))
+    return Analysis(cells=cells, population=means, provenance=provenance, **parts)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    made = recommended_analysis(people=3)
+    return as_saved(made, made.cells)
+
+
+@pytest.fixture(scope="module")
+def onset(plain):
+    return as_saved(plain, tuple(map(with_onset, plain.cells)))
+
+
+@pytest.fixture(scope="module")
+def folders(plain, onset, tmp_path_factory):
+    root = tmp_path_factory.mktemp("onset")
+    for name, analysis in (("plain", plain), ("onset", onset)):
+        analysis.save(root / name)
+    return root
+
+
+def test_the_files_hold_them_behind_the_others(folders, onset):
+    table = pd.read_csv(folders / "onset" / "estimates.csv")
+    cell = table[(table["participant"] == "S01") & (table["timing_point"] == "LRE")]
+    means = pd.read_csv(folders / "onset" / "population.csv")
+
+    assert cell["parameter"].tolist() == ["stiffness", "inertia", "damping", *ONSET]
+    assert cell["unit"].tolist()[-2:] == ["N*m/rad", "N*m*s/rad"]
+    of_onset = means[means["parameter"].isin(ONSET)]
+    assert len(of_onset) == 2 * means["timing_point"].nunique()
+    assert set(of_onset["n_participants"]) == {3}
+    assert of_onset["value"].notna().any()
+    assert jointz.load(folders / "onset") == onset
+
+
+def test_no_other_row_of_the_files_changes(folders):
+    for name in ("estimates", "population", "details", "comparison", "covariance", "models"):
+        files = [folders / k / f"{name}.csv" for k in ("plain", "onset")]
+        if not files[0].exists():
+            assert not files[1].exists()
+            continue
+        lines = [file.read_text(encoding="utf-8").splitlines() for file in files]
+        assert [line for line in lines[1] if "_onset," not in line] == lines[0]
+
+
+def test_tables_and_figures_of_the_report_stay_as_they_are(plain, onset):
+    pages = [render_report(a, {}, title="t") for a in (plain, onset)]
+    tables = [re.findall(r"<table.*?</table>", page, flags=re.DOTALL) for page in pages]
+    differing = [new for old, new in zip(*tables, strict=True) if old != new]
+
+    assert all("undecided" in table and "<svg" not in table for table in differing)
+    assert len(differing) <= 1  # counts of statuses
+    assert draw_figures(onset) == draw_figures(plain)
+    assert {n: t.rows for n, t in paper_tables(onset).items()} == {
+        n: t.rows for n, t in paper_tables(plain).items()
+    }
+    pd.testing.assert_frame_equal(details_frame(onset), details_frame(plain))
+    assert f"Of {len(onset.to_frame())} estimates" in methods_text(onset)
+
+
+def test_a_cell_that_failed_keeps_its_sentence(plain):
+    status = "failed:no_pulses"
+    lost = [ParameterEstimate(n, None, None, None, status) for n in ("stiffness", "damping")]
+    other = ParameterEstimate(ONSET[0], None, None, None, "undecided")
+    pages = []
+    for parameters in (lost, [*lost, other]):
+        cell = replace(plain.cells[0], parameters=tuple(parameters), budget={})
+        page = render_report(replace(plain, cells=(cell,), population=()), {}, title="t")
+        pages.append(page.count("no pulse at this timing point"))
+    assert pages[0] == pages[1] > 0
+
+
+def test_they_are_printed_and_drawn_by_name(onset, capsys, tmp_path):
+    _print(onset, tmp_path / "report.html")
+    _print(replace(onset, population=()), tmp_path / "report.html")
+
+    assert capsys.readouterr().out.count("damping_onset") > len(onset.cells)
+    assert onset.plot(parameter="damping_onset").get_ylabel() == "damping_onset (N*m*s/rad)"
+
+
+def test_results_with_and_without_them_are_compared_in_what_both_have(folders):
+    both = compare_results([folders / "plain", folders / "onset"], paired=True)
+    alone = compare_results([folders / "onset"])
+
+    assert both.parameters == alone.parameters == ("stiffness", "damping", "inertia")
+    assert {d.difference for d in both.differences} <= {0.0, None}
+
+
+def test_a_catalog_of_results_has_their_rows(folders, tmp_path):
+    pytest.importorskip("duckdb")
+    from jointz.collections.catalog import query_catalog
+    from jointz.collections.catalog_query import CatalogFilter
+    from jointz.collections.results_catalog import build_results_catalog
+
+    made = build_results_catalog([folders], out=tmp_path)
+    found = query_catalog(tmp_path, CatalogFilter(parameter=ONSET)).to_frame()
+
+    assert made.skipped == ()
+    assert set(found["entry"].str.rsplit("/").str[-1]) == {"onset"}
+    assert set(found["unit"]) == {"N*m/rad", "N*m*s/rad"}

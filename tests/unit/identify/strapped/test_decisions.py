@@ -1,0 +1,154 @@
+"""Values, limits and statuses that follow from a posterior."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, simulated_person
+
+from jointz.core.codes import Doubt, Failure
+from jointz.core.priors import LogPrior
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.strapped.body import Body, body_of, shank_and_foot
+from jointz.identify.strapped.checks import response_failure
+from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
+from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+
+NAMES = ["stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass",
+         "stiffness_onset", "damping_onset"]  # fmt: skip
+NARROW, WIDE = 0.1, 0.4  # half-widths of 20 % and 87 %
+
+
+def moments(sds, values=(60.0, 2.0, 0.3, 80.0, 2.0)):
+    """Posterior with sds (estimand, point) of the logarithms."""
+    sds = np.asarray(sds, dtype=float)
+    mean = np.repeat(np.log(values), sds.shape[1])
+    zeros = np.zeros(mean.size)
+    return LogMoments(mean, np.diag(sds.ravel() ** 2), zeros, np.eye(mean.size))
+
+
+def same(sd, points=5):
+    return np.full((len(ESTIMANDS), points), sd)
+
+
+def rows(sds, point=0, *, doubts=(), known=None, subtract=(), mass=70.0):
+    decision = Decision(known or CalibrationSpec(), mass, subtract)
+    return {p.name: p for p in decided_rows(point, moments(sds), decision, doubts)}
+
+
+def test_narrow_values_are_ok_with_their_intervals():
+    found = rows(same(NARROW))
+
+    assert list(found) == NAMES
+    assert {p.status for p in found.values()} == {"ok"}
+    assert found["stiffness"].ci == pytest.approx(
+        (60 * np.exp(-0.196), 60 * np.exp(0.196)), rel=1e-3
+    )
+    assert found["stiffness_per_mass"].value == pytest.approx(60.0 / 70.0)
+
+
+def test_a_cell_that_alone_is_narrow_is_undecided():
+    sds = same(WIDE)
+    sds[:, 0] = NARROW
+    found = rows(sds)
+
+    # The geometric mean of 20 and 87 % is below 50 %: enough for B, not for K.
+    assert found["damping"].status == "ok"
+    assert found["stiffness"].status == found["stiffness_onset"].status == "undecided"
+    assert found["stiffness"].value is None
+
+
+def test_an_undecided_value_has_one_sided_limits_further_out_if_nothing_is_decided():
+    sds = same(NARROW)
+    sds[:, 0] = WIDE
+    one, all_wide = rows(sds)["damping"], rows(same(WIDE))["damping"]
+
+    assert one.status == all_wide.status == "undecided"
+    assert one.ci == pytest.approx((2 * np.exp(-1.645 * WIDE), 2 * np.exp(1.645 * WIDE)), rel=1e-3)
+    assert all_wide.ci_low == pytest.approx(2 * np.exp(-2 * 1.645 * WIDE), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("doubt", "undecided"),
+    [
+        (Doubt.RESPONSES_MISFIT, set(NAMES) - {"inertia"}),
+        (Doubt.INERTIA_UNLIKE_AT_POINT, set(NAMES) - {"inertia"}),
+        (Doubt.INERTIA_UNLIKE_BODY, set(NAMES)),
+    ],
+)
+def test_a_doubt_leaves_no_value_and_no_limit(doubt, undecided):
+    found = rows(same(NARROW), doubts={doubt})
+
+    assert {name for name, p in found.items() if p.status == "undecided"} == undecided
+    assert all(found[name].ci == (None, None) for name in undecided)
+
+
+def test_gains_and_the_device_itself_are_taken_into_account():
+    known = CalibrationSpec(
+        torque_gain=Calibrated(value=1.0, sd=0.1),
+        intrinsic_inertia=Calibrated(value=0.1, sd=0.02),
+    )
+    plain, found = rows(same(NARROW)), rows(same(NARROW), known=known, subtract=("inertia",))
+
+    assert found["inertia"].value == pytest.approx(0.2)
+    width = np.log(found["stiffness"].ci_high / found["stiffness"].ci_low)
+    assert width == pytest.approx(2 * 1.96 * np.hypot(NARROW, 0.1), rel=1e-3)
+    assert plain["stiffness"].value == found["stiffness"].value
+    gone = rows(same(NARROW), known=CalibrationSpec(intrinsic_inertia=Calibrated(value=0.5, sd=0)),
+                subtract=("inertia",))  # fmt: skip
+    assert gone["inertia"].status == "undecided"
+
+
+def posterior(misfits):
+    return SimpleNamespace(
+        model=SimpleNamespace(points=misfits), best=SimpleNamespace(misfits=misfits)
+    )
+
+
+@pytest.mark.parametrize(
+    ("median", "known", "expected"),
+    [
+        (0.3, True, [set(), {Doubt.RESPONSES_MISFIT}]),
+        (0.9, True, [{Doubt.INERTIA_UNLIKE_BODY}] * 2),
+        (0.9, False, [set(), {Doubt.RESPONSES_MISFIT}]),
+    ],
+)
+def test_misfits_and_an_inertia_unlike_the_body_are_doubts(median, known, expected):
+    body = Body(LogPrior(median=median, log_sd=0.45), LogPrior(median=70, log_sd=1), 0, 0.45, known)
+    found = doubts_of(posterior((0.8, 2.5)), moments(same(NARROW, points=2)), body)
+
+    assert [want <= doubts for want, doubts in zip(expected, found, strict=True)] == [True, True]
+    assert (Doubt.INERTIA_UNLIKE_BODY in found[0]) is (median == 0.9 and known)
+
+
+def test_the_body_gives_inertia_and_gravity_of_a_knee_only():
+    # De Leva's shank and foot of a man of 73 kg and 1.74 m, about the knee.
+    inertia, moment = shank_and_foot(73.0, 1.74)
+    assert inertia == pytest.approx(0.40, rel=0.1)
+    assert moment == pytest.approx(11.0, rel=0.15)
+    person = SimpleNamespace(mass_kg=73.0, height_m=1.74)
+    from jointz.core.priors import PriorsSpec
+
+    assert body_of(person, "right knee", PriorsSpec()).known
+    for stranger, joint in ((person, "ankle"), (None, "knee")):
+        body = body_of(stranger, joint, PriorsSpec())
+        assert not body.known
+        assert body.inertia.median == 0.2
+
+
+@pytest.mark.parametrize("shapes", [(DOUBLET,), PULSES])
+def test_motion_against_the_torque_and_none_at_all_are_noticed(shapes):
+    from dataclasses import replace
+
+    model, _, _ = simulated_person(1, shapes=shapes, n_pulses=30, window_s=0.2)
+    point = model.points[0]
+
+    def scaled(factor):
+        return replace(
+            point, shapes=tuple(replace(s, angle=factor * s.angle) for s in point.shapes)
+        )
+
+    assert response_failure(point) is None
+    assert response_failure(scaled(-1.0)) is Failure.OPPOSITE_SIGN
+    quiet = replace(scaled(0.0), misses=0.02 * point.misses)
+    assert response_failure(quiet) is Failure.CONSTANT_ANGLE

@@ -1,0 +1,101 @@
+"""The forward model against an independent simulator, and against what it must not depend on."""
+
+import numpy as np
+import pytest
+from scipy.special import expit
+from tests.unit.identify.strapped.independent_leg import IndependentLeg, independent_response
+from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, TIME_S, simulated_person
+
+from jointz.identify.strapped.leg_model import INERTIA, REFLEX, SLOPE
+from jointz.kernels import strapped_leg as columns
+
+
+def drawn(seed, shapes):
+    model, priors, _ = simulated_person(seed, shapes=shapes, n_pulses=10, window_s=0.2)
+    prior = priors.build(model, follows_cycle=0.0)
+    rng = np.random.default_rng(seed)
+    return model, rng.multivariate_normal(prior.mean, 0.5 * prior.covariance)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_responses_are_those_of_an_independent_simulator(seed):
+    model, theta = drawn(seed, (DOUBLET,))
+    layout, point = model.layout, seed
+    stiffness, damping, leg = model.natural(theta[None], point)
+
+    def shared(name):
+        return theta[layout.shared(name)]
+
+    since = TIME_S - TIME_S[0]
+    velocity = model.points[point].velocity
+    # The independent one counts the slope from the first sample, ours from the onset.
+    slope, early = np.clip(theta[layout.own(point, SLOPE)], -4.0, 4.0), -TIME_S[0]
+    scale = 1.0 - slope * early
+    inertia, share = np.exp(shared("inertia")), np.clip(np.exp(shared("device_share")), 0.01, 0.6)
+    reduced, turn = inertia * share * (1.0 - share), 2 * np.pi * np.exp(shared("strap_hz"))
+    independent = IndependentLeg(
+        inertia_limb=inertia * (1 - share) * np.exp(theta[layout.own(point, INERTIA)]) * scale,
+        inertia_device=inertia * share,
+        strap_stiffness=reduced * turn**2,
+        strap_damping=2 * np.exp(shared("strap_damping")) * reduced * turn,
+        softening_angle=np.exp(shared("half_angle_rad")),
+        softening_power=np.clip(shared("softening_power"), 0.7, 3.5),
+        gravity_stiffness=leg[0, columns.GRAVITY_STIFFNESS],
+        reflex_gain=np.exp(shared("reflex_gain") + theta[layout.own(point, REFLEX)]),
+        reflex_latency=np.clip(np.exp(shared("reflex_latency_s")), 0.015, 0.15),
+        reflex_time=np.clip(np.exp(shared("reflex_time_s")), 0.008, 0.2),
+        reflex_position_share=expit(shared("reflex_position")),
+        reflex_asymmetry=expit(shared("reflex_shortening")),
+        friction=np.exp(shared("friction_nm")),
+        friction_velocity=0.08,
+        torque_gain_error=shared("torque_error"),
+        inertia_slope=slope / scale,
+        skin_share=expit(shared("skin_share")),
+        goniometer_lag=np.exp(shared("sensor_lag_s")),
+        goniometer_delay=np.exp(shared("sensor_delay_s")),
+    )
+    expected = independent_response(
+        since,
+        model.points[point].shapes[0].torque,
+        stiffness=lambda t: np.interp(t, since, stiffness[0]),
+        damping=lambda t: np.interp(t, since, damping[0]),
+        velocity=lambda t: np.interp(t, since, velocity),
+        leg=independent,
+    )
+
+    bone, shown = model.bone(theta[None], point)[0, 0], model.responses(theta[None], point)[0]
+    assert np.abs(bone - expected["bone"]).max() < 0.01 * np.abs(expected["bone"]).max()
+    assert np.abs(shown - expected["goniometer"]).max() < 0.01 * np.abs(shown).max()
+
+
+def test_shapes_are_simulated_apart_and_points_do_not_share_their_own_parameters():
+    model, theta = drawn(4, PULSES)
+    changed = theta.copy()
+    changed[model.layout.stiffness(2)] += 0.5
+
+    responses = model.responses(np.stack([theta, changed]), 2).reshape(2, len(PULSES), -1)
+    assert np.abs(responses[0] - responses[1]).max() > 1e-4
+    others = model.responses(np.stack([theta, changed]), 3)
+    assert np.array_equal(others[0], others[1])
+    # A pulse of twice the torque moves the joint further, one of the other sign the other way.
+    small, large = responses[0, 2], responses[0, 3]
+    assert np.abs(large).max() > np.abs(small).max()
+    assert (responses[0, 0] * responses[0, 3]).sum() < 0.0
+
+
+def test_the_inertia_of_a_point_leaves_its_strap_alone():
+    model, theta = drawn(5, (DOUBLET,))
+    heavier = theta.copy()
+    heavier[model.layout.own(1, INERTIA)] += 0.7
+    _, _, leg = model.natural(np.stack([theta, heavier]), 1)
+
+    assert leg[1, columns.LIMB_INERTIA] == pytest.approx(np.exp(0.7) * leg[0, columns.LIMB_INERTIA])
+    for column in (columns.DEVICE_INERTIA, columns.STRAP_STIFFNESS, columns.STRAP_DAMPING):
+        assert leg[0, column] == leg[1, column]
+
+
+def test_parameters_far_from_any_leg_give_finite_responses():
+    model, theta = drawn(6, (DOUBLET,))
+    theta[model.layout.shared("strap_hz")] = 12.0
+
+    assert np.isfinite(model.responses(theta[None], 0)).all()

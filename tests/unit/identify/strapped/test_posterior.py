@@ -1,0 +1,27 @@
+"""Intervals of the method on legs drawn from its own priors."""
+
+import numpy as np
+import pytest
+from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, standardised_errors
+
+STUDIES = {
+    "doublet": {"shapes": (DOUBLET,), "n_pulses": 30, "window_s": 0.2},
+    "two sizes and signs": {"shapes": PULSES, "n_pulses": 8, "window_s": 0.15},
+}
+
+
+def test_a_leg_from_the_priors_lies_within_its_intervals():
+    errors = standardised_errors(0, **STUDIES["doublet"])
+
+    assert np.abs(errors).max() < 4.0
+    assert 0.3 < np.sqrt((errors[:3] ** 2).mean()) < 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+@pytest.mark.parametrize("study", STUDIES)
+def test_errors_of_24_legs_are_as_large_as_their_sds_say(study):
+    errors = np.array([standardised_errors(seed, **STUDIES[study]) for seed in range(24)])
+
+    sds = errors[:, :3].std(axis=(0, 2))  # K, B, J
+    assert np.all((sds > 0.8) & (sds < 1.25)), sds

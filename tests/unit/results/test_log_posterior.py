@@ -1,0 +1,132 @@
+"""Posterior of a person's impedance at all timing points: arrays, table, JSON, folder."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import jointz
+from jointz.analysis.saved_analysis import Analysis
+from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
+from jointz.results.study_analysis import StudyAnalysis
+
+PARAMETERS = ("stiffness", "damping", "inertia")
+POINTS = ("LRE", "MST")
+
+
+def posterior(participant="S01", *, seed=0, session="", side=""):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((6, 6))
+    covariance = 0.01 * root @ root.T + 0.01 * np.eye(6)
+    return LogPosterior(
+        participant,
+        parameters=tuple(name for name in PARAMETERS for _ in POINTS),
+        timing_points=POINTS * len(PARAMETERS),
+        mean=rng.standard_normal(6),
+        covariance=covariance,
+        prior_mean=rng.standard_normal(6),
+        prior_covariance=covariance + 0.3 * np.eye(6),
+        session=session,
+        side=side,
+    )
+
+
+def test_every_element_has_a_row():
+    one = posterior(session="day 2", side="left")
+
+    table = one.to_frame()
+
+    assert tuple(table.columns) == LOG_POSTERIOR_COLUMNS
+    assert table["parameter"].tolist() == list(one.parameters)
+    assert table["timing_point"].tolist() == list(POINTS) * 3
+    assert table["log_mean"].tolist() == one.mean.tolist()
+    np.testing.assert_allclose(table["log_sd"] ** 2, np.diag(one.covariance))
+    assert table["prior_log_mean"].tolist() == one.prior_mean.tolist()
+    np.testing.assert_allclose(table["prior_log_sd"] ** 2, np.diag(one.prior_covariance))
+    assert set(table["session"]) == {"day 2"}
+    assert set(table["side"]) == {"left"}
+    assert (one.label, posterior().label) == ("S01, day 2, left", "S01")
+
+
+def test_json_holds_every_number():
+    one = posterior()
+
+    back = LogPosterior.from_dict(json.loads(json.dumps(one.to_dict(), allow_nan=False)))
+
+    assert back == one
+    for name in ("mean", "covariance", "prior_mean", "prior_covariance"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(one, name))
+
+
+@pytest.mark.parametrize("name", ["mean", "covariance", "prior_mean", "prior_covariance"])
+def test_another_number_or_label_makes_another_posterior(name):
+    one = posterior()
+    changed = getattr(one, name).copy()
+    changed.flat[0] += 1e-9
+
+    assert one == posterior()
+    assert one != replace(one, **{name: changed})
+    assert one != replace(one, side="left")
+    assert one != "S01"
+
+
+def test_arrays_of_other_sizes_are_refused():
+    one = posterior()
+
+    for change in (
+        {"mean": one.mean[:5]},
+        {"covariance": one.covariance[:, :5]},
+        {"prior_covariance": np.diag(one.prior_covariance)},
+        {"timing_points": POINTS},
+        {"parameters": (), "timing_points": ()},
+    ):
+        with pytest.raises(ValueError, match="log posterior: expected"):
+            replace(one, **change)
+
+
+def test_the_summary_tells_how_much_narrower_it_is_than_the_prior():
+    one = replace(posterior(), covariance=0.25 * posterior().prior_covariance)
+
+    assert one.summary() == (
+        "Posterior of S01: logarithms of stiffness, damping, inertia at 2 timing point(s). "
+        "Its standard deviations are 0.5 times the prior's (median)."
+    )
+
+
+def test_the_figure_shows_each_value_relative_to_the_prior():
+    one = posterior()
+
+    axes = one.plot()
+
+    axes.figure.canvas.draw()
+    drawn = np.concatenate([line.get_ydata() for line in axes.lines[:3]])
+    np.testing.assert_allclose(drawn, np.exp(one.mean - one.prior_mean))
+    assert [line.get_label() for line in axes.lines[:3]] == list(PARAMETERS)
+
+
+def test_a_study_keeps_the_posteriors_of_its_people(tmp_path):
+    posteriors = (posterior("S01"), posterior("S02", seed=1, side="left"))
+    analysis = Analysis(cells=(), log_posteriors=posteriors)
+
+    analysis.save(tmp_path / "results")
+
+    assert jointz.load(tmp_path / "results") == analysis
+    loaded = jointz.load(tmp_path / "results").log_posteriors
+    np.testing.assert_array_equal(loaded[1].covariance, posteriors[1].covariance)
+    written = pd.read_csv(tmp_path / "results" / "log_posterior.csv", keep_default_na=False)
+    table = analysis.log_posterior_frame()
+    pd.testing.assert_frame_equal(written, table, rtol=1e-9)
+    assert len(table) == 12
+
+
+def test_a_study_without_posteriors_has_no_such_file(tmp_path):
+    analysis = Analysis(cells=())
+    old = {k: v for k, v in analysis.to_dict().items() if k != "log_posteriors"}
+
+    analysis.save(tmp_path / "results")
+
+    assert not (tmp_path / "results" / "log_posterior.csv").exists()
+    assert tuple(analysis.log_posterior_frame().columns) == LOG_POSTERIOR_COLUMNS
+    assert StudyAnalysis.from_dict(old).log_posteriors == ()
