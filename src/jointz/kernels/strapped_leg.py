@@ -46,7 +46,7 @@ STIFFNESS, DAMPING, VELOCITY = range(3)
 _POSITION, _SPEED, _SENSED = range(3)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def leg_responses(
     torque: np.ndarray,
     curves: np.ndarray,
@@ -74,7 +74,7 @@ def leg_responses(
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _past(values: np.ndarray, at: float, last: int) -> float:
     """Return a series at a fraction of its steps, zero before it begins."""
     if at <= 0.0:
@@ -85,7 +85,7 @@ def _past(values: np.ndarray, at: float, last: int) -> float:
     return float(values[k] + (at - k) * (values[k + 1] - values[k]))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _respond(
     torque: np.ndarray,
     curves: np.ndarray,
@@ -131,12 +131,12 @@ def _respond(
             state[z] += step_s / 6.0 * change
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _at_sensor(state: np.ndarray, p: np.ndarray) -> float:
     return float(state[0] + p[SKIN_SHARE] * (state[2] - state[0]))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _slopes(state: np.ndarray, inputs: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
     """Fill the derivatives of angle and speed of bone and device, reflex and sensor."""
     x, v, x2, v2 = state[0], state[1], state[2], state[3]

@@ -56,12 +56,12 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
         status=Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
     )
-    if n < _FEWEST_PEOPLE:
-        return row
     shared_sd = _SHARED_ERROR.get(str(first["method"]), {}).get(_absolute(str(first["parameter"])))
     if shared_sd is not None and (rows["status"] == "undecided").any():
         # A mean of the decided people alone would be chosen by its own result.
         return replace(row, status="undecided")
+    if n < _FEWEST_PEOPLE:
+        return row
     mean = decided_mean(values, level=_LEVEL, shared_sd=shared_sd or 0.0)
     if mean is None:
         return replace(row, status="undecided")

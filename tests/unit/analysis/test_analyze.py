@@ -53,7 +53,7 @@ def break_analysis(monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "nope"}, r"one of recommended, dissertation, .*'nope'"),
+        ({"method": "nope"}, r"one of recommended, .*'nope'"),
         ({"resamples": 1}, "resamples: expected at least 2, got 1"),
     ],
 )

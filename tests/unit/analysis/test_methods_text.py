@@ -162,6 +162,15 @@ def test_sentences_have_one_comma_and_one_stop(walking, method, window_s):
     assert ("over 100 ms" in text) == (window_s is not None and method != "full_record")
 
 
+def test_a_strapped_leg_has_its_own_model_without_filter_and_resamples(recommended):
+    cells = tuple(replace(c, method="strapped", budget={}) for c in recommended.cells)
+    text = methods_text(replace(recommended, cells=cells, models=()))
+
+    assert "two masses on a spring and a damper" in text
+    assert "predicted from the half second before its onset" in text
+    assert not any(word in text for word in ("Butterworth", "resamples", "K·angle", "{"))
+
+
 def test_latex_holds_the_same_words_and_no_bare_special_characters(walking):
     tex = methods_latex(walking)
     assert not re.search(r"(?<!\\)[%&#_]", tex)

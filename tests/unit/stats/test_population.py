@@ -1,5 +1,7 @@
 """Means over people by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,28 @@ def test_fewer_than_two_people_are_no_population(values):
     assert mean.status == "failed:too_few_participants"
     assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
     assert mean.n_participants == len(values)
+
+
+def strapped(person, value, *, status="ok"):
+    return replace(cell(person, value, status=status), method="strapped")
+
+
+def test_a_mean_of_the_method_strapped_has_the_error_that_people_share():
+    (mean,) = population_means([strapped(f"S{i}", v) for i, v in enumerate([20.0, 22.0, 27.0])])
+    (other,) = population_means([cell(f"S{i}", v) for i, v in enumerate([20.0, 22.0, 27.0])])
+
+    assert mean.value == other.value
+    half, half_other = (m.ci_high - m.value for m in (mean, other))
+    assert half == pytest.approx(np.hypot(half_other, 1.959964 * 0.08 * 23.0))
+
+
+@pytest.mark.parametrize("decided", [0, 1, 5])
+def test_a_mean_of_the_method_strapped_is_undecided_as_soon_as_one_person_is(decided):
+    people = [strapped(f"S{i}", 20.0 + i) for i in range(decided)]
+    (mean,) = population_means([*people, strapped("S9", None, status="undecided")])
+
+    assert (mean.status, mean.value) == ("undecided", None)
+    assert mean.n_participants == decided
 
 
 def test_every_point_and_parameter_has_its_own_mean_in_their_order():

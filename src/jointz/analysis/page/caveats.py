@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from jointz.identify.strapped import METHOD as STRAPPED
 from jointz.report.subjects import subjects
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -84,6 +85,23 @@ _RECOMMENDED: Final = (
     ),
     _DISPLACEMENT,
 )
+_STRAPPED: Final = (
+    _RECOMMENDED[0],
+    _JOINT_AND_DEVICE,
+    (
+        "Intervals cover the modelled sources of error only.",
+        "These are differences between strides, strap and tissue, friction, the lag, a reflex, "
+        "stiffness that falls with displacement, and the priors, which provenance.json lists. A "
+        "device that is coupled rigidly is not in the model.",
+    ),
+    (
+        "Undecided is a result.",
+        "No value is given if the interval is too wide, if the model does not explain the "
+        "responses, or if the inertia is not that of such a leg. One-sided 95 % limits of an "
+        "undecided value are in estimates.csv.",
+    ),
+    _DISPLACEMENT,
+)
 
 
 def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
@@ -91,4 +109,6 @@ def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
     words = subjects(analysis)
     if words.bench:
         return _BENCH if words.loads else _AT_REST
+    if any(c.method == STRAPPED for c in analysis.cells):
+        return _STRAPPED
     return _RECOMMENDED if any(c.budget for c in analysis.cells) else _WALKING

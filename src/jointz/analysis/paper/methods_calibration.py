@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
+from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, STRAPPED, used_methods
 from jointz.report.subjects import study_record
 from jointz.report.wording import format_with_sd
 from jointz.results.study_analysis import StudyAnalysis
@@ -82,6 +82,8 @@ def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
 
 
 def _in_intervals(key: str, used: Sequence[str]) -> bool:
+    if key == "friction_gain" and STRAPPED in used:
+        return True
     return key not in _OF_POSTURE and (key not in _OF_RECOMMENDED or RECOMMENDED in used)
 
 
@@ -98,6 +100,7 @@ def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
 def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
     """Describe how the entries were used in the estimation."""
     recommended = RECOMMENDED in used
+    by_motor = recommended or STRAPPED in used
     cross_talk = (
         "The change of the angle reading per torque was a prior of the fit."
         if recommended
@@ -106,7 +109,7 @@ def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
     subtracted = (
         "removed from the torque as far as the motion of its motor was recorded; the rest was "
         "subtracted from the estimates"
-        if recommended
+        if by_motor
         else "subtracted from the estimates"
     )
     sentences = (
@@ -120,7 +123,7 @@ def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
 
 
 def _lag_correction(used: Sequence[str]) -> str:
-    if RECOMMENDED in used:
+    if RECOMMENDED in used or STRAPPED in used:
         return "The calibrated lag was a prior of the fit."
     if FULL_RECORD not in used:
         return "The calibrated lag was corrected by a shift."

@@ -12,7 +12,8 @@ from jointz.analysis.paper.methods_data import (
     response_rates,
     torque_is_from_current,
 )
-from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, used_methods
+from jointz.analysis.paper.methods_strapped import strapped_decision, strapped_sentences
+from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, STRAPPED, used_methods
 from jointz.analysis.summary import interval_methods, mean_interval, mean_over_people_note
 from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES
 from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S
@@ -105,7 +106,8 @@ def interval_sentences(analysis: StudyAnalysis) -> list[str]:
         sentences.append(
             f"{level} intervals of each {words.one}: {' '.join([text, *map(cite, cited)])}."
         )
-    resampled = used - {FULL_RECORD, RECOMMENDED} and any("bootstrap" in text for text in methods)
+    without = {FULL_RECORD, RECOMMENDED, STRAPPED}
+    resampled = used - without and any("bootstrap" in text for text in methods)
     if settings.get("resamples") and resampled:
         seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
         sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
@@ -113,6 +115,8 @@ def interval_sentences(analysis: StudyAnalysis) -> list[str]:
             sentences.append("Deviations of the pulses were widened to Student's t.")
     if RECOMMENDED in used:
         sentences.append(decision_sentence())
+    if STRAPPED in used:
+        sentences.append(strapped_decision())
     if any(m.value is not None for m in analysis.population):
         sentences.append(
             f"Means over {words.many} have {mean_interval(analysis, level=f'{level} ')}. "
@@ -143,6 +147,9 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
     settings = analysis.settings
     if method == RECOMMENDED:
         return recommended_sentences(analysis)
+    if method == STRAPPED:
+        fitted = strapped_sentences(float(settings.get("window_s") or 0.1))
+        return [_sampling(analysis), _prediction(analysis), *fitted]
     cells = [c for c in analysis.cells if c.method == method]
     window_s = settings.get("window_s")
     window = (
@@ -235,13 +242,17 @@ def recommended_sentences(analysis: StudyAnalysis) -> list[str]:
     latencies = " or ".join(format_exact(1e3 * s) for s in LATENCIES_S)
     return [
         _sampling(analysis),
-        _PREDICTED.format(
-            ridge=cite("ridge"), fewest=FEWEST_STRIDES, strides=_learned_from(analysis)
-        ),
+        _prediction(analysis),
         _FITTED.format(window=_window(analysis), model=cite("dissertation")),
         _HYPOTHESES.format(latencies=latencies, reflex=cite("reflex"), evidence=cite("evidence")),
         _priors(analysis),
     ]
+
+
+def _prediction(analysis: StudyAnalysis) -> str:
+    """Describe the prediction of the unperturbed motion."""
+    strides = _learned_from(analysis)
+    return _PREDICTED.format(ridge=cite("ridge"), fewest=FEWEST_STRIDES, strides=strides)
 
 
 def decision_sentence() -> str:

@@ -6,6 +6,8 @@ from jointz.results.study_analysis import StudyAnalysis
 
 #: Method that models all timing points of a walker together.
 RECOMMENDED: Final = "recommended"
+#: Method that models all timing points of a leg with a strapped device together.
+STRAPPED: Final = "strapped"
 #: Method that uses whole trials.
 FULL_RECORD: Final = "full_record"
 

@@ -39,7 +39,7 @@ _OWN = 3
 _KNOT_S = 0.06
 #: Speed at which Coulomb friction has two thirds of its size, rad/s.
 _FRICTION_VELOCITY = 0.08
-_STEP_S = 0.001
+_STEP_S = 0.002
 _FARTHEST_RAD = 100.0
 #: Bounds of the search: logarithms of K and B, 1/s, and physical limits.
 _LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
