@@ -97,7 +97,7 @@ def analyze(
         from jointz.analysis.results_folder import ANALYSIS, MARKER, check_free, write_results
 
         store = _store(out)  # from which a run that ended early continues
-        check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
+        before = check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with (
             progress_bar(shown=not (quiet or as_json)) as progress,
             store.told_with_errors() if store else nullcontext(),
@@ -114,7 +114,7 @@ def analyze(
             )
             if progress:
                 progress(1, 1, "drawing the report")
-            report = write_results(analysis, out, overwrite=overwrite, engine=engine)
+            report = write_results(analysis, out, overwrite=overwrite, before=before, engine=engine)
         complete = not _has_broken(analysis)
         if store and complete:
             store.clear()

@@ -2,7 +2,6 @@
 
 import fnmatch
 import json
-import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from jointz.analysis.folder_place import FolderState, beside, check_name, take_place
 from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.page.figure_files import FIGURES, Picture, draw_picture, draw_truth_picture
 from jointz.analysis.page.report_page import render_report
@@ -18,6 +18,7 @@ from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.analysis.paper.paper_tables import captions_text, paper_tables
 from jointz.core.errors import OutputError, WriteError
 from jointz.experiment.stop_signals import signals_held
+from jointz.io.formats.columns import file_sha256
 from jointz.report.subjects import report_title
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
@@ -26,6 +27,8 @@ from jointz.tasks.shared_memory import shared_out
 
 #: File that shows that jointz made a folder, and so may replace it.
 MARKER = "provenance.json"
+#: Key of the marker with the SHA-256 of every other file of a results folder, by name.
+CHECKSUMS = "sha256"
 #: Contents of a folder by its marker (``made_by``); one kind never replaces another.
 ANALYSIS, COMPARISON, REPRODUCTION = "analysis", "comparison", "reproduction"
 #: File that shows the kind of a folder whose marker is older and does not name it.
@@ -44,6 +47,7 @@ def write_results(
     out: Path,
     *,
     overwrite: bool = False,
+    before: FolderState | None = None,
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
     engine: Engine | None = None,
@@ -58,6 +62,9 @@ def write_results(
         The folder to make.
     overwrite : bool
         Replace a results folder that exists.
+    before : FolderState, optional
+        What :func:`check_free` returned before the analysis; what appeared at ``out`` since then
+        is never replaced.
     truth : pandas.DataFrame, optional
         Truth and estimates of a simulated study, for the report.
     run : RunReport, optional
@@ -75,7 +82,9 @@ def write_results(
     OutputError
         When the folder exists and may not be replaced, or cannot be written.
     """
-    with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS) as folder:
+    with new_folder(
+        out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS, before=before
+    ) as folder:
         drawings = _drawings(analysis, engine or Serial())
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
@@ -90,7 +99,11 @@ def write_results(
         figures = {name: picture.svg for name, picture in pictures.items()}
         page = render_report(analysis, figures, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
-        content = {"settings": dict(analysis.settings), "made_by": ANALYSIS}
+        content = {
+            "settings": dict(analysis.settings),
+            "made_by": ANALYSIS,
+            CHECKSUMS: {name: file_sha256(folder / name) for name in sorted(_files(folder))},
+        }
         write_marker(folder, MARKER, {**analysis.provenance, **content})
     return out / "report.html"
 
@@ -127,16 +140,22 @@ def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> N
     (folder / "tables" / "captions.txt").write_text(captions_text(tables), encoding="utf-8")
 
 
-def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None = None) -> None:
-    """Raise unless a folder can be made or replaced here."""
+def check_free(
+    out: Path, *, marker: str, overwrite: bool, made_by: str | None = None
+) -> FolderState:
+    """Raise unless a folder can be made or replaced here; return what is there."""
+    check_name(out)
     if out.name in ("", ".."):  # a folder beside it is filled first and then takes its name
         raise OutputError(
             f"{out}: is no name for a new folder. Give the name itself, such as results or "
             "../results."
         )
     with _write_errors(out):
-        if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-            return
+        before = FolderState.of(out)  # first: what changes during the checks is seen at the end
+        if before.identity is None or (out.is_dir() and not any(out.iterdir())):
+            return before
+    if out.is_symlink() and not out.exists():
+        raise OutputError(f"{out}: is a link to nothing. Remove it, or name another folder.")
     if not out.is_dir():
         raise OutputError(f"{out}: is a file. Name a folder that does not exist yet.")
     if not overwrite:
@@ -159,6 +178,7 @@ def check_free(out: Path, *, marker: str, overwrite: bool, made_by: str | None =
             f"{', ...' if len(foreign) > 3 else ''}) and will not replace it. Move them, or name "
             "another folder."
         )
+    return before
 
 
 def write_marker(folder: Path, marker: str, content: Mapping[str, object]) -> None:
@@ -199,16 +219,27 @@ def _check_kind(out: Path, marker: Path, made_by: str) -> None:
 
 @contextmanager
 def new_folder(
-    out: Path, *, marker: str, overwrite: bool, made_by: str | None = None
+    out: Path,
+    *,
+    marker: str,
+    overwrite: bool,
+    made_by: str | None = None,
+    before: FolderState | None = None,
 ) -> Iterator[Path]:
-    """Yield a folder to fill, which takes its name only if there was no error."""
-    check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
+    """Yield a folder to fill, which takes its name only if there was no error.
+
+    It replaces nothing but what was there at the beginning, or at an earlier :func:`check_free`
+    that returned ``before``.
+    """
+    if before is None:
+        before = check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
     with _write_errors(out), _parents(out), _partial_folder(out) as partial:
         yield partial
-        if (out / marker).exists():
-            _check_kind(out, out / marker, _kind(partial / marker))
+        with suppress(FileNotFoundError):  # replaced by another process: take_place sees it
+            if (out / marker).exists() and FolderState.of(out) == before:
+                _check_kind(out, out / marker, _kind(partial / marker))
         with signals_held():
-            _take_place(partial, out)
+            take_place(partial, out, before)
 
 
 @contextmanager
@@ -238,34 +269,13 @@ def _parents(out: Path) -> Iterator[None]:
 @contextmanager
 def _partial_folder(out: Path) -> Iterator[Path]:
     """Yield a new folder beside ``out`` that is removed after an exception."""
-    partial = _beside(out)
+    partial = beside(out, "partial")
     try:  # before the folder exists, as an interrupt may come at any time
         partial.mkdir()
         yield partial
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
-
-
-def _beside(out: Path) -> Path:
-    """Return a new name for a hidden folder beside another."""
-    return out.with_name(f".{out.name}.partial-{secrets.token_hex(8)}")
-
-
-def _take_place(partial: Path, out: Path) -> None:
-    if not out.exists():
-        partial.rename(out)
-        return
-    retired = _beside(out)
-    retired.mkdir()
-    old = out.rename(retired / out.name)
-    try:
-        partial.rename(out)
-    except OSError:
-        old.rename(out)
-        raise
-    finally:
-        shutil.rmtree(retired, ignore_errors=True)
 
 
 def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:

@@ -2,11 +2,13 @@
 
 import json
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from jointz.analysis.results_folder import MARKER, write_results
+from jointz.analysis.results_folder import CHECKSUMS, MARKER, write_results
 from jointz.core.errors import DataError
+from jointz.io.formats.columns import file_sha256
 from jointz.results.study_analysis import StudyAnalysis
 
 
@@ -55,7 +57,12 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
     Raises
     ------
     DataError
-        When the folder is another one, or its files are damaged.
+        When the folder is another one, or its files are damaged or ``analysis.json`` was changed.
+
+    Warns
+    -----
+    UserWarning
+        When other files of the folder were changed after jointz wrote them.
     """
     place = Path(folder)
     file = place / "analysis.json"
@@ -67,9 +74,39 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
             path=str(place),
         )
     try:
-        return Analysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
+        analysis = Analysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
+    except Exception as exc:  # the file may hold anything
         raise DataError(
             f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
             path=str(file),
+        ) from exc
+    changed = _changed_files(place)
+    if file.name in changed:
+        raise DataError(
+            f"{file}: was changed after jointz wrote it: its SHA-256 is not the one in {MARKER}. "
+            "Restore it from a copy, or analyse the study again: jointz analyze.",
+            path=str(file),
+        )
+    if changed:
+        warnings.warn(
+            f"{place}: changed after jointz wrote them: {', '.join(changed)}. The analysis is "
+            f"loaded from {file.name}, which is unchanged.",
+            stacklevel=2,
+        )
+    return analysis
+
+
+def _changed_files(folder: Path) -> list[str]:
+    """Return the files that differ from their checksums; none in folders without checksums."""
+    marker = folder / MARKER
+    try:
+        written = json.loads(marker.read_text(encoding="utf-8")).get(CHECKSUMS, {})
+        files = {name: str(sha256) for name, sha256 in written.items()}
+        present = {name for name in files if (folder / name).is_file()}
+        return sorted(name for name in present if file_sha256(folder / name) != files[name])
+    except Exception as exc:  # the file may hold anything
+        raise DataError(
+            f"{marker}: cannot be read ({exc}). Restore it from a copy, or analyse the study "
+            "again: jointz analyze.",
+            path=str(marker),
         ) from exc

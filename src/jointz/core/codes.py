@@ -203,6 +203,12 @@ class Doubt(Code):
         "the inertia at a timing point is not that of a leg of this mass and height, though that "
         "of the other points is; K and B are undecided there",
     )
+    INSTRUMENTS_UNLIKELY = (
+        "instruments_unlikely",
+        "the responses need a sensor, strap or reflex more than 2.5 prior sds from what is usual: "
+        "a signal may be late or wrong, or the device is not strapped to soft tissue; K, B and J "
+        "are undecided",
+    )
     RESPONSES_MISFIT = (
         "responses_misfit",
         "the model of a strapped leg does not explain the responses within their noise; K and B "

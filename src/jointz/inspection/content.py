@@ -11,6 +11,7 @@ import pandas as pd
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.io.file_kinds import missing_file
 from jointz.io.formats.columns import RawTable
 from jointz.io.formats.group_format import TIME, GroupFormat, study_columns
 from jointz.io.formats.registry import format_of, read_acquisition, read_table
@@ -67,7 +68,7 @@ class Content:
 def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content:
     """Read all columns of a file; unknown parts of a text file's layout are detected."""
     if not path.is_file():
-        raise DataError(f"{path}: no such file. Correct the name.", path=str(path))
+        raise DataError(missing_file(path, "Correct the name."), path=str(path))
     if path.name.lower().endswith(_TEXT):
         return _text_content(path, find_layout(path, layout))
     return _content(path, read_acquisition(path))

@@ -23,6 +23,7 @@ from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
 from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
 from jointz.core.units import conversion
+from jointz.io.file_kinds import special_kind
 from jointz.io.formats.registry import list_columns
 from jointz.io.recordings import StudyRecording
 from jointz.io.study_files import (
@@ -372,6 +373,8 @@ def _path_problem(root: Path, name: str) -> str:
     if os.path.isfile(path):  # unlike Path.is_file it holds for names no system takes
         return ""
     shown = name if "$" in name else path
+    if kind := special_kind(path):
+        return f"'{shown}' is {kind}; expected a file. Name a recording."
     return f"file '{shown}' does not exist. Correct the name or bring the file."
 
 

@@ -50,12 +50,18 @@ def reproduce(
     """Run the simulated protocols of chapters and write their numbers beside the printed ones."""
     tell = progress or (lambda _done, _total, _what: None)
     folders = {number: _folder(Path(out), number) for number in chapters}
-    for folder in folders.values():  # before hours of work, not after
-        check_free(folder, marker=MARKER, overwrite=overwrite, made_by=REPRODUCTION)
+    before = {  # before hours of work, not after
+        number: check_free(folder, marker=MARKER, overwrite=overwrite, made_by=REPRODUCTION)
+        for number, folder in folders.items()
+    }
     written = []
     for number, folder in folders.items():
         with new_folder(
-            folder, marker=MARKER, overwrite=overwrite, made_by=REPRODUCTION
+            folder,
+            marker=MARKER,
+            overwrite=overwrite,
+            made_by=REPRODUCTION,
+            before=before[number],
         ) as partial:
             made = _CHAPTERS[number](seed, preset, tell)
             _write(made, partial)

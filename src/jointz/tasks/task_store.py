@@ -156,12 +156,22 @@ def _kept(store: TaskStore, key: Callable[[], str], call: Callable[[], Result]) 
     else:
         _remove_old(folder.parent)
     result = call()
-    _own(folder)
+    try:
+        _keep(file, result)
+    except WriteError as exc:
+        if not isinstance(exc.__cause__, FileNotFoundError):
+            raise
+        _keep(file, result)  # another run for the same place ended and removed the folder
+    return result
+
+
+def _keep(file: Path, result: object) -> None:
+    """Write a result, in a folder that is made if missing."""
+    _own(file.parent)
     with whole_file(file, _ANOTHER) as partial_file, partial_file.open("wb") as stream:
         pickle.dump(result, stream, protocol=pickle.HIGHEST_PROTOCOL)
         stream.flush()
         os.fsync(stream.fileno())  # or a name may outlive its content when the power fails
-    return result
 
 
 def _remove_old(root: Path) -> None:

@@ -1,6 +1,8 @@
 """An analysis is saved and loaded again."""
 
+import json
 import shutil
+import warnings
 
 import pytest
 
@@ -33,3 +35,70 @@ def test_a_folder_that_holds_no_analysis_is_refused(analysis, tmp_path):
     shutil.copy(tmp_path / "results" / "provenance.json", tmp_path / "results" / "analysis.json")
     with pytest.raises(DataError, match="cannot be read"):
         jointz.load(tmp_path / "results")
+
+
+@pytest.fixture
+def saved(analysis, tmp_path):
+    analysis.save(tmp_path / "results")
+    return tmp_path / "results"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 100_000 + "]" * 100_000, '{"a": ' * 100_000 + "1" + "}" * 100_000, "[1e999]", "\xff"],
+)
+def test_damage_of_any_kind_is_one_error_with_the_name_of_the_file(saved, text):
+    (saved / "analysis.json").write_text(text, encoding="latin-1")
+    with pytest.raises(DataError, match=r"analysis\.json: cannot be read"):
+        jointz.load(saved)
+
+
+def test_infinity_where_a_count_belongs_is_one_error(saved):
+    content = json.loads((saved / "analysis.json").read_text())
+    content["cells"][0]["n_used"] = float("inf")
+    (saved / "analysis.json").write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"analysis\.json: cannot be read"):
+        jointz.load(saved)
+
+
+def test_a_number_too_large_for_an_array_is_one_error(saved):
+    content = json.loads((saved / "analysis.json").read_text())
+    response = next(cell["response"] for cell in content["cells"] if cell["response"])
+    response["time_s"][0] = 10**400
+    (saved / "analysis.json").write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"analysis\.json: cannot be read"):
+        jointz.load(saved)
+
+
+def test_an_altered_value_is_not_loaded(saved):
+    file = saved / "analysis.json"
+    content = json.loads(file.read_text())
+    content["cells"][0]["parameters"][0]["value"] = 1.0
+    file.write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"analysis\.json: was changed after jointz wrote it"):
+        jointz.load(saved)
+
+
+def test_an_altered_table_is_told(saved):
+    with (saved / "estimates.csv").open("a") as stream:
+        stream.write("\n")
+    with pytest.warns(UserWarning, match=r"changed after jointz wrote them: estimates\.csv"):
+        jointz.load(saved)
+
+
+def test_a_folder_of_an_earlier_version_is_loaded_as_before(analysis, saved):
+    content = json.loads((saved / "provenance.json").read_text())
+    assert set(content["sha256"]) == set(content["files"])
+    del content["sha256"]
+    (saved / "provenance.json").write_text(json.dumps(content))
+    (saved / "estimates.csv").write_text("")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert jointz.load(saved).to_dict() == analysis.to_dict()
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"sha256": 3}', "[" * 100_000])
+def test_a_damaged_provenance_is_one_error_with_the_name_of_the_file(saved, text):
+    (saved / "provenance.json").write_text(text)
+    with pytest.raises(DataError, match=r"provenance\.json: cannot be read"):
+        jointz.load(saved)

@@ -28,8 +28,9 @@ _DECIDED: Final = (
     "No value is given if half of its interval, or the geometric mean of that and the median over "
     "the participant's timing points, exceeds 50 % of it; for stiffness also if that median does; "
     "if the model does not explain the responses (chi-square over samples above 2; stiffness and "
-    "damping); or if the inertia is not that of a leg of the participant's mass and height within "
-    "two standard deviations of the prior."
+    "damping); if the inertia is not that of a leg of the participant's mass and height within two "
+    "standard deviations of the prior; or if a sensor, strap or reflex is needed that is more than "
+    "2.5 standard deviations from its prior."
 )
 
 

@@ -12,6 +12,7 @@ from jointz.identify.preparation.calibration import relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.identify.strapped.leg_model import SHARED
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.results.estimates import REACH_95, ParameterEstimate
 
@@ -28,6 +29,9 @@ _ONE_SIDED_95 = 1.6448536269514722
 _LARGEST_MISFIT = 2.0
 #: Prior sds by which the inertia may differ from the body's.
 _FARTHEST_BODY_SD = 2.0
+#: Prior sds by which a shared parameter may be off; on good data the farthest was 2.0.
+_FARTHEST_INSTRUMENT_SD = 2.5
+_AGAINST_ALL = frozenset({Doubt.INERTIA_UNLIKE_BODY, Doubt.INSTRUMENTS_UNLIKELY})
 #: Largest K (N*m/rad), B (N*m*s/rad) and J (kg*m^2) of any joint.
 LARGEST = {"stiffness": 4900.0, "damping": 98.0, "inertia": 5.0}
 _LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
@@ -75,12 +79,21 @@ def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple
     found: list[set[Doubt]] = []
     for point, misfit in enumerate(posterior.best.misfits):
         doubts = {Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set()
+        if farthest_sd(posterior) > _FARTHEST_INSTRUMENT_SD:
+            doubts.add(Doubt.INSTRUMENTS_UNLIKELY)
         if person:
             doubts.add(Doubt.INERTIA_UNLIKE_BODY)
         elif body.known and off[point] > farthest:
             doubts.add(Doubt.INERTIA_UNLIKE_AT_POINT)
         found.append(doubts)
     return tuple(found)
+
+
+def farthest_sd(posterior: LegPosterior) -> float:
+    """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
+    fit, layout = posterior.best, posterior.model.layout
+    places = [layout.shared(name) for name in SHARED if name != "inertia"]
+    return float(np.max(np.abs(fit.theta - fit.prior.mean)[places] / fit.prior.sd[places]))
 
 
 def decided_rows(
@@ -105,8 +118,8 @@ def _row(
     whole = float(np.exp(mean))
     value = whole - own
     undecided = ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
-    # An inertia that is not the body's shows that the device is not coupled as in the model.
-    against_all = Doubt.INERTIA_UNLIKE_BODY in doubts
+    # Such an inertia or instrument shows that device or signals are not those of the model.
+    against_all = not _AGAINST_ALL.isdisjoint(doubts)
     if value <= 0.0 or against_all or (doubts and name != "inertia"):
         return undecided
     sd = float(np.hypot(whole * sd, own_sd)) / value

@@ -44,6 +44,7 @@ _FARTHEST_RAD = 100.0
 #: Bounds of the search: logarithms of K and B, 1/s, and physical limits.
 _LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
 _SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
+_STRAPS_HZ = (1.0, 150.0)
 _LATENCIES_S, _TIMES_S = (0.015, 0.15), (0.008, 0.2)
 #: Knots between which log K is a smooth process of this length, cycles.
 _LENGTH_CYCLES = 0.13
@@ -162,7 +163,7 @@ class LegModel:
         inertia, share = np.exp(raw("inertia")), np.clip(np.exp(raw("device_share")), *_SHARES)
         # Of the strap, not of the point: the device stays the same when the leg's inertia changes.
         reduced = inertia * share * (1.0 - share)
-        turn = 2.0 * np.pi * np.exp(raw("strap_hz"))
+        turn = 2.0 * np.pi * np.clip(np.exp(raw("strap_hz")), *_STRAPS_HZ)
         p = np.zeros((len(theta), leg.N_PARAMETERS))
         own = theta[:, layout.own(point, INERTIA)]
         p[:, leg.LIMB_INERTIA] = inertia * (1.0 - share) * np.exp(own)

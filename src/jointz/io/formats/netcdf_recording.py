@@ -11,6 +11,7 @@ import xarray as xr
 from jointz.core.errors import DataError
 from jointz.core.recording import validate_recording
 from jointz.core.whole_file import whole_file
+from jointz.io.file_kinds import missing_file
 from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 
@@ -68,7 +69,7 @@ def read_recording(path: Path) -> xr.Dataset:
         When the file is missing, damaged, or does not hold a recording.
     """
     if not path.is_file():
-        raise DataError(f"{path}: no such recording. Correct the name.", path=str(path))
+        raise DataError(missing_file(path, "Correct the name.", "recording"), path=str(path))
     with opened_netcdf(path) as file:
         recording = load_group(file)
     plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in recording.attrs.items()}

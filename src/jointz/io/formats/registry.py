@@ -15,6 +15,7 @@ from jointz.core.entry_points import registered
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
+from jointz.io.file_kinds import missing_file, special_kind
 from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_error
 
 GROUP = "jointz.formats"
@@ -156,11 +157,12 @@ def format_of(path: Path) -> Format:
 
 def _format_of_existing(path: Path) -> Format:
     """Return the format of a file to be read, after checking that the file exists."""
+    problem = missing_file(path, "Correct the path or copy the file there.")
+    if special_kind(path):  # a pipe has no suffix that could be wrong
+        raise DataError(problem, path=str(path))
     file_format = format_of(path)
     if not path.is_file():
-        raise DataError(
-            f"{path}: no such file. Correct the path or copy the file there.", path=str(path)
-        )
+        raise DataError(problem, path=str(path))
     return file_format
 
 

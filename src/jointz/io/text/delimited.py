@@ -170,13 +170,26 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
         what = "has only a header" if any(lines) else "is empty"
         todo = ", or correct [files] skip_rows" if files.skip_rows else ""
         raise file_error(path, f"{what}, no samples under row {n_head}. Export it again{todo}.")
-    cells = next(csv.reader(text[:1], delimiter=delimiter, skipinitialspace=True), [])
+    cells = _first_cells(path, text[0], delimiter, row=n_head if files.header else n_head + 1)
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
     head = tuple(lines[:-1])
     bom = len(_BOM) if n_head == 0 and lines[0].startswith(_BOM) else 0
     return _Layout(
         path, delimiter, files.decimal, head, start_byte + bom, tuple(map(str, names)), files.header
     )
+
+
+def _first_cells(path: Path, line: str, delimiter: str, *, row: int) -> list[str]:
+    """Return the cells of the header, or of the first row of a file without one."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error as exc:
+        raise file_error(
+            path,
+            f"the row cannot be split into columns at '{delimiter}' ({exc}). Set [files] delimiter "
+            "to the sign between the columns, or export the file again.",
+            row=row,
+        ) from exc
 
 
 def _decoded(path: Path, lines: list[bytes]) -> list[str]:

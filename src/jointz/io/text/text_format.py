@@ -138,10 +138,13 @@ def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, 
 
 def _width(lines: list[str], delimiter: str) -> int:
     """Return into how many cells all lines are split, 1 where they differ."""
-    widths = {
-        len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
-        for line in lines
-    }
+    try:
+        widths = {
+            len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
+            for line in lines
+        }
+    except csv.Error:  # a cell longer than csv allows: the lines are not split here
+        return 1
     return widths.pop() if len(widths) == 1 else 1
 
 

@@ -13,6 +13,7 @@ from jointz.identify.strapped.body import Body, body_of, shank_and_foot
 from jointz.identify.strapped.checks import response_failure
 from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.identify.strapped.leg_model import Layout
 
 NAMES = ["stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass",
          "stiffness_onset", "damping_onset"]  # fmt: skip
@@ -74,6 +75,7 @@ def test_an_undecided_value_has_one_sided_limits_further_out_if_nothing_is_decid
         (Doubt.RESPONSES_MISFIT, set(NAMES) - {"inertia"}),
         (Doubt.INERTIA_UNLIKE_AT_POINT, set(NAMES) - {"inertia"}),
         (Doubt.INERTIA_UNLIKE_BODY, set(NAMES)),
+        (Doubt.INSTRUMENTS_UNLIKELY, set(NAMES)),
     ],
 )
 def test_a_doubt_leaves_no_value_and_no_limit(doubt, undecided):
@@ -99,10 +101,23 @@ def test_gains_and_the_device_itself_are_taken_into_account():
     assert gone["inertia"].status == "undecided"
 
 
-def posterior(misfits):
+def posterior(misfits, *, off_sd=0.0):
+    layout = Layout(len(misfits), 2)
+    theta = np.zeros(layout.size)
+    theta[layout.shared("sensor_delay_s")] = 0.8 * off_sd
+    prior = SimpleNamespace(mean=np.zeros(layout.size), sd=np.full(layout.size, 0.8))
     return SimpleNamespace(
-        model=SimpleNamespace(points=misfits), best=SimpleNamespace(misfits=misfits)
+        model=SimpleNamespace(points=misfits, layout=layout),
+        best=SimpleNamespace(misfits=misfits, theta=theta, prior=prior),
     )
+
+
+@pytest.mark.parametrize(("off_sd", "doubted"), [(-2.6, True), (2.4, False)])
+def test_an_instrument_far_from_its_prior_is_a_doubt(off_sd, doubted):
+    body = Body(LogPrior(median=0.3, log_sd=0.45), LogPrior(median=70, log_sd=1), 0, 0.45, True)
+    found = doubts_of(posterior((0.8, 0.9), off_sd=off_sd), moments(same(NARROW, points=2)), body)
+
+    assert [Doubt.INSTRUMENTS_UNLIKELY in doubts for doubts in found] == [doubted] * 2
 
 
 @pytest.mark.parametrize(
