@@ -37,8 +37,8 @@ REFERENCE_S = 0.06
 #: Velocity is this time as good as displacement to the reflex.
 _VELOCITY_S = 0.05
 #: A lag below this is none.
-_SHORTEST_S = 2e-4
-_STATES = 7
+_SHORTEST_S = 1e-6
+_STATES = 6
 
 
 #: Rows of the curves of a pulse, and of the motion that it causes.
@@ -67,6 +67,7 @@ def leg_responses(
     motion = np.zeros((3, last + 1))
     for j in range(m):
         _respond(torque[j], curves[j], parameters[j], period_s, substeps, lead_s, motion)
+        _lag(motion[_SENSED], parameters[j, SENSOR_TIME], period_s / substeps)
         delay = parameters[j, SENSOR_DELAY] * substeps / period_s
         for i in range(n):
             out[j, i, BONE] = motion[_POSITION, i * substeps]
@@ -104,7 +105,7 @@ def _respond(
     share = p[REFLEX_POSITION]
     for i in range(last + 1):
         motion[_POSITION, i], motion[_SPEED, i] = state[0], state[1]
-        motion[_SENSED, i] = state[6] if p[SENSOR_TIME] > _SHORTEST_S else _at_sensor(state, p)
+        motion[_SENSED, i] = state[0] + p[SKIN_SHARE] * (state[2] - state[0])
         if i == last:
             break
         sample = i // substeps
@@ -132,8 +133,18 @@ def _respond(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _at_sensor(state: np.ndarray, p: np.ndarray) -> float:
-    return float(state[0] + p[SKIN_SHARE] * (state[2] - state[0]))
+def _lag(values: np.ndarray, time_s: float, step_s: float) -> None:
+    """Pass a series, linear between steps, through a first-order lag: exact, stable for any."""
+    if time_s < _SHORTEST_S:
+        return
+    kept = np.exp(-step_s / time_s)
+    ramp = 1.0 - (1.0 - kept) * time_s / step_s
+    before, lagged = values[0], values[0]
+    for i in range(1, values.size):
+        rise = values[i] - before
+        lagged = kept * lagged + (1.0 - kept) * before + ramp * rise
+        before = values[i]
+        values[i] = lagged
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -153,4 +164,3 @@ def _slopes(state: np.ndarray, inputs: np.ndarray, p: np.ndarray, out: np.ndarra
     out[3] = (torque / (1.0 + p[TORQUE_ERROR]) + friction - strap) / p[DEVICE_INERTIA]
     out[4] = (drive - state[4]) / p[REFLEX_TIME]
     out[5] = (state[4] - state[5]) / p[REFLEX_TIME]
-    out[6] = (_at_sensor(state, p) - state[6]) / max(p[SENSOR_TIME], _SHORTEST_S)

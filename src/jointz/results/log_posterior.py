@@ -52,14 +52,17 @@ class LogPosterior(PlottedResult):
     session, side : str
         Of the perturbed recordings; "" if the study does not state them.
     doubts : tuple of str
-        Codes of :class:`~jointz.core.codes.Doubt`: why K and B of some points are undecided.
+        Codes of :class:`~jointz.core.codes.Doubt`: why some values are undecided.
 
     Notes
     -----
     Dividing the posterior by the prior gives the likelihood of the person's data. Its precision
     is the difference of the inverse covariances, and its precision times its mean is the
-    difference of both precisions times their means. A mean over people needs the likelihoods:
-    combining the posteriors would count the prior once per person.
+    difference of both precisions times their means. The posterior is widened for errors of its
+    approximation and may mix hypotheses: negative eigenvalues of the difference are none. A mean
+    over people needs the likelihoods: combining the posteriors would count the prior once per
+    person. Errors of gains and the device's own impedance are not subtracted here, other than in
+    ``estimates.csv``.
     """
 
     SCHEMA: ClassVar[str] = "jointz.LogPosterior/1"

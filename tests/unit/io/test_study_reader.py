@@ -170,11 +170,13 @@ def test_a_missing_file_is_named(study):
     assert problems[1].startswith("recordings[2].perturbations: file '")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "."])
-def test_a_name_no_file_can_have_is_a_missing_file(study, name):
+@pytest.mark.parametrize(
+    ("name", "problem"), [("x" * 300, "does not exist"), (".", "is a folder; expected a file")]
+)
+def test_a_name_no_file_can_have_is_told_as_what_it_is(study, name, problem):
     study.edit('file = "S01_enp.csv"', f'file = "{name}"')
 
-    assert "does not exist" in study.sole_problem()
+    assert problem in study.sole_problem()
 
 
 def test_missing_columns_are_one_problem_a_file_with_a_guess_and_those_there_are(study):

@@ -43,8 +43,10 @@ def _by_amplitude(amplitudes: np.ndarray) -> np.ndarray:
 
 
 def _by_torque(torque: np.ndarray) -> np.ndarray:
-    found = _clusters(torque, criterion="distance", limit=_SAME_TORQUE)
-    return np.asarray(np.minimum(found, _MOST_SHAPES - 1))
+    clusters = _clusters(torque, criterion="distance", limit=_SAME_TORQUE)
+    if clusters.max() < _MOST_SHAPES:
+        return clusters
+    return _clusters(torque, criterion="maxclust", limit=_MOST_SHAPES)
 
 
 def _clusters(torque: np.ndarray, *, criterion: str, limit: float) -> np.ndarray:

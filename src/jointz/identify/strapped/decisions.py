@@ -31,7 +31,9 @@ _LARGEST_MISFIT = 2.0
 _FARTHEST_BODY_SD = 2.0
 #: Prior sds by which a shared parameter may be off; on good data the farthest was 2.0.
 _FARTHEST_INSTRUMENT_SD = 2.5
-_AGAINST_ALL = frozenset({Doubt.INERTIA_UNLIKE_BODY, Doubt.INSTRUMENTS_UNLIKELY})
+_AGAINST_ALL = frozenset(
+    {Doubt.INERTIA_UNLIKE_BODY, Doubt.INSTRUMENTS_UNLIKELY, Doubt.LAG_UNLIKELY}
+)
 #: Largest K (N*m/rad), B (N*m*s/rad) and J (kg*m^2) of any joint.
 LARGEST = {"stiffness": 4900.0, "damping": 98.0, "inertia": 5.0}
 _LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
@@ -93,7 +95,9 @@ def farthest_sd(posterior: LegPosterior) -> float:
     """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
     fit, layout = posterior.best, posterior.model.layout
     places = [layout.shared(name) for name in SHARED if name != "inertia"]
-    return float(np.max(np.abs(fit.theta - fit.prior.mean)[places] / fit.prior.sd[places]))
+    root = np.linalg.cholesky(fit.prior.covariance[np.ix_(places, places)])
+    off = np.linalg.solve(root, (fit.theta - fit.prior.mean)[places])
+    return float(np.abs(off).max())
 
 
 def decided_rows(

@@ -39,12 +39,13 @@ _OWN = 3
 _KNOT_S = 0.06
 #: Speed at which Coulomb friction has two thirds of its size, rad/s.
 _FRICTION_VELOCITY = 0.08
-_STEP_S = 0.002
+_STEP_S = 0.001
 _FARTHEST_RAD = 100.0
 #: Bounds of the search: logarithms of K and B, 1/s, and physical limits.
 _LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
 _SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
 _STRAPS_HZ = (1.0, 150.0)
+_TORQUE_ERRORS = (-0.5, 0.5)
 _LATENCIES_S, _TIMES_S = (0.015, 0.15), (0.008, 0.2)
 #: Knots between which log K is a smooth process of this length, cycles.
 _LENGTH_CYCLES = 0.13
@@ -180,7 +181,7 @@ class LegModel:
         p[:, leg.REFLEX_SHORTENING] = expit(raw("reflex_shortening"))
         p[:, leg.FRICTION] = np.exp(raw("friction_nm"))
         p[:, leg.FRICTION_VELOCITY] = _FRICTION_VELOCITY
-        p[:, leg.TORQUE_ERROR] = raw("torque_error")
+        p[:, leg.TORQUE_ERROR] = np.clip(raw("torque_error"), *_TORQUE_ERRORS)
         p[:, leg.INERTIA_SLOPE] = np.clip(theta[:, layout.own(point, SLOPE)], *_SLOPES)
         p[:, leg.SKIN_SHARE] = expit(raw("skin_share"))
         p[:, leg.SENSOR_TIME] = np.exp(raw("sensor_lag_s"))

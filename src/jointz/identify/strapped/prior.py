@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import logit
 
 from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior
+from jointz.core.study import Calibrated
 from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.leg_model import INERTIA, REFLEX, SHARED, SLOPE, Layout, LegModel
 from jointz.identify.strapped.responses import PointResponse
@@ -16,6 +17,8 @@ _LENGTH_CYCLES = 0.13
 #: Of a point by itself: share that does not change in the window, and time of what does, s.
 _STEADY, _DRIFT_S = 0.6, 0.13
 _NUGGET = 1e-4
+#: Of a calibrated lag: shortest part, and sd of the logarithm by which delay and lag share it.
+_SHORTEST_LAG_S, _SHARES_SD = 1e-4, 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +48,7 @@ class LegPriors:
     spec: PriorsSpec
     body: Body
     shared: Mapping[str, LogPrior | SharePrior | NormalPrior]  # where it differs from the spec
+    lag: Calibrated | None = None  # s: calibrated delay and first-order lag together
 
     def build(self, model: LegModel, *, follows_cycle: float) -> Prior:
         """Return the prior.
@@ -66,6 +70,9 @@ class LegPriors:
             )
         for place, (centre, sd) in self._independent(layout).items():
             mean[place], covariance[place, place] = centre, sd**2
+        if self.lag is not None:
+            parts = [layout.shared("sensor_delay_s"), layout.shared("sensor_lag_s")]
+            mean[parts], covariance[np.ix_(parts, parts)] = _calibrated_lag(self.lag)
         precision = np.linalg.inv(covariance)
         return Prior(
             mean=mean,
@@ -77,19 +84,30 @@ class LegPriors:
     def _independent(self, layout: Layout) -> dict[int, tuple[float, float]]:
         spec = self.spec
         own = {
-            INERTIA: spec.inertia_of_point,
-            SLOPE: spec.inertia_slope,
-            REFLEX: spec.reflex_of_point,
+            INERTIA: (0.0, spec.inertia_of_point.sd),
+            SLOPE: _moments(spec.inertia_slope),
+            REFLEX: (0.0, spec.reflex_of_point.sd),
         }
         entries = {
-            layout.own(point, which): (prior.mean, prior.sd)
+            layout.own(point, which): moments
             for point in range(layout.n_points)
-            for which, prior in own.items()
+            for which, moments in own.items()
         }
         for name in SHARED:
             usual = self.body.inertia if name == "inertia" else getattr(spec, name)
             entries[layout.shared(name)] = _moments(self.shared.get(name, usual))
         return entries
+
+
+def _calibrated_lag(lag: Calibrated) -> tuple[float, np.ndarray]:
+    """Return mean and covariance of the logarithms of delay and first-order lag.
+
+    Their sum is known to first order about equal shares; how they share it is not.
+    """
+    value = max(lag.value, 2.0 * _SHORTEST_LAG_S)
+    total = min(np.sqrt(2.0) * max(lag.sd / value, 1e-3), _SHARES_SD)
+    common, apart = 0.5 * (total**2 + _SHARES_SD**2), 0.5 * (total**2 - _SHARES_SD**2)
+    return float(np.log(0.5 * value)), np.array([[common, apart], [apart, common]])
 
 
 def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:

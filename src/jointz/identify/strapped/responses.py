@@ -118,16 +118,19 @@ def point_response(
 def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> ShapeAverage:
     """Average the pulses of a shape, corrected for what is known of torque and angle."""
     angle, driving, friction = responses.mean(axis=0)
-    torque = driving + value_of(known.friction_gain, 1.0) * friction
-    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
-    angle = angle - shown * torque
     late_s = value_of(known.torque_lag_s, 0.0)
     time_s = np.arange(angle.size) * period_s
+    recorded = driving + value_of(known.friction_gain, 1.0) * friction
+    torque = np.interp(time_s + late_s, time_s, recorded)
+    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
+    angle = angle - shown * torque
+    # Beyond, the torque was recorded after the end of the window.
+    known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
     return ShapeAverage(
         angle=angle[None],
-        torque=np.interp(time_s + late_s, time_s, torque),
+        torque=torque,
         n_pulses=len(responses),
-        used=usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
+        used=known_torque & usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
     )
 
 

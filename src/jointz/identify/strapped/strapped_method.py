@@ -34,6 +34,7 @@ from jointz.identify.recommended.gravity import (
     gravity_stiffness,
     hanging_masses,
 )
+from jointz.identify.recommended.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped import METHOD
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
@@ -51,9 +52,10 @@ BASELINE = "predicted"
 LONGEST_WINDOW_S = 0.25
 #: Beyond the data that are used, for sensors that lag.
 _MARGIN_S = 0.03
+#: A fit that explains less of the responses explains nothing.
+_LEAST_VAF_PCT = 50.0
 #: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
 _FRICTION_ERROR = 0.1
-_SHORTEST_LAG_S = 1e-4
 
 
 class StrappedMethod:
@@ -68,16 +70,18 @@ class StrappedMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point."""
-        reach_s = max(FIT_S, settings.perturbations.window_s)
-        longer = settings.perturbations.model_copy(update={"window_s": reach_s})
+        longer = _with_all_data(settings)
         pulses = assign_pulses(
-            data.participant,
-            data.sources,
-            replace(settings, perturbations=longer),
-            baseline=BASELINE,
-            alone=True,
+            data.participant, data.sources, longer, baseline=BASELINE, alone=True
         )
         return _Participant(data, settings).estimates(pulses)
+
+
+def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
+    """Return settings whose window holds all data that are fitted."""
+    reach_s = max(FIT_S, settings.perturbations.window_s)
+    longer = settings.perturbations.model_copy(update={"window_s": reach_s})
+    return replace(settings, perturbations=longer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +93,12 @@ class _Explained:
     moments: LogMoments
     body: Body
     known: CalibrationSpec
+    lag_unlikely: bool  # whether the responses contradict the calibrated lag
+
+    def doubts(self) -> tuple[set[Doubt], ...]:
+        """Return what speaks against the model at each timing point."""
+        doubts = doubts_of(self.posterior, self.moments, self.body)
+        return tuple(d | {Doubt.LAG_UNLIKELY} if self.lag_unlikely else d for d in doubts)
 
 
 class _Participant:
@@ -98,8 +108,9 @@ class _Participant:
         self._name = data.participant
         self._sources = data.sources
         self._settings = settings
-        reach_s = max(FIT_S, settings.perturbations.window_s) + _MARGIN_S
-        self._predictor = CellPredictor(data.sources, settings, reach_s=reach_s)
+        longer = _with_all_data(settings)
+        reach_s = longer.perturbations.window_s + _MARGIN_S
+        self._predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
 
     def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
         """Return the estimates of all timing points, and all pulses with their final codes."""
@@ -118,7 +129,12 @@ class _Participant:
             for k, code in zip(indices, codes[label], strict=True):
                 records[k] = replace(records[k], code=code)
         failures = self._failures(predicted)
-        explained = self._explained([c for c in predicted.values() if not failures[c.label]])
+        remaining = [c for c in predicted.values() if not failures[c.label]]
+        try:
+            explained = self._explained(remaining)
+        except np.linalg.LinAlgError:
+            explained = None
+            failures |= {c.label: Failure.ILL_CONDITIONED for c in remaining}
         if explained is not None:
             failures |= _failures_after(explained)
         return self._assembled(records, codes, predicted, failures, explained)
@@ -132,9 +148,7 @@ class _Participant:
         explained: _Explained | None,
     ) -> Estimates:
         places = {c.label: k for k, c in enumerate(explained.cells)} if explained else {}
-        doubts = (
-            doubts_of(explained.posterior, explained.moments, explained.body) if explained else ()
-        )
+        doubts = explained.doubts() if explained else ()
         cells = []
         for label, own in codes.items():
             failure = failures.get(label)
@@ -191,9 +205,16 @@ class _Participant:
         )
         used = dict.fromkeys(c.source for cell in cells for c in cell.used)
         sources = [self._sources[index] for index in used]
-        priors = LegPriors(settings.priors, body, _measured(known, sources))
+        priors = LegPriors(settings.priors, body, _declared(known, sources), _lag(known))
         posterior = explain(model, priors)
-        return _Explained(tuple(cells), posterior, log_moments(posterior), body, known)
+        return _Explained(
+            cells=tuple(cells),
+            posterior=posterior,
+            moments=log_moments(posterior),
+            body=body,
+            known=known,
+            lag_unlikely=priors.lag is not None and _contradicts(posterior, priors),
+        )
 
     # --- after the fit -------------------------------------------------------------------------
 
@@ -290,18 +311,11 @@ class _Participant:
         )
 
 
-def _measured(
+def _declared(
     known: CalibrationSpec, sources: Sequence[Source]
 ) -> dict[str, LogPrior | SharePrior | NormalPrior]:
-    """Return priors of the instruments that were measured, or that a torque model declares."""
+    """Return priors of what the torque model declares."""
     priors: dict[str, LogPrior | SharePrior | NormalPrior] = {}
-    lag = known.angle_lag_s
-    if lag is not None:
-        # Torque that is late by itself was moved: its error is one of the lag.
-        late = known.torque_lag_s or Calibrated(value=0.0, sd=0.0)
-        value, sd = max(lag.value, 2.0 * _SHORTEST_LAG_S), float(np.hypot(lag.sd, late.sd))
-        priors["sensor_delay_s"] = LogPrior(median=value, log_sd=min(max(sd / value, 1e-3), 2.0))
-        priors["sensor_lag_s"] = LogPrior(median=_SHORTEST_LAG_S, log_sd=1e-3)
     frictions = [
         np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
         for s in sources
@@ -315,6 +329,21 @@ def _measured(
     return priors
 
 
+def _contradicts(posterior: LegPosterior, priors: LegPriors) -> bool:
+    """Return whether the evidence speaks against the calibrated lag by the odds of a doubt."""
+    free = explain(posterior.model, replace(priors, lag=None))
+    evidence = [max(fit.log_evidence for fit in p.fits) for p in (free, posterior)]
+    return bool(evidence[0] - evidence[1] > np.log(DOUBTFUL_ODDS))
+
+
+def _lag(known: CalibrationSpec) -> Calibrated | None:
+    """Return the calibrated lag of the angle; the error of a torque's lag, shifted, adds to it."""
+    lag, late = known.angle_lag_s, known.torque_lag_s
+    if lag is None or late is None:
+        return lag
+    return Calibrated(value=lag.value, sd=float(np.hypot(lag.sd, late.sd)))
+
+
 def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
     """Return why fitted timing points have no estimate; values beyond any joint fail one by one."""
     late = lag_failure(explained.posterior)
@@ -323,7 +352,9 @@ def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
         beyond = any(
             np.exp(explained.moments.of(name, k)[0]) > largest for name, largest in LARGEST.items()
         )
-        failures[cell.label] = late or (Failure.OUTSIDE_RANGE if beyond else None)
+        _, vaf_pct = _fitted(explained.posterior, k)
+        misfit = Failure.MODEL_MISFIT if vaf_pct < _LEAST_VAF_PCT else None
+        failures[cell.label] = late or misfit or (Failure.OUTSIDE_RANGE if beyond else None)
     return failures
 
 

@@ -105,7 +105,7 @@ def posterior(misfits, *, off_sd=0.0):
     layout = Layout(len(misfits), 2)
     theta = np.zeros(layout.size)
     theta[layout.shared("sensor_delay_s")] = 0.8 * off_sd
-    prior = SimpleNamespace(mean=np.zeros(layout.size), sd=np.full(layout.size, 0.8))
+    prior = SimpleNamespace(mean=np.zeros(layout.size), covariance=0.64 * np.eye(layout.size))
     return SimpleNamespace(
         model=SimpleNamespace(points=misfits, layout=layout),
         best=SimpleNamespace(misfits=misfits, theta=theta, prior=prior),
