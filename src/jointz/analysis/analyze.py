@@ -1,7 +1,7 @@
 """Analysis of a study: from recordings to impedance with intervals."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -271,14 +271,14 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             "study": study.spec.model_dump(mode="json", exclude_none=True),
             "inputs": inputs,
             "seed": request.seed,
-            **_priors_record(study, method),
+            **_priors_record(study, {method, *methods}),
         },
     )
 
 
-def _priors_record(study: Study, method: str) -> dict[str, Any]:
-    """Return the priors of a method that takes them from the study."""
-    if method != STRAPPED:
+def _priors_record(study: Study, methods: Collection[str]) -> dict[str, Any]:
+    """Return the priors, if a method takes them from the study."""
+    if STRAPPED not in methods:
         return {}
     return {"priors": (study.spec.priors or PriorsSpec()).model_dump(mode="json")}
 

@@ -103,7 +103,7 @@ def _replace(finished: Path, out: Path, before: FolderState) -> None:
     old = beside(out, "replaced")
     try:
         out.rename(old)
-    except FileNotFoundError:  # another process is replacing it
+    except OSError:  # another process replaces it, or has a file of it open
         _keep_both(finished, out)
     try:
         _check_unchanged(old, before)

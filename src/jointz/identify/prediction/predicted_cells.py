@@ -119,7 +119,13 @@ class CellPredictor:
             torque = signs[:, None] * predicted.responses[:, 1:].sum(axis=1)
             shapes = pulse_shapes(torque, [c.pulse for c in candidates])
         codes = np.full(len(candidates), "", dtype=object)
-        for shape in np.unique(shapes):
+        if by_shape:
+            # A pulse without torque is of no shape: it is compared with all others.
+            no_torque = Exclusion.NO_TORQUE.value
+            lame = lame_pulses(predicted, self.amplitudes_nm(candidates))
+            codes[:] = [code if code == no_torque else "" for code in lame]
+            shapes = np.where(codes == "", shapes, -1)
+        for shape in np.unique(shapes[shapes >= 0]):
             members = np.flatnonzero(shapes == shape)
             part = replace(predicted, responses=predicted.responses[members])
             own = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]

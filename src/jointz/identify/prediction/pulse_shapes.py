@@ -21,9 +21,10 @@ def pulse_shapes(torque: np.ndarray, pulses: Sequence[Pulse]) -> np.ndarray:
 
     ``torque`` (n_pulse, n), N*m, relative to the unperturbed stride and not turned by the sign.
     """
-    shapes = _by_amplitude(np.array([p.amplitude for p in pulses], dtype=float))
-    for group in np.unique(shapes):
-        members = np.flatnonzero(shapes == group)
+    groups = _by_amplitude(np.array([p.amplitude for p in pulses], dtype=float))
+    shapes = np.empty_like(groups)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
         shapes[members] = _MOST_SHAPES * group + _by_torque(torque[members])
     _, numbers = np.unique(shapes, return_inverse=True)
     if numbers.max(initial=0) < _MOST_SHAPES:

@@ -24,6 +24,8 @@ _WITH_COMPANY = ("stiffness", "stiffness_onset")
 #: Where the data decide nothing of a person, errors of the model exceed Laplace's: one-sided limits
 #: are so many times further out (docs/estimator.md).
 _WIDER_LIMITS = 2.0
+#: An estimate of a larger sd (of its logarithm) has no limits that mean anything.
+_NO_SD = 5.0
 _ONE_SIDED_95 = 1.6448536269514722
 #: Chi-square of a point over its samples, above which the model does not explain it.
 _LARGEST_MISFIT = 2.0
@@ -127,6 +129,8 @@ def _row(
     if value <= 0.0 or against_all or (doubts and name != "inertia"):
         return undecided
     sd = float(np.hypot(whole * sd, own_sd)) / value
+    if not sd < _NO_SD:  # NaN, too
+        return undecided
     half, usual = relative_half_width(sd), _median_half_width(name, moments)
     together = usual if name in _WITH_COMPANY else float(np.sqrt(half * usual))
     if max(half, together) > WIDEST:

@@ -18,7 +18,7 @@ _LENGTH_CYCLES = 0.13
 _STEADY, _DRIFT_S = 0.6, 0.13
 _NUGGET = 1e-4
 #: Of a calibrated lag: shortest part, and sd of the logarithm by which delay and lag share it.
-_SHORTEST_LAG_S, _SHARES_SD = 1e-4, 0.6
+_SHORTEST_LAG_S, _SHARES_SD, _WIDEST_SD = 1e-4, 0.6, 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +105,7 @@ def _calibrated_lag(lag: Calibrated) -> tuple[float, np.ndarray]:
     Their sum is known to first order about equal shares; how they share it is not.
     """
     value = max(lag.value, 2.0 * _SHORTEST_LAG_S)
-    total = min(np.sqrt(2.0) * max(lag.sd / value, 1e-3), _SHARES_SD)
+    total = min(np.sqrt(2.0) * max(lag.sd / value, 1e-3), _WIDEST_SD)
     common, apart = 0.5 * (total**2 + _SHARES_SD**2), 0.5 * (total**2 - _SHARES_SD**2)
     return float(np.log(0.5 * value)), np.array([[common, apart], [apart, common]])
 

@@ -8,7 +8,7 @@ from scipy.linalg import toeplitz
 from jointz.core.study import CalibrationSpec
 from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.prediction.pulse_shapes import pulse_shapes
-from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
+from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES, LEAD_SAMPLES
 from jointz.identify.preparation.calibration import twist_sd, value_of
 from jointz.kernels.robust_spread import robust_sd
 
@@ -79,6 +79,8 @@ class PointResponse:
         n = self.time_s.size
         error = self.misses - self.torque_misses @ toeplitz(kick, np.zeros(n)).T
         usual = (np.abs(error) < _OUTLIER_SD * (robust_sd(error) + 1e-6)).all(axis=1)
+        if usual.sum() < FEWEST_STRIDES:
+            usual[:] = True
         sample = np.cov(error[usual].T)
         shrunk = min(1.0, max(_LEAST_SHRINKAGE, _SHRINKAGE * n / self.n_strides))
         covariance = (1.0 - shrunk) * sample + shrunk * np.diag(np.diag(sample))

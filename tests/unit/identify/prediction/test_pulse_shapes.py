@@ -40,6 +40,13 @@ def test_declared_amplitudes_that_the_noise_hides_are_shapes():
     assert found == [0] * 4 + [1] * 4
 
 
+def test_two_forms_of_two_similar_sizes_are_four_shapes():
+    forms = [hold(8, 0.06), doublet(8, 0.09), hold(9.5, 0.06), doublet(9.5, 0.09)]
+    found = shapes_of([f for f in forms for _ in range(2)], np.repeat([8.0, 8.0, 9.5, 9.5], 2))
+
+    assert len(set(found)) == 4
+
+
 def test_many_different_torques_are_joined_and_one_pulse_is_a_shape():
     sizes = np.geomspace(1.0, 40.0, 30)
     found = shapes_of([hold(size, 0.1) for size in sizes], sizes, noise_nm=0.0)
