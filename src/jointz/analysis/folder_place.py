@@ -17,7 +17,7 @@ _FIRST_COPY = 2
 
 @dataclass(frozen=True, slots=True)
 class FolderState:
-    """What a path holds at one moment: nothing, or one folder with its files.
+    """Content of a path at one moment: nothing, or one folder with its files.
 
     Two states are equal if the same folder has the same files, none of which was written between.
     """

@@ -12,6 +12,8 @@ from jointz.results.base import Array, Result
 
 #: Sd from the middle to the ends of a 95 % interval of a normal error.
 REACH_95 = 1.959963984540054
+#: Sd to a one-sided 95 % limit.
+ONE_SIDED_95 = 1.6448536269514722
 #: An interval that reaches further from its value than this share of it decides nothing.
 _WIDEST = 0.5
 #: Sources of an estimate's error that a fit tells of, in the order of tables and figures.

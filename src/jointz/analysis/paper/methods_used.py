@@ -2,12 +2,13 @@
 
 from typing import Final
 
+from jointz.identify.strapped import METHOD as STRAPPED
 from jointz.results.study_analysis import StudyAnalysis
+
+__all__ = ["FULL_RECORD", "RECOMMENDED", "STRAPPED", "used_methods", "used_pulses"]
 
 #: Method that models all timing points of a walker together.
 RECOMMENDED: Final = "recommended"
-#: Method that models all timing points of a leg with a strapped device together.
-STRAPPED: Final = "strapped"
 #: Method that uses whole trials.
 FULL_RECORD: Final = "full_record"
 

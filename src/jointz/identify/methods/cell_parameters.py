@@ -11,13 +11,12 @@ from scipy.stats import t as student_t
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.core.study import Calibrated
-from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, FitSettings, intrinsic_impedance
-from jointz.results.estimates import ParameterEstimate
+from jointz.results.estimates import ONE_SIDED_95, ParameterEstimate
 
 _PER_MASS = {"stiffness": "stiffness_per_mass", "damping": "damping_per_mass"}
 _LEVEL = 0.95
-_ONE_SIDED_Z = 1.6448536269514722
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +102,7 @@ class BootstrapSpread(Spread):
             low, high = np.quantile(draws, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
             return float(low), float(high)
         limit = float(np.quantile(draws, _LEVEL))
-        reach = bound + _ONE_SIDED_Z * float(self._free[:, i].std())
+        reach = bound + ONE_SIDED_95 * float(self._free[:, i].std())
         return bound, max(limit, reach)
 
 
@@ -140,7 +139,7 @@ class JackknifeSpread(Spread):
 
     def _total(self, sd: float, i: int, point: Point) -> float:
         known = self._settings.calibration
-        gain = np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain))
+        gain = gains_sd(known)
         intrinsic_sd = intrinsic_impedance(known)[1][i]
         parts = [sd, self._instrument_shift[i], gain * point.value[i], intrinsic_sd]
         return float(np.linalg.norm(parts))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointz.core.codes import Exclusion
+from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.identify.prediction.pulse_checks import copied_pulses, lame_pulses
 from jointz.identify.prediction.pulse_shapes import pulse_shapes
@@ -178,6 +179,21 @@ class CellPredictor:
         keys = self._settings.kind.reference_keys
         nearest = most_alike(source.given, [s.given for s in unperturbed], keys=keys)
         return [s for s in unperturbed if any(s.given is given for given in nearest)]
+
+
+def pulses_by_point(
+    records: Sequence[PulseRecord], settings: ParticipantSettings
+) -> dict[str, list[int]]:
+    """Return the indices of the pulses of each timing point, in the order of the cycle.
+
+    Groups, which have no place in the cycle, follow by name.
+    """
+    points = settings.timing_points
+    labels = {r.timing_point for r in records if r.timing_point}
+    return {
+        label: [k for k, r in enumerate(records) if r.timing_point == label]
+        for label in sorted(labels, key=lambda label: (points.get(label, 100.0), label))
+    }
 
 
 def unlike_from(sd: np.ndarray) -> np.ndarray:

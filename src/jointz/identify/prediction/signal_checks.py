@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
+from scipy.stats import chi2
 
 from jointz.core.codes import Failure
 from jointz.identify.preparation.pulses import Pulse
@@ -17,6 +18,24 @@ _USUAL_PCT = (1.0, 99.0)
 #: sign of clipping if it lies between these shares of the command.
 _FLAT_SHARE, _SAME = 0.2, 1e-9
 _CLIPPED_SHARES = (0.2, 0.95)
+#: Probability with which walking alone makes as large a response.
+_NO_RESPONSE = 1e-3
+#: The response of a stiff joint (N*m/rad) must exceed so many sds of walking.
+_CLEAR, _STIFF = 4.0, 300.0
+#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) of the search, and an inertia (kg*m^2) above
+#: that of any limb.
+LARGEST_IMPEDANCE = (4900.0, 98.0, 5.0)
+
+
+def smallest_response(n_samples: int) -> float:
+    """Return the weighted sum of squares below which a response may be walking alone."""
+    return float(chi2.ppf(1.0 - _NO_RESPONSE, n_samples))
+
+
+def shows_stiff_joint(noise: np.ndarray, torque: np.ndarray) -> bool:
+    """Return whether walking, of this covariance, does not hide the response of a stiff joint."""
+    error = _CLEAR * float(np.sqrt(np.diag(noise).max()))
+    return error < float(np.abs(torque).max()) / _STIFF
 
 
 def angle_failure(recording: xr.Dataset) -> Failure | None:

@@ -21,6 +21,11 @@ def relative_sd(gain: Calibrated | None) -> float:
     return 0.0 if gain is None else gain.sd / gain.value
 
 
+def gains_sd(known: CalibrationSpec) -> float:
+    """Return the relative sd of both gains together, common to K, B and J."""
+    return float(np.hypot(relative_sd(known.angle_gain), relative_sd(known.torque_gain)))
+
+
 def joint_angle(angle: np.ndarray, torque: np.ndarray, known: CalibrationSpec) -> np.ndarray:
     """Return the angle of the joint, corrected for torque seen as angle and for the gain.
 

@@ -7,7 +7,9 @@ from statistics import NormalDist
 from types import MappingProxyType
 
 from jointz.core.gait_phases import PHASES
-from jointz.core.study import DeviceSpec, ParticipantSpec
+from jointz.core.study import CalibrationSpec, DeviceSpec, ParticipantSpec
+from jointz.identify.preparation.cell_data import calibration_sd
+from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.results.estimates import ParameterEstimate
 
 #: Name of the estimate that :func:`corrected_stiffness` returns.
@@ -273,6 +275,31 @@ def corrected_stiffness(
     above = hypot(high - value, reach)
     centre = value - gravity.value
     return replace(corrected, ci_low=centre - below, ci_high=centre + above)
+
+
+def participant_stiffness_without_gravity(
+    stiffness: ParameterEstimate,
+    settings: ParticipantSettings,
+    *,
+    angle_rad: float,
+    gait_pct: float | None,
+    known: CalibrationSpec,
+) -> ParameterEstimate | None:
+    """Return the stiffness without gravity's part, if there is one and limb and posture are known.
+
+    ``angle_rad`` and ``gait_pct`` are those of the middle of the motion.
+    """
+    if settings.person is None or gait_pct is None or stiffness.value is None:
+        return None
+    gravity = gravity_stiffness(
+        hanging_masses(settings.joint, settings.person, settings.device),
+        joint=settings.joint,
+        angle_rad=angle_rad,
+        gait_pct=gait_pct,
+        positive=settings.positive,
+        angle_sd_rad=calibration_sd(known.angle_zero_rad),
+    )
+    return None if gravity is None else corrected_stiffness(stiffness, gravity)
 
 
 def _joint(name: str) -> str:

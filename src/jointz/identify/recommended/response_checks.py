@@ -7,23 +7,21 @@ import numpy as np
 from scipy.stats import chi2
 
 from jointz.core.codes import Failure
+from jointz.identify.prediction.signal_checks import (
+    LARGEST_IMPEDANCE,
+    shows_stiff_joint,
+    smallest_response,
+)
 from jointz.identify.recommended.response_model import CellResponse, Priors
 from jointz.identify.recommended.response_posterior import JointPosterior, inertia_evidence
 
 #: Probability that a good timing point is called a misfit.
 _LEVEL = 1e-4
-#: A response that walking alone makes as large with a higher probability is none.
-_NO_RESPONSE = 1e-3
-#: The response of a stiff joint (N*m/rad) must exceed so many sds of walking.
-_CLEAR, _STIFF = 4.0, 300.0
 #: Posterior sds, and a margin, by which the angle leads the torque if they are out of step.
 _SD, _MARGIN_S = 2.0, 0.0005
 #: Sds by which the responses move a calibrated lag that they contradict, and the least sd that is
 #: assumed for this, as a share of the calibration's.
 _CONFLICT, _LEAST_SHARE = 4.5, 0.15
-#: Largest stiffness (N*m/rad) and damping (N*m*s/rad) of the search, and an inertia (kg*m^2) above
-#: that of any limb.
-_LARGEST = (4900.0, 98.0, 5.0)
 #: Odds against a calibrated lag above which it is wrong, and above which it is doubted.
 _ODDS, DOUBTFUL_ODDS = 1e4, 100.0
 _LARGEST_LOG = 700.0
@@ -46,11 +44,8 @@ def response_failure(response: CellResponse) -> Failure | None:
     whatever the lag of the sensor: if it gives energy, torque or angle has the wrong sign.
     """
     angle, torque = response.angle, response.torque.sum(axis=0)
-    if float(angle @ response.weights() @ angle) < chi2.ppf(1.0 - _NO_RESPONSE, angle.size):
-        error = _CLEAR * float(np.sqrt(np.diag(response.noise).max()))
-        # Walking must not hide the response of a stiff joint, too.
-        clear = error < float(np.abs(torque).max()) / _STIFF
-        return Failure.CONSTANT_ANGLE if clear else None
+    if float(angle @ response.weights() @ angle) < smallest_response(angle.size):
+        return Failure.CONSTANT_ANGLE if shows_stiff_joint(response.noise, torque) else None
     work = float(0.5 * (torque[1:] + torque[:-1]) @ np.diff(angle))
     return Failure.OPPOSITE_SIGN if work < 0.0 else None
 
@@ -113,7 +108,7 @@ def fit_failure(i: int, posterior: JointPosterior, response: CellResponse) -> Fa
     """
     inertia = float(np.exp(posterior.log_inertia(i).mean))
     values = (posterior.stiffness(i).mean, posterior.damping(i).mean, inertia)
-    if any(value > largest for value, largest in zip(values, _LARGEST, strict=True)):
+    if any(value > largest for value, largest in zip(values, LARGEST_IMPEDANCE, strict=True)):
         return Failure.OUTSIDE_RANGE
     off = response.angle - posterior.fitted(i)
     misfit = float(off @ response.weights() @ off)

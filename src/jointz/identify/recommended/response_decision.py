@@ -9,7 +9,7 @@ import numpy as np
 from jointz.core.codes import Failure
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
-from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.calibration import gains_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior, Moments
@@ -59,9 +59,7 @@ class Decision:
     @property
     def gain_sd(self) -> float:
         """Relative sd of both gains together, common to K, B and J."""
-        return float(
-            np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
-        )
+        return gains_sd(self.known)
 
 
 def decided_parameters(

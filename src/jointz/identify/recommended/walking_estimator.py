@@ -17,7 +17,11 @@ from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
-from jointz.identify.prediction.predicted_cells import CellPredictor, PredictedCell
+from jointz.identify.prediction.predicted_cells import (
+    CellPredictor,
+    PredictedCell,
+    pulses_by_point,
+)
 from jointz.identify.prediction.pulse_checks import stray_pulses
 from jointz.identify.prediction.signal_checks import (
     angle_failure,
@@ -26,14 +30,9 @@ from jointz.identify.prediction.signal_checks import (
 )
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
-from jointz.identify.preparation.cell_data import calibration_sd
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import ParticipantSettings, Source
-from jointz.identify.recommended.gravity import (
-    corrected_stiffness,
-    gravity_stiffness,
-    hanging_masses,
-)
+from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
 from jointz.identify.recommended.response_checks import (
     DOUBTFUL_ODDS,
     fit_failure,
@@ -119,13 +118,9 @@ class WalkingEstimator:
     ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
         """Return the cells and the pulses with their final codes."""
         records = [c.record for c in candidates]
-        points = self._settings.timing_points
-        labels = {r.timing_point for r in records if r.timing_point}
         cells: dict[str, PredictedCell | CellEstimate] = {}
         counts: dict[str, int] = {}
-        # Timing points in the order of the cycle, then groups by name.
-        for label in sorted(labels, key=lambda label: (points.get(label, 100.0), label)):
-            indices = [k for k, r in enumerate(records) if r.timing_point == label]
+        for label, indices in pulses_by_point(records, self._settings).items():
             cells[label], codes = self._prepared(label, [candidates[k] for k in indices])
             counts[label] = len(indices)
             for k, code in zip(indices, codes, strict=True):
@@ -306,21 +301,16 @@ class WalkingEstimator:
         centre: float | None,
     ) -> ParameterEstimate | None:
         """Return the stiffness without gravity's part, if limb and posture are known."""
-        settings, used = self._settings, cell.used
-        if settings.person is None or centre is None or stiffness.value is None:
-            return None
+        used = cell.used
         # The response was turned by the signs of the pulses.
         moved_rad = float(np.mean([c.pulse.sign for c in used])) * float(response.angle.mean())
-        known = pooled_calibration([self._sources[c.source].given.calibration for c in used])
-        gravity = gravity_stiffness(
-            hanging_masses(settings.joint, settings.person, settings.device),
-            joint=settings.joint,
+        return participant_stiffness_without_gravity(
+            stiffness,
+            self._settings,
             angle_rad=cell.predicted.posture_rad + moved_rad,
             gait_pct=centre,
-            positive=settings.positive,
-            angle_sd_rad=calibration_sd(known.angle_zero_rad),
+            known=pooled_calibration([self._sources[c.source].given.calibration for c in used]),
         )
-        return None if gravity is None else corrected_stiffness(stiffness, gravity)
 
     def _failed(self, label: str, codes: Sequence[str]) -> CellEstimate:
         failure = failure_of_codes(codes)

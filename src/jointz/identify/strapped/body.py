@@ -12,7 +12,7 @@ _GRAVITY = 9.81  # m/s^2
 #: A free hip lets the thigh move along: apparent over rigid inertia, seen 0.3 to 1.
 _FREE_HIP = 0.65
 _DEVICE = 0.02  # kg*m^2
-#: Height of the knee's foot segment below the shank's end, m.
+#: Height of the ankle above the centre line of the foot, m.
 _ANKLE_M = 0.04
 #: Cosine of a usual angle of the shank from the vertical.
 _USUAL_POSTURE = 0.93
@@ -41,7 +41,7 @@ _DE_LEVA = (
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """What is assumed of a person's leg before any pulse."""
+    """Priors of a person's leg from body mass and height."""
 
     inertia: LogPrior  # kg*m^2: of leg and device about the joint
     stiffness: LogPrior  # N*m/rad: level of the person

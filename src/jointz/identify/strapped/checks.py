@@ -1,16 +1,12 @@
 """Checks of average responses before the fit, and of the fit."""
 
 import numpy as np
-from scipy.stats import chi2
 
 from jointz.core.codes import Failure
+from jointz.identify.prediction.signal_checks import shows_stiff_joint, smallest_response
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.responses import PointResponse
 
-#: A response that walking alone makes as large with a higher probability is none.
-_NO_RESPONSE = 1e-3
-#: The response of a stiff joint (N*m/rad) must exceed so many sds of walking.
-_CLEAR, _STIFF = 4.0, 300.0
 #: Inertia dominates for so long, s; motion against the torque by so many sds has a wrong sign.
 _EARLY_S, _AGAINST_SD = 0.06, 4.0
 #: Longest lag of the sensor, s.
@@ -38,14 +34,12 @@ def _signed_response(point: PointResponse, stride: np.ndarray, k: int) -> tuple[
     shape = point.shapes[k]
     noise = stride * (1.0 / shape.n_pulses + 1.0 / point.n_strides)
     angle = shape.angle[0]
-    moved = float(angle @ np.linalg.solve(noise, angle)) > chi2.ppf(1.0 - _NO_RESPONSE, angle.size)
+    moved = float(angle @ np.linalg.solve(noise, angle)) > smallest_response(angle.size)
     early = point.time_s < _EARLY_S
     free = np.cumsum(np.cumsum(shape.torque))[early]
     weighted = np.linalg.solve(noise[np.ix_(early, early)], free)
     against = float(angle[early] @ weighted) < -_AGAINST_SD * float(np.sqrt(free @ weighted))
-    error = _CLEAR * float(np.sqrt(np.diag(noise).max()))
-    clear = error < float(np.abs(shape.torque).max()) / _STIFF
-    return moved, against, clear
+    return moved, against, shows_stiff_joint(noise, shape.torque)
 
 
 def lag_failure(posterior: LegPosterior) -> Failure | None:

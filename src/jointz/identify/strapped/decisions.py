@@ -1,4 +1,4 @@
-"""Reported values, limits and statuses of a timing point, and what speaks against them."""
+"""Reported values, limits, statuses and doubts of a timing point."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -8,25 +8,23 @@ import numpy as np
 from jointz.core.codes import Doubt
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
-from jointz.identify.preparation.calibration import relative_sd
+from jointz.identify.preparation.calibration import gains_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import SHARED
 from jointz.identify.strapped.posterior import LegPosterior
-from jointz.results.estimates import REACH_95, ParameterEstimate
+from jointz.results.estimates import ONE_SIDED_95, REACH_95, ParameterEstimate, decides
 
-#: Widest half-width of a decided value: its own, and the geometric mean of its own and the median
-#: of the person's points. Cells that alone of their person come out narrow are narrow by chance.
-WIDEST = 0.5
-#: Of these, the median itself may not be wider: after hold pulses, the narrow ones were too stiff.
-_WITH_COMPANY = ("stiffness", "stiffness_onset")
+#: A value is judged by its half-width and by the geometric mean of that and the median of the
+#: person's points: a single narrow one may be so by chance. Of these, the median itself may not be
+#: wider: after hold pulses, the narrow ones were too stiff.
+_JUDGED_BY_MEDIAN = ("stiffness", "stiffness_onset")
 #: Where the data decide nothing of a person, errors of the model exceed Laplace's: one-sided limits
 #: are so many times further out (docs/estimator.md).
 _WIDER_LIMITS = 2.0
 #: An estimate of a larger sd (of its logarithm) has no limits that mean anything.
 _NO_SD = 5.0
-_ONE_SIDED_95 = 1.6448536269514722
 #: Chi-square of a point over its samples, above which the model does not explain it.
 _LARGEST_MISFIT = 2.0
 #: Prior sds by which the inertia may differ from the body's.
@@ -36,8 +34,6 @@ _FARTHEST_INSTRUMENT_SD = 2.5
 _AGAINST_ALL = frozenset(
     {Doubt.INERTIA_UNLIKE_BODY, Doubt.INSTRUMENTS_UNLIKELY, Doubt.LAG_UNLIKELY}
 )
-#: Largest K (N*m/rad), B (N*m*s/rad) and J (kg*m^2) of any joint.
-LARGEST = {"stiffness": 4900.0, "damping": 98.0, "inertia": 5.0}
 _LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
 _CI_METHOD = (
     "posterior of a strapped leg under two hypotheses about the gait cycle; errors of virtual "
@@ -47,7 +43,7 @@ _CI_METHOD = (
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the rows of a participant depend on besides the posterior."""
+    """Calibration and body mass, on which the rows of a participant depend."""
 
     known: CalibrationSpec  # gains and the intrinsic impedance
     mass_kg: float | None  # for values per kg
@@ -56,9 +52,7 @@ class Decision:
     @property
     def gain_sd(self) -> float:
         """Relative sd of both gains together, common to K, B and J."""
-        return float(
-            np.hypot(relative_sd(self.known.angle_gain), relative_sd(self.known.torque_gain))
-        )
+        return gains_sd(self.known)
 
     def intrinsic(self, name: str) -> tuple[float, float]:
         """Return the device's own part of an estimate that its torque includes, and its sd."""
@@ -75,25 +69,25 @@ def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple
     """
     n_points = len(posterior.model.points)
     inertias = np.array([moments.of("inertia", point)[0] for point in range(n_points)])
-    off = np.abs(inertias - np.log(body.inertia.median))
-    person = body.known and float(np.abs(np.mean(inertias) - np.log(body.inertia.median))) > (
-        _FARTHEST_BODY_SD * body.inertia.log_sd
+    off, prior_sd = inertias - np.log(body.inertia.median), body.inertia.log_sd
+    of_person: set[Doubt] = set()
+    if _farthest_sd(posterior) > _FARTHEST_INSTRUMENT_SD:
+        of_person.add(Doubt.INSTRUMENTS_UNLIKELY)
+    if body.known and abs(float(off.mean())) > _FARTHEST_BODY_SD * prior_sd:
+        of_person.add(Doubt.INERTIA_UNLIKE_BODY)
+    farthest = _FARTHEST_BODY_SD * float(np.hypot(prior_sd, body.inertia_of_point_sd))
+    unlike = np.zeros(n_points, dtype=bool)
+    if body.known and Doubt.INERTIA_UNLIKE_BODY not in of_person:
+        unlike = np.abs(off) > farthest
+    return tuple(
+        of_person
+        | ({Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set())
+        | ({Doubt.INERTIA_UNLIKE_AT_POINT} if unlike[point] else set())
+        for point, misfit in enumerate(posterior.best.misfits)
     )
-    farthest = _FARTHEST_BODY_SD * float(np.hypot(body.inertia.log_sd, body.inertia_of_point_sd))
-    found: list[set[Doubt]] = []
-    for point, misfit in enumerate(posterior.best.misfits):
-        doubts = {Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set()
-        if farthest_sd(posterior) > _FARTHEST_INSTRUMENT_SD:
-            doubts.add(Doubt.INSTRUMENTS_UNLIKELY)
-        if person:
-            doubts.add(Doubt.INERTIA_UNLIKE_BODY)
-        elif body.known and off[point] > farthest:
-            doubts.add(Doubt.INERTIA_UNLIKE_AT_POINT)
-        found.append(doubts)
-    return tuple(found)
 
 
-def farthest_sd(posterior: LegPosterior) -> float:
+def _farthest_sd(posterior: LegPosterior) -> float:
     """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
     fit, layout = posterior.best, posterior.model.layout
     places = [layout.shared(name) for name in SHARED if name != "inertia"]
@@ -131,10 +125,10 @@ def _row(
     sd = float(np.hypot(whole * sd, own_sd)) / value
     if not sd < _NO_SD:  # NaN, too
         return undecided
-    half, usual = relative_half_width(sd), _median_half_width(name, moments)
-    together = usual if name in _WITH_COMPANY else float(np.sqrt(half * usual))
-    if max(half, together) > WIDEST:
-        reach = _ONE_SIDED_95 * sd * (_WIDER_LIMITS if usual > WIDEST else 1.0)
+    half, usual = _relative_half_width(sd), _median_half_width(name, moments)
+    together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
+    if not decides(1.0, max(half, together)):
+        reach = ONE_SIDED_95 * sd * (1.0 if decides(1.0, usual) else _WIDER_LIMITS)
         low, high = value * np.exp([-reach, reach])
         return replace(undecided, ci_low=float(low), ci_high=float(high), ci_method=_LIMITS)
     low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])
@@ -148,7 +142,7 @@ def _row(
     )
 
 
-def relative_half_width(sd: float) -> float:
+def _relative_half_width(sd: float) -> float:
     """Return half of the 95 % interval over the value, of the sd of a logarithm."""
     return float(np.sinh(REACH_95 * sd))
 
@@ -157,4 +151,4 @@ def _median_half_width(name: str, moments: LogMoments) -> float:
     """Return the median half-width over the person's timing points."""
     n_points = moments.mean.size // len(ESTIMANDS)
     sds = [moments.of(name, point)[1] for point in range(n_points)]
-    return float(np.median([relative_half_width(sd) for sd in sds]))
+    return float(np.median([_relative_half_width(sd) for sd in sds]))

@@ -48,7 +48,7 @@ _STRAPS_HZ = (1.0, 150.0)
 _TORQUE_ERRORS = (-0.5, 0.5)
 _LATENCIES_S, _TIMES_S = (0.015, 0.15), (0.008, 0.2)
 #: Knots between which log K is a smooth process of this length, cycles.
-_LENGTH_CYCLES = 0.13
+LENGTH_CYCLES = 0.13
 _KNOT_NUGGET = 1e-6
 
 
@@ -106,8 +106,8 @@ class LegModel:
         end_s = max(window_s, max(float(p.time_s[-1]) for p in points))
         self.knots_s = np.linspace(0.0, end_s, int(np.ceil(end_s / _KNOT_S - 1e-9)) + 1)
         self.layout = Layout(len(points), self.knots_s.size)
-        self._length_s = _LENGTH_CYCLES * float(np.mean([p.stride_s for p in points]))
-        among = self._alike(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
+        self._length_s = LENGTH_CYCLES * float(np.mean([p.stride_s for p in points]))
+        among = self._correlation(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
         self._knot_inverse = np.linalg.inv(among)
         self._torques = [
             np.stack([_at_steps(s.torque, p.period_s) for s in p.shapes]) for p in points
@@ -148,10 +148,10 @@ class LegModel:
 
     def knot_weights(self, time_s: np.ndarray) -> np.ndarray:
         """Return the weights of the knots at times, (t, knots): the process's conditional mean."""
-        return np.asarray(self._alike(time_s) @ self._knot_inverse)
+        return np.asarray(self._correlation(time_s) @ self._knot_inverse)
 
-    def _alike(self, time_s: np.ndarray) -> np.ndarray:
-        """Return how a smooth process at times goes with that at the knots, (t, knots)."""
+    def _correlation(self, time_s: np.ndarray) -> np.ndarray:
+        """Return the covariance of a smooth process between times and knots, (t, knots)."""
         apart = (time_s[:, None] - self.knots_s) / self._length_s
         return np.asarray(1.0 + np.exp(-0.5 * apart**2))
 

@@ -32,11 +32,6 @@ class LegPosterior:
         """The fit of the likeliest hypothesis."""
         return self.fits[int(np.argmax(self.weights))]
 
-    @property
-    def cycle_probability(self) -> float:
-        """Probability that K and B follow one curve of the gait cycle."""
-        return float(self.weights[0]) if len(self.fits) > 1 else 0.0
-
     def shared_moments(self, name: str) -> tuple[float, float]:
         """Return mean and sd of a shared parameter as transformed."""
         at = self.model.layout.shared(name)

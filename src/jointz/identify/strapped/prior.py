@@ -9,11 +9,17 @@ from scipy.special import logit
 from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior
 from jointz.core.study import Calibrated
 from jointz.identify.strapped.body import Body
-from jointz.identify.strapped.leg_model import INERTIA, REFLEX, SHARED, SLOPE, Layout, LegModel
+from jointz.identify.strapped.leg_model import (
+    INERTIA,
+    LENGTH_CYCLES,
+    REFLEX,
+    SHARED,
+    SLOPE,
+    Layout,
+    LegModel,
+)
 from jointz.identify.strapped.responses import PointResponse
 
-#: Length of a curve of K or B over the gait cycle, cycles.
-_LENGTH_CYCLES = 0.13
 #: Of a point by itself: share that does not change in the window, and time of what does, s.
 _STEADY, _DRIFT_S = 0.6, 0.13
 _NUGGET = 1e-4
@@ -64,7 +70,7 @@ class LegPriors:
         ):
             at = np.concatenate([np.r_[places(k)] for k in range(layout.n_points)])
             mean[at] = np.log(level.median)
-            alike = _alike(model.points, model.knots_s, follows_cycle)
+            alike = _correlation(model.points, model.knots_s, follows_cycle)
             covariance[np.ix_(at, at)] = (
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
@@ -119,7 +125,7 @@ def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:
     return prior.mean, prior.sd
 
 
-def _alike(
+def _correlation(
     points: Sequence[PointResponse], knots_s: np.ndarray, follows_cycle: float
 ) -> np.ndarray:
     """Return the correlation of K, or B, between all knots of all points."""
@@ -130,5 +136,5 @@ def _alike(
         return own
     phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])
     turn = np.sin(np.pi * (phase[:, None] - phase)) ** 2
-    curve = np.exp(-2.0 * turn / (2.0 * np.pi * _LENGTH_CYCLES) ** 2)
+    curve = np.exp(-2.0 * turn / (2.0 * np.pi * LENGTH_CYCLES) ** 2)
     return np.asarray(follows_cycle * curve + (1.0 - follows_cycle) * own)

@@ -33,11 +33,6 @@ class ShapeAverage:
     n_pulses: int
     used: np.ndarray  # (n,) samples before the joint has moved too far
 
-    @property
-    def masked(self) -> bool:
-        """Whether the response ends before its window."""
-        return not bool(self.used.all())
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointResponse:
@@ -67,7 +62,7 @@ class PointResponse:
 
     @property
     def used(self) -> np.ndarray:
-        """Which of the stacked samples are used."""
+        """Mask of the stacked samples that are used."""
         return np.concatenate([np.tile(s.used, len(self.channels)) for s in self.shapes])
 
     def stride_covariance(self, kick: np.ndarray) -> np.ndarray:

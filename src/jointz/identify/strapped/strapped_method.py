@@ -17,28 +17,29 @@ from jointz.core.priors import LogPrior, NormalPrior, SharePrior
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
-from jointz.identify.prediction.predicted_cells import CellPredictor, PredictedCell
+from jointz.identify.prediction.predicted_cells import (
+    CellPredictor,
+    PredictedCell,
+    pulses_by_point,
+)
 from jointz.identify.prediction.pulse_checks import stray_pulses
 from jointz.identify.prediction.signal_checks import (
+    LARGEST_IMPEDANCE,
     angle_failure,
     common_failure,
     torque_failure,
 )
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
-from jointz.identify.preparation.cell_data import calibration_sd
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
-from jointz.identify.recommended.gravity import (
-    corrected_stiffness,
-    gravity_stiffness,
-    hanging_masses,
-)
+from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
 from jointz.identify.recommended.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped import METHOD
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
-from jointz.identify.strapped.decisions import LARGEST, Decision, decided_rows, doubts_of
+from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.posterior import LegPosterior, explain
@@ -74,7 +75,9 @@ class StrappedMethod:
         pulses = assign_pulses(
             data.participant, data.sources, longer, baseline=BASELINE, alone=True
         )
-        return _Participant(data, settings).estimates(pulses)
+        reach_s = longer.perturbations.window_s + _MARGIN_S
+        predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
+        return _Participant(data, settings, predictor).estimates(pulses)
 
 
 def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
@@ -94,6 +97,7 @@ class _Explained:
     body: Body
     known: CalibrationSpec
     lag_unlikely: bool  # whether the responses contradict the calibrated lag
+    fits: tuple[tuple[Response, float], ...]  # of each timing point: response with fit, and VAF (%)
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
@@ -104,23 +108,20 @@ class _Explained:
 class _Participant:
     """Estimates one participant's timing points."""
 
-    def __init__(self, data: ParticipantData, settings: ParticipantSettings) -> None:
+    def __init__(
+        self, data: ParticipantData, settings: ParticipantSettings, predictor: CellPredictor
+    ) -> None:
         self._name = data.participant
         self._sources = data.sources
         self._settings = settings
-        longer = _with_all_data(settings)
-        reach_s = longer.perturbations.window_s + _MARGIN_S
-        self._predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
+        self._predictor = predictor
 
     def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
         """Return the estimates of all timing points, and all pulses with their final codes."""
         records = [c.record for c in candidates]
-        points = self._settings.timing_points
-        labels = {r.timing_point for r in records if r.timing_point}
         predicted: dict[str, PredictedCell] = {}
         codes: dict[str, list[str]] = {}
-        for label in sorted(labels, key=lambda label: (points.get(label, 100.0), label)):
-            indices = [k for k, r in enumerate(records) if r.timing_point == label]
+        for label, indices in pulses_by_point(records, self._settings).items():
             cell, codes[label] = self._predictor.predict(
                 label, [candidates[k] for k in indices], by_shape=True
             )
@@ -214,6 +215,7 @@ class _Participant:
             body=body,
             known=known,
             lag_unlikely=priors.lag is not None and _contradicts(posterior, priors),
+            fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
         )
 
     # --- after the fit -------------------------------------------------------------------------
@@ -235,7 +237,7 @@ class _Participant:
             subtract=intrinsic_left_in(recording),
         )
         parameters = decided_rows(k, explained.moments, decision, doubts)
-        response, vaf_pct = _fitted(explained.posterior, k)
+        response, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
         moved = max(float(np.abs(s.angle[0, inside]).max()) for s in point.shapes)
         return CellEstimate(
@@ -263,20 +265,15 @@ class _Participant:
         centre: float | None,
     ) -> ParameterEstimate | None:
         """Return the stiffness without gravity's part, if limb and posture are known."""
-        settings = self._settings
-        if settings.person is None or centre is None or stiffness.value is None:
-            return None
-        inside = point.time_s <= settings.perturbations.window_s
+        inside = point.time_s <= self._settings.perturbations.window_s
         moved_rad = float(np.mean([s.angle[0, inside].mean() for s in point.shapes]))
-        gravity = gravity_stiffness(
-            hanging_masses(settings.joint, settings.person, settings.device),
-            joint=settings.joint,
+        return participant_stiffness_without_gravity(
+            stiffness,
+            self._settings,
             angle_rad=cell.predicted.posture_rad + moved_rad,
             gait_pct=centre,
-            positive=settings.positive,
-            angle_sd_rad=calibration_sd(self._known([cell]).angle_zero_rad),
+            known=self._known([cell]),
         )
-        return None if gravity is None else corrected_stiffness(stiffness, gravity)
 
     def _log_posterior(self, explained: _Explained, doubts: Sequence[set[Doubt]]) -> LogPosterior:
         names = ESTIMANDS[:3]
@@ -350,9 +347,10 @@ def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
     failures: dict[str, Failure | None] = {}
     for k, cell in enumerate(explained.cells):
         beyond = any(
-            np.exp(explained.moments.of(name, k)[0]) > largest for name, largest in LARGEST.items()
+            np.exp(explained.moments.of(name, k)[0]) > largest
+            for name, largest in zip(PARAMETERS, LARGEST_IMPEDANCE, strict=True)
         )
-        _, vaf_pct = _fitted(explained.posterior, k)
+        _, vaf_pct = explained.fits[k]
         misfit = Failure.MODEL_MISFIT if vaf_pct < _LEAST_VAF_PCT else None
         failures[cell.label] = late or misfit or (Failure.OUTSIDE_RANGE if beyond else None)
     return failures
