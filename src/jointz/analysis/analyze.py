@@ -6,7 +6,13 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from jointz.analysis.participant_jobs import EstimationRequest, Outcome, hashed, outcomes
+from jointz.analysis.participant_jobs import (
+    EstimationRequest,
+    Outcome,
+    hashed,
+    outcomes,
+    recommended_method,
+)
 from jointz.analysis.population_step import damage_notes, study_statistics
 from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
@@ -16,7 +22,6 @@ from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import assembled, replicates_for
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
@@ -206,7 +211,7 @@ def check_method(method: str) -> str:
 def _chosen(study: Study, method: str) -> str:
     """Return the name of the method; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
-    name = _recommended(study) if method == RECOMMENDED else method
+    name = recommended_method(study) if method == RECOMMENDED else method
     kind, kinds = study.spec.kind, METHODS[name].kinds
     if kind not in kinds:
         raise DataError(
@@ -229,17 +234,6 @@ def _chosen(study: Study, method: str) -> str:
             f"perturbations.baseline, or the method {RECOMMENDED} or strapped."
         )
     return name
-
-
-def _recommended(study: Study) -> str:
-    """Return the recommended method of a study."""
-    perturbations = study.spec.perturbations
-    # A load moved by torque is one system; groups, and steps of the angle, are not.
-    torque = perturbations.source != "angle"
-    if study.spec.kind == "walking":
-        baseline = perturbations.baseline or PREDICTED
-        return RECOMMENDED if torque and baseline == PREDICTED else "dissertation"
-    return FULL_RECORD if torque and perturbations.group is None else "dissertation"
 
 
 def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:

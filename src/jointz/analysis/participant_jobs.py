@@ -21,6 +21,8 @@ from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
+from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
@@ -170,6 +172,17 @@ def _outcome(
     return Outcome(replace(result, evidence=()), virtual, inputs)
 
 
+def recommended_method(study: Study) -> str:
+    """Return the recommended method of a study."""
+    perturbations = study.spec.perturbations
+    # A load moved by torque is one system; groups, and steps of the angle, are not.
+    torque = perturbations.source != "angle"
+    if study.spec.kind == "walking":
+        baseline = perturbations.baseline or PREDICTED
+        return RECOMMENDED if torque and baseline == PREDICTED else "dissertation"
+    return FULL_RECORD if torque and perturbations.group is None else "dissertation"
+
+
 def participant_settings(
     study: Study, person_id: str, method: str, *, resamples: int, seed: int
 ) -> ParticipantSettings:
@@ -186,6 +199,7 @@ def participant_settings(
         group_edges=study.group_edges,
         torque_model=spec.torque_model,
         methods=(method, *(others if default_baseline else [])),
+        method_asked_for=method != recommended_method(study),
         n_resamples=resamples,
         seed=seed,
         mass_kg=spec.participant(person_id).mass_kg,

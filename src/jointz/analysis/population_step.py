@@ -62,6 +62,7 @@ def study_statistics(
         "notes": [
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
+            *(note for r in results for note in r.notes),
             *_method_notes(method, cells),
             *_model_notes(models),
             *_doubt_notes(models or [p for r in results for p in r.log_posteriors]),
@@ -172,7 +173,7 @@ def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
             others.setdefault(cell.method, []).append(cell)
     return [
         f"{_names(some)}: estimated by the method {used} instead of {method}, because the "
-        "recording contains several cases, or one linear system does not explain its torque."
+        "recording contains several cases."
         for used, some in others.items()
     ]
 

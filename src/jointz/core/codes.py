@@ -126,7 +126,13 @@ class Failure(FailureCode):
     )
     ANGLE_OUT_OF_RANGE = (
         "angle_out_of_range",
-        "the angle spans more than half a turn: degrees taken for rad?",
+        "the angle spans more than half a turn, or turns faster than 50 rad/s: degrees taken for "
+        "rad?",
+    )
+    TORQUE_HELD = (
+        "torque_held",
+        "the torque keeps each value for more than 10 ms: it was sampled too slowly, and B and J "
+        "follow from the steps",
     )
     LAG_OUT_OF_RANGE = (
         "lag_out_of_range",
@@ -148,6 +154,16 @@ class Failure(FailureCode):
         "below_zero",
         "below zero by more than its error: the intrinsic impedance or another calibration "
         "contradicts the data",
+    )
+    TORQUE_ABOVE_COMMAND = (
+        "torque_above_command",
+        "the torque is more than three times the command: is a unit wrong, or the gain of the "
+        "torque?",
+    )
+    NOT_ONE_LOAD = (
+        "not_one_load",
+        "one linear load explains less than 95 % of the torque of the whole trials: torque and "
+        "angle may not share a clock; if the load moves by itself, ask for the method dissertation",
     )
     WINDOW_TOO_LONG = (
         "window_too_long",

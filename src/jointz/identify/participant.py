@@ -14,6 +14,7 @@ from jointz.core.events import (
 from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
+from jointz.identify.estimate_checks import check_estimates
 from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.over_cycle.stride_curves import StrideCurves, stride_curves
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
@@ -51,6 +52,7 @@ class ParticipantResult:
     # session and side of the perturbed recordings; "" if the study does not state them, and on a
     # bench
     units: tuple[Unit, ...] = ()
+    notes: tuple[str, ...] = ()  # about values that cannot be
 
 
 def analyze_participant(
@@ -84,6 +86,10 @@ def _analyze_group(
     new = [s for s, given in zip(sources, recordings, strict=True) if id(given) not in reported]
     data = ParticipantData(participant, sources)
     estimates = {name: METHODS[name].estimate(data, settings) for name in settings.methods}
+    chosen = settings.methods[0]
+    cells, notes = check_estimates(estimates[chosen], sources, settings)
+    # The methods that are compared keep what they gave.
+    estimates[chosen] = replace(estimates[chosen], cells=cells)
     session, side = unit or ("", "")
     models = [e.model for e in estimates.values() if e.model is not None]
     evidence = [e.evidence for e in estimates.values() if e.evidence is not None]
@@ -120,6 +126,7 @@ def _analyze_group(
             source.given.file for source in new if is_unclean_switch(source.given.recording)
         ),
         units=() if unit is None else (unit,),
+        notes=notes,
     )
 
 

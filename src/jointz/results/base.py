@@ -260,12 +260,16 @@ def parameter_line(
     """Return a parameter with its interval, as a line of a summary."""
     p, name = parameter, name or parameter.name
     if p.value is None:
-        return f"{name:<{width}} {p.status}"
+        limits = f" (in {_ends(p, digits)} {p.unit})" if None not in p.ci else ""
+        return f"{name:<{width}} {p.status}{limits}"
     measure = f"{name:<{width}} {p.value:.{digits}g} {p.unit}"
     if p.ci_low is None or p.ci_high is None:
         return f"{measure} ({p.ci_method if p.status == 'ok' else 'no interval; undecided'})"
-    interval = f"{p.ci_low:.{digits}g} to {p.ci_high:.{digits}g}"
-    return f"{measure} ({p.ci_level:.0%} interval {interval}; {p.status})"
+    return f"{measure} ({p.ci_level:.0%} interval {_ends(p, digits)}; {p.status})"
+
+
+def _ends(parameter: "ParameterEstimate", digits: int) -> str:
+    return f"{parameter.ci_low:.{digits}g} to {parameter.ci_high:.{digits}g}"
 
 
 def parameter_label(parameter: "ParameterEstimate", *, symbol: str = "", digits: int = 3) -> str:

@@ -38,9 +38,8 @@ _LEAST_VAF_PCT = 95.0
 class FullRecordEstimator:
     """Estimates every case of a bench from its whole trials.
 
-    Recordings whose pulses belong to several cases or groups, and those whose torque a single
-    linear load does not explain, are estimated from the responses to their pulses, by the method
-    ``dissertation``.
+    Recordings whose pulses belong to several cases or groups are estimated from the responses to
+    their pulses, by the method ``dissertation``.
     """
 
     def __init__(
@@ -74,20 +73,20 @@ class FullRecordEstimator:
         by_pulse = []
         for label in dict.fromkeys(c.record.timing_point for c in candidates):
             pulses = [c for c in candidates if c.record.timing_point == label]
-            case = None if label in mixed else self._case(label, pulses)
-            if case is None:
+            if label in mixed:
                 by_pulse += pulses
-            else:
-                cells.append(case[0])
-                coded |= case[1]
+                continue
+            cell, records_of_case = self._case(label, pulses)
+            cells.append(cell)
+            coded |= records_of_case
         others, records = self._by_pulse.run(by_pulse)
         coded |= {id(c): r for c, r in zip(by_pulse, records, strict=True)}
         return (*cells, *others), [coded[id(c)] for c in candidates]
 
     def _case(
         self, label: str, candidates: Sequence[Candidate]
-    ) -> tuple[CellEstimate, dict[int, PulseRecord]] | None:
-        """Return a case and its pulses with their codes; None where it is not one linear load."""
+    ) -> tuple[CellEstimate, dict[int, PulseRecord]]:
+        """Return a case and its pulses with their codes."""
         why = {index: self._why_not(index, candidates) for index in {c.source for c in candidates}}
         records = {id(c): replace(c.record, code=self._code(c, why[c.source])) for c in candidates}
         used = sorted(index for index, code in why.items() if not code)
@@ -107,7 +106,7 @@ class FullRecordEstimator:
         except EstimationError as exc:
             return self._cell(label, Failure(exc.code), records, n_used=n_used), records
         if fit.vaf_pct < _LEAST_VAF_PCT:
-            return None
+            return self._cell(label, Failure.NOT_ONE_LOAD, records, n_used=n_used), records
         return self._cell(label, fit, records, n_used=n_used), records
 
     def _cell(

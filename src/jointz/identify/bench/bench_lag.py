@@ -50,6 +50,7 @@ class LagChoice:
     n_blocks: int  # blocks behind it; 0 where the records are too short
     # lags that the records do not refuse, where they do not tell the lag
     range_s: tuple[float, float] | None = None
+    at_end: bool = False  # whether the lag that fits best is the longest or shortest of the search
 
 
 def choose_lag(
@@ -128,6 +129,9 @@ def _decided_or_held(model: LoadModel, choice: LagChoice) -> LagChoice:
     if prior is not None:
         low, high = (prior.value_s + s * _LAG_SDS * prior.sd_s for s in (-1.0, 1.0))
         nearest = prior.value_s
+    near = 0.5 * _PROFILE_STEP_S
+    at_end = not SHORTEST_LAG_S + near < fit.lag.total_s < LONGEST_LAG_S - near
+    choice = replace(choice, at_end=at_end and prior is None)
     doubt = fit.cost + _cost_of_doubt(model, fit)
     far = fit.lag.total_s + np.array([-_FAR_LAG_S, _FAR_LAG_S])
     far = far[(far >= low) & (far <= high)]
@@ -144,6 +148,7 @@ def _decided_or_held(model: LoadModel, choice: LagChoice) -> LagChoice:
         widened,
         covariance=widened.covariance + np.diag(reach**2),
         range_s=(min(totals), max(totals)),
+        at_end=choice.at_end,
     )
 
 

@@ -10,7 +10,12 @@ from jointz.core.errors import DataError
 from jointz.identify.bench.bench_band import BandRecord, band_hz, band_record
 from jointz.identify.bench.bench_lag import LARGEST_CONDITION, LagChoice, LagKind, choose_lag
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.identify.bench.bench_regression import LoadModel, LoadRegression
+from jointz.identify.bench.bench_regression import (
+    LONGEST_LAG_S,
+    SHORTEST_LAG_S,
+    LoadModel,
+    LoadRegression,
+)
 from jointz.identify.series.block_regression import t_factor
 from jointz.identify.series.joint_record import PARAMETERS, check_level
 from jointz.results.bench.bench_fits import FullRecordFit, estimate
@@ -24,6 +29,9 @@ _FEW_KEPT = 0.3
 _NOISE_SHARE = 0.003
 #: A direction that is one and the same is an offset.
 _LEAST_DIRECTION_SD = 0.05
+#: A load is explained without friction if the residual, less what noise of the angle adds to it,
+#: has at most so many times the power of the torque's white noise.
+_MOST_UNEXPLAINED = 1.5
 _SERIES_S = 3.0
 _DAMPING = 1  # its place among the parameters
 _SERIES_POINTS = 1500
@@ -98,8 +106,9 @@ def fit_full_record(
     ``torque(t + lag) = K*angle + B*velocity + J*acceleration + c*sign(velocity) + offset``,
     one offset a trial, inside a band of 40 Hz, where the angle's noise is small and is
     corrected. Samples near low speed that lasts are left out: static friction there
-    takes any value up to c. Intervals come from a block sandwich over blocks of 1 s or
-    more and Student's t.
+    takes any value up to c. If the rest does not decide K, B, J and the lag, and a model without
+    friction explains all samples within the noise, friction is left out of the model. Intervals
+    come from a block sandwich over blocks of 1 s or more and Student's t.
 
     A first-order filter that is taken for a delay of the same lag raises J by 0.2-0.5 %.
     So both are fitted, with a test whether the filter's spread differs from either; where
@@ -139,6 +148,14 @@ def fit_full_record(
     notes: list[str] = []
     friction = friction and _friction_can_be_told(records, notes)
     chosen = choose_lag(LoadModel(records, friction), known_s=known, kind=lag_model)
+    if friction and not _decided(chosen):
+        without = _without_friction(even, records, known_s=known, kind=lag_model)
+        if without is not None:
+            chosen, records, friction = without[0], without[1], False
+            notes.append(
+                "no friction shows where the load is slow or at rest, within the noise of the "
+                "torque: it was left out of the model"
+            )
     regression = chosen.regression
     notes += _quality_notes(records, chosen)
     if chosen.kind == "mixed" and lag_model is None:
@@ -192,6 +209,37 @@ def fit_full_record(
     )
 
 
+def _decided(chosen: LagChoice) -> bool:
+    """Return whether the records decide K, B, J and the lag."""
+    well = chosen.regression.condition_number <= LARGEST_CONDITION
+    return well and chosen.n_blocks > 0 and chosen.range_s is None
+
+
+def _without_friction(
+    even: Sequence[EvenRecord],
+    records: Sequence[BandRecord],
+    *,
+    known_s: tuple[float, float] | None,
+    kind: LagKind | None,
+) -> tuple[LagChoice, list[BandRecord]] | None:
+    """Return the fit to all samples without friction; None if they show any, or decide nothing.
+
+    Where friction may hold the load, its torque is unknown and the samples are left out. If a
+    model without friction leaves the torque's noise only, there as elsewhere, none held it. What
+    friction would change at the same lag is added to the covariance.
+    """
+    every = [band_record(record, friction=False) for record in even]
+    chosen = choose_lag(LoadModel(every, friction=False), known_s=known_s, kind=kind)
+    regression = chosen.regression
+    noise = sum(r.torque_noise_nm2 * r.inside.sum() for r in every)
+    if not _decided(chosen) or regression.cost > _MOST_UNEXPLAINED * noise:
+        return None
+    with_friction = LoadModel(records, friction=True).fit_at(regression.lag)
+    moved = np.zeros(len(chosen.covariance))
+    moved[:3] = with_friction.values[:3] - regression.values[:3]
+    return replace(chosen, covariance=chosen.covariance + np.outer(moved, moved)), every
+
+
 def _twist_covariance(chosen: LagChoice, other: LagChoice) -> np.ndarray:
     """Return the covariance by one sd of torque seen as angle: the square of the change."""
     moved = np.zeros(len(chosen.covariance))
@@ -214,12 +262,13 @@ def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float]
 def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.ndarray:
     """Return the covariance of the decided parameters; infinite for the others."""
     out = np.full((count, count), np.inf)
-    decided = chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION
-    if decided:
+    if chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION:
         n = min(count, len(covariance))
         out[:n, :n] = covariance[:n, :n]
         if chosen.range_s is not None:  # a lag is a damping
             out[_DAMPING, :] = out[:, _DAMPING] = np.inf
+        if chosen.at_end:  # what a longer lag would change of all but K is unknown
+            out[_DAMPING:, :] = out[:, _DAMPING:] = np.inf
     return out
 
 
@@ -296,6 +345,12 @@ def _quality_notes(records: Sequence[BandRecord], chosen: LagChoice) -> list[str
         notes.append(
             "undecided: the motion is too simple to tell the parameters apart, such as one sine; "
             "add pulses"
+        )
+    if chosen.at_end:
+        notes.append(
+            "damping and inertia are undecided: the lag that fits best is at an end of the search, "
+            f"{1e3 * SHORTEST_LAG_S:.0f} to {1e3 * LONGEST_LAG_S:.0f} ms: torque and angle may not "
+            "share a clock. Shift one of them, or give the lag where it is known"
         )
     if chosen.range_s is not None:
         low, high = (1e3 * t for t in chosen.range_s)

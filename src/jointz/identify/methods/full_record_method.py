@@ -8,7 +8,7 @@ from jointz.identify.study_kinds import StudyKind
 
 
 class FullRecordMethod:
-    """Estimator of whole trials; a case that is not one linear load is fitted pulse by pulse."""
+    """Estimator of whole trials; cases that share a recording are fitted pulse by pulse."""
 
     name = METHOD
     kinds = ("bench",)

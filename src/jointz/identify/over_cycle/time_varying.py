@@ -32,7 +32,7 @@ from jointz.identify.series.joint_record import (
     Samples,
     check_choice,
     gather_record,
-    sign_warnings,
+    value_warnings,
 )
 from jointz.kernels.resampling import resample_weights
 from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
@@ -259,7 +259,8 @@ def _estimate(
         return None
 
 
-#: Undecided: half the interval is more than this share of the parameter's size over the cycle.
+#: Undecided: the interval reaches zero, or half of it is more than this share of the parameter's
+#: size over the cycle.
 _WIDEST = 0.5
 
 
@@ -282,7 +283,7 @@ def _curve(
     for value, end in zip(raw, ends, strict=True):
         if end is None:
             rows.append((None, None, None, Failure.ILL_CONDITIONED.status))
-        elif 0.5 * (end[1] - end[0]) <= widest:
+        elif end[0] > 0.0 and 0.5 * (end[1] - end[0]) <= widest:
             rows.append((value, float(end[0]), float(end[1]), "ok"))
         else:
             rows.append((None, None, None, "undecided"))
@@ -339,7 +340,7 @@ def curve_warnings(
 
 def _sign_notes(curves: Sequence[ParameterCurve]) -> list[str]:
     """Return a warning if all of K, B and J are negative over most of the cycle."""
-    decided = [[value for value in curve.value if value is not None] for curve in curves]
-    if not all(decided) or any(np.median(values) >= 0.0 for values in decided):
+    found = [[value for value in curve.raw if value is not None] for curve in curves]
+    if not all(found) or any(np.median(values) >= 0.0 for values in found):
         return []
-    return sign_warnings([float(np.median(values)) for values in decided])
+    return value_warnings([float(np.median(values)) for values in found])

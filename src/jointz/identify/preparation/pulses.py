@@ -60,14 +60,15 @@ def with_measured_amplitudes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -
     name = next((n for n in ("command", "torque") if n in recording), None)
     if name is None or not any(np.isnan(p.amplitude) for p in pulses):
         return pulses
-    time, source = recording["time"].to_numpy(), recording[name].to_numpy()
     return tuple(
-        replace(p, amplitude=_measured(time, source, p)) if np.isnan(p.amplitude) else p
+        replace(p, amplitude=measured_amplitude(recording, name, p)) if np.isnan(p.amplitude) else p
         for p in pulses
     )
 
 
-def _measured(time: np.ndarray, torque: np.ndarray, pulse: Pulse) -> float:
+def measured_amplitude(recording: xr.Dataset, name: str, pulse: Pulse) -> float:
+    """Return the mean of a channel during a pulse less that before it, NaN if it has no samples."""
+    time, torque = recording["time"].to_numpy(), recording[name].to_numpy()
     length_s = _TYPICAL_PULSE_S if np.isnan(pulse.duration_s) else pulse.duration_s
     moments = [pulse.onset_s - _BEFORE_S, pulse.onset_s, pulse.onset_s + length_s]
     first, onset, end = np.searchsorted(time, moments)

@@ -67,6 +67,8 @@ class ParticipantSettings:
     group_edges: tuple[float, ...] = ()  # SI
     torque_model: TorqueModelSpec | None = None  # for torque from current
     methods: tuple[str, ...] = ("recommended",)  # the chosen method, then those to compare it with
+    # whether the person chose the method, and jointz would have chosen another
+    method_asked_for: bool = False
     n_resamples: int = 1000  # of the bootstrap
     seed: int = 0
     mass_kg: float | None = None  # of the participant

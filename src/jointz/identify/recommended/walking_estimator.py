@@ -23,13 +23,10 @@ from jointz.identify.prediction.predicted_cells import (
     pulses_by_point,
 )
 from jointz.identify.prediction.pulse_checks import stray_pulses
-from jointz.identify.prediction.signal_checks import (
-    angle_failure,
-    common_failure,
-    torque_failure,
-)
+from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.recommended.gravity import participant_stiffness_without_gravity

@@ -15,7 +15,7 @@ from jointz.identify.series.joint_record import (
     PARAMETERS,
     JointRequest,
     angle_warnings,
-    sign_warnings,
+    value_warnings,
 )
 from jointz.identify.series.joint_signals import default_estimator, prepare_signals
 from jointz.identify.series.second_order_check import check_second_order, withhold_parameters
@@ -26,6 +26,7 @@ from jointz.kernels.series.spectra_second_order import (
     record_spectra,
 )
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.impedance_limits import weakest_status, withhold_impossible
 from jointz.results.series.second_order_verdict import SecondOrderCheck
 
 _LARGEST_CONDITION = 1e3
@@ -117,7 +118,7 @@ def estimate_second_order(
     settled = fit.converged and bool(np.isfinite(fit.covariance).all())
     warnings = [] if settled else ["undecided: the fit did not settle"]
     ci_method = f"sandwich over {fit.n_bins} frequencies, Student's t" if settled else "none"
-    parameters = _parameters(fit, request.ci_level, ci_method)
+    parameters = withhold_impossible(_parameters(fit, request.ci_level, ci_method))
     check = _check(spectra, fit.covariance)
     if check.fails:
         parameters, note = withhold_parameters(parameters, check, model)
@@ -131,7 +132,7 @@ def estimate_second_order(
             "linear response leaves (reflexes, a lag between the sensors?). All frequencies weigh "
             "alike, the values depend on the band, and the intervals do not know it"
         )
-    warnings += angle_warnings(spectra.record.channels["angle"]) + sign_warnings(fit.values)
+    warnings += angle_warnings(spectra.record.channels["angle"]) + value_warnings(fit.values)
     noise = 0.0 if transform.instrument is not None else _white_noise(transform, spectra.perturbed)
     return SecondOrder(
         request=request,
@@ -140,7 +141,7 @@ def estimate_second_order(
         fit=fit,
         weighting=weighting,
         parameters=parameters,
-        status="ok" if settled and not check.fails else "undecided",
+        status=weakest_status(parameters),
         check=check,
         ci_method=ci_method,
         warnings=tuple(warnings),

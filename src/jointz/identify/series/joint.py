@@ -12,6 +12,7 @@ from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
+from jointz.identify.preparation.instrument_checks import is_clipped, is_held
 from jointz.identify.series.block_regression import fitted_sandwich
 from jointz.identify.series.frequency_response import fit_frequency_response
 from jointz.identify.series.impulse_response import fit_impulse_response
@@ -26,11 +27,12 @@ from jointz.identify.series.joint_record import (
     OPPOSITE_SIGN,
     PARAMETERS,
     Input,
+    JointRecord,
     JointRequest,
     TorqueSide,
     angle_warnings,
     check_choice,
-    sign_warnings,
+    value_warnings,
 )
 from jointz.identify.series.joint_signals import (
     EDGE_PERIODS,
@@ -48,6 +50,7 @@ from jointz.kernels.block_sandwich import (
     count_blocks,
 )
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.impedance_limits import weakest_status, withhold_impossible
 from jointz.results.series.frequency_response_fit import FrequencyResponseFit
 from jointz.results.series.impulse_response_fit import ImpulseResponseFit
 from jointz.results.series.joint_fit import FitSeries, JointFit
@@ -70,6 +73,8 @@ _UNRELATED = (
     "inertia differs from zero. Check the columns and torque_acts_on, perturb more, or record "
     "longer"
 )
+#: A torque follows its command, if not exactly: a device beside the joint takes its share.
+_LARGEST_GAIN = 3.0
 _SERIES_S = 5.0
 _SERIES_POINTS = 1000
 
@@ -194,6 +199,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         cutoff_hz=cutoff_hz,
         ci_level=ci_level,
     )
+    _refuse_torque(request.record)
     _refuse_opposite_sign(request)
     if model == "irf":
         return fit_impulse_response(request, length_s)
@@ -202,6 +208,18 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
     if model == "reflex":
         return fit_reflex(request)
     return _fit_second_order(request, estimator)
+
+
+def _refuse_torque(record: JointRecord) -> None:
+    """Refuse a torque that is clipped, sampled too slowly, or far larger than its command."""
+    torque, command = record.channels["torque"], record.channels.get("command", np.zeros(1))
+    for failure, found in (
+        (Failure.TORQUE_SATURATED, is_clipped(torque)),
+        (Failure.TORQUE_HELD, is_held(torque, record.rate_hz)),
+        (Failure.TORQUE_ABOVE_COMMAND, 0.0 < _LARGEST_GAIN * np.std(command) < np.std(torque)),
+    ):
+        if found:
+            raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}.")
 
 
 def _refuse_opposite_sign(request: JointRequest) -> None:
@@ -225,7 +243,9 @@ def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) ->
     signals = prepare_signals(request.record, cutoff_hz, request.torque_acts_on)
     solution = ESTIMATORS[chosen](signals)
     intervals = _Intervals.of(solution, signals)
-    parameters = intervals.parameters(request.ci_level, bounded=chosen in _BOUNDED)
+    parameters = withhold_impossible(
+        intervals.parameters(request.ci_level, bounded=chosen in _BOUNDED)
+    )
     covariance, ci_method = intervals.covariance, intervals.ci_method
     warnings = _warnings(request, chosen, solution, signals, intervals.doubt)
     check = SecondOrderCheck()
@@ -236,7 +256,6 @@ def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) ->
     if check.fails:
         parameters, note = withhold_parameters(parameters, check, "kbj")
         covariance, ci_method, warnings = np.empty((0, 3)), "none", [note, *warnings]
-    statuses = [p.status for p in parameters]
     measured = solution.measured - solution.measured.mean()
     unexplained = float(np.sum(solution.residual**2) / np.sum(measured**2))
     return JointFit(
@@ -246,7 +265,7 @@ def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) ->
         parameters=parameters,
         vaf_pct=100.0 * (1.0 - unexplained),
         vaf_of=solution.fitted_signal,
-        status=next((s for s in ("undecided", "at_bound") if s in statuses), "ok"),
+        status=weakest_status(parameters),
         n_samples=signals.angle.size,
         rate_hz=signals.rate_hz,
         cutoff_hz=cutoff_hz,
@@ -364,7 +383,7 @@ def _warnings(
             "that angle and torque are not exchanged"
         )
     warnings += angle_warnings(signals.angle)
-    return warnings if doubt else warnings + sign_warnings(solution.kbj)
+    return warnings if doubt else warnings + value_warnings(solution.kbj)
 
 
 def _series(measured: np.ndarray, solution: Solution, signals: JointSignals) -> FitSeries:

@@ -37,6 +37,8 @@ _WEAK_F = 10.0
 #: A parameter below this share of torque over motion stands at its bound.
 _AT_BOUND = 1e-6
 _START_FLOOR = 1e-3
+#: Share of stiffness and damping, by the step, that an inertia does not show below.
+_NO_INERTIA = 1e-3
 #: Passes of the refined instruments; they change little after the second.
 _IV_PASSES = 3
 
@@ -304,7 +306,9 @@ def simulate_motion(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return angle, velocity and acceleration that a torque causes in a joint at rest."""
     K, B, J = values
-    to_angle, to_velocity, denominator = _discrete_joint(values, rate_hz)
+    # Without inertia there is no state: one that a sample does not show stands for it.
+    J = max(J, _NO_INERTIA * (K / rate_hz + B) / rate_hz, np.finfo(float).tiny)
+    to_angle, to_velocity, denominator = _discrete_joint(np.array([K, B, J]), rate_hz)
     drive = _compensated_for_hold(torque)
     angle = lfilter(to_angle, denominator, drive)
     velocity = lfilter(to_velocity, denominator, drive)

@@ -14,14 +14,13 @@ from jointz.core.channels import RECORD_UNITS
 from jointz.core.errors import DataError, EstimationError, UnitError
 from jointz.core.units import conversion
 from jointz.gait import timestamps
+from jointz.identify.preparation.instrument_checks import looks_like_degrees
+from jointz.results.impedance_limits import LARGEST_IMPEDANCE, unit_question
 
 #: Parts of a record whose sampling rates are compared, and the largest ratio allowed.
 _PARTS = 8
 _LARGEST_RATE_RATIO = 1.5
 _LARGE_ANGLE_RAD = 0.2
-
-#: No joint turns further; degrees that are taken for rad do.
-_LARGEST_ANGLE_RAD = 4.0
 
 JOINT = "identify_joint"
 OPPOSITE_SIGN = (
@@ -141,12 +140,15 @@ def gather_record(
                 f"{rate_hz}. Give time= or rate_hz=."
             )
         n = channels[required[0]].size
+        _refuse_degrees(channels, float(rate_hz), where)
         return JointRecord(channels, float(rate_hz), np.arange(n) / rate_hz, sha256)
     _check_time(time, first_row)
     names = list(channels)
     uniform, values = timestamps.resample_stretch(time, np.stack([channels[n] for n in names]))
     rate = (uniform.size - 1) / float(uniform[-1] - uniform[0])
-    return JointRecord(dict(zip(names, values, strict=True)), rate, uniform, sha256)
+    channels = dict(zip(names, values, strict=True))
+    _refuse_degrees(channels, rate, where)
+    return JointRecord(channels, rate, uniform, sha256)
 
 
 def _samples(values: npt.ArrayLike, name: str, where: str) -> np.ndarray:
@@ -196,12 +198,14 @@ def _in_si(
     return converted
 
 
-def sign_warnings(kbj: npt.ArrayLike) -> list[str]:
-    """Return warnings of negative stiffness, damping and inertia, with their likely cause."""
+def value_warnings(kbj: npt.ArrayLike) -> list[str]:
+    """Return warnings of negative and of enormous K, B and J, with their likely cause."""
     values = np.asarray(kbj, dtype=float)
     if np.all(values < 0.0):
         return [OPPOSITE_SIGN]
-    return [
+    enormous = np.any(np.abs(values) > LARGEST_IMPEDANCE)
+    units = [unit_question(dict(zip(PARAMETERS, values, strict=True)))] if enormous else []
+    return units + [
         f"{name} is negative" + (": gravity or body weight may act so" * (name == "stiffness"))
         for name, value in zip(PARAMETERS, values, strict=True)
         if value < 0.0
@@ -242,14 +246,18 @@ def _check_channels(
                 f"channel '{name}' has {bad.size} sample(s) without a number, the first in row "
                 f"{first_row + int(bad[0])}; cut the record there or fill them yourself."
             )
-    angle = channels.get("angle", np.zeros(0))
-    if angle.size and np.ptp(angle) > _LARGEST_ANGLE_RAD:
-        problems.append(
-            "channel 'angle' turns further than any joint, as degrees do that are taken for rad; "
-            'state its unit: units={"angle": "deg"}, COLUMN:deg in a command.'
-        )
     if problems:
         raise DataError(f"{where}: " + " ".join(problems))
+
+
+def _refuse_degrees(channels: Mapping[str, np.ndarray], rate_hz: float, where: str) -> None:
+    angle = channels.get("angle")
+    if angle is not None and looks_like_degrees(angle, rate_hz):
+        raise DataError(
+            f"{where}: channel 'angle' turns further or faster than any joint, as degrees do that "
+            'are taken for rad; state its unit: units={"angle": "deg"}, COLUMN:deg in a command.',
+            channel="angle",
+        )
 
 
 def _check_time(time: np.ndarray, first_row: int) -> None:

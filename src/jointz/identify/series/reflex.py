@@ -9,7 +9,7 @@ from jointz.identify.series.joint_record import (
     PARAMETERS,
     JointRequest,
     angle_warnings,
-    sign_warnings,
+    value_warnings,
 )
 from jointz.identify.series.reflex_search import (
     DRIFT_S,
@@ -22,6 +22,7 @@ from jointz.identify.series.reflex_search import (
 )
 from jointz.kernels.series.parallel_cascade import DELAY_S, CascadeFit
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.impedance_limits import weakest_status, withhold_impossible
 from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
 
 _CUTOFF_HZ = 20.0
@@ -65,6 +66,7 @@ def fit_reflex(request: JointRequest) -> ReflexFit:
     intrinsic = signals.motion @ estimate.kbj
     reflex = signals.torque - intrinsic - estimate.residual
     parameters, doubts = _parameters(estimate, request.ci_level)
+    parameters = withhold_impossible(parameters)
 
     def vaf_pct(residual: np.ndarray) -> float:
         return 100.0 * (1.0 - float(np.sum(residual**2) / np.sum(signals.torque**2)))
@@ -80,7 +82,7 @@ def fit_reflex(request: JointRequest) -> ReflexFit:
         linear_vaf_pct=vaf_pct(estimate.linear_residual),
         linear_stiffness=float(estimate.linear[0]),
         vaf_of="torque",
-        status="undecided" if any(p.status == "undecided" for p in parameters) else "ok",
+        status=weakest_status(parameters),
         path=_path(estimate, signals),
         n_samples=signals.torque.size,
         rate_hz=request.record.rate_hz,
@@ -190,7 +192,7 @@ def _warnings(estimate: ReflexEstimate, signals: ReflexSignals, request: JointRe
     if estimate.cascade is not None:
         warnings += _path_warnings(estimate.cascade, estimate.covariance)
     if not estimate.doubt:
-        warnings += sign_warnings(estimate.kbj)
+        warnings += value_warnings(estimate.kbj)
     if estimate.covariance.size:
         warnings += _inertia_warnings(estimate, signals)
     if signals.drift_share > _DRIFT_SHARE:

@@ -23,15 +23,11 @@ from jointz.identify.prediction.predicted_cells import (
     pulses_by_point,
 )
 from jointz.identify.prediction.pulse_checks import stray_pulses
-from jointz.identify.prediction.signal_checks import (
-    LARGEST_IMPEDANCE,
-    angle_failure,
-    common_failure,
-    torque_failure,
-)
+from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
 from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
@@ -47,6 +43,7 @@ from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import FIT_S, PointResponse, point_response
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, Response
+from jointz.results.impedance_limits import LARGEST_IMPEDANCE
 from jointz.results.log_posterior import LogPosterior
 
 BASELINE = "predicted"

@@ -8,6 +8,7 @@ import numpy as np
 
 from jointz.results.base import SYMBOLS, Fit, parameter_label, parameter_line, summary_text
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.impedance_limits import without_negative
 from jointz.results.series.joint_fit import FitSeries
 
 if TYPE_CHECKING:
@@ -118,12 +119,12 @@ def estimate(
 ) -> ParameterEstimate:
     """Return a parameter with a symmetric interval; undecided where the data do not decide.
 
-    Stiffness and inertia of a load are positive: one whose interval reaches zero, or that
-    has no finite sd, is ``undecided`` and has no value. Damping, friction and lag may be
-    zero and need a finite sd only.
+    Stiffness, damping and inertia of a load are positive. Friction and lag may be zero and need a
+    finite sd only.
     """
     half = t_factor * sd
-    reaches_zero = name in ("stiffness", "inertia") and value - half <= 0.0
-    if not np.isfinite(half) or reaches_zero:
+    if not np.isfinite(half):
         return ParameterEstimate(name, None, None, None, "undecided", **common)
-    return ParameterEstimate(name, value, value - half, value + half, "ok", **common)
+    return without_negative(
+        ParameterEstimate(name, value, value - half, value + half, "ok", **common)
+    )

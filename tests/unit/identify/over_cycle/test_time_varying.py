@@ -289,7 +289,8 @@ def test_a_record_that_loses_most_of_its_strides_says_so(walked):
 def test_torque_on_the_other_body_is_told(walked):
     turned = identify(walked | {name: -walked[name] for name in ("torque", "command")}, n_phases=3)
 
-    assert turned.parameter("stiffness").value[0] < 0.0
+    assert turned.parameter("stiffness").raw[0] < 0.0
+    assert turned.parameter("stiffness").value == (None, None, None)
     assert any("torque is counted on the other body" in note for note in turned.warnings)
 
 

@@ -10,11 +10,8 @@ import xarray as xr
 
 from jointz.core.codes import Failure
 from jointz.identify.prediction.pulse_checks import copied_pulses
-from jointz.identify.prediction.signal_checks import (
-    angle_failure,
-    common_failure,
-    torque_failure,
-)
+from jointz.identify.prediction.signal_checks import common_failure
+from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.recommended.response_checks import (
     instrument_failure,

@@ -1,0 +1,102 @@
+"""Checks that every method's estimates pass before they are reported."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jointz.core.codes import Failure
+from jointz.core.events import row_label
+from jointz.gait.timestamps import rate_hz
+from jointz.identify.estimators import Estimates
+from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.preparation.instrument_checks import (
+    angle_failure,
+    exceeds_command,
+    is_clipped,
+    is_held,
+    torque_failure,
+)
+from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.results.estimates import CellEstimate
+from jointz.results.impedance_limits import (
+    beyond_limits,
+    reaches_zero,
+    unit_question,
+    withhold_impossible,
+)
+
+
+def check_estimates(
+    estimates: Estimates, sources: Sequence[Source], settings: ParticipantSettings
+) -> tuple[tuple[CellEstimate, ...], tuple[str, ...]]:
+    """Return the cells without values that cannot be, and notes about them.
+
+    A method that was asked for by name keeps its values; the notes are its doubts.
+    """
+    failures = {s.given.file: _instrument_failure(s, settings) for s in sources}
+    cells, notes = [], []
+    for cell in estimates.cells:
+        files = dict.fromkeys(
+            p.recording
+            for p in estimates.pulses
+            if p.timing_point == cell.timing_point and not p.code
+        )
+        failure = next(filter(None, map(failures.get, files)), None)
+        checked = _checked(cell, failure, settings)
+        notes += _notes(cell, failure, asked=settings.method_asked_for)
+        cells.append(cell if settings.method_asked_for else checked)
+    return tuple(cells), tuple(notes)
+
+
+def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failure | None:
+    """Return why no method may use a perturbed recording, None if nothing speaks against it."""
+    recording = source.given.recording
+    if source.given.condition != "perturbed" or not source.pulses:
+        return None
+    if failure := angle_failure(recording):
+        return failure
+    torque = recording["torque"].to_numpy()
+    torque = torque[np.isfinite(torque)]
+    if is_held(torque, rate_hz(recording["time"].to_numpy())):
+        return Failure.TORQUE_HELD
+    if not settings.kind.by_gait and is_clipped(torque):
+        return Failure.TORQUE_SATURATED
+    # Of steps of the angle and of a reference the amplitude is no torque.
+    by_torque = settings.perturbations.source in ("command", "table")
+    if not by_torque:
+        return None
+    if not settings.kind.by_gait and exceeds_command(recording, source.pulses):
+        return Failure.TORQUE_ABOVE_COMMAND
+    return torque_failure(recording, source.pulses)
+
+
+def _checked(
+    cell: CellEstimate, failure: Failure | None, settings: ParticipantSettings
+) -> CellEstimate:
+    # A method for walking gives its own reason.
+    own = settings.kind.by_gait and not any(p.available for p in cell.parameters)
+    if failure is None or own or not cell.n_used:
+        parameters = withhold_impossible(cell.parameters)
+        return cell if parameters == cell.parameters else replace(cell, parameters=parameters)
+    empty = failed_parameters(
+        failure, mass_kg=settings.mass_kg, wants_per_mass=settings.kind.per_mass
+    )
+    return replace(cell, parameters=empty, covariance=None)
+
+
+def _notes(cell: CellEstimate, failure: Failure | None, *, asked: bool) -> list[str]:
+    """Return what a reader must know of values that are withheld, or kept because asked for."""
+    if not any(p.available for p in cell.parameters):
+        return []
+    where = f"{row_label(cell.participant)}, {cell.timing_point}"
+    kept = f" The values stay, because the method {cell.method} was asked for." if asked else ""
+    if failure is not None:
+        return [f"{where}: {failure.value}: {failure.meaning}.{kept}"]
+    if beyond_limits(cell.parameters):
+        values = {p.name: p.value for p in cell.parameters if p.value is not None}
+        return [f"{where}: {unit_question(values)}{kept}"]
+    low = [p.name for p in cell.parameters if reaches_zero(p)]
+    if not low:
+        return []
+    return [f"{where}: {', '.join(low)} may be zero or negative, which no joint or load is.{kept}"]

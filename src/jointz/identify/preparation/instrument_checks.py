@@ -1,0 +1,119 @@
+"""Checks of angle and torque that need no model: degrees taken for rad, a bad torque sensor."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from jointz.core.codes import Failure
+from jointz.gait.timestamps import rate_hz
+from jointz.identify.preparation.pulses import Pulse, measured_amplitude
+from jointz.identify.preparation.sources import FRICTION_OF_MODEL
+
+#: Widest range of a joint (rad) and its largest speed (rad/s): a knee that kicks reaches 30 rad/s.
+#: Degrees that are taken for rad exceed one or the other.
+_WIDEST_RAD, _FASTEST_RAD_S = np.pi, 50.0
+#: Neither is judged by the most extreme samples, which may be errors of the sensor, %.
+_USUAL_PCT = (1.0, 99.0)
+_SPEED_OVER_S = 0.02
+#: A flat top has this share of a pulse's samples at the largest value, within a tolerance; it is a
+#: sign of clipping if it lies between these shares of the command.
+_FLAT_SHARE, _SAME = 0.2, 1e-9
+_CLIPPED_SHARES = (0.2, 0.95)
+#: A clipped record has this share of its samples at one end, and seldom repeats a value elsewhere.
+_AT_END, _IN_RUNS, _REPEATED = 0.01, 0.7, 0.05
+#: A torque follows its command, if not exactly.
+_LARGEST_GAIN = 3.0
+#: A held torque keeps its values for one time, and takes many.
+_LONGEST_HOLD_S, _FEWEST_STEPS, _REGULAR, _DISTINCT = 0.01, 20, 0.9, 0.5
+
+
+def angle_failure(recording: xr.Dataset) -> Failure | None:
+    """Return why the angle cannot be that of a joint in rad, None if it can."""
+    angle = recording["angle"].to_numpy()
+    if not np.isfinite(angle).any():
+        return Failure.CONSTANT_ANGLE
+    degrees = looks_like_degrees(angle, rate_hz(recording["time"].to_numpy()))
+    return Failure.ANGLE_OUT_OF_RANGE if degrees else None
+
+
+def looks_like_degrees(angle: np.ndarray, rate_hz: float) -> bool:
+    """Return whether an angle in rad turns further or faster than a joint."""
+    low, high = np.nanpercentile(angle, _USUAL_PCT)
+    if high - low > _WIDEST_RAD:
+        return True
+    step = max(1, round(_SPEED_OVER_S * rate_hz))
+    moved = np.abs(angle[step:] - angle[:-step])
+    moved = moved[np.isfinite(moved)]
+    speed = np.percentile(moved, _USUAL_PCT[1]) * rate_hz / step if moved.size else 0.0
+    return bool(speed > _FASTEST_RAD_S)
+
+
+def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | None:
+    """Return a failure if the torque looks clipped at a share of the command.
+
+    Both a motor at its limit, whose torque is correct, and a saturated sensor, whose torque is too
+    small, clip it; the latter makes K, B and J too small by one factor without a worse fit. The
+    shape of the rise distinguishes them only if the lag is known well, so this is not attempted.
+    A flat top at the commanded torque indicates neither.
+    """
+    if not pulses or not np.isfinite([p.amplitude for p in pulses]).all():
+        return None
+    time, torque = recording["time"].to_numpy(), recording["torque"].to_numpy()
+    raw = recording["current"].to_numpy() if "current" in recording else torque
+    if FRICTION_OF_MODEL in recording:
+        torque = torque - recording[FRICTION_OF_MODEL].to_numpy()
+    durations = [p.duration_s if np.isfinite(p.duration_s) else 0.1 for p in pulses]
+    spans = [
+        np.searchsorted(time, [p.onset_s, p.onset_s + d])
+        for p, d in zip(pulses, durations, strict=True)
+    ]
+    inside = [
+        (p.sign * raw[a:b], p.sign * torque[a:b]) for p, (a, b) in zip(pulses, spans, strict=True)
+    ]
+    top = max((float(np.nanmax(r)) for r, _ in inside if np.isfinite(r).any()), default=np.nan)
+    clipped = 0
+    for pulse, (record, driving) in zip(pulses, inside, strict=True):
+        at_top = record >= top - _SAME * abs(top)
+        if record.size and at_top.mean() > _FLAT_SHARE:
+            reached = float(np.median(driving[at_top])) / abs(pulse.amplitude)
+            clipped += _CLIPPED_SHARES[0] < reached < _CLIPPED_SHARES[1]
+    return Failure.TORQUE_SATURATED if clipped > len(pulses) / 2 else None
+
+
+def exceeds_command(recording: xr.Dataset, pulses: Sequence[Pulse]) -> bool:
+    """Return whether the pulses of the torque are far larger than their commands."""
+    ratios = [
+        abs(measured_amplitude(recording, "torque", p) / p.amplitude) for p in pulses if p.amplitude
+    ]
+    known = [ratio for ratio in ratios if np.isfinite(ratio)]
+    return bool(known and np.median(known) > _LARGEST_GAIN)
+
+
+def is_clipped(torque: np.ndarray) -> bool:
+    """Return whether a record whose values otherwise differ stands at its largest or smallest."""
+    size = np.abs(torque).max()
+    ends = [np.abs(torque - end) <= _SAME * size for end in (torque.min(), torque.max())]
+    at_end = ends[0] | ends[1]
+    between = ~(at_end[1:] | at_end[:-1])
+    if not between.any() or max(float(end.mean()) for end in ends) < _AT_END:
+        return False
+    in_runs = np.mean(at_end[1:][at_end[:-1]])
+    repeated = np.mean(np.diff(torque)[between] == 0.0)
+    return bool(in_runs > _IN_RUNS and repeated < _REPEATED)
+
+
+def is_held(torque: np.ndarray, rate_hz: float) -> bool:
+    """Return whether a record keeps each value for one and the same, long time.
+
+    Commanded steps between a few levels do so, too; a sampled torque takes many values.
+    """
+    steps = np.flatnonzero(np.diff(torque))
+    if steps.size < _FEWEST_STEPS:
+        return False
+    lasted = np.diff(steps)
+    usual = float(np.median(lasted))
+    regular = float(np.mean(np.abs(lasted - usual) <= 1.0))
+    distinct = np.unique(torque[steps]).size / steps.size
+    long = usual / rate_hz > _LONGEST_HOLD_S
+    return bool(long and usual >= 2.0 and regular > _REGULAR and distinct > _DISTINCT)

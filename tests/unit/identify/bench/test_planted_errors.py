@@ -1,0 +1,209 @@
+"""Errors of torque, angle and units in a bench record: none comes out as a wrong ``ok``."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from jointz.core.codes import Failure
+from jointz.core.errors import DataError, EstimationError
+from jointz.core.recording import build_recording
+from jointz.core.study import CalibrationSpec, PerturbationsSpec
+from jointz.identify.bench.bench_records import BenchTrial
+from jointz.identify.bench.full_record import fit_full_record
+from jointz.identify.participant import analyze_participant
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
+from jointz.identify.series.joint import identify_joint
+from jointz.identify.study_kinds import BENCH
+
+RATE_HZ, FINE = 500.0, 10
+TRUTH = {"stiffness": 60.0, "damping": 2.3, "inertia": 0.05}
+ONSETS = 1.0 + 1.5 * np.arange(40)
+Channels = tuple[np.ndarray, np.ndarray]
+Error = Callable[[np.ndarray, np.ndarray], Channels]
+
+
+def moved(torque: np.ndarray) -> np.ndarray:
+    """Return the angle of the load under a torque, both at the fine rate."""
+    K, B, J = TRUTH.values()
+    system = ([[1.0 / J]], [1.0, B / J, K / J])
+    (numerator,), denominator, _ = cont2discrete(system, 1.0 / (FINE * RATE_HZ))
+    return lfilter(numerator, denominator, 0.5 * (torque + np.append(torque[1:], torque[-1])))
+
+
+def recorded(torque: np.ndarray, *, friction: float = 0.0) -> Channels:
+    """Return angle and torque of sensors with noise."""
+    angle = moved(torque)
+    if friction:  # against the motion, from the step before
+        for _ in range(8):
+            held = friction * np.tanh(np.gradient(angle) * FINE * RATE_HZ / 0.02)
+            angle = moved(torque - held)
+    rng = np.random.default_rng(3)
+    n = angle[::FINE].size
+    return (
+        angle[::FINE] + 5e-5 * rng.standard_normal(n),
+        torque[::FINE] + 0.05 * rng.standard_normal(n),
+    )
+
+
+def pulses(size_nm: float = 6.0) -> np.ndarray:
+    """Return 40 pulses of 250 ms behind an actuator of 6 ms, at the fine rate."""
+    t = np.arange(int(62.0 * RATE_HZ * FINE)) / (RATE_HZ * FINE)
+    signs = np.tile([1.0, -1.0], 20)
+    command = sum(
+        size_nm * s * ((t >= o) & (t < o + 0.25)) for o, s in zip(ONSETS, signs, strict=True)
+    )
+    decay = np.exp(-1.0 / (0.006 * RATE_HZ * FINE))
+    return lfilter([1.0 - decay], [1.0, -decay], command)
+
+
+def wandering(size_nm: float = 3.0) -> np.ndarray:
+    """Return a minute of random torque, at the fine rate."""
+    rng = np.random.default_rng(8)
+    n = int(60.0 * RATE_HZ * FINE)
+    decay = np.exp(-2.0 * np.pi * 8.0 / (RATE_HZ * FINE))
+    torque = lfilter([1.0 - decay], [1.0, -decay], rng.standard_normal(n))
+    torque = lfilter([1.0 - decay], [1.0, -decay], torque)
+    return torque * size_nm / torque.std()
+
+
+def delayed(signal: np.ndarray, seconds: float) -> np.ndarray:
+    return np.roll(signal, round(seconds * RATE_HZ))
+
+
+def stretched(signal: np.ndarray, share: float) -> np.ndarray:
+    at = np.arange(signal.size)
+    return np.interp(at * (1.0 + share), at, signal)
+
+
+def held(signal: np.ndarray, seconds: float) -> np.ndarray:
+    step = round(seconds * RATE_HZ)
+    return signal[np.arange(signal.size) // step * step]
+
+
+ERRORS: dict[str, Error] = {
+    "torque 20 ms late": lambda a, m: (a, delayed(m, 0.02)),
+    "torque resampled by 2 %": lambda a, m: (a, stretched(m, 0.02)),
+    "torque held at 25 Hz": lambda a, m: (a, held(m, 0.04)),
+    "torque clipped": lambda a, m: (a, m.clip(-3.6, 3.6)),
+    "torque of the other body": lambda a, m: (a, -m),
+    "N*mm for N*m": lambda a, m: (a, 1000.0 * m),
+    "degrees for rad": lambda a, m: (np.rad2deg(a), m),
+    "exchanged": lambda a, m: (m, a),
+}
+
+
+@pytest.fixture(scope="module")
+def bench() -> Channels:
+    return recorded(pulses())
+
+
+@pytest.fixture(scope="module")
+def shaken() -> Channels:
+    return recorded(wandering())
+
+
+def analyzed(angle: np.ndarray, torque: np.ndarray, *, amplitude_nm: float = 6.0, **settings):
+    t = np.arange(angle.size) / RATE_HZ
+    signs = np.tile([1.0, -1.0], 20)
+    table = pd.DataFrame(
+        {
+            "onset_s": ONSETS,
+            "duration_s": 0.25,
+            "amplitude_nm": amplitude_nm * signs,
+            "timing_point": "",
+        }
+    )
+    recording = build_recording(
+        t, {"angle": angle, "torque": torque}, condition="perturbed", file="load.csv"
+    )
+    given = RecordingInput(recording, CalibrationSpec(), table)
+    asked = {"methods": ("full_record", "dissertation"), "n_resamples": 20} | settings
+    source = PerturbationsSpec(source="table", baseline=asked.pop("baseline", None))
+    return analyze_participant(
+        "rig", [given], ParticipantSettings(kind=BENCH, perturbations=source, **asked)
+    )
+
+
+def wrong(parameters) -> dict[str, float]:
+    """Return what is ``ok`` and more than 30 % off."""
+    values = {p.name: p.value for p in parameters if p.name in TRUTH and p.status == "ok"}
+    return {name: v for name, v in values.items() if abs(v / TRUTH[name] - 1.0) > 0.3}
+
+
+def test_a_clean_record_of_forty_pulses_decides_all_three(bench):
+    (cell,) = analyzed(*bench).cells["full_record"]
+    for name, truth in TRUTH.items():
+        p = cell.parameter(name)
+        assert p.status == "ok"
+        assert p.value == pytest.approx(truth, rel=0.01)
+        assert p.ci_low < truth < p.ci_high
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.2])
+def test_friction_that_shows_at_rest_stays_in_the_model(friction):
+    angle, torque = recorded(pulses(), friction=friction)
+    fit = fit_full_record([BenchTrial(np.arange(angle.size) / RATE_HZ, angle, torque)])
+    assert "coulomb_friction" in {p.name for p in fit.parameters}
+    assert not wrong(fit.parameters)
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_no_planted_error_is_ok_on_a_bench(bench, error):
+    result = analyzed(*ERRORS[error](*bench))
+    (cell,) = result.cells["full_record"]
+    assert not wrong(cell.parameters), cell.parameters
+    assert cell.method == "full_record"  # nothing weaker answers what it refuses
+
+
+@pytest.mark.parametrize(
+    ("error", "failure"),
+    [
+        ("torque clipped", Failure.TORQUE_SATURATED),
+        ("torque held at 25 Hz", Failure.TORQUE_HELD),
+        ("N*mm for N*m", Failure.TORQUE_ABOVE_COMMAND),
+        ("degrees for rad", Failure.ANGLE_OUT_OF_RANGE),
+        ("torque resampled by 2 %", Failure.NOT_ONE_LOAD),
+    ],
+)
+def test_the_failure_and_a_note_name_the_error(bench, error, failure):
+    result = analyzed(*ERRORS[error](*bench))
+    (cell,) = result.cells["full_record"]
+    assert {p.status for p in cell.parameters} == {failure.status}
+
+
+def test_a_command_of_the_same_wrong_unit_leaves_values_beyond_any_load(bench):
+    result = analyzed(*ERRORS["N*mm for N*m"](*bench), amplitude_nm=6000.0)
+    (cell,) = result.cells["full_record"]
+    assert {p.status for p in cell.parameters} == {Failure.OUTSIDE_RANGE.status}
+    assert "N*mm" in result.notes[0]
+
+
+def test_a_method_asked_for_by_name_keeps_its_values_with_a_doubt(bench):
+    asked = {"methods": ("dissertation",), "method_asked_for": True, "baseline": "pre_pulse"}
+    result = analyzed(*ERRORS["N*mm for N*m"](*bench), amplitude_nm=6000.0, **asked)
+    (cell,) = result.cells["dissertation"]
+    assert cell.parameter("stiffness").status == "ok"
+    assert "beyond any joint or load" in result.notes[0]
+    assert "was asked for" in result.notes[0]
+
+
+@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("model", ["kbj", "frf"])
+def test_no_planted_error_is_ok_in_one_record(shaken, error, model):
+    angle, torque = ERRORS[error](*shaken)
+    try:
+        fit = identify_joint(angle=angle, torque=torque, rate_hz=RATE_HZ, model=model)
+    except (DataError, EstimationError):
+        return
+    assert not wrong(fit.parameters), fit.parameters
+
+
+def test_a_clean_record_of_one_joint_is_decided(shaken):
+    angle, torque = shaken
+    fit = identify_joint(angle=angle, torque=torque, rate_hz=RATE_HZ)
+    assert fit.status == "ok"
+    for name, truth in TRUTH.items():
+        assert fit.parameter(name).value == pytest.approx(truth, rel=0.05)
