@@ -6,6 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from jointz.analysis.mass_checks import mass_questions, mass_remarks, without_values_per_kg
 from jointz.analysis.participant_jobs import (
     EstimationRequest,
     Outcome,
@@ -239,15 +240,21 @@ def _chosen(study: Study, method: str) -> str:
 def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     study, method, results = request.study, request.method, outputs.results
     cells = _completed(study, method, outputs)
+    questions = mass_questions(study, cells)
+    cells = without_values_per_kg(cells, questions)
     methods = {m for r in results.values() for m in r.cells if m != method}
     statistics = study_statistics(study, method, cells, results.values())
     pulses = tuple(p for r in results.values() for p in r.pulses)
     inputs = list(outputs.inputs.values())
+    statistics["notes"][:0] = [*questions.values(), *mass_remarks(study, questions)]
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return Analysis(
         cells=tuple(cells),
         comparison=tuple(
-            c for name in METHODS if name in methods for c in _completed(study, name, outputs)
+            c
+            for name in METHODS
+            if name in methods
+            for c in without_values_per_kg(_completed(study, name, outputs), questions)
         ),
         population=population_means(person_cells(cells)) if study.spec.of_people else (),
         pulses=pulses,

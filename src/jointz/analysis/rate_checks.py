@@ -9,6 +9,7 @@ import xarray as xr
 from jointz.core.errors import DataError
 from jointz.core.events import StrideRecord
 from jointz.core.study import RecordingSpec, Study
+from jointz.gait.pulse_lengths import rate_of_lengths
 from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
@@ -18,6 +19,7 @@ from jointz.gait.sample_rate import (
     rates_of_strides,
     scale_of_onsets,
     told_rates,
+    usual_strides_s,
 )
 from jointz.gait.timestamps import rate_hz
 
@@ -26,24 +28,25 @@ _EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
 
 
 def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset]) -> None:
-    """Refuse a sampling rate of the study that gives impossible stride times.
+    """Refuse a sampling rate of the study that gives unusual stride times.
 
     A wrong rate scales K, B and J without any sign in the fit, and no data confirm a rate that
-    only the study states; so the analysis stops. Time stamps of the recorder are data, for which
-    ``stride_warnings`` only warns.
+    only the study states; so the analysis stops and asks. Time stamps of the recorder are data,
+    for which ``stride_warnings`` only warns.
     """
     if study.spec.kind != "walking" or "time" in study.spec.channels:
         return
     longest = max(pieces, key=lambda piece: piece.sizes["time"])
     stride = median_stride_s(longest)
-    if stride is None or is_walking_stride(stride):
+    shortest, most = usual_strides_s(study.spec.participant(entry.participant).height_m)
+    if stride is None or shortest <= stride <= most:
         return
     likely = told_rates(rates_of_strides(longest))
     raise DataError(
         f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
-        f"{study.spec.sample_rate_hz:g}; {_EXPECTED}. "
+        f"{study.spec.sample_rate_hz:g}; usual are {shortest:.2g} to {most:.2g} s. "
         f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. If it is right, as "
-        "for very slow walking, give the recorder's time stamps instead: [channels.time].",
+        "for slow walking, give the recorder's time stamps instead: [channels.time].",
         path=entry.file,
     )
 
@@ -86,6 +89,28 @@ def check_onsets(
         f"{entry.file}: no pulses begin at the onsets of {entry.perturbations}{where} {todo}",
         path=entry.file,
     )
+
+
+def check_lengths(
+    study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset], table: pd.DataFrame
+) -> None:
+    """Refuse a rate of the study at which pulses do not last as long as their table says."""
+    if "time" in study.spec.channels:
+        return
+    for piece in pieces:
+        if piece.attrs["condition"] != "perturbed":
+            continue
+        numbers = table[["onset_s", "duration_s"]].to_numpy(dtype=float)
+        likely = rate_of_lengths(piece, numbers[:, 0], numbers[:, 1])
+        if likely is None:
+            continue
+        raise DataError(
+            f"{entry.file}: its pulses last {likely.ratio:.2g} times as long as "
+            f"{entry.perturbations} says (duration_s, median of {likely.n_pulses}) at "
+            f"sample_rate_hz = {study.spec.sample_rate_hz:g}, and as long at {likely.rate_hz:g} "
+            "Hz. Is that the rate? Correct sample_rate_hz; if it is right, correct duration_s.",
+            path=entry.file,
+        )
 
 
 def _check_ends(

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from jointz.analysis.rate_checks import check_onsets
+from jointz.analysis.rate_checks import check_lengths, check_onsets
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError
 from jointz.core.study import RecordingSpec, Study
@@ -33,6 +33,7 @@ def pulse_tables(
     if table is None or study.spec.perturbations.source not in (None, "table"):
         return [None] * len(pieces)
     check_onsets(study, entry, pieces, table)
+    check_lengths(study, entry, pieces, table)
     return share_table(table, pieces)
 
 

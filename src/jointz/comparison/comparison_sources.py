@@ -29,7 +29,7 @@ _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
 _AVAILABLE = ("ok", "at_bound")
-_MASSLESS = (Failure.MASS_MISSING.status, "absent")
+_MASSLESS = (Failure.MASS_MISSING.status, Failure.MASS_UNLIKELY.status, "absent")
 #: No value of a joint is larger in SI units; squares of larger numbers would overflow.
 _LARGEST = 1e100
 

@@ -56,6 +56,10 @@ class Exclusion(Code):
     OVERLAPPING_PULSE = "overlapping_pulse", "another pulse begins inside its window"
     NO_BASELINE = "no_baseline", "no unperturbed data to subtract at this point of the cycle"
     OUTSIDE_GROUPS = "outside_groups", "its group channel lies outside all edges"
+    LABEL_CONTRADICTS_PHASE = (
+        "label_contradicts_phase",
+        "its onset is more than 10 % of the gait cycle from the timing point that its table names",
+    )
     LONE_PULSE = "lone_pulse", "the only pulse at its timing point: nothing to resample"
     UNUSUAL_GAIT = "unusual_gait", "the walker moved before it as in no unperturbed stride"
     UNUSUAL_RESPONSE = "unusual_response", "the response is far from that of all other pulses here"
@@ -106,6 +110,10 @@ class Failure(FailureCode):
     BELOW_RESOLUTION = "below_resolution", "the bandwidth lies below what the record can resolve"
     ABOVE_BAND = "above_band", "the gain has not fallen where the command still excites"
     MASS_MISSING = "mass_missing", "values per kg need the participant's mass_kg in study.toml"
+    MASS_UNLIKELY = (
+        "mass_unlikely",
+        "mass_kg contradicts height, inertia or what people weigh: is its unit right? A note asks",
+    )
     TOO_FEW_PARTICIPANTS = (
         "too_few_participants",
         "an interval over people needs at least two of them",

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from jointz.analysis.mass_checks import mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
 from jointz.core.study import Study
@@ -64,7 +65,8 @@ def estimate_by_method(
     settings, recordings = _inputs(study, person_id, replace(request, method=method))
     single = replace(settings, methods=(method,))
     result = on_one_thread(partial(analyze_participant, person_id, recordings, single))
-    return tuple(result.cells[method])
+    cells = result.cells[method]
+    return tuple(without_values_per_kg(cells, mass_questions(study, cells)))
 
 
 def _inputs(
@@ -107,6 +109,9 @@ def with_new_estimates(
             "estimates. Analyse the study again: jointz analyze."
         )
     cells = _updated(analysis.cells, new_cells)
+    doubted = mass_questions(study, cells)
+    cells = tuple(without_values_per_kg(cells, doubted))
+    comparison = _updated(analysis.comparison, new_cells)
     people = list(dict.fromkeys(cell.participant for cell in cells))
     pulses = {p: tuple(r.pulses) for p, r in results.items()}
     strides = {p: tuple(r.strides) for p, r in results.items()}
@@ -117,7 +122,7 @@ def with_new_estimates(
     changed = replace(
         analysis,
         cells=cells,
-        comparison=_updated(analysis.comparison, new_cells),
+        comparison=tuple(without_values_per_kg(comparison, doubted)),
         population=population_means(person_cells(cells)) if study.spec.kind == "walking" else (),
         pulses=_replaced(people, analysis.pulses, pulses),
         strides=_replaced(people, analysis.strides, strides),

@@ -12,6 +12,9 @@ from jointz.gait.strides import find_strides
 
 #: Median strides of walking lie between these, s.
 SHORTEST_S, LONGEST_S = 0.7, 2.5
+#: Usual ones of adults, 0.5 to 2 m/s, and the height of these adults, m; the time of a stride goes
+#: with the square root of the leg's length (Hof 1996, Gait & Posture 4, 222).
+_USUAL_STRIDES_S, _USUAL_HEIGHT_M = (0.8, 1.9), 1.75
 _USUAL_S = 1.1
 _LIKELY_S = (0.85, 1.4)
 _FEWEST_STRIDES = 5
@@ -21,6 +24,8 @@ USUAL_HZ = (
     *(25, 50, 60, 100, 120, 125, 150, 200, 240, 250, 300, 400, 500, 600, 800, 1000, 1200, 1500),
     *(2000, 2400, 2500, 3000, 4000, 5000, 10000),
 )
+#: Rates that few instruments have, Hz: powers of two, and wireless electrodes.
+_RARE_HZ = (128, 148.148, 256, 370.37, 512, 1024, 1111.11, 1259.26, 1925.93, 2048, 2148.15)
 _FEWEST_ONSETS = 8
 _CURVED_S, _AROUND_S = 0.01, 0.03
 #: Mean rank of the torque's curvature at the onsets: chance gives 0.5, the right rate nearly 1.
@@ -62,6 +67,13 @@ def is_walking_stride(stride_s: float) -> bool:
     return SHORTEST_S <= stride_s <= LONGEST_S
 
 
+def usual_strides_s(height_m: float | None = None) -> tuple[float, float]:
+    """Return the shortest and longest median stride that are usual; small people step faster."""
+    scale = 1.0 if height_m is None else (height_m / _USUAL_HEIGHT_M) ** 0.5
+    shortest, longest = _USUAL_STRIDES_S
+    return max(SHORTEST_S, shortest * min(scale, 1.0)), longest * max(scale, 1.0)
+
+
 def scale_of_onsets(
     recording: xr.Dataset, onset_s: np.ndarray, *, rate_hz: float, stamped: bool
 ) -> float | None:
@@ -79,7 +91,7 @@ def scale_of_onsets(
     if _fit(signal, np.searchsorted(time, onset_s), rate_hz) >= _DOUBTED:
         return None
     fits: dict[float, float] = {}
-    for scale in _UNITS if stamped else [hz / rate_hz for hz in USUAL_HZ]:
+    for scale in _UNITS if stamped else [hz / rate_hz for hz in (*USUAL_HZ, *_RARE_HZ)]:
         at = np.searchsorted(time, onset_s * scale)
         if np.ptp(at) >= _SPANNED * time.size:
             # It may be the stamps or the table that are in another unit.

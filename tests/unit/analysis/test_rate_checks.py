@@ -46,7 +46,10 @@ def problem_of(study):
     return ""
 
 
-@pytest.mark.parametrize(("rate_hz", "stride"), [(1000.0, "0.5"), (100.0, "5."), (500.0, "")])
+@pytest.mark.parametrize(
+    ("rate_hz", "stride"),
+    [(1000.0, "0.5"), (100.0, "5."), (250.0, "2.1"), (700.0, "0.7"), (500.0, ""), (300.0, "")],
+)
 def test_a_declared_rate_at_which_nobody_walks_is_refused_with_the_likely_one(
     small_study, rate_hz, stride
 ):
@@ -58,6 +61,86 @@ def test_a_declared_rate_at_which_nobody_walks_is_refused_with_the_likely_one(
     if stride:
         assert f"its strides last {stride}" in problem
         assert re.search("Likely rate: .*500 Hz", problem)
+
+
+def test_small_people_may_step_faster(small_study):
+    without_time(small_study, 700.0)
+    toml = re.sub("height_m = .*", "height_m = 1.1", small_study.toml)
+    (small_study.root / "study.toml").write_text(toml)
+
+    assert not problem_of(small_study)
+
+
+def test_stamps_of_slow_walking_are_no_problem(small_study):
+    for file in small_study.root.glob("*.csv"):
+        small_study.edit_table(file.name, lambda t: t.assign(time=2.0 * t["time"]))
+
+    assert not problem_of(small_study)
+
+
+def with_lengths(study, duration_s):
+    for file in study.root.glob("*_pulses.csv"):
+        study.edit_table(file.name, lambda t: t.assign(duration_s=duration_s))
+
+
+def without_strikes(study):
+    study.edit_toml('[channels.contact]\ncolumn = "contact"\nkind = "contact"\n', "")
+
+
+COMMAND = '[channels.command]\ncolumn = "command"\nunit = "N*m"\n'
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "command", "refused"),
+    [
+        (500.0, True, False),
+        (400.0, True, True),
+        (600.0, True, True),
+        (250.0, True, True),
+        (500.0, False, False),
+        (250.0, False, True),
+        (1000.0, False, True),
+    ],
+)
+def test_pulses_longer_or_shorter_than_their_table_are_refused_with_the_rate(
+    small_study, rate_hz, command, refused
+):
+    """The onsets were read off the record, at the wrong rate; the lengths are the protocol's."""
+    with_tables(small_study, 500.0 / rate_hz)
+    with_lengths(small_study, 0.25)
+    without_time(small_study, rate_hz)
+    without_strikes(small_study)
+    if command:
+        small_study.edit_toml("[channels.angle]", COMMAND + "[channels.angle]")
+
+    problem = problem_of(small_study)
+
+    assert ("as long at 500 Hz. Is that the rate?" in problem) == refused
+    assert bool(problem) == refused
+
+
+def test_lengths_of_another_definition_or_that_no_rate_explains_are_no_problem(small_study):
+    """Pulses of 250 ms: stated with a pause that no usual rate explains, or not at all."""
+    with_tables(small_study, 1.0)
+    without_time(small_study, 500.0)
+    for duration_s in (0.23, 0.27, 0.25 * 500 / 440, np.nan):
+        with_lengths(small_study, duration_s)
+        assert not problem_of(small_study)
+
+
+@pytest.mark.parametrize(("declared", "likely"), [(600.0, "500"), (400.0, "500"), (480.0, "500")])
+def test_onsets_tell_rates_that_are_near_one_another(small_study, declared, likely):
+    with_tables(small_study, 1.0)
+    without_time(small_study, declared)
+
+    assert f"likely {likely}" in problem_of(small_study)
+
+
+def test_onsets_tell_the_rates_of_rare_instruments(small_study):
+    with_tables(small_study, 500.0 / 512.0)
+    without_time(small_study, 500.0)
+
+    assert "likely 512" in problem_of(small_study)
 
 
 def test_stamps_at_which_nobody_walks_are_warned_of_first(small_study, jointz, tmp_path):

@@ -14,6 +14,7 @@ from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS, nearest_timing_po
 from jointz.core.recording import damage_near, damage_of
 from jointz.core.study import GroupSpec, PerturbationsSpec
 from jointz.gait.phase import gait_phase, measured_phase
+from jointz.identify.preparation.label_phases import check_labels, contradicts
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 
@@ -42,13 +43,17 @@ def assign_pulses(
 
     A pulse's timing point is the one its table names; otherwise the time since the last heel
     strike over the mean of the last three accepted strides, modulo one, takes the nearest timing
-    point. An unreliable phase excludes a pulse only if its timing point or its baseline depends
-    on the phase. ``alone`` keeps the only usable pulse of a timing point.
+    point. A named timing point that the measured phase contradicts excludes the pulse, and
+    DataError is raised if there are many. An unreliable phase excludes a pulse only if its timing
+    point or its baseline depends on the phase. ``alone`` keeps the only usable pulse of a timing
+    point.
     """
     candidates: list[Candidate] = []
     for index, source in enumerate(sources):
         if source.given.condition == "perturbed" and source.pulses:
             candidates += _candidates(participant, index, source, settings, baseline=baseline)
+    named = [c for c in candidates if c.record.target_pct is not None]
+    check_labels([(c.pulse, c.record, c.predicted_pct) for c in named])
     usable = Counter(c.record.timing_point for c in candidates if not c.record.code)
     lone = Exclusion.LONE_PULSE.value
     return [
@@ -91,15 +96,24 @@ def _candidates(
         last_s = max(window_s, _known(pulse.duration_s) or 0.0)
         damage = damage_near(damage_s, pulse.onset_s - guard_s, pulse.onset_s + last_s + guard_s)
         user = settings.left_out_by(file, pulse.onset_s)
+        target_pct = settings.timing_points.get(labels[k]) if by_gait else None
+        known_pct = _known(measured_pct[k])
+        if known_pct is None and not phase_codes[k]:
+            known_pct = _known(phase_pct[k])
+        contradiction = contradicts(pulse, known_pct, target_pct)
         codes = (
             Exclusion.EDGE_OF_RECORD.value if outside[k] else "",
             Exclusion.DAMAGED_LOG.value if damage else "",
             phase_codes[k],
             "" if labels[k] else nameless.value,
+            Exclusion.LABEL_CONTRADICTS_PHASE.value if contradiction else "",
             overlap_codes[k],
             window_codes[k],
         )
+        code = next(filter(None, codes), "")
         detail = "its onset lies outside the perturbed samples" if outside[k] else damage
+        if code == Exclusion.LABEL_CONTRADICTS_PHASE.value:
+            detail = contradiction
         record = PulseRecord(
             participant=participant,
             recording=file,
@@ -107,9 +121,9 @@ def _candidates(
             duration_s=_known(pulse.duration_s),
             amplitude=_known(pulse.amplitude),
             timing_point=labels[k],
-            target_pct=settings.timing_points.get(labels[k]) if by_gait else None,
+            target_pct=target_pct,
             measured_pct=_known(measured_pct[k]),
-            code=Exclusion.USER.value if user else next(filter(None, codes), ""),
+            code=Exclusion.USER.value if user else code,
             detail=user.reason if user else detail,
         )
         candidates.append(

@@ -89,12 +89,81 @@ def test_the_measured_phase_is_that_of_the_stride_as_it_happened():
     assert found[1].record.measured_pct is None  # no heel strike ends the last stride
 
 
-def test_a_name_in_the_table_stands_and_the_measured_phase_beside_it():
-    found = assigned(walk([6.4, 9.4], names=["LRE", "LRE"]))
+SIX = {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
 
+
+def test_a_name_in_the_table_stands_and_the_measured_phase_beside_it():
+    found = assigned(walk([6.16, 9.16], names=["LRE", "LRE"]))
+
+    # 16 % is nearer to MST.
     assert labels(found) == ["LRE", "LRE"]
+    assert codes(found) == ["", ""]
     assert [c.record.target_pct for c in found] == [7.0, 7.0]
-    np.testing.assert_allclose([c.record.measured_pct for c in found], 40.0, atol=0.6)
+    np.testing.assert_allclose([c.record.measured_pct for c in found], 16.0, atol=0.6)
+
+
+def test_a_name_that_the_measured_phase_contradicts_excludes_its_pulse():
+    onsets = [4.07, 5.99, 8.40, 10.07, 12.07, 14.07]
+    found = assigned(walk(onsets, names=["LRE"] * 6))
+
+    contradicted = "label_contradicts_phase"
+    assert codes(found) == ["", "", contradicted, "", "", ""]
+    assert found[2].record.timing_point == "LRE"
+    assert "at 40." in found[2].record.detail
+    assert "LRE is at 7 %" in found[2].record.detail
+
+
+def test_the_predicted_phase_contradicts_where_no_stride_gives_a_measured_one():
+    found = assigned(walk([6.07, 9.07, 19.40, 12.07], names=["LRE"] * 4))
+    assert codes(found) == ["", "", "", "label_contradicts_phase"]
+
+
+def planned(*, labels_of=None, n=18):
+    """Return onsets at the six timing points in turn, and their names or other ones."""
+    points = list(SIX) * (n // 6)
+    onsets = [4.0 + 2 * k + SIX[p] / 100 for k, p in enumerate(points)]
+    return onsets, points if labels_of is None else labels_of(points)
+
+
+@pytest.mark.parametrize(
+    ("labels_of", "cause"),
+    [
+        (lambda names: [names[-1], *names[:-1]], "Each name fits the pulse before it"),
+        (lambda names: [*names[1:], names[0]], "Each name fits the pulse after it"),
+        (lambda names: names[::-1], "table of another trial"),
+    ],
+)
+def test_many_contradicted_names_stop_the_analysis_with_a_question(labels_of, cause):
+    onsets, names = planned(labels_of=labels_of)
+    with pytest.raises(DataError, match=r"walk\.csv: 1\d of 18 pulses") as refusal:
+        assigned(walk(onsets, names=names, n_strides=45))
+    assert cause in str(refusal.value)
+    assert "such as the one at 4.07 s: at 7.0 % of the gait cycle" in str(refusal.value)
+
+
+def test_names_of_the_other_leg_are_told_by_their_distance():
+    onsets, names = planned()
+    with pytest.raises(
+        DataError, match=r"Most are about 50 % .* of the other leg, or of an inverted"
+    ):
+        assigned(walk([t + 0.5 for t in onsets], names=names, n_strides=45))
+
+
+def test_names_are_not_asked_of_phases_that_the_study_does_not_have():
+    onsets, names = planned(labels_of=lambda names: names[::-1])
+    own = [f"point {name}" for name in names]
+    assert set(codes(assigned(walk(onsets, names=own, n_strides=45)))) == {""}
+    silent = assigned(walk(onsets, names=names, n_strides=45, strikes=False))
+    assert set(codes(silent)) == {""}
+    bench = assigned(walk(onsets, names=names, n_strides=45), walking=False)
+    assert set(codes(bench)) == {""}
+
+
+def test_contradicted_pulses_that_the_user_left_out_stop_nothing():
+    onsets = [4.40, 6.40, 8.40, 10.07, 12.07]
+    lines = [UserExclusion("S01", "walk.csv", t, "exclude", "") for t in onsets[:3]]
+    found = assigned(walk(onsets, names=["LRE"] * 5), exclusions=lines)
+    assert codes(found) == ["user"] * 3 + [""] * 2
 
 
 def test_a_missing_strike_excludes_but_counts_the_pulse():
