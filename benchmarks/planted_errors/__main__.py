@@ -94,7 +94,7 @@ def _scored(row: Row, truth: Row) -> Row:
 
 
 def _is_off(row: Row) -> bool:
-    return row["status"] == "ok" and row["error_pct"] is not None and abs(row["error_pct"]) > OFF_PCT
+    return row["status"] == "ok" and abs(row["error_pct"] or 0.0) > OFF_PCT
 
 
 def _line(row: Row) -> str:
@@ -137,7 +137,7 @@ def main() -> None:
     kinds = {"planted": planted(), "clean": clean()}
     known = {case.name for cases in kinds.values() for case in cases}
     if unknown := set(asked.only or ()) - known:
-        parser.error(f"no such case: {', '.join(sorted(unknown))}; known: {', '.join(sorted(known))}")
+        parser.error(f"no such case: {sorted(unknown)}; known: {sorted(known)}")
     out, code = asked.out.resolve(), asked.code.resolve()
     out.mkdir(parents=True, exist_ok=True)
     everything, texts = [], []

@@ -42,7 +42,7 @@ _MANY = _SIZES | {"pulses": 24}
 _EXACT = {"pulses": 40, "k": 60.0, "b": 2.3, "j": 0.05, "amplitude": 6.0, "hold_s": 0.25}
 _EXACT |= {"every_s": 1.5, "jitter_s": 0.0, "motor_s": 0.006, "rate": 500, "angle_noise": 5e-5}
 _EXACT |= {"torque_noise": 0.05, "muscle_nm": 0.0, "angle_lag_s": 0.0, "sizes": (1.0,)}
-_EXACT |= {"signs": (1,), "body": False}
+_EXACT |= {"signs": (1,), "body": False, "lag_known": False, "clock": True}
 
 
 def planted() -> list[Case]:
@@ -109,14 +109,17 @@ def _drawn(rng: np.random.Generator, case: Case) -> Params:
     p: Params = {"fault": case.fault, "mass": mass, "height": height, "motor_s": 0.006}
     p |= {"torque_noise": rng.uniform(0.03, 0.1), "signs": (1,), "sizes": (1.0,), "clock": True}
     p |= {"rate": int(rng.choice([250, 500, 1000])), "table": bool(rng.integers(2)), "people": 1}
+    p |= {"lag_known": bool(rng.random() < 0.6)}
     if case.family == "walking":
         k = rng.uniform(40, 150)
-        p |= {"k": k, "j": leg, "b": float(np.clip(rng.uniform(0.3, 1.0) * (k * leg) ** 0.5, 0.7, 4.5))}
+        b = rng.uniform(0.3, 1.0) * (k * leg) ** 0.5  # 0.15 to 0.5 of critical damping
+        p |= {"k": k, "j": leg, "b": float(np.clip(b, 0.7, 4.5))}
+        p |= {"sway": rng.uniform(0.2, 1.0)}  # some walk so evenly that K and B are decided
         count = int(rng.integers(2, 5))
         p |= {"points": sorted(rng.choice(list(POINTS), count, replace=False).tolist())}
         p |= {"pulses": int(rng.integers(8, 21)), "stride_s": rng.uniform(1.0, 1.25)}
         p |= {"stiffest": rng.uniform(0, 1), "amplitude": rng.uniform(9, 17), "hold_s": 0.25}
-        p |= {"angle_noise": 5e-4, "angle_lag_s": rng.uniform(0, 0.004), "body": True}
+        p |= {"angle_noise": 5e-4, "angle_lag_s": rng.integers(9) / 2000, "body": True}
         return p | case.settings
     p |= {"k": rng.uniform(20, 150), "b": rng.uniform(0.5, 4), "posture": rng.uniform(0.1, 0.6)}
     p |= {"j": rng.uniform(0.03, 0.3), "angle_lag_s": 0.0, "angle_noise": 5e-5, "jitter_s": 0.3}
@@ -214,6 +217,10 @@ def _head(family: str, p: Params) -> list[str]:
         lines += ['channels.contact = { column = "contact", kind = "contact" }', "[perturbations]"]
         points = ", ".join(f"{name} = {POINTS[name]}" for name in p["points"])
         lines += [f"timing_points = {{ {points} }}"]
+    if p["lag_known"]:
+        lags = {"angle_lag_s": p["angle_lag_s"], "torque_lag_s": 0.0}
+        lines += ["[calibration]"]
+        lines += [f"{key} = {{ value = {lag:.4f}, sd = 0.0003 }}" for key, lag in lags.items()]
     return lines
 
 

@@ -152,10 +152,11 @@ def _gait(rng: np.random.Generator, p: dict[str, Any], strides: int) -> tuple[Ar
     time = np.arange(round(strikes[-2] * STEP_HZ)) / STEP_HZ
     phase = PchipInterpolator(strikes, np.arange(strikes.size))(time)
     wander = [_wander(rng, strikes)(time) for _ in range(4)]
-    angle = _KNEE(phase % 1.0) * (1 + 0.03 * wander[0]) + 0.015 * wander[1]
     turn = 2 * np.pi * phase
-    angle = angle + 0.012 * (wander[2] * np.sin(turn) + wander[3] * np.cos(2 * turn))
-    return strikes[1:-2], phase, angle + slow_noise(rng, time.size, 3.0, 0.004)
+    mean = _KNEE(phase % 1.0)
+    own = 0.03 * wander[0] * mean + 0.015 * wander[1] + slow_noise(rng, time.size, 3.0, 0.004)
+    own = own + 0.012 * (wander[2] * np.sin(turn) + wander[3] * np.cos(2 * turn))
+    return strikes[1:-2], phase, mean + p["sway"] * own
 
 
 def _plan(rng: np.random.Generator, p: dict[str, Any]) -> list[tuple[int, str]]:
@@ -171,7 +172,9 @@ def _curves(p: dict[str, Any], phase: Array) -> tuple[Array, Array]:
     return p["k"] * (1 + 0.3 * swing), p["b"] * (1 + 0.15 * swing)
 
 
-def walk(rng: np.random.Generator, p: dict[str, Any], *, perturbed: bool) -> tuple[Recording, Truth]:
+def walk(
+    rng: np.random.Generator, p: dict[str, Any], *, perturbed: bool
+) -> tuple[Recording, Truth]:
     """One recording of a person who walks."""
     plan = _plan(rng, p) if perturbed else []
     strikes, phase, angle = _gait(rng, p, plan[-1][0] + 6 if plan else 60)
