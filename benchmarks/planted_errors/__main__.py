@@ -59,7 +59,7 @@ def _study_rows(results: Path, done: subprocess.CompletedProcess[str], _truth: R
     told = json.loads((results / "statistics.json").read_text())
     notes = [*told.get("warnings", []), *told.get("notes", [])]
     message = _one_line(" | ".join(map(str, [*doubts, *notes])))
-    keys = ["participant", "timing_point", "status", "value"]
+    keys = ["participant", "timing_point", "status", "value", "ci_low", "ci_high"]
     return [
         {"quantity": row["parameter"], "message": message} | {key: row[key] for key in keys}
         for row in table.to_dict("records")
@@ -72,11 +72,15 @@ def _joint_rows(_results: Path, done: subprocess.CompletedProcess[str], _truth: 
         told = json.loads(done.stdout)
     except json.JSONDecodeError:
         return []
+    if "parameters" not in told:  # a record without an answer, with its code
+        told_why = {"status": told.get("status"), "message": _one_line(told.get("message", ""))}
+        return [told_why | {"quantity": name, "value": None} for name in QUANTITIES]
     check = (told.get("check") or {}).get("finding", "")
     message = _one_line(" | ".join([f"check: {check}", *map(str, told.get("warnings", []))]))
     return [
         {"participant": "", "timing_point": "", "quantity": name, "message": message}
         | {"status": found["status"], "value": found["value"]}
+        | dict(zip(("ci_low", "ci_high"), found.get("ci") or (), strict=False))
         for name, found in told.get("parameters", {}).items()
     ]
 
@@ -102,6 +106,9 @@ def _line(row: Row) -> str:
     line = f"  {row['case']}: {where} {row['status']}"
     if row["error_pct"] is not None:
         line += f" {row['value']:.4g} for {row['truth']:.4g} ({row['error_pct']:+.0f} %)"
+        low, high = row.get("ci_low"), row.get("ci_high")
+        known = None not in (low, high) and not pd.isna([low, high]).any()
+        line += ", interval holds it" if known and low <= row["truth"] <= high else ""
     return f"{line} - {row['message'][:160]}"
 
 
@@ -154,7 +161,7 @@ def main() -> None:
 
 def _save(rows: list[Row], texts: list[str], out: Path) -> None:
     names = ["kind", "case", "participant", "timing_point", "quantity", "status", "value", "truth"]
-    names += ["error_pct", "exit", "seconds", "message"]
+    names += ["ci_low", "ci_high", "error_pct", "exit", "seconds", "message"]
     with (out / "scores.csv").open("w", newline="") as file:
         table = csv.DictWriter(file, names)
         table.writeheader()
