@@ -1,7 +1,9 @@
-"""Short protocols, and sessions on simulated rigs whose commands are kept."""
+"""A browser, short protocols, and sessions on simulated rigs whose commands are kept."""
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,6 +21,23 @@ from jointz.io.protocols import load_protocol, protocol_text
 from jointz.session.rigs.rig_settings import open_rig, rig_settings
 from jointz.session.worker_pool import NoOperator
 from jointz.sim.descriptions import exoskeleton
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A browser for all pages of a file.
+
+    Not for the whole session: while playwright runs, no test of this process can run asyncio.
+    """
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM:
+        pytest.skip("no chromium on this machine")
+    with api.sync_playwright() as playwright:
+        made = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield made
+        made.close()
 
 
 def _short(name="walking", conditions=(), *, strides=6, people=1, **plan) -> Protocol:

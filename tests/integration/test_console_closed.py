@@ -1,6 +1,7 @@
-"""The console's command ended by Ctrl-C, as in a terminal: what it says, and what it leaves."""
+"""The console's command without a browser: ended by Ctrl-C, and a stop of a session that hangs."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 
-from jointz.console.operator_commands import OperatorCommands
+from jointz.console.operator_commands import CONFIRMED_WITHIN_S, OperatorCommands
 from jointz.experiment.files.journal import read_journal
 from jointz.session.live.live_session import holder_of, is_held
 
@@ -92,3 +93,30 @@ def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path, page_clie
             f"jointz console --out {study} shows it again.\n"
         )
         assert is_held(study)
+
+
+def test_a_stop_that_a_hanging_session_does_not_confirm_is_no_success(tmp_path, page_client):
+    study = tmp_path / "study"
+    journal = study / "sessions" / "S01" / "journal.jsonl"
+
+    def has(name):
+        return any(event["event"] == name for event in read_journal(journal))
+
+    with console(study, "walking", "--participants", "1", "--seed", "1") as page:
+        client = page_client(page.address).open()
+        start = json.dumps({"order": "start", "condition": "no_device"})
+        wait_for(lambda: client.request("POST", "/command", start)[0] == 200)
+        wait_for(lambda: has("loop_started"))
+        session = holder_of(study)
+        os.kill(session, signal.SIGSTOP)
+        try:
+            began = time.monotonic()
+            status, text, _ = client.request("POST", "/stop")
+            took_s = time.monotonic() - began
+        finally:
+            os.kill(session, signal.SIGCONT)
+        assert status == 504
+        assert "has not confirmed the stop within 1 s" in json.loads(text)["refused"]
+        assert "emergency stop" in json.loads(text)["refused"]
+        assert CONFIRMED_WITHIN_S <= took_s < CONFIRMED_WITHIN_S + 2
+        wait_for(lambda: has("stop_asked"))  # it is obeyed as soon as the session goes on

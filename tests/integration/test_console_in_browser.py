@@ -3,30 +3,26 @@
 import json
 import os
 import resource
-import shutil
 import signal
 import socket
 import subprocess
 import sys
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
+from jointz.experiment.files.journal import read_journal
+from jointz.io.log_reader import read_log
+from jointz.session.live.live_session import holder_of, is_held
+
 pytest.importorskip("nicegui", reason="nicegui is not installed")
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-
-from jointz.experiment.files.journal import read_journal  # noqa: E402 - after the skips
-from jointz.io.log_reader import read_log  # noqa: E402
-from jointz.session.live.live_session import holder_of, is_held  # noqa: E402
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
     pytest.mark.alone,
-    pytest.mark.usefixtures("terminal_signals"),
-    pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
+    pytest.mark.real_time,
+    pytest.mark.usefixtures("terminal_signals_of_module"),
 ]
 
 #: Friction that zero-torque control cancels is sent outside pulses, too; a pulse has 17 N*m.
@@ -40,7 +36,7 @@ title = "A few pulses"
 kind = "walking"
 joint = "knee"
 seed = 3
-without_console = "{without}"
+without_console = "stop"
 
 [rates]
 control_hz = 100.0
@@ -62,55 +58,86 @@ condition = "perturbed"
 prompt = "Walk & keep <b>walking</b>."
 
 [conditions.perturbations]
-timing_points = {{ LRE = 7.0, ISW = 68.5 }}
+timing_points = { LRE = 7.0, ISW = 68.5 }
 count_per_point = 50
 gap_strides = [1, 1]
 warm_up_strides = 2
 """
 
 
+#: Fewer than a crowd of connections takes: as if there were thousands of them.
+MOST_FILES = 200
+
+
 class Console:
     """A console's process and what its session writes."""
 
-    def __init__(self, folder, process, address):
-        self.study, self.process, self.address = folder / "study", process, address
+    def __init__(self, folder):
+        self.folder, self.study = folder, folder / "study"
         self.session = self.study / "sessions" / "S01"
+        self.process = None
+        self.open()
+
+    def open(self):
+        """Serve the page; a session that was begun is found again."""
+        if self.process is not None and self.process.poll() is None:
+            return
+        command = [sys.executable, "-m", "jointz", "console", "--out", "study", "--port", "0"]
+        self.process = subprocess.Popen(
+            [*command, "short.toml", *["--resume"] * self.study.exists()],
+            cwd=self.folder, stdout=subprocess.PIPE, text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES)),
+        )  # fmt: skip
+        line = self.process.stdout.readline()
+        assert line.startswith("Console: "), line
+        self.address = line.split()[1]
+
+    def close(self):
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(timeout=15)
+        self.process.stdout.close()
+        end_session(self)
 
     def events(self, kind=""):
-        return [
-            event
-            for event in read_journal(self.session / "journal.jsonl")
-            if kind in ("", event["event"])
-        ]
+        """Return the events since the session was started or taken up again."""
+        events = read_journal(self.session / "journal.jsonl")
+        names = [event["event"] for event in events]
+        latest = len(names) - names[::-1].index("prompted") - 1 if "prompted" in names else 0
+        return [event for event in events[latest:] if kind in ("", event["event"])]
+
+    def names(self):
+        return [event["event"] for event in self.events()]
 
     def wait_for(self, kind, *, count=1, seconds=15.0):
         deadline = time.monotonic() + seconds
         while len(found := self.events(kind)) < count:
-            assert time.monotonic() < deadline, [event["event"] for event in self.events()]
+            names = self.names()
+            assert "tripped" not in names, names
+            assert time.monotonic() < deadline, names
             time.sleep(0.02)
         return found[count - 1]
 
+    def records(self):
+        """Return the records of the log that was begun last."""
+        logs = (self.session / "logs").glob("perturbed-*.jzlog")
+        return read_log(max(logs, key=lambda log: int(log.stem.split("-")[1]))).records
 
-@contextmanager
-def console(folder, *arguments, without="go_on", most_files=1024):
-    (folder / "short.toml").write_text(PROTOCOL.format(without=without))
-    command = [sys.executable, "-m", "jointz", "console", "--out", "study", "--port", "0"]
-    process = subprocess.Popen(
-        [*command, *arguments], cwd=folder, stdout=subprocess.PIPE, text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, most_files)),
-    )  # fmt: skip
-    made = None
-    try:
-        line = process.stdout.readline()
-        assert line.startswith("Console: "), line
-        made = Console(folder, process, line.split()[1])
-        yield made
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(timeout=15)
-        process.stdout.close()
-        if made is not None:
-            end_session(made)
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory, terminal_signals_of_module):
+    """One console for all tests; each brings its session to the state that it begins with."""
+    folder = tmp_path_factory.mktemp("console")
+    (folder / "short.toml").write_text(PROTOCOL)
+    made = Console(folder)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def made(shared):
+    """The shared console, opened again if a test has ended it."""
+    shared.open()
+    return shared
 
 
 def end_session(made):
@@ -122,14 +149,6 @@ def end_session(made):
         OperatorCommands(made.study, None, dict).stop()
         time.sleep(0.05)
     assert not is_held(made.study)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        made = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield made
-        made.close()
 
 
 @pytest.fixture
@@ -153,84 +172,172 @@ def page(browser, script_errors):
 
 
 def state_is(page, state, seconds=60):
-    page.wait_for_function(f"document.body.dataset.state === '{state}'", timeout=1000 * seconds)
+    """Wait for a state; a session that was tripped or has failed instead comes to no other."""
+    page.wait_for_function(
+        f"['{state}', 'tripped', 'failed'].includes(document.body.dataset.state)",
+        timeout=1000 * seconds,
+    )
+    assert page.evaluate("document.body.dataset.state") == state
 
 
-def begin(page, made, *, opened=False):
-    if not opened:
-        page.goto(made.address)
-    state_is(page, "waiting")
+def wait_to_start(page, made):
+    """Open the page and bring the session to where it waits for a start."""
+    page.goto(made.address)
+    page.wait_for_function("['waiting', 'running', 'stopped', 'tripped', 'failed']"
+                           ".includes(document.body.dataset.state)")  # fmt: skip
+    if page.evaluate("document.body.dataset.state") == "running":
+        page.keyboard.press("Escape")
+        state_is(page, "stopped")
+    if page.evaluate("document.body.dataset.state") != "waiting":
+        rearm(page)
     page.wait_for_selector("#jz-start", state="visible")
+
+
+def rearm(page):
+    acknowledge = page.locator("#jz-acknowledge")
+    if acknowledge.is_visible():
+        acknowledge.click()
+    page.click("#jz-rearm")
+    page.click("#jz-yes")
+    page.wait_for_function("document.body.dataset.state === 'waiting'")
+
+
+def start(page):
     page.click("#jz-start")
     state_is(page, "running")
 
 
-def picture(page, name):
-    return page.evaluate(f"document.getElementById('{name}').toDataURL()")
+def run(page, made):
+    """Open the page of a session that runs, started anew unless it runs already."""
+    page.goto(made.address)
+    page.wait_for_function("document.body.dataset.state")
+    if page.evaluate("document.body.dataset.state") != "running":
+        wait_to_start(page, made)
+        start(page)
 
 
-def painted(page, name, colour):
-    """How many points of a canvas have about the colour of a variable of the style sheet."""
-    return page.evaluate(
-        f"""() => {{
+PICTURE = "document.getElementById('jz-traces').toDataURL()"
+
+
+def picture(page):
+    return page.evaluate(PICTURE)
+
+
+def painted(colour):
+    """How many points of the traces have about the colour of a variable of the style sheet."""
+    return f"""(() => {{
         const style = getComputedStyle(document.documentElement);
         const hex = style.getPropertyValue('--jz-{colour}').trim();
         const want = [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
-        const c = document.getElementById('{name}');
+        const c = document.getElementById('jz-traces');
         const data = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
         let n = 0;
         for (let i = 0; i < data.length; i += 4)
             n += want.every((v, k) => Math.abs(v - data[i + k]) < 12);
-        return n; }}"""
+        return n; }})()"""
+
+
+def test_a_page_answers_nobody_without_the_token(made, page, page_client):
+    made.wait_for("prompted")
+    assert page_client(made.address).refused_everywhere()
+
+    wait_to_start(page, made)
+    assert made.names() == ["prompted"]
+    page.provoked = "Failed to load resource: the server responded with a status of 4"
+    assert "token" not in page.url
+    assert_nonsense_is_refused(page)
+    assert_space_stops_and_presses_no_button(page)
+    look_on_and_stop(made, page)
+    # What was refused, and a start by the space key, would stand between.
+    assert made.names() == ["prompted", "stop_asked"]
+
+
+def assert_nonsense_is_refused(page):
+    """From inside, too: what is not a command of ours goes nowhere."""
+    told = page.evaluate(
+        """async () => {
+        const ask = async (body) => (await fetch('/command', {method: 'POST', body})).status;
+        const seen = [];
+        const bodies = ['', '{}', '{"order":"torque"}', 'x'.repeat(9000)];
+        for (const body of bodies) seen.push(await ask(body));
+        const socket = new WebSocket(`ws://${location.host}/live`);
+        const code = await new Promise((done) => {
+            socket.onmessage = () => socket.send('{"order":"start"}');
+            socket.onclose = (event) => done(event.code);
+        });
+        return [...seen, code];
+        }"""
     )
+    assert told == [422, 422, 422, 413, 1008]
 
 
-def test_a_session_is_seen_run_and_stopped_from_the_page(tmp_path, page):
-    with console(tmp_path, "short.toml") as made:
-        page.goto(made.address)
+def assert_space_stops_and_presses_no_button(page):
+    """Press Space while a button has the focus; the stop is kept from the session."""
+    page.route("**/stop", lambda route: route.fulfill(json={}))
+    page.locator("#jz-start").focus()
+    with page.expect_request("**/stop") as request:
+        page.keyboard.press("Space")
+    assert request.value.method == "POST"
+    page.unroute("**/stop")
+
+
+def look_on_and_stop(made, page):
+    """A second page finds the session that runs; all it can do is stop it."""
+    command = [sys.executable, "-m", "jointz", "console", "--out", "study", "--port", "0"]
+    with subprocess.Popen(command, cwd=made.folder, stdout=subprocess.PIPE, text=True) as second:
+        page.goto(second.stdout.readline().split()[1])
         state_is(page, "waiting")
-        # Words of a protocol are words, never markup.
-        assert page.inner_text("#jz-prompt") == "Walk & keep <b>walking</b>."
-        begin(page, made)
-
-        made.wait_for("pulse_completed")
-        page.wait_for_timeout(300)
-        before = picture(page, "jz-traces")
-        assert painted(page, "jz-traces", "angle") > 300
-        assert painted(page, "jz-traces", "applied") > 100
-        page.wait_for_timeout(300)
-        assert picture(page, "jz-traces") != before  # they move
-        assert page.inner_text("#jz-plan").splitlines()[0].startswith("LRE")
-
-        page.fill("#jz-note", "strap & <i>buckle</i>")
-        page.keyboard.press("Enter")
-        assert made.wait_for("note")["text"] == "strap & <i>buckle</i>"
-
-        page.click("#jz-pause")
-        state_is(page, "paused")
-        page.wait_for_timeout(400)
-        done = len(made.events("pulse_started"))
-        page.wait_for_timeout(1500)
-        assert len(made.events("pulse_started")) == done
-        page.click("#jz-goOn")
-        state_is(page, "running")
-
-        made.wait_for("pulse_started", count=done + 1)
-        page.click("#jz-stop")
+        assert page.evaluate("document.body.dataset.canStart") == "no"
+        page.keyboard.press("Space")
         state_is(page, "stopped")
-        assert_stopped_in_order(made)
-        assert page.locator("#jz-danger").is_hidden()
-        assert page.locator("#jz-alarm").is_hidden()
+        second.send_signal(signal.SIGINT)
+        second.wait(timeout=15)
 
-        # What was stopped goes on only when that is confirmed, and waits for another start.
-        page.click("#jz-rearm")
-        assert "asked for" in page.inner_text("#jz-reason")
-        page.click("#jz-yes")
-        state_is(page, "waiting")
-        page.locator("#jz-start").focus()
-        page.keyboard.press("Space")  # a stop, not a press on the button that has the focus
-        state_is(page, "stopped")
-        assert [e["event"] for e in made.events()][-2:] == ["prompted", "stop_asked"]
+
+def test_a_session_is_seen_run_and_stopped_from_a_busy_page(made, page):
+    wait_to_start(page, made)
+    # Words of a protocol are words, never markup.
+    assert page.inner_text("#jz-prompt") == "Walk & keep <b>walking</b>."
+    start(page)
+
+    made.wait_for("pulse_completed")
+    page.wait_for_function(f"{painted('angle')} > 300 && {painted('applied')} > 100")
+    before = picture(page)
+    page.wait_for_function(f"{PICTURE} !== '{before}'")  # they move
+    assert page.inner_text("#jz-plan").splitlines()[0].startswith("LRE")
+
+    page.fill("#jz-note", "strap & <i>buckle</i>")
+    page.keyboard.press("Enter")
+    assert made.wait_for("note")["text"] == "strap & <i>buckle</i>"
+
+    page.click("#jz-pause")
+    state_is(page, "paused")
+    begun = len(made.events("pulse_started"))
+    page.wait_for_timeout(1500)  # more than a stride
+    assert len(made.events("pulse_started")) == begun
+    page.click("#jz-goOn")
+    state_is(page, "running")
+    made.wait_for("pulse_started", count=begun + 1)
+
+    # Nine tenths of the page's time are gone, and what NiceGUI made of it is, too.
+    page.evaluate(
+        """() => { document.getElementById('app').remove(); setInterval(() => {
+        const t = performance.now(); while (performance.now() - t < 90); }, 100); }"""
+    )
+    page.keyboard.press("Escape")
+    made.wait_for("stopped", seconds=5)
+    assert_stopped_in_order(made)
+    state_is(page, "stopped")
+    assert page.locator("#jz-danger").is_hidden()
+    assert page.locator("#jz-alarm").is_hidden()
+
+    # What was stopped goes on only when that is confirmed, and waits for another start.
+    page.goto(made.address)
+    page.click("#jz-rearm")
+    assert "asked for" in page.inner_text("#jz-reason")
+    page.click("#jz-yes")
+    page.wait_for_function("document.body.dataset.state === 'waiting'")
+    assert made.names() == ["prompted"]
 
 
 def assert_stopped_in_order(made):
@@ -239,7 +346,7 @@ def assert_stopped_in_order(made):
     asked, stopped = names.index("stop_asked"), names.index("stopped")
     assert asked < stopped == len(names) - 1
     assert "pulse_started" not in names[asked:]
-    records = read_log(made.session / "logs" / "perturbed-0.jzlog").records
+    records = made.records()
     since_s = (records["host_time_ns"] - events[asked]["host_ns"]) * 1e-9
     assert (np.abs(records["sent_torque"][since_s < 0]) > 10).any()
     after = records[since_s >= 0]
@@ -251,73 +358,45 @@ def assert_stopped_in_order(made):
     assert (steps <= LARGEST_FRICTION_NM).all()
 
 
-def test_a_busy_page_still_stops_and_a_lost_one_ends_what_it_should(tmp_path, browser, page):
-    with console(tmp_path, "short.toml", without="stop") as made:
-        begin(page, made)
-        made.wait_for("pulse_started")
-        # Nine tenths of the page's time are gone, and what NiceGUI made of it is, too.
-        page.evaluate(
-            """() => { document.getElementById('app').remove(); setInterval(() => {
-            const t = performance.now(); while (performance.now() - t < 90); }, 100); }"""
-        )
-        page.keyboard.press("Escape")
-        made.wait_for("stopped", seconds=5)
-        assert_stopped_in_order(made)
-        page.goto(made.address)
-        state_is(page, "stopped")
-        page.click("#jz-rearm")
-        page.click("#jz-yes")
-        begin(page, made, opened=True)
-        page.wait_for_timeout(500)
-        page.provoked = "ERR_CONNECTION_REFUSED"
-        made.process.send_signal(signal.SIGKILL)
-        made.process.wait()
-        made.wait_for("stopped_without_console", seconds=8)
-        made.wait_for("stopped", count=2, seconds=3)
-        page.wait_for_function("!document.getElementById('jz-alarm').hidden")
-        page.keyboard.press("Escape")
-        page.wait_for_function(
-            "document.getElementById('jz-alarm').textContent.includes('emergency stop')"
-        )
-
-
-def test_a_killed_session_raises_an_alarm_that_stays_until_it_is_acknowledged(
-    tmp_path, page, page_client
-):
-    with console(tmp_path, "short.toml") as made:
-        begin(page, made)
-        other = page.context.new_page()
-        other.goto(made.address)
-        made.wait_for("pulse_started")
-        os.kill(holder_of(made.study), signal.SIGKILL)
-        for one in (page, other):
-            one.locator("#jz-danger", has_text="Use the emergency stop").wait_for(timeout=3000)
-
-        page.provoked = "409"
+def test_a_session_that_hangs_and_dies_raises_alarms(made, page, page_client):
+    run(page, made)
+    other = page.context.new_page()
+    other.goto(made.address)
+    state_is(other, "running")
+    session = holder_of(made.study)
+    os.kill(session, signal.SIGSTOP)
+    page.provoked = "the server responded with a status of"
+    with page.expect_response("**/stop") as answer:
         page.click("#jz-stop")
-        page.locator("#jz-alarm", has_text="nobody has received the stop").wait_for()
-        status, text, _ = page_client(made.address).open().request("POST", "/stop")
-        assert status == 409
-        assert "nobody has received the stop" in json.loads(text)["refused"]
+    assert answer.value.status == 504
+    page.locator("#jz-alarm", has_text="Press the emergency stop").wait_for()
 
-        page.reload()
-        page.locator("#jz-danger").wait_for()
-        page.click("#jz-acknowledge")
-        page.locator("#jz-danger").wait_for(state="hidden")
-        page.click("#jz-rearm")
-        page.click("#jz-yes")
-        begin(page, made, opened=True)
-        assert page.locator("#jz-danger").is_hidden()
-        assert other.locator("#jz-danger").is_visible()  # whoever looks there has not acknowledged
+    # The alarm of a session that is gone stays until it is acknowledged.
+    os.kill(session, signal.SIGKILL)
+    for one in (page, other):
+        one.locator("#jz-danger", has_text="Use the emergency stop").wait_for(timeout=3000)
+    page.click("#jz-stop")
+    page.locator("#jz-alarm", has_text="nobody has received the stop").wait_for()
+    status, text, _ = page_client(made.address).open().request("POST", "/stop")
+    assert status == 409
+    assert "nobody has received the stop" in json.loads(text)["refused"]
+
+    page.reload()
+    page.locator("#jz-danger").wait_for()
+    page.click("#jz-acknowledge")
+    page.locator("#jz-danger").wait_for(state="hidden")
+    rearm(page)
+    start(page)
+    assert page.locator("#jz-danger").is_hidden()
+    assert other.locator("#jz-danger").is_visible()  # whoever looks there has not acknowledged
 
 
-def test_idle_connections_do_not_lock_the_operator_out(tmp_path, page, page_client):
-    # Fewer files than connections: as if there were thousands of them.
-    with console(tmp_path, "short.toml", most_files=200) as made, ExitStack() as stack:
-        begin(page, made)
+def test_idle_connections_do_not_lock_the_operator_out(made, page, page_client):
+    with ExitStack() as stack:
+        run(page, made)
         client = page_client(made.address)
         where = client.place.split(":")
-        for k in range(200):
+        for k in range(MOST_FILES):
             idle = stack.enter_context(socket.create_connection(where, timeout=5))
             idle.sendall(b"GET / HTTP/1.1\r\n" * (k % 2))
         client.open()
@@ -337,51 +416,14 @@ def test_idle_connections_do_not_lock_the_operator_out(tmp_path, page, page_clie
         state_is(page, "stopped")
 
 
-@pytest.mark.parametrize("listen", ["127.0.0.1", "0.0.0.0"])
-def test_a_page_answers_nobody_without_the_token(tmp_path, page, page_client, listen):
-    with console(tmp_path, "short.toml", "--listen", listen) as made:
-        made.wait_for("prompted")
-        where = urlsplit(made.address)
-        address = f"http://127.0.0.1:{where.port}/?{where.query}"
-        assert page_client(address).refused_everywhere()
-        assert made.events("stop_asked") == []
-
-        page.goto(address)
-        state_is(page, "waiting")
-        page.provoked = "Failed to load resource: the server responded with a status of 4"
-        assert "token" not in page.url
-        assert_nonsense_is_refused(made, page)
-        look_on_and_stop(tmp_path, page)
-
-
-def look_on_and_stop(folder, page):
-    """A second page finds the session that runs; all it can do is stop it."""
-    command = [sys.executable, "-m", "jointz", "console", "--out", "study", "--port", "0"]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as second:
-        page.goto(second.stdout.readline().split()[1])
-        state_is(page, "waiting")
-        assert page.evaluate("document.body.dataset.canStart") == "no"
-        page.keyboard.press("Space")
-        state_is(page, "stopped")
-        second.send_signal(signal.SIGINT)
-        second.wait(timeout=15)
-
-
-def assert_nonsense_is_refused(made, page):
-    """From inside, too: what is not a command of ours goes nowhere."""
-    told = page.evaluate(
-        """async () => {
-        const ask = async (body) => (await fetch('/command', {method: 'POST', body})).status;
-        const seen = [];
-        const bodies = ['', '{}', '{"order":"torque"}', 'x'.repeat(9000)];
-        for (const body of bodies) seen.push(await ask(body));
-        const socket = new WebSocket(`ws://${location.host}/live`);
-        const code = await new Promise((done) => {
-            socket.onmessage = () => socket.send('{"order":"start"}');
-            socket.onclose = (event) => done(event.code);
-        });
-        return [...seen, code];
-        }"""
-    )
-    assert told == [422, 422, 422, 413, 1008]
-    assert [e["event"] for e in made.events()] == ["prompted"]
+def test_a_lost_page_ends_its_session(made, page):
+    run(page, made)
+    made.wait_for("pulse_started")
+    page.provoked = "ERR_CONNECTION_REFUSED"
+    made.process.kill()
+    made.process.communicate()
+    made.wait_for("stopped_without_console", seconds=8)
+    made.wait_for("stopped", seconds=3)
+    page.locator("#jz-alarm", has_text="This page hears nothing").wait_for()
+    page.keyboard.press("Escape")
+    page.locator("#jz-alarm", has_text="emergency stop").wait_for()

@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -15,13 +14,7 @@ from jointz.analysis.results_folder import write_results
 from jointz.report.wording import DASH
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
-pytestmark = [
-    pytest.mark.alone,
-    pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
-]
+pytestmark = pytest.mark.alone
 
 NASTY = '<img src=x onerror="document.title=1">&amp; S01'
 PATIENCE_MS = 30_000
@@ -55,28 +48,30 @@ def address(study, terminal_signals_of_module):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield found
-        found.close()
-
-
-@pytest.fixture
-def page(browser, address, script_errors):
+def shared(browser, address, script_errors):
+    """One page for all tests."""
     context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
     context.set_default_timeout(PATIENCE_MS)
     opened = context.new_page()
-    opened.foreign = []
-    errors = script_errors(opened)
+    opened.foreign, opened.errors = [], script_errors(opened)
     opened.on("request", lambda request: opened.foreign.append(request.url))
     opened.goto(address)
     opened.locator(".pulse-state", has_text="used").wait_for()  # the recordings were read
     yield opened
-    assert errors == []
-    own = address.split("?")[0]
-    assert all(url.startswith((own, "data:", "blob:", "ws:")) for url in opened.foreign)
     context.close()
+
+
+@pytest.fixture
+def page(shared, address):
+    """The page with its first pulse; a test may leave it on any tab."""
+    shared.bring_to_front()
+    shared.get_by_role("tab", name="Pulses").click()
+    shared.locator(".pulses tbody tr").first.click()
+    shared.locator(".pulse-name", has_text="Pulse 1 of 4").wait_for()
+    yield shared
+    assert shared.errors == []
+    own = address.split("?")[0]
+    assert all(url.startswith((own, "data:", "blob:", "ws:")) for url in shared.foreign)
 
 
 def stiffness(page):
@@ -115,8 +110,8 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
         page.get_by_role("button", name="estimates.csv").click()
     taken = tmp_path / "estimates.csv"
     download.value.save_as(taken)
-    analyze_again(study, tmp_path / "fresh")
-    fresh = pd.read_csv(tmp_path / "fresh" / "estimates.csv")
+    analyze(study, resamples=50).to_frame().to_csv(tmp_path / "fresh.csv", index=False)
+    fresh = pd.read_csv(tmp_path / "fresh.csv")
     pd.testing.assert_frame_equal(pd.read_csv(taken), fresh)
 
     # A second page restores it, and the first follows.
@@ -126,11 +121,7 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     finished(second, 4)
     finished(page, 4)
     assert stiffness(page) == stiffness(second) == before
-
-
-def analyze_again(study: Path, out: Path) -> None:
-    command = [sys.executable, "-m", "jointz", "analyze", str(study), "--out", str(out)]
-    subprocess.run([*command, "--resamples", "50", "--quiet"], check=True)
+    second.close()
 
 
 def test_names_of_strangers_are_text(page):
@@ -159,18 +150,25 @@ def test_nobody_is_answered_without_the_token(address, page_client):
     assert page_client(address).refused_everywhere()
 
 
-def test_tabs_are_left_and_plots_resized_without_a_script_error(page):
+def test_tabs_are_left_and_plots_resized_without_a_script_error(page, address, script_errors):
+    page = page.context.new_page()  # of its own: others are not to be resized
+    errors = script_errors(page)
+    page.goto(address)
+    page.locator(".pulse-state", has_text="used").wait_for()
     for name in ("Gait cycle", "Methods", "Files", "Pulses", "Gait cycle"):
         page.get_by_role("tab", name=name).click()
-        page.wait_for_timeout(500)
+        page.get_by_role("tab", name=name, selected=True).wait_for()
+        if name in ("Gait cycle", "Pulses"):
+            page.locator(".plot .main-svg").first.wait_for()
     widths = "[...document.querySelectorAll('.plot')].flatMap((e) => [e, ...e.querySelectorAll("
     widths += "'.main-svg')]).map((e) => e.clientWidth)"
-    wide = set(page.evaluate(widths))
+    # Plots are as wide as their places.
+    page.wait_for_function(f"new Set({widths}).size === 1")
+    wide = page.evaluate(widths)[0]
     page.set_viewport_size({"width": 1000, "height": 900})
-    page.wait_for_timeout(500)
-    narrow = set(page.evaluate(widths))
-    assert len(wide) == len(narrow) == 1  # plots are as wide as their places
-    assert min(narrow) < min(wide)
+    page.wait_for_function(f"new Set({widths}).size === 1 && {widths}[0] < {wide}")
+    assert errors == []
+    page.close()
 
 
 def test_a_method_is_added_and_shown(page):

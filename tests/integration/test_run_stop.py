@@ -1,6 +1,5 @@
 """``jointz run`` from outside: signals, a parent that dies, two runs of one study."""
 
-import json
 import os
 import signal
 import subprocess
@@ -91,6 +90,13 @@ def assert_group_gone(process):
     wait_until(lambda: not group_of(process), "end of all processes")
 
 
+def assert_refused(outcome):
+    """A second run of a study was refused, and told so as JSON."""
+    assert outcome.code == 2
+    assert outcome.json["error"] == "OutputError"
+    assert "another process is running this" in outcome.json["message"]
+
+
 @pytest.mark.parametrize(
     ("send", "number"),
     [
@@ -100,10 +106,14 @@ def assert_group_gone(process):
         pytest.param(os.killpg, signal.SIGTERM, marks=pytest.mark.slow),
     ],
 )
-def test_a_signal_stops_every_worker(protocol_file, tmp_path, send, number):
+def test_a_signal_stops_every_worker_and_a_second_run_none(
+    protocol_file, tmp_path, jointz, send, number
+):
     out = tmp_path / "study"
     running = start(protocol_file, out, "--workers", "2")
     wait_for("pulse_started", out, "S01", "S02")
+    assert_refused(jointz("run", protocol_file, "--out", out, "--resume", "--json"))
+    assert running.poll() is None
     send(running.pid, number)
     words = running.communicate(timeout=TIMEOUT_S)[1]
     assert running.returncode == STOPPED
@@ -140,49 +150,24 @@ def test_ctrl_c_while_workers_start_shows_no_traceback(protocol_file, tmp_path, 
     assert_group_gone(running)
 
 
-def test_workers_stop_when_their_parent_dies(protocol_file, tmp_path):
-    out = tmp_path / "study"
-    running = start(protocol_file, out, "--workers", "2")
-    wait_for("pulse_started", out, "S01", "S02")
-    running.kill()
-    running.communicate(timeout=TIMEOUT_S)
-    assert_group_gone(running)
-    for participant in ("S01", "S02"):
-        assert events(out, participant)[-1]["event"] == "stopped"
-
-
-def test_a_second_run_of_a_study_is_refused(protocol_file, tmp_path):
-    out = tmp_path / "study"
-    first = start(protocol_file, out, "--workers", "2")
-    try:
-        wait_for("pulse_started", out, "S01")
-        second = start(protocol_file, out, "--workers", "2", "--resume", "--json")
-        told = json.loads(second.communicate(timeout=TIMEOUT_S)[0])
-        assert second.returncode == 2
-        assert told["error"] == "OutputError"
-        assert "another process is running this" in told["message"]
-    finally:
-        os.killpg(first.pid, signal.SIGINT)
-        first.communicate(timeout=TIMEOUT_S)
-    assert first.returncode == STOPPED
-
-
-def test_a_session_left_by_a_dead_parent_is_not_run_twice(protocol_file, tmp_path):
+def test_workers_stop_when_their_parent_dies_and_are_not_run_twice(protocol_file, tmp_path, jointz):
     out = tmp_path / "study"
     first = start(protocol_file, out, "--workers", "2")
     wait_for("pulse_started", out, "S01", "S02")
     slow = workers_of(first)
+    assert len(slow) == 2
     for worker in slow:
         os.kill(worker, signal.SIGSTOP)
     try:
         first.kill()
         first.wait(timeout=TIMEOUT_S)
-        second = start(protocol_file, out, "--workers", "1", "--resume")
-        said = second.communicate(timeout=TIMEOUT_S)[1]
+        assert_refused(
+            jointz("run", protocol_file, "--out", out, "--workers", "1", "--resume", "--json")
+        )
     finally:
         for worker in slow:
             os.kill(worker, signal.SIGCONT)
         first.communicate(timeout=TIMEOUT_S)
-    assert second.returncode == 2
-    assert "another process is running this" in said
     assert_group_gone(first)
+    for participant in ("S01", "S02"):
+        assert events(out, participant)[-1]["event"] == "stopped"

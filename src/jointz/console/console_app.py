@@ -13,7 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointz.console.live_feed import LiveFeed
-from jointz.console.operator_commands import Heartbeat, OperatorCommands
+from jointz.console.operator_commands import (
+    CONFIRMED_WITHIN_S,
+    Heartbeat,
+    OperatorCommands,
+)
 from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
 from jointz.experiment.stop_signals import end_listening
@@ -30,6 +34,8 @@ if TYPE_CHECKING:
 
 STATIC = Path(__file__).parent / "static"
 _LONGEST_COMMAND_BYTES = 4096
+#: Between two looks for the confirmation of a stop.
+_LOOK_S = 0.02
 
 
 def open_console(
@@ -102,10 +108,13 @@ def add_routes(app: "FastAPI", feed: LiveFeed, commands: OperatorCommands) -> No
     from starlette.staticfiles import StaticFiles
 
     async def stop(request: "Request") -> "Response":
-        # Before any await.
-        unheard = commands.unheard(commands.stop())
+        n_sent = commands.stop()  # before any await
         del request
-        return JSONResponse({"refused": unheard} if unheard else {}, 409 if unheard else 200)
+        if unheard := commands.unheard(n_sent):
+            return JSONResponse({"refused": unheard}, 409)
+        if await _is_confirmed(commands):
+            return JSONResponse({})
+        return JSONResponse({"refused": commands.unconfirmed(n_sent)}, 504)
 
     async def command(request: "Request") -> "Response":
         message = bytearray()
@@ -126,6 +135,17 @@ def add_routes(app: "FastAPI", feed: LiveFeed, commands: OperatorCommands) -> No
         WebSocketRoute("/live", feed.answer),
         Mount("/console-files", StaticFiles(directory=STATIC)),
     ]
+
+
+async def _is_confirmed(commands: OperatorCommands) -> bool:
+    """Wait until the session's files say that it stops, for a limited time."""
+    try:
+        async with asyncio.timeout(CONFIRMED_WITHIN_S):
+            while not await asyncio.to_thread(commands.is_confirmed):
+                await asyncio.sleep(_LOOK_S)
+    except TimeoutError:
+        return False
+    return True
 
 
 _HERE = Path(__file__).parent / "static"

@@ -20,6 +20,10 @@ from jointz.session.run_settings import SESSIONS
 #: States of a session that was ended early, and of one whose loop watches the page.
 BROKEN_OFF = frozenset({"stopped", "tripped", "failed"})
 _MOVING = frozenset({"running", "paused"})
+#: States of a session that has taken a stop, or that was stopped before.
+_STOPPED = frozenset({"stopping", "stopped", "tripped"})
+#: Time in which a session confirms a stop; a loop takes one tick.
+CONFIRMED_WITHIN_S = 1.0
 _BEAT_S = 0.2
 #: Time to wait for a session that is loading or closing its devices.
 _PATIENCE_S, _LOOK_S = 30.0, 0.05
@@ -114,6 +118,18 @@ class OperatorCommands:
                 "accept stops from a page. Use the emergency stop."
             )
         return ""
+
+    def is_confirmed(self) -> bool:
+        """Tell whether the session has written that it is stopping or was stopped."""
+        status = self._look()
+        return status["state"] in _STOPPED and not status.get("unconfirmed")
+
+    def unconfirmed(self, n_sent: int) -> str:
+        """Return why a stop that was sent is not confirmed in time."""
+        return self.unheard(n_sent) or (
+            f"The session has not confirmed the stop within {CONFIRMED_WITHIN_S:g} s: it hangs, or "
+            "it is still opening its devices. Press the emergency stop, or switch the power off."
+        )
 
     def leave(self) -> str:
         """End the session of this page if it was never started, and say what becomes of it."""

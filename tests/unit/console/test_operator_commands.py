@@ -135,6 +135,33 @@ def test_a_session_that_is_over_receives_no_stop_while_the_next_is_loaded(room):
     assert "has not received the stop" in room.desk.unheard(0)
 
 
+@pytest.mark.parametrize(
+    ("state", "unconfirmed", "is_confirmed"),
+    [
+        ("stopping", "", True),
+        ("stopped", "", True),
+        ("tripped", "", True),
+        ("tripped", "perturbed", False),  # a device has not confirmed its stop
+        ("waiting", "", False),
+        ("starting", "", False),
+        ("running", "", False),
+        ("paused", "", False),
+        ("silent", "", False),
+        ("failed", "", False),
+    ],
+)
+def test_the_session_itself_confirms_a_stop(room, state, unconfirmed, is_confirmed):
+    room.status |= {"state": state, "unconfirmed": unconfirmed}
+    assert room.desk.is_confirmed() is is_confirmed
+
+
+def test_a_stop_that_is_not_confirmed_is_told(room):
+    assert "has not confirmed the stop within 1 s" in room.desk.unconfirmed(1)
+    assert "emergency stop" in room.desk.unconfirmed(1)
+    room.process.lives = False
+    assert "nobody has received" in room.desk.unconfirmed(1)
+
+
 def test_a_new_box_of_the_same_name_is_the_one_that_is_stopped(room):
     """A session that goes on makes its box anew: the old one is not what is meant."""
     with ControlBox(room.folder / "control") as newer:

@@ -28,6 +28,7 @@ const jointzConsole = (() => {
     fetch("/stop", { method: "POST", keepalive: true, cache: "no-store" })
       .then(async (answer) => {
         if (answer.status === 409) unheard((await answer.json()).refused);
+        else if (answer.status === 504) unconfirmed((await answer.json()).refused);
         else if (!answer.ok) throw new Error(String(answer.status));
       })
       .catch(() => {
@@ -44,6 +45,13 @@ const jointzConsole = (() => {
     alarm("unheard", why);
   }
 
+  // The session has the stop and does not answer: says so, and goes on waiting for it.
+  function unconfirmed(why) {
+    if (status.state === "stopping" || status.state === "stopped") return; // answered by now
+    unheardIn = status.state;
+    alarm("unheard", why);
+  }
+
   function endStop() {
     stopAskedAt = 0;
     byId("jz-stop").classList.remove("asked");
@@ -54,7 +62,7 @@ const jointzConsole = (() => {
     if (!stopAskedAt) return;
     if (!MOVES.has(status.state) && status.state !== "waiting") {
       endStop();
-    } else if (performance.now() - stopAskedAt > 1500 && status.state !== "stopping") {
+    } else if (performance.now() - stopAskedAt > 1500 && status.state !== "stopping" && !alarms.has("unheard")) {
       alarm("stop", "The session does not answer to the stop. Use the emergency stop.");
     }
   }
