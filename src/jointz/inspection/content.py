@@ -85,7 +85,7 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
 
 def _check_work(path: Path, content: Content) -> None:
     """Refuse a packed file if its content and the inspection together exceed the memory limit."""
-    held = sum(column.values.nbytes for column in content.columns)
+    held = sum(NUMBER_BYTES * np.size(column.values) for column in content.columns)
     n = max((clock.n for clock in content.clocks), default=0)
     work = max(_CLOCK_ARRAYS * n, _GUESS_ARRAYS * min(n, GUESSED_SAMPLES))
     check_unpacked(path, held + NUMBER_BYTES * work)

@@ -224,7 +224,7 @@ def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:
 
 
 def _piece_bytes(arrow: Any, piece: Any) -> int:
-    """Return what a piece of a column takes in memory; texts count as often as they are repeated."""
+    """Return what a piece of a column takes in memory; repeated texts count each time."""
     if not arrow.types.is_dictionary(piece.type):
         return NUMBER_BYTES * len(piece)
     import pyarrow.compute as compute
@@ -283,7 +283,7 @@ def _signal(arrow: Any, values: np.ndarray, field: Any) -> Signal:
     if arrow.types.is_temporal(_value_type(arrow.types, field.type)):
         description = description or _DATES
     if values.dtype.kind == "O":
-        values[np.equal(values, None)] = ""
+        values[~values.astype(bool)] = ""  # None
     return Signal(field.name, values, unit, description)
 
 
