@@ -12,15 +12,20 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.file_kinds import missing_file
-from jointz.io.formats.columns import RawTable
+from jointz.io.formats.columns import RawTable, TableRequest
 from jointz.io.formats.group_format import TIME, GroupFormat, study_columns
+from jointz.io.formats.memory_limit import NUMBER_BYTES, PACKED, check_unpacked
 from jointz.io.formats.registry import format_of, read_acquisition, read_table
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
-from jointz.io.text.delimited import as_written_with_point
+from jointz.io.text.delimited import as_written_with_point, stray_cells
 from jointz.io.text.text_layout import TextLayout, find_layout
 from jointz.io.text.vendor_logs import with_vendor_units
 
 _LEAST_SHARE = 0.5
+#: Pulses, strides and the direction of torque are guessed from the first samples, 83 min at 1 kHz.
+GUESSED_SAMPLES = 5_000_000
+#: Arrays as long as the recording (measured): while its clock is inspected, while guesses are made.
+_CLOCK_ARRAYS, _GUESS_ARRAYS = 8, 16
 _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 
 
@@ -70,8 +75,20 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
     if not path.is_file():
         raise DataError(missing_file(path, "Correct the name."), path=str(path))
     if path.name.lower().endswith(_TEXT):
-        return _text_content(path, find_layout(path, layout))
-    return _content(path, read_acquisition(path))
+        content = _text_content(path, find_layout(path, layout))
+    else:
+        content = _content(path, read_acquisition(path))
+    if path.name.lower().endswith(PACKED):
+        _check_work(path, content)
+    return content
+
+
+def _check_work(path: Path, content: Content) -> None:
+    """Refuse a packed file if its content and the inspection together exceed the memory limit."""
+    held = sum(NUMBER_BYTES * np.size(column.values) for column in content.columns)
+    n = max((clock.n for clock in content.clocks), default=0)
+    work = max(_CLOCK_ARRAYS * n, _GUESS_ARRAYS * min(n, GUESSED_SAMPLES))
+    check_unpacked(path, held + NUMBER_BYTES * work)
 
 
 def _text_content(path: Path, layout: TextLayout) -> Content:
@@ -118,7 +135,9 @@ def _read(
             key = next((k for k in numbers if exc.channel == str(k)), None)
             if key is None or exc.row is None or "expected a number" not in str(exc):
                 raise
-            refused[key] = str(exc)
+            # All such columns in one pass: to read again for each takes minutes of wide tables.
+            refused |= stray_cells(path, TableRequest(tuple(numbers), files=files))
+            refused.setdefault(key, str(exc))
 
 
 def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:

@@ -18,6 +18,7 @@ from jointz.gait.sample_rate import (
     told_rates,
 )
 from jointz.identify.preparation.pulses import pulses_from_angle
+from jointz.inspection.content import GUESSED_SAMPLES
 from jointz.inspection.guess import Assignment, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import channel_scores
@@ -64,12 +65,15 @@ def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
         return Pulses()
     recording = build_recording(time, {"angle": _si(assigned, "angle")})
     n = len(pulses_from_angle(recording, cutoff_hz=_CUTOFF_HZ))
-    return Pulses("angle", n, f"the angle steps {n} time(s)") if n >= _FEWEST_PULSES else Pulses()
+    part = f" in the first {time.size:,} samples" if time.size < clock.n else ""
+    why = f"the angle steps {n} time(s){part}"
+    return Pulses("angle", n, why) if n >= _FEWEST_PULSES else Pulses()
 
 
 def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
     """Return rates (Hz) at which strides have a usual duration, with that duration (s)."""
-    recording = _steps_of_feet(assigned, np.arange(clock.n, dtype=float))
+    n = min(clock.n, GUESSED_SAMPLES)
+    recording = _steps_of_feet(assigned, np.arange(n, dtype=float))
     return {} if recording is None else rates_of_strides(recording)
 
 
@@ -147,14 +151,15 @@ def _smoothed(values: np.ndarray, n: int) -> np.ndarray:
 
 def _time(assigned: Assignments, clock: SeenClock) -> np.ndarray | None:
     if "time" in assigned:
-        return in_seconds(*assigned["time"])
-    return None if clock.rate_hz is None else np.arange(clock.n) / clock.rate_hz
+        return in_seconds(*assigned["time"])[:GUESSED_SAMPLES]
+    n = min(clock.n, GUESSED_SAMPLES)
+    return None if clock.rate_hz is None else np.arange(n) / clock.rate_hz
 
 
 def _si(assigned: Assignments, channel: str) -> np.ndarray:
     inspected, assignment = assigned[channel]
     _, factor = si_of(assignment)
-    return np.asarray(factor * inspected.column.values)
+    return np.asarray(factor * inspected.column.values[:GUESSED_SAMPLES])
 
 
 def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -> tuple[str, str]:

@@ -1,6 +1,6 @@
 """Summaries of the samples of a column and of the stamps of a clock."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from jointz.inspection.content import Column
 from jointz.inspection.inspection_result import SeenClock
 
 _POINTS = 32
+_BLOCK = 1 << 20  # samples
 _LARGEST_LEVELS = 12
 _LEVEL_SHARE = 0.05  # largest number of levels as a share of the samples
 _END_SHARE = 0.01  # share of samples at the largest or smallest number of saturated signals
@@ -43,41 +44,51 @@ def course_of(column: Column) -> Course:
     if column.is_text:
         return _course_of_text(column.values)
     values = column.values
-    finite = values[np.isfinite(values)]
+    good = np.isfinite(values)
+    finite = values if good.all() else values[good]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
-    with np.errstate(over="ignore"):
-        steps = np.diff(finite)
+    before, after = finite[:-1], finite[1:]
     return Course(
         n=values.size,
         n_missing=int(values.size - finite.size),
         low=low,
         high=high,
         levels=_levels(finite),
-        rises=bool(steps.size and (steps >= 0).all() and (steps > 0).mean() > 0.5),
-        whole=bool(finite.size and np.array_equal(finite, np.round(finite))),
+        rises=bool(after.size and (after >= before).all() and (after > before).mean() > 0.5),
+        whole=bool(finite.size) and all(np.array_equal(b, np.round(b)) for b in _blocks(finite)),
         notes=tuple(_notes(values, finite)),
         outline=_outline(values),
     )
 
 
 def _course_of_text(values: np.ndarray) -> Course:
-    found = dict.fromkeys(str(v) for v in values if v)
+    found: dict[str, None] = {}
+    for value in values:
+        if value and len(found) <= _LARGEST_LEVELS:
+            found[str(value)] = None
     missing = int(sum(not v for v in values))
-    levels = tuple(found)[: _LARGEST_LEVELS + 1]
+    levels = tuple(found)
     notes = ("constant",) if len(found) == 1 and values.size > 1 else ()
     return Course(values.size, missing, None, None, levels, False, False, notes, ())  # noqa: FBT003
 
 
 def _levels(finite: np.ndarray) -> tuple[str, ...]:
-    different = np.unique(finite)
-    if different.size > min(_LARGEST_LEVELS, max(2, _LEVEL_SHARE * finite.size)):
-        return ()
+    different = finite[:0]
+    for block in _blocks(finite):
+        different = np.union1d(different, block)
+        if different.size > min(_LARGEST_LEVELS, max(2, _LEVEL_SHARE * finite.size)):
+            return ()
     return tuple(f"{value:.10g}" for value in different)
+
+
+def _blocks(values: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield parts of a column, so that what is computed of them stays small."""
+    return (values[k : k + _BLOCK] for k in range(0, values.size, _BLOCK))
 
 
 def _outline(values: np.ndarray) -> tuple[float | None, ...]:
     parts = np.array_split(values, min(_POINTS, max(values.size, 1)))
-    kept = [part[np.isfinite(part)] for part in parts]
+    kept = (part[np.isfinite(part)] for part in parts)
     return tuple(_mean(part) if part.size else None for part in kept)
 
 
@@ -109,8 +120,10 @@ def _saturated(finite: np.ndarray) -> list[str]:
     notes = []
     for name, end in (("largest", finite.max()), ("smallest", finite.min())):
         at = finite == end
+        if end == 0 or at.mean() < _END_SHARE:
+            continue
         longest = _longest_run(at)
-        if end != 0 and at.mean() >= _END_SHARE and longest >= _LONGEST_RUN:
+        if longest >= _LONGEST_RUN:
             notes.append(
                 f"{100 * at.mean():.1f} % of the samples are at the {name} number, {end:.6g}, "
                 f"up to {longest} in a row: saturated?"
@@ -125,11 +138,10 @@ def _longest_run(flags: np.ndarray) -> int:
 
 def _repeated(finite: np.ndarray) -> list[str]:
     """Return a note about samples that repeat the previous one, as from a slower source."""
-    moving = np.flatnonzero(finite != finite[0])
-    part = finite[moving[0] : moving[-1]] if moving.size > _SHORTEST else finite
-    with np.errstate(over="ignore"):
-        steps = np.diff(part)
-    share = float((steps == 0).mean()) if steps.size else 0.0
+    moving, part = finite != finite[0], finite
+    if moving.sum() > _SHORTEST:
+        part = finite[moving.argmax() : moving.size - 1 - moving[::-1].argmax()]
+    share = float((part[1:] == part[:-1]).mean()) if part.size > 1 else 0.0
     if share < _REPEATED_SHARE or np.unique(part[:1000]).size < len(part[:1000]) * 0.05:
         return []
     each = 1 / max(1 - share, 1 / part.size)

@@ -388,4 +388,4 @@ def _series(value: Any) -> np.ndarray | None:
         return None
     if value.ndim > 1 and max(value.shape) < value.size:
         return None
-    return value.ravel().astype(np.float64)
+    return value.ravel().astype(np.float64, copy=False)

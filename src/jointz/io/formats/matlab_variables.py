@@ -90,7 +90,8 @@ def _sizes(stream: IO[bytes], order: str) -> Iterator[int]:
         if kind == _MATRIX:  # its parts follow
             yield OBJECT_BYTES + (_size_of_places(stream, order) if size else 0)
         elif not kind >> 16:  # else its few numbers stand in the tag
-            yield NUMBER_BYTES * size // _NUMBER_SIZES.get(kind, 1)
+            # The numbers, and beside them their bytes while they are read.
+            yield NUMBER_BYTES * size // _NUMBER_SIZES.get(kind, 1) + size
             left = size + -size % 8
             while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
                 left -= len(block)

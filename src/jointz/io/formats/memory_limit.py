@@ -3,7 +3,7 @@
 import os
 import re
 from contextlib import suppress
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 
 from jointz.core.errors import DataError, TooLargeError
@@ -14,6 +14,8 @@ VARIABLE = "JOINTZ_MEMORY_LIMIT"
 NUMBER_BYTES = 8
 #: The same of an array, a text or a link, beside its samples.
 OBJECT_BYTES = 200
+#: Endings of packed files; the limit does not apply to others.
+PACKED = (".gz", ".mat", ".nc", ".parquet", ".xlsx")
 #: Where containers and batch systems state their limit (cgroup version 2, and 1).
 CGROUP_FILES = (
     Path("/sys/fs/cgroup/memory.max"),
@@ -49,10 +51,15 @@ def check_unpacked(path: Path, n_bytes: float) -> None:
     if n_bytes > limit:
         raise TooLargeError(
             f"{path.name}: unpacks to more than {limit / 1e9:.3g} GB, the limit for one file (a "
-            "quarter of memory unless another is given). If you trust the file, raise it: "
+            f"quarter of memory unless another is given){_needed(n_bytes)}. If you trust the file, "
+            "raise it: "
             f"jointz --memory-limit 16GB COMMAND, or the environment variable {VARIABLE}.",
             path=str(path),
         )
+
+
+def _needed(n_bytes: float) -> str:
+    return f"; it takes {n_bytes / 1e9:.3g} GB or more" if isfinite(n_bytes) else ""
 
 
 def _physical_memory() -> int:

@@ -1,7 +1,7 @@
 """Parquet tables in and out, through pyarrow (the extra ``jointz[parquet]``)."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from jointz.io.formats.losses import (
     lost_letters,
     plainly,
 )
-from jointz.io.formats.memory_limit import NUMBER_BYTES, check_unpacked
+from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 from jointz.io.text.column_names import (
     READING,
     clock_column,
@@ -38,6 +38,9 @@ from jointz.io.text.column_names import (
 )
 from jointz.io.text.side_information import SideInformation, filled, read_beside, written_beside
 
+#: Conversion of a piece of a column, such as :func:`_as_numbers`.
+_Kind = Callable[[Any, Any], Any]
+_BUFFER = 1 << 20  # bytes of a packed column that are read at once
 _UNIT_KEYS = (b"units", b"unit")
 _SIDE = b"jointz"
 _CHANGED = (
@@ -73,16 +76,20 @@ class ParquetFormat:
         missing = [name for name in names if name not in available]
         if missing:
             raise missing_columns(path, missing, available)
+        texts = {str(c) for c in request.labels}
         try:
-            schema, table = _read_columns(arrow, path, names)
-        except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
+            schema = _flat_schema(arrow, path, names)
+            kinds = {name: _as_labels if name in texts else _as_numbers for name in names}
+            columns = _read_columns(arrow, path, kinds)
+        except DataError:
+            raise
+        except (arrow.ArrowException, OSError, ValueError) as exc:
             raise damaged(path, exc) from exc
         return make_table(
             path,
             request,
-            lambda c: _numbers(arrow, table.column(c)),
+            lambda c: columns[c],
             {name: unit for name in names if (unit := _unit(schema.field(name)))},
-            labels=lambda c: np.array(table.column(c).to_pylist(), dtype=object),
         )
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
@@ -136,11 +143,9 @@ def _arrow(path: Path) -> Any:
     return pa
 
 
-def _read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) -> tuple[Any, Any]:
-    """Return the schema of a file, and a table of the named columns, else of all of known kinds."""
+def _flat_schema(arrow: Any, path: Path, names: Sequence[str]) -> Any:
+    """Return the schema of a file; refuse named columns that are not flat."""
     schema = arrow.parquet.read_schema(path)
-    if names is None:
-        names = [field.name for field in schema if _is_flat(arrow.types, field.type)]
     for field in schema:
         if field.name in names and not _is_flat(arrow.types, field.type):
             raise file_error(
@@ -149,21 +154,40 @@ def _read_columns(arrow: Any, path: Path, names: Sequence[str] | None = None) ->
                 "export it as one of these.",
                 channel=field.name,
             )
-    texts = [f.name for f in schema if f.name in names and _is_text(arrow.types, f.type)]
-    # A text that a dictionary names a million times is held once until its size is known.
-    with arrow.parquet.ParquetFile(path, read_dictionary=texts) as file:
-        check_unpacked(path, declared_bytes(file.metadata, names))
-        total, batches = 0, []
-        for batch in file.iter_batches(columns=list(names)):
-            total += sum(_column_bytes(arrow, column) for column in batch.columns)
-            check_unpacked(path, total)
-            batches.append(batch)
-        coded = file.schema_arrow
-    selection = arrow.schema(
-        [coded.field(n) for n in dict.fromkeys(names)], metadata=coded.metadata
-    )
-    table = arrow.Table.from_batches(batches, schema=batches[0].schema if batches else selection)
-    return schema, table.cast(arrow.schema([schema.field(n) for n in table.column_names]))
+    return schema
+
+
+def _read_columns(arrow: Any, path: Path, kinds: Mapping[str, _Kind]) -> dict[str, np.ndarray]:
+    """Return columns by name, each converted to its kind.
+
+    They are filled batch by batch: a table beside them would hold everything twice.
+    """
+    schema = arrow.parquet.read_schema(path)
+    # A text that a dictionary names a million times is held once.
+    texts = [f.name for f in schema if f.name in kinds and _is_text(arrow.types, f.type)]
+    with arrow.parquet.ParquetFile(
+        path, read_dictionary=texts, pre_buffer=False, buffer_size=_BUFFER
+    ) as file:
+        n_rows = file.metadata.num_rows
+        declared = declared_bytes(file.metadata, list(kinds))
+        check_unpacked(path, max(declared, NUMBER_BYTES * n_rows * bool(kinds)))
+        columns = {
+            name: np.empty(n_rows, _samples(arrow, kind(arrow, _empty(arrow, file, name))).dtype)
+            for name, kind in kinds.items()
+        }
+        at, total = 0, 0
+        for batch in file.iter_batches(columns=list(kinds)):
+            for name, kind in kinds.items():
+                piece = kind(arrow, batch.column(name))
+                total += _piece_bytes(arrow, piece)
+                check_unpacked(path, total)
+                columns[name][at : at + len(piece)] = _samples(arrow, piece)
+            at += len(batch)
+    return columns
+
+
+def _empty(arrow: Any, file: Any, name: str) -> Any:
+    return arrow.array([], file.schema_arrow.field(name).type)
 
 
 def _is_text(kind: Any, column_type: Any) -> bool:
@@ -172,10 +196,18 @@ def _is_text(kind: Any, column_type: Any) -> bool:
     )
 
 
+def _value_type(kind: Any, column_type: Any) -> Any:
+    return column_type.value_type if kind.is_dictionary(column_type) else column_type
+
+
+def _has_samples(kind: Any, column_type: Any) -> bool:
+    """Whether a column holds numbers, times or text."""
+    return _is_flat(kind, column_type) and not kind.is_binary(_value_type(kind, column_type))
+
+
 def _is_flat(kind: Any, column_type: Any) -> bool:
     """Whether a column is of a kind whose size is known before it is read, or while it is."""
-    if kind.is_dictionary(column_type):
-        column_type = column_type.value_type
+    column_type = _value_type(kind, column_type)
     known = (kind.is_primitive, kind.is_decimal, kind.is_null)
     return _is_text(kind, column_type) or any(is_it(column_type) for is_it in known)
 
@@ -191,13 +223,17 @@ def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:
     )
 
 
-def _column_bytes(arrow: Any, column: Any) -> int:
-    if not arrow.types.is_dictionary(column.type):
-        return int(column.nbytes)
+def _piece_bytes(arrow: Any, piece: Any) -> int:
+    """Return what a piece of a column takes in memory; repeated texts count each time."""
+    if not arrow.types.is_dictionary(piece.type):
+        return NUMBER_BYTES * len(piece)
     import pyarrow.compute as compute
 
-    lengths = compute.binary_length(column.dictionary).take(column.indices)
-    return NUMBER_BYTES * len(column) + int(compute.sum(lengths).as_py() or 0)
+    n_bytes = NUMBER_BYTES * len(piece) + OBJECT_BYTES * min(len(piece), len(piece.dictionary))
+    if not _is_text(arrow.types, piece.type.value_type):
+        return n_bytes
+    lengths = compute.binary_length(piece.dictionary).take(piece.indices)
+    return n_bytes + int(compute.sum(lengths).as_py() or 0)
 
 
 def _content(arrow: Any, path: Path) -> Acquisition:
@@ -209,15 +245,11 @@ def _content(arrow: Any, path: Path) -> Acquisition:
             path=str(path),
             channel=twice[0],
         )
-    schema, table = _read_columns(arrow, path)
-    signals, left_out = [], []
-    for name in names:
-        flat = name in table.column_names
-        signal = _signal(arrow, table.column(name), schema.field(name)) if flat else None
-        if signal is None:
-            left_out.append(f"{name} ({schema.field(name).type})")
-        else:
-            signals.append(signal)
+    schema = arrow.parquet.read_schema(path)
+    known = [field.name for field in schema if _has_samples(arrow.types, field.type)]
+    columns = _read_columns(arrow, path, dict.fromkeys(known, _as_signal))
+    signals = [_signal(arrow, columns[name], schema.field(name)) for name in known]
+    left_out = [f"{name} ({schema.field(name).type})" for name in names if name not in columns]
     metadata = schema.metadata or {}
     changed = ""
     if _SIDE in metadata:
@@ -245,24 +277,14 @@ def _jointz_content(side: SideInformation, clock: str, signals: Sequence[Signal]
     return replace(content, groups=(replace(group, signals=named, time_column=clock),))
 
 
-def _signal(arrow: Any, column: Any, field: Any) -> Signal | None:
-    """Return a column as a signal, None where it is nested or of a kind that has no samples."""
-    kind = arrow.types
+def _signal(arrow: Any, values: np.ndarray, field: Any) -> Signal:
     unit = _unit(field) or unit_in_name(field.name)
     description = (field.metadata or {}).get(b"description", b"").decode()
-    if kind.is_dictionary(column.type):
-        column = column.cast(column.type.value_type)
-    if kind.is_temporal(column.type):
-        column, description = column.cast(arrow.string()), description or _DATES
-    if kind.is_string(column.type) or kind.is_large_string(column.type):
-        texts = np.array(column.fill_null("").to_pylist(), dtype=object)
-        return Signal(field.name, texts, unit, description)
-    if kind.is_null(column.type):
-        return Signal(field.name, np.full(len(column), np.nan), unit, description)
-    values = _numbers(arrow, column)
-    if values.dtype.kind != "f":
-        return None
-    return Signal(field.name, values.astype(np.float64), unit, description)
+    if arrow.types.is_temporal(_value_type(arrow.types, field.type)):
+        description = description or _DATES
+    if values.dtype.kind == "O":
+        values[~values.astype(bool)] = ""  # None
+    return Signal(field.name, values, unit, description)
 
 
 def _field(arrow: Any, name: str, signal: Signal) -> Any:
@@ -277,14 +299,49 @@ def _column(arrow: Any, signal: Signal) -> Any:
     return arrow.array(signal.values, arrow.float64(), from_pandas=False)
 
 
-def _numbers(arrow: Any, column: Any) -> np.ndarray:
-    """Return a column of numbers or booleans as float64, null as NaN; others as they are."""
+def _as_numbers(arrow: Any, column: Any) -> Any:
+    """Return numbers and booleans as float64, texts as a dictionary; others as they are."""
     kind = arrow.types
+    if kind.is_dictionary(column.type):
+        if _is_text(kind, column.type.value_type):
+            return column
+        column = column.dictionary_decode()
     plain = kind.is_integer(column.type) or kind.is_boolean(column.type)
     if plain or kind.is_floating(column.type) or kind.is_decimal(column.type):
-        column = column.cast(arrow.float64(), safe=False)
-    values: np.ndarray = column.to_numpy()
-    return values
+        return column.cast(arrow.float64(), safe=False)
+    return column
+
+
+def _as_labels(arrow: Any, column: Any) -> Any:
+    """Return a dictionary, by which each value is held once."""
+    return column if arrow.types.is_dictionary(column.type) else column.dictionary_encode()
+
+
+def _as_signal(arrow: Any, column: Any) -> Any:
+    """Return numbers as float64, texts and dates as a dictionary of texts."""
+    if arrow.types.is_temporal(_value_type(arrow.types, column.type)):
+        return _as_labels(arrow, _decoded(arrow, column).cast(arrow.string()))
+    if arrow.types.is_null(column.type):
+        return column.cast(arrow.float64())
+    return _as_numbers(arrow, column)
+
+
+def _decoded(arrow: Any, column: Any) -> Any:
+    return column.dictionary_decode() if arrow.types.is_dictionary(column.type) else column
+
+
+def _samples(arrow: Any, piece: Any) -> np.ndarray:
+    """Return float64, null as NaN, or objects, null as None; others as they are."""
+    if not arrow.types.is_dictionary(piece.type):
+        values: np.ndarray = piece.to_numpy(zero_copy_only=False)
+        return values
+    codes = piece.indices.fill_null(-1).to_numpy(zero_copy_only=False)
+    used, codes = np.unique(codes, return_inverse=True)
+    n_null = int(used.size > 0 and used[0] < 0)
+    distinct = piece.dictionary.take(arrow.array(used[n_null:])).to_pylist()
+    objects = np.empty(used.size, dtype=object)
+    objects[:] = [None] * n_null + distinct
+    return objects[codes]
 
 
 def _unit(field: Any) -> str:

@@ -119,6 +119,20 @@ def default_delimiter(path: Path) -> str:
     return "\t" if path.name.lower().endswith((".tsv", ".tsv.gz")) else ","
 
 
+def stray_cells(path: Path, request: TableRequest) -> dict[str | int, str]:
+    """Return the columns that hold a cell which is no number, with a message about the first."""
+    layout = replace(_layout(path, request.files), as_written=request.as_written)
+    left = {position: c for c, position in _positions(layout, request).items()}
+    found: dict[str | int, str] = {}
+    for row, cells in _records(layout):
+        for position in [k for k in left if k < len(cells)]:
+            try:
+                _check_cell(layout, row, layout.names[position], cells[position])
+            except DataError as exc:
+                found[left.pop(position)] = str(exc)
+    return found
+
+
 # --- the first lines --------------------------------------------------------------------------
 
 
@@ -237,15 +251,18 @@ def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:
 def _positions(layout: _Layout, request: TableRequest) -> dict[str | int, int]:
     """Find where the wanted columns stand, counted from 0; all missing ones in one message."""
     numbers = {c: _number_of(layout, c) for c in request.columns}
+    places: dict[str, list[int]] = {}
+    for at, own in enumerate(layout.names):
+        places.setdefault(own, []).append(at)
     base = 0 if request.from_zero or 0 in numbers.values() else 1
     positions: dict[str | int, int] = {}
     missing = []
     for column, number in numbers.items():
         if number is not None and 0 <= number - base < len(layout.names):
             positions[column] = number - base
-        elif number is None and (name := str(column).strip()) in layout.names:
-            _refuse_duplicate(layout, name)
-            positions[column] = layout.names.index(name)
+        elif number is None and (name := str(column).strip()) in places:
+            _refuse_duplicate(layout, name, places[name])
+            positions[column] = places[name][0]
         else:
             missing.append(str(column))
     if _holds_numbers(layout) and (missing or None not in numbers.values()):
@@ -261,9 +278,9 @@ def _number_of(layout: _Layout, column: str | int) -> int | None:
     return int(column) if not layout.named and column.isdecimal() else None
 
 
-def _refuse_duplicate(layout: _Layout, name: str) -> None:
-    if layout.names.count(name) > 1:
-        at = [str(i) for i, other in enumerate(layout.names, start=1) if other == name]
+def _refuse_duplicate(layout: _Layout, name: str, places: list[int]) -> None:
+    if len(places) > 1:
+        at = [str(place + 1) for place in places]
         todo = (
             "Rename one, or leave the names out and give columns by number: [files] skip_rows and "
             "header = false (jointz identify: --skip-rows and --no-header)."

@@ -42,7 +42,9 @@ _LIBRARY_ERRORS = (
 )
 _BLOCK_BYTES = 1 << 16
 _ELEMENT_BYTES = 700  # of one element of XML in memory; a cell with a value is two
+_PART_BYTES = 10  # at least, of one byte of a part: 600 MB of it take a minute to read, too
 _MOST_COLUMNS = 16_384
+_LONGEST_TEXT = 32_767  # of a cell, in every program that writes workbooks
 _MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
 
 
@@ -145,7 +147,8 @@ def _check_parts(path: Path) -> None:
     total = 0
     with zipfile.ZipFile(path) as parts:
         # What a part holds beyond its declared size is never read: its checksum is then wrong.
-        check_unpacked(path, sum(part.file_size for part in parts.infolist()))
+        declared = sum(part.file_size for part in parts.infolist())
+        check_unpacked(path, _PART_BYTES * declared)
         for part in parts.infolist():
             with parts.open(part) as stream:
                 for n_elements in _counted_elements(stream):
@@ -188,6 +191,13 @@ def _cells_of(ref: str) -> int:
 def _sheet(path: Path, values: Any, formulas: Any) -> Sheet:
     # The cells that there are: a stray one in the last corner makes a rectangle of 1.7e10.
     filled = {at: c.value for at, c in values._cells.items() if c.value is not None}
+    for (row, column), value in filled.items():
+        if isinstance(value, str) and len(value) > _LONGEST_TEXT:
+            raise DataError(
+                f"{path.name}, {values.title}!{letters(column - 1)}{row}: expected a text of at "
+                f"most {_LONGEST_TEXT} characters, found {len(value)}. Shorten it.",
+                path=str(path),
+            )
     unknown = {at for at, c in formulas._cells.items() if c.data_type == "f" and at not in filled}
     used = filled.keys() | unknown
     n_rows = max((row for row, _ in used), default=0)
