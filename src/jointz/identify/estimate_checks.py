@@ -63,7 +63,7 @@ def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failur
     if not settings.kind.by_gait and is_clipped(torque):
         return Failure.TORQUE_SATURATED
     # Of steps of the angle and of a reference the amplitude is no torque.
-    by_torque = settings.perturbations.source in ("command", "table")
+    by_torque = settings.perturbations.source not in ("angle", "reference")
     if not by_torque:
         return None
     if not settings.kind.by_gait and exceeds_command(recording, source.pulses):

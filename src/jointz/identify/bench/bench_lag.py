@@ -36,6 +36,8 @@ _HIDDEN_SHARE = 0.5
 #: Of noise alone, a lag this many sds from the best one is refused.
 _LAG_SDS = 2.5
 _ROUNDING = 1e-9
+#: A known lag is refused if the records' own is so many of its sds, and 2 ms, from it.
+_CONFLICT = 4.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ class LagChoice:
     # lags that the records do not refuse, where they do not tell the lag
     range_s: tuple[float, float] | None = None
     at_end: bool = False  # whether the lag that fits best is the longest or shortest of the search
+    contradicted: bool = False  # whether the records refuse the known lag
 
 
 def choose_lag(
@@ -72,13 +75,24 @@ def choose_lag(
         # In units of the sum of squares, whose noise is correlated in time.
         held = model.fit_at(Lag(known_s[0]))
         weight = _noise_weight(held, model.step_s) / known_s[1] ** 2
+        without = model
         model = replace(model, prior=LagPrior(*known_s, weight))
     if kind is None and known_s is None:
         choice = _tested(model)
     else:
         kind = kind or "delay"
         choice = _choice(kind, model, model.fit(None, _FREE[kind]))
-    return _decided_or_held(model, choice)
+    choice = _decided_or_held(model, choice)
+    if known_s is None:
+        return choice
+    return replace(choice, contradicted=_contradicts(without, known_s))
+
+
+def _contradicts(model: LoadModel, known_s: tuple[float, float]) -> bool:
+    """Return whether the records by themselves decide a lag far from the known one."""
+    found = _decided_or_held(model, _choice("delay", model, model.fit(None, _FREE["delay"])))
+    far = abs(found.regression.lag.total_s - known_s[0]) > _CONFLICT * known_s[1] + _FAR_LAG_S
+    return far and (found.at_end or found.range_s is None)
 
 
 def _choice(kind: LagKind, model: LoadModel, fit: LoadRegression) -> LagChoice:

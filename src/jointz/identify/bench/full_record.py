@@ -262,6 +262,8 @@ def _known_lag(lag_s: float | tuple[float, float] | None) -> tuple[float, float]
 def _of_parameters(covariance: np.ndarray, chosen: LagChoice, count: int) -> np.ndarray:
     """Return the covariance of the decided parameters; infinite for the others."""
     out = np.full((count, count), np.inf)
+    if chosen.contradicted:
+        return out
     if chosen.n_blocks > 0 and chosen.regression.condition_number <= LARGEST_CONDITION:
         n = min(count, len(covariance))
         out[:n, :n] = covariance[:n, :n]
@@ -345,6 +347,11 @@ def _quality_notes(records: Sequence[BandRecord], chosen: LagChoice) -> list[str
         notes.append(
             "undecided: the motion is too simple to tell the parameters apart, such as one sine; "
             "add pulses"
+        )
+    if chosen.contradicted:
+        notes.append(
+            "undecided: the records contradict the known lag of the torque by more than 4.5 sd and "
+            "2 ms. Check its sign and the clocks of torque and angle"
         )
     if chosen.at_end:
         notes.append(

@@ -150,6 +150,14 @@ def test_friction_that_shows_at_rest_stays_in_the_model(friction):
     assert not wrong(fit.parameters)
 
 
+def test_a_known_lag_that_the_record_contradicts_decides_nothing(bench):
+    angle, torque = ERRORS["torque 20 ms late"](*bench)
+    trial = BenchTrial(np.arange(angle.size) / RATE_HZ, angle, torque)
+    fit = fit_full_record([trial], lag_s=(0.0, 3e-4))
+    assert {p.status for p in fit.parameters} == {"undecided"}
+    assert "contradict the known lag" in fit.warnings[0]
+
+
 @pytest.mark.parametrize("error", ERRORS)
 def test_no_planted_error_is_ok_on_a_bench(bench, error):
     result = analyzed(*ERRORS[error](*bench))

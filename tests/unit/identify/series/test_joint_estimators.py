@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, butter, lsim, sosfiltfilt
 
+from jointz.core.errors import EstimationError
 from jointz.identify.series.joint import identify_joint
 from jointz.results.series.joint_fit import JointFit
 
@@ -149,12 +150,18 @@ def test_the_commanded_torque_as_instrument_is_right_beside_a_device(stiffness: 
     assert all(covers(fit))
 
 
-@pytest.mark.parametrize("factor", [-1.0, 1e-3])
-def test_sign_and_unit_of_the_command_do_not_matter(factor: float) -> None:
+def test_the_sign_and_a_moderate_gain_of_the_command_do_not_matter() -> None:
     data = beside_device(1, 100.0)
-    scaled = data | {"command": factor * data["command"]}
+    scaled = data | {"command": -0.7 * data["command"]}
     found, same = (identify_joint(d, rate_hz=500.0).to_frame()["value"] for d in (scaled, data))
     np.testing.assert_allclose(found, same, rtol=1e-3)
+
+
+def test_a_torque_far_above_its_command_is_refused() -> None:
+    data = beside_device(1, 100.0)
+    with pytest.raises(EstimationError, match="more than three times the command") as refused:
+        identify_joint(data | {"command": 1e-3 * data["command"]}, rate_hz=500.0)
+    assert refused.value.code == "torque_above_command"
 
 
 @pytest.mark.slow
