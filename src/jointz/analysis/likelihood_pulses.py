@@ -99,7 +99,9 @@ def _estimate(
         )
     except (DataError, EstimationError):
         return None
-    stiffness, damping, inertia = (fit.parameter(name).value for name in ABSOLUTE)
+    # One pulse seldom tells a damping from zero; without such pulses a mean would be too large.
+    parameters = [fit.parameter(name) for name in ABSOLUTE]
+    stiffness, damping, inertia = (p.unbounded if p.value is None else p.value for p in parameters)
     if stiffness is None or damping is None or inertia is None:
         return None
     return replace(
