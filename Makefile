@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow test-osl test-bare browser check docs benchmark accuracy validation clean
+.PHONY: demo test quick test-slow test-osl test-bare browser check docs benchmark accuracy validation clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -15,11 +15,38 @@ demo: $(VENV)/.installed
 REQUIRE := JOINTZ_REQUIRE="dask duckdb pyarrow nicegui"
 TESTED := tests benchmarks --benchmark-disable -q
 test: $(VENV)/.installed-test browser
-	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist loadfile
+	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist worksteal
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and alone" $(TESTED)
 
+# The tests that a change reaches, the nearest first, for a minute.
+quick: $(VENV)/.installed-test
+	$(BIN)/python tests/quick.py
+
+# All slow tests, or those of one part: make test-slow PART=identify. What a change touches is owed
+# before it lands.
+SLOW_PARTS := identify stats runtime files docs
+SLOW_identify := tests/unit/identify tests/unit/benchmarks \
+	tests/integration/test_own_joint.py tests/integration/test_real_legs.py \
+	tests/integration/test_refusal_rates.py tests/integration/test_steep_change.py
+SLOW_stats := tests/unit/stats tests/unit/kernels tests/unit/collections tests/unit/comparison \
+	tests/integration/test_calibration_of_tests.py
+SLOW_runtime := tests/unit/experiment tests/unit/session tests/unit/devices tests/unit/console \
+	tests/unit/calibration $(wildcard tests/integration/test_run*.py)
+SLOW_docs := tests/unit/docs tests/integration/test_demo.py
+# What no other part names.
+SLOW_named := $(foreach part,identify stats runtime docs,$(SLOW_$(part)))
+SLOW_files := tests $(addprefix --ignore=,$(SLOW_named))
+PART ?= $(SLOW_PARTS)
 test-slow: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -m slow
+	@for part in $(PART); do case " $(SLOW_PARTS) " in *" $$part "*) ;; \
+		*) echo "PART=$$part: expected one of $(SLOW_PARTS)" >&2; exit 2;; esac; done
+	$(foreach part,$(PART),$(call slow_part,$(SLOW_$(part))))
+# Those that keep real time run alone; a part may have none (5).
+define slow_part
+	$(BIN)/python -m pytest -m "slow and not alone" $(1) --numprocesses auto --dist worksteal
+	$(BIN)/python -m pytest -m "slow and alone" $(1) || [ $$? = 5 ]
+
+endef
 
 # The drivers on the real opensourceleg and flexsea, and the main jobs on the numpy and pandas
 # that these need.
