@@ -284,7 +284,7 @@ def static_stiffness_fit() -> Any:
 
 
 def dither_stiffness_fit() -> Any:
-    wave = np.exp(0.04j * np.pi * np.arange(5000))
+    wave = 0.02 * np.exp(0.04j * np.pi * np.arange(5000))
     return jointz.identify_dither_stiffness(
         angle=wave.real, torque=((50.0 + 3.0j) * wave).real, rate_hz=500.0, frequency_hz=10.0
     )
