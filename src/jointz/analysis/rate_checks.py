@@ -46,7 +46,8 @@ def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Datase
         f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
         f"{study.spec.sample_rate_hz:g}; usual are {shortest:.2g} to {most:.2g} s. "
         f"{f'Likely rate: {likely}. ' if likely else ''}Correct sample_rate_hz. If it is right, as "
-        "for slow walking, give the recorder's time stamps instead: [channels.time].",
+        "for slow walking, give the recorder's time stamps instead: [channels.time]; for children, "
+        "give height_m.",
         path=entry.file,
     )
 
@@ -101,7 +102,9 @@ def check_lengths(
         if piece.attrs["condition"] != "perturbed":
             continue
         numbers = table[["onset_s", "duration_s"]].to_numpy(dtype=float)
-        likely = rate_of_lengths(piece, numbers[:, 0], numbers[:, 1])
+        first_s, last_s = piece["time"].to_numpy()[[0, -1]]
+        own = numbers[(numbers[:, 0] >= first_s) & (numbers[:, 0] <= last_s)]
+        likely = rate_of_lengths(piece, own[:, 0], own[:, 1])
         if likely is None:
             continue
         raise DataError(

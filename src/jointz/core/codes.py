@@ -163,10 +163,10 @@ class Failure(FailureCode):
         "below zero by more than its error: the intrinsic impedance or another calibration "
         "contradicts the data",
     )
-    TORQUE_ABOVE_COMMAND = (
-        "torque_above_command",
-        "the torque is more than three times the command: is a unit wrong, or the gain of the "
-        "torque?",
+    TORQUE_UNLIKE_COMMAND = (
+        "torque_unlike_command",
+        "the torque is more than three times its command, or on a bench less than a third: is a "
+        "unit wrong, or the gain of the torque?",
     )
     NOT_ONE_LOAD = (
         "not_one_load",

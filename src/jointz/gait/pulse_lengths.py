@@ -13,6 +13,8 @@ _LEVELS = (0.1, 0.5, 0.9)
 _FEWEST_PULSES = 5
 #: Least ratio of lengths that is a contradiction, and the precision of a usual rate.
 _DIFFERENT, _NEAR = 1.12, 1.04
+#: Largest ratio of the widths at the foot and at the top: a smooth pulse has no definite length.
+_STEEP = 2.2
 #: Robust relative spread of the lengths of clear pulses, and motion before one over its height.
 _MOST_SPREAD, _MOST_BEFORE = 0.05, 0.15
 #: Seconds before and after an onset, in lengths of the table, and an onset's own error, s.
@@ -60,6 +62,8 @@ def rate_of_lengths(
     logs = np.log(ratios)
     medians = np.median(logs, axis=0)
     spread = float(np.median(np.abs(logs[:, 1] - medians[1])))
+    if medians[0] - medians[-1] > np.log(_STEEP):
+        return None
     low, high = float(medians.min()), float(medians.max())
     # Lengths by different definitions on both sides of the stated one contradict nothing.
     if spread > _MOST_SPREAD or max(low, -high) <= np.log(_DIFFERENT):

@@ -12,9 +12,9 @@ from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.preparation.instrument_checks import (
     angle_failure,
-    exceeds_command,
     is_clipped,
     is_held,
+    is_unlike_command,
     torque_failure,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source
@@ -34,15 +34,20 @@ def check_estimates(
 
     A method that was asked for by name keeps its values; the notes are its doubts.
     """
-    failures = {s.given.file: _instrument_failure(s, settings) for s in sources}
+    # Trials and conditions of one file are sources of their own.
+    failures = [
+        (failure, {(source.given.file, pulse.onset_s) for pulse in source.pulses})
+        for source in sources
+        if (failure := _instrument_failure(source, settings)) is not None
+    ]
     cells, notes = [], []
     for cell in estimates.cells:
-        files = dict.fromkeys(
-            p.recording
+        used = {
+            (p.recording, p.onset_s)
             for p in estimates.pulses
             if p.timing_point == cell.timing_point and not p.code
-        )
-        failure = next(filter(None, map(failures.get, files)), None)
+        }
+        failure = next((failure for failure, pulses in failures if pulses & used), None)
         checked = _checked(cell, failure, settings)
         notes += _notes(cell, failure, asked=settings.method_asked_for)
         cells.append(cell if settings.method_asked_for else checked)
@@ -58,6 +63,8 @@ def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failur
         return failure
     torque = recording["torque"].to_numpy()
     torque = torque[np.isfinite(torque)]
+    if not torque.size:
+        return Failure.CONSTANT_TORQUE
     if is_held(torque, rate_hz(recording["time"].to_numpy())):
         return Failure.TORQUE_HELD
     if not settings.kind.by_gait and is_clipped(torque):
@@ -66,16 +73,18 @@ def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failur
     by_torque = settings.perturbations.source not in ("angle", "reference")
     if not by_torque:
         return None
-    if not settings.kind.by_gait and exceeds_command(recording, source.pulses):
-        return Failure.TORQUE_ABOVE_COMMAND
+    if not settings.kind.by_gait and is_unlike_command(recording, source.pulses):
+        return Failure.TORQUE_UNLIKE_COMMAND
     return torque_failure(recording, source.pulses)
 
 
 def _checked(
     cell: CellEstimate, failure: Failure | None, settings: ParticipantSettings
 ) -> CellEstimate:
-    # A method for walking gives its own reason.
-    own = settings.kind.by_gait and not any(p.available for p in cell.parameters)
+    # Methods for walking have checks of their own, whose reasons stay, and so does the reason of a
+    # load that is none.
+    last = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
+    own = last and not any(p.available for p in cell.parameters)
     if failure is None or own or not cell.n_used:
         parameters = withhold_impossible(cell.parameters)
         return cell if parameters == cell.parameters else replace(cell, parameters=parameters)

@@ -105,7 +105,7 @@ class FullRecordEstimator:
             )
         except EstimationError as exc:
             return self._cell(label, Failure(exc.code), records, n_used=n_used), records
-        if fit.vaf_pct < _LEAST_VAF_PCT:
+        if fit.vaf_pct < _LEAST_VAF_PCT and not fit.settings["within_noise"]:
             return self._cell(label, Failure.NOT_ONE_LOAD, records, n_used=n_used), records
         return self._cell(label, fit, records, n_used=n_used), records
 

@@ -29,7 +29,7 @@ _FEW_KEPT = 0.3
 _NOISE_SHARE = 0.003
 #: A direction that is one and the same is an offset.
 _LEAST_DIRECTION_SD = 0.05
-#: A load is explained without friction if the residual, less what noise of the angle adds to it,
+#: A load is explained if the residual, less what noise of the angle adds to it,
 #: has at most so many times the power of the torque's white noise.
 _MOST_UNEXPLAINED = 1.5
 _SERIES_S = 3.0
@@ -203,6 +203,7 @@ def fit_full_record(
             "angle_gain_sd": angle_gain_sd,
             "intrinsic": asdict(intrinsic) if intrinsic else None,
             "ci_level": ci_level,
+            "within_noise": _is_within_noise(regression, records),
         },
         warnings=tuple(notes),
         series=_series(even[0], records[0], regression),
@@ -213,6 +214,12 @@ def _decided(chosen: LagChoice) -> bool:
     """Return whether the records decide K, B, J and the lag."""
     well = chosen.regression.condition_number <= LARGEST_CONDITION
     return well and chosen.n_blocks > 0 and chosen.range_s is None
+
+
+def _is_within_noise(regression: LoadRegression, records: Sequence[BandRecord]) -> bool:
+    """Return whether the load leaves no more of the torque than white noise of both signals."""
+    noise = sum(record.torque_noise_nm2 * record.keep.sum() for record in records)
+    return bool(regression.cost <= _MOST_UNEXPLAINED * noise)
 
 
 def _without_friction(
@@ -231,8 +238,7 @@ def _without_friction(
     every = [band_record(record, friction=False) for record in even]
     chosen = choose_lag(LoadModel(every, friction=False), known_s=known_s, kind=kind)
     regression = chosen.regression
-    noise = sum(r.torque_noise_nm2 * r.inside.sum() for r in every)
-    if not _decided(chosen) or regression.cost > _MOST_UNEXPLAINED * noise:
+    if not _decided(chosen) or not _is_within_noise(regression, every):
         return None
     with_friction = LoadModel(records, friction=True).fit_at(regression.lag)
     moved = np.zeros(len(chosen.covariance))
@@ -351,7 +357,7 @@ def _quality_notes(records: Sequence[BandRecord], chosen: LagChoice) -> list[str
     if chosen.contradicted:
         notes.append(
             "undecided: the records contradict the known lag of the torque by more than 4.5 sd and "
-            "2 ms. Check its sign and the clocks of torque and angle"
+            "2 ms. Check its sign and the clocks of torque and angle; a reflex looks like a lag"
         )
     if chosen.at_end:
         notes.append(

@@ -97,10 +97,11 @@ def _candidates(
         damage = damage_near(damage_s, pulse.onset_s - guard_s, pulse.onset_s + last_s + guard_s)
         user = settings.left_out_by(file, pulse.onset_s)
         target_pct = settings.timing_points.get(labels[k]) if by_gait else None
-        known_pct = _known(measured_pct[k])
-        if known_pct is None and not phase_codes[k]:
-            known_pct = _known(phase_pct[k])
-        contradiction = contradicts(pulse, known_pct, target_pct)
+        # A pulse is timed by the predicted phase, and the measured one of an irregular stride
+        # differs from it: a name is wrong if it contradicts both.
+        phases = (_known(measured_pct[k]), None if phase_codes[k] else _known(phase_pct[k]))
+        found = [contradicts(pulse, pct, target_pct) for pct in phases if pct is not None]
+        contradiction = found[0] if found and all(found) else ""
         codes = (
             Exclusion.EDGE_OF_RECORD.value if outside[k] else "",
             Exclusion.DAMAGED_LOG.value if damage else "",

@@ -22,8 +22,11 @@ _FLAT_SHARE, _SAME = 0.2, 1e-9
 _CLIPPED_SHARES = (0.2, 0.95)
 #: A clipped record has this share of its samples at one end, and seldom repeats a value elsewhere.
 _AT_END, _IN_RUNS, _REPEATED = 0.01, 0.7, 0.05
-#: A torque follows its command, if not exactly.
-_LARGEST_GAIN = 3.0
+#: Share of samples at which the curvature of a noisy record turns its sign: of white noise 2/3.
+_NOISY = 0.3
+#: A torque follows its command, if not exactly; so many pulses and standard errors tell that.
+_FEWEST_PULSES, _CERTAIN = 4, 3.0
+LARGEST_GAIN = 3.0
 #: A held torque keeps its values for one time, and takes many.
 _LONGEST_HOLD_S, _FEWEST_STEPS, _REGULAR, _DISTINCT = 0.01, 20, 0.9, 0.5
 
@@ -81,13 +84,22 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
     return Failure.TORQUE_SATURATED if clipped > len(pulses) / 2 else None
 
 
-def exceeds_command(recording: xr.Dataset, pulses: Sequence[Pulse]) -> bool:
-    """Return whether the pulses of the torque are far larger than their commands."""
-    ratios = [
-        abs(measured_amplitude(recording, "torque", p) / p.amplitude) for p in pulses if p.amplitude
-    ]
-    known = [ratio for ratio in ratios if np.isfinite(ratio)]
-    return bool(known and np.median(known) > _LARGEST_GAIN)
+def is_unlike_command(recording: xr.Dataset, pulses: Sequence[Pulse]) -> bool:
+    """Return whether the pulses of the torque are far larger or smaller than their commands.
+
+    A load that moves by itself adds torque of its own, which scatters about the pulses.
+    """
+    amplitude = np.array([p.amplitude for p in pulses])
+    measured = np.array([measured_amplitude(recording, "torque", p) for p in pulses])
+    known = np.isfinite(amplitude) & np.isfinite(measured)
+    amplitude, measured = amplitude[known], measured[known]
+    power = float(amplitude @ amplitude)
+    if amplitude.size < _FEWEST_PULSES or power == 0.0:
+        return False
+    gain = float(amplitude @ measured) / power
+    left = measured - gain * amplitude
+    error = _CERTAIN * float(np.sqrt(left @ left / (amplitude.size - 1) / power))
+    return abs(gain) - error > LARGEST_GAIN or abs(gain) + error < 1.0 / LARGEST_GAIN
 
 
 def is_clipped(torque: np.ndarray) -> bool:
@@ -100,7 +112,10 @@ def is_clipped(torque: np.ndarray) -> bool:
         return False
     in_runs = np.mean(at_end[1:][at_end[:-1]])
     repeated = np.mean(np.diff(torque)[between] == 0.0)
-    return bool(in_runs > _IN_RUNS and repeated < _REPEATED)
+    # A torque that was calculated may stand at its levels; that of a sensor has noise elsewhere.
+    bends = np.diff(torque, 2)[between[1:] & between[:-1]]
+    noisy = np.mean(bends[1:] * bends[:-1] < 0.0) if bends.size > 1 else 0.0
+    return bool(in_runs > _IN_RUNS and repeated < _REPEATED and noisy > _NOISY)
 
 
 def is_held(torque: np.ndarray, rate_hz: float) -> bool:
@@ -115,5 +130,5 @@ def is_held(torque: np.ndarray, rate_hz: float) -> bool:
     usual = float(np.median(lasted))
     regular = float(np.mean(np.abs(lasted - usual) <= 1.0))
     distinct = np.unique(torque[steps]).size / steps.size
-    long = usual / rate_hz > _LONGEST_HOLD_S
+    long = usual / rate_hz > 1.05 * _LONGEST_HOLD_S  # the rate is rounded
     return bool(long and usual >= 2.0 and regular > _REGULAR and distinct > _DISTINCT)

@@ -12,7 +12,7 @@ from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.preparation.instrument_checks import is_clipped, is_held
+from jointz.identify.preparation.instrument_checks import LARGEST_GAIN, is_clipped, is_held
 from jointz.identify.series.block_regression import fitted_sandwich
 from jointz.identify.series.frequency_response import fit_frequency_response
 from jointz.identify.series.impulse_response import fit_impulse_response
@@ -73,8 +73,6 @@ _UNRELATED = (
     "inertia differs from zero. Check the columns and torque_acts_on, perturb more, or record "
     "longer"
 )
-#: A torque follows its command, if not exactly: a device beside the joint takes its share.
-_LARGEST_GAIN = 3.0
 _SERIES_S = 5.0
 _SERIES_POINTS = 1000
 
@@ -212,14 +210,23 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
 
 def _refuse_torque(record: JointRecord) -> None:
     """Refuse a torque that is clipped, sampled too slowly, or far larger than its command."""
-    torque, command = record.channels["torque"], record.channels.get("command", np.zeros(1))
+    torque = record.channels["torque"]
     for failure, found in (
         (Failure.TORQUE_SATURATED, is_clipped(torque)),
         (Failure.TORQUE_HELD, is_held(torque, record.rate_hz)),
-        (Failure.TORQUE_ABOVE_COMMAND, 0.0 < _LARGEST_GAIN * np.std(command) < np.std(torque)),
+        (Failure.TORQUE_UNLIKE_COMMAND, _gain_of_command(record) > LARGEST_GAIN),
     ):
         if found:
             raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}.")
+
+
+def _gain_of_command(record: JointRecord) -> float:
+    """Return how much of the torque follows its command, over the command; 0 without one."""
+    command = record.channels.get("command")
+    if command is None or not np.ptp(command):
+        return 0.0
+    centred = command - command.mean()
+    return float(abs(centred @ record.channels["torque"]) / (centred @ centred))
 
 
 def _refuse_opposite_sign(request: JointRequest) -> None:

@@ -171,7 +171,7 @@ def test_no_planted_error_is_ok_on_a_bench(bench, error):
     [
         ("torque clipped", Failure.TORQUE_SATURATED),
         ("torque held at 25 Hz", Failure.TORQUE_HELD),
-        ("N*mm for N*m", Failure.TORQUE_ABOVE_COMMAND),
+        ("N*mm for N*m", Failure.TORQUE_UNLIKE_COMMAND),
         ("degrees for rad", Failure.ANGLE_OUT_OF_RANGE),
         ("torque resampled by 2 %", Failure.NOT_ONE_LOAD),
     ],
@@ -180,6 +180,52 @@ def test_the_failure_and_a_note_name_the_error(bench, error, failure):
     result = analyzed(*ERRORS[error](*bench))
     (cell,) = result.cells["full_record"]
     assert {p.status for p in cell.parameters} == {failure.status}
+
+
+@pytest.mark.parametrize("order", [("bad", "good"), ("good", "bad")])
+def test_one_trial_of_a_file_is_judged_by_its_own_samples(bench, order):
+    parts = {"good": bench, "bad": ERRORS["torque clipped"](*bench)}
+    table = pd.DataFrame(
+        {"onset_s": ONSETS, "duration_s": 0.25, "amplitude_nm": 6.0 * np.tile([1.0, -1.0], 20)}
+    ).assign(timing_point="")
+    given = []
+    for k, name in enumerate(order):
+        angle, torque = parts[name]
+        t = np.arange(angle.size) / RATE_HZ + 100.0 * k
+        recording = build_recording(
+            t, {"angle": angle, "torque": torque}, condition="perturbed", file="all.csv", trial=name
+        )
+        own = table.assign(onset_s=table["onset_s"] + 100.0 * k)
+        given.append(RecordingInput(recording, CalibrationSpec(), own))
+    settings = ParticipantSettings(
+        kind=BENCH, perturbations=PerturbationsSpec(source="table"), methods=("full_record",)
+    )
+    cells = {
+        c.timing_point: c for c in analyze_participant("rig", given, settings).cells["full_record"]
+    }
+    assert cells["good"].parameter("stiffness").status == "ok"
+    assert cells["bad"].parameter("stiffness").status == Failure.TORQUE_SATURATED.status
+
+
+@pytest.mark.parametrize("change", [0.1, 4.0])
+def test_a_torque_unlike_its_command_is_told(bench, change):
+    angle, torque = bench
+    (cell,) = analyzed(angle, change * torque).cells["full_record"]
+    assert {p.status for p in cell.parameters} == {Failure.TORQUE_UNLIKE_COMMAND.status}
+
+
+def test_a_bench_without_any_torque_fails_by_name(bench):
+    angle, torque = bench
+    (cell,) = analyzed(angle, torque * np.nan).cells["full_record"]
+    assert all(p.status.startswith("failed:") for p in cell.parameters)
+
+
+def test_a_commanded_torque_that_is_used_as_measured_is_not_clipped(bench):
+    signal = np.convolve(pulses()[::FINE], np.ones(20) / 20.0, mode="same")
+    angle = moved(np.repeat(signal, FINE))[::FINE]
+    noise = 5e-5 * np.random.default_rng(1).standard_normal(angle.size)
+    (cell,) = analyzed(angle + noise, signal).cells["full_record"]
+    assert cell.parameter("stiffness").value == pytest.approx(TRUTH["stiffness"], rel=0.02)
 
 
 def test_a_command_of_the_same_wrong_unit_leaves_values_beyond_any_load(bench):

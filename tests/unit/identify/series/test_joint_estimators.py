@@ -159,9 +159,9 @@ def test_the_sign_and_a_moderate_gain_of_the_command_do_not_matter() -> None:
 
 def test_a_torque_far_above_its_command_is_refused() -> None:
     data = beside_device(1, 100.0)
-    with pytest.raises(EstimationError, match="more than three times the command") as refused:
+    with pytest.raises(EstimationError, match="more than three times its command") as refused:
         identify_joint(data | {"command": 1e-3 * data["command"]}, rate_hz=500.0)
-    assert refused.value.code == "torque_above_command"
+    assert refused.value.code == "torque_unlike_command"
 
 
 @pytest.mark.slow
