@@ -1,8 +1,5 @@
 """Error to expect: bias, RMSE and coverage out of injected responses."""
 
-import json
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -40,13 +37,6 @@ def test_bias_rmse_and_coverage_are_those_of_the_relative_errors():
     assert found.width_pct == pytest.approx(20.0)
 
 
-def test_what_was_never_decided_has_no_error():
-    rows = certificate([injected(100.0, None)])
-
-    assert rows.error("stiffness").rmse_pct is None
-    assert "never decided" in rows.summary()
-
-
 def test_a_truth_of_zero_has_no_relative_error_and_an_undecided_one_none_at_all():
     estimates = [injected(0.0, 3.0, status="at_bound"), injected(100.0, 90.0)]
     assert certificate(estimates).error("stiffness").undecided_pct == 0.0
@@ -54,6 +44,7 @@ def test_a_truth_of_zero_has_no_relative_error_and_an_undecided_one_none_at_all(
     assert found.error("stiffness").rmse_pct == pytest.approx(10.0)
     assert found.error("stiffness").undecided_pct == 50.0
     assert found.error("stiffness").rmse_sd_pct is None
+    assert certificate([injected(100.0, None)]).error("stiffness").rmse_pct is None
 
 
 def test_a_truth_of_nearly_nothing_is_told_in_si_only():
@@ -72,7 +63,6 @@ def test_a_truth_of_nearly_nothing_is_told_in_si_only():
     assert all_points.bias_pct == pytest.approx(100.0 * relative.mean())
     assert all_points.rmse_pct == pytest.approx(100.0 * np.sqrt((relative**2).mean()))
     assert all_points.rmse == pytest.approx(np.sqrt((9.0 + 9.0 + 4.0 + 0.81) / 5))
-    assert "1 of 5 too small for errors in %" in rows.summary()
 
 
 def test_where_every_truth_is_small_beside_its_error_none_is_told_in_percent():
@@ -83,8 +73,7 @@ def test_where_every_truth_is_small_beside_its_error_none_is_told_in_percent():
     assert found.rmse_pct is None
     assert found.n_small == 2
     assert found.rmse == pytest.approx(np.sqrt((4.0 + 2.25) / 2))
-    assert "RMSE 1.77 N*m/rad, 95% intervals hold 100%" in rows.summary()
-    rows.plot().figure.clf()
+    assert "1.77 N*m/rad" in rows.summary()
 
 
 def test_a_certificate_that_did_not_count_small_truths_can_still_be_read():
@@ -101,8 +90,6 @@ def test_timing_points_stand_beside_their_pool():
     assert rows.error("stiffness", "LRE").rmse_pct == pytest.approx(10.0)
     assert rows.error("stiffness", "MST").rmse_pct == pytest.approx(30.0)
     assert rows.error("stiffness").n == 2
-    with pytest.raises(KeyError, match="no error of 'inertia' at 'all'; there is: stiffness"):
-        rows.error("inertia")
 
 
 def test_the_rmse_is_known_as_well_as_independent_people_tell_it():
@@ -123,29 +110,3 @@ def test_the_rmse_is_known_as_well_as_independent_people_tell_it():
     assert certificate(shared).error("stiffness").rmse_sd_pct == pytest.approx(
         10.0 / np.sqrt(2 * 500), rel=0.15
     )
-
-
-def test_a_certificate_comes_back_from_json_and_tells_what_was_left_out():
-    rows = replace(
-        certificate([injected(10.0, 11.0), injected(10.0, None)]),
-        left_out={"S02": "no pulse that could be predicted"},
-        injected={"stiffness": "10", "damping": "found"},
-        settings={"seed": 1},
-    )
-
-    back = Certificate.from_dict(json.loads(json.dumps(rows.to_dict(), allow_nan=False)))
-
-    assert back == rows
-    assert "Left out: S02: no pulse" in rows.summary()
-    assert "Injected as given: stiffness 10" in rows.summary()
-    assert "damping drawn" not in rows.summary()
-    assert len(rows.estimates_frame()) == 2
-
-
-def test_bars_are_drawn_for_the_pool_and_every_timing_point():
-    axes = certificate([injected(10.0, 11.0), injected(10.0, 13.0, point="MST")]).plot()
-
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["all", "LRE", "MST"]
-    heights = sorted(bar.get_height() for bar in axes.patches)
-    assert heights == pytest.approx([10.0, 100.0 * np.sqrt(0.05), 30.0])
-    axes.figure.clf()

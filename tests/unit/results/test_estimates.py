@@ -24,11 +24,6 @@ def test_an_estimate_stands_where_there_is_a_value_to_use(status, stands):
     assert ParameterEstimate("stiffness", 1.0, 0.0, 2.0, status).available is stands
 
 
-def test_a_cell_gives_its_parameters_by_name():
-    assert CELL.parameter("inertia") is INERTIA
-    assert CELL.parameter("damping") is None
-
-
 def test_a_cell_is_one_row_a_parameter():
     rows = CELL.rows()
 

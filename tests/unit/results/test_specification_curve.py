@@ -1,7 +1,5 @@
 """Estimates under every set of choices: sorted, told, drawn."""
 
-from dataclasses import replace
-
 from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
 
 
@@ -37,25 +35,6 @@ CURVE = SpecificationCurve(
 def test_estimates_are_sorted_and_undecided_ones_left_out():
     assert [e.value for e in CURVE.of("stiffness", "LRE")] == [40.0, 60.0, 90.0]
     assert CURVE.of("damping", "LRE") == ()
-
-
-def test_the_summary_tells_how_far_choices_move_a_parameter():
-    text = CURVE.summary()
-
-    assert "4 sets of choices" in text
-    assert "40 to 90 N*m/rad, median 60 (3 decided)" in text
-    assert "damping    never decided" in text
-
-
-def test_the_summary_tells_how_many_rows_failed_and_why():
-    failed = replace(estimate(0.0, window_s=0.2, status="undecided"), status="failed:model_misfit")
-    told = replace(CURVE, estimates=(*CURVE.estimates, failed, failed)).summary()
-
-    assert told.splitlines()[-1] == (
-        "  2 of 6 rows failed:model_misfit: no joint behind a late sensor explains the response "
-        "within its noise"
-    )
-    assert "failed" not in CURVE.summary()
 
 
 def test_the_figure_has_estimates_above_and_their_choices_below():

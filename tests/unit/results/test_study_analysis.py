@@ -2,7 +2,7 @@
 
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, ParameterEstimate
-from jointz.results.study_analysis import EXCLUDED_COLUMNS, PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import EXCLUDED_COLUMNS, StudyAnalysis
 
 
 def cell(person, point, onset, value, status="ok", *, name="stiffness"):
@@ -17,12 +17,6 @@ CELLS = (
     cell("S02", "MST", None, None, "failed:no_pulses"),
     cell("S02", "TST", 40.0, None, "undecided"),
 )
-
-
-def population(point, value, status="ok"):
-    return PopulationEstimate(
-        point, 7.0, "stiffness", value, "N*m/rad", 2.0, 45.0, 60.0, 2, "dissertation", status
-    )
 
 
 # --- tables --------------------------------------------------------------------------------------
@@ -83,18 +77,6 @@ def test_whatever_was_left_out_is_one_table_pulses_first():
 # --- text ----------------------------------------------------------------------------------------
 
 
-def test_the_summary_counts_people_cells_and_pulses_and_gives_the_means():
-    means = (population("LRE", 52.5), population("MST", None, "undecided"))
-    analysis = StudyAnalysis(CELLS, population=means, settings={"method": "dissertation"})
-
-    assert analysis.summary().splitlines() == [
-        "2 participant(s), method dissertation: 3 of 5 estimates available, 15 pulses used, "
-        "5 excluded.",
-        "           LRE stiffness                 52.5 N*m/rad (mean of 2)",
-        "           MST stiffness            undecided (mean of 2)",
-    ]
-
-
 # --- figure --------------------------------------------------------------------------------------
 
 
@@ -110,14 +92,6 @@ def test_walking_is_drawn_over_the_gait_cycle():
 
     assert drawn == {"S01": [[7.0, 50.0], [21.0, 60.0]], "S02": [[7.2, 55.0]]}
     assert labels == ("gait cycle (%)", "stiffness (N*m/rad)")
-
-
-def test_a_cell_that_failed_leaves_the_others_where_they_are():
-    drawn, labels = lines(StudyAnalysis(cells=CELLS))
-
-    assert [7.2, 55.0] in drawn["S02"]
-    assert [7.0, 50.0] in drawn["S01"]
-    assert labels[0] == "gait cycle (%)"
 
 
 def test_a_bench_study_is_drawn_over_its_groups():

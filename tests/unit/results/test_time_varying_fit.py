@@ -1,7 +1,5 @@
 import dataclasses
 
-import numpy as np
-
 from jointz.results.series.time_varying_fit import ParameterCurve, PhaseResponses, TimeVaryingFit
 
 
@@ -55,37 +53,6 @@ def test_an_undecided_phase_has_no_number_in_the_table():
 
     assert table[["value", "ci_low", "ci_high"]].isna().all(axis=None)
     assert set(table.status) == {"undecided"}
-
-
-def test_the_text_tells_range_resolution_and_what_was_left_out():
-    text = make_fit().summary()
-
-    assert "50 (at 10 %) to 100 N*m/rad (at 50 %)" in text
-    assert "resolution of 8 % of the cycle" in text
-    assert "2 edge_of_record, 1 missing_strike" in text
-    assert "decided at 2 of 3 phases" in text
-
-
-def test_the_text_of_a_fit_without_any_decision_has_no_range():
-    nothing = (None, None, None)
-    none = ParameterCurve("stiffness", nothing, nothing, nothing, ("undecided",) * 3, nothing)
-    fit = dataclasses.replace(make_fit(), parameters=(none, *make_fit().parameters[1:]))
-
-    assert "stiffness  decided at 0 of 3 phases" in fit.summary()
-    assert fit.plot().get_ylabel() == "stiffness (N*m/rad)"
-
-
-def test_the_figure_shows_stiffness_and_damping_with_bands_over_the_cycle():
-    ax = make_fit().plot()
-
-    left, right = ax.figure.axes
-    assert left is ax
-    for axes in (left, right):
-        assert len(axes.collections) == 2
-        assert np.array(axes.lines[0].get_xdata()).tolist() == [10.0, 50.0, 90.0]
-    assert left.get_ylabel() == "stiffness (N*m/rad)"
-    assert right.get_ylabel() == "damping (N*m*s/rad)"
-    assert left.get_xlabel() == "gait cycle (%)"
 
 
 def test_a_phase_without_neighbours_keeps_its_interval_in_the_figure():

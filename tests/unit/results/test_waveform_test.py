@@ -41,14 +41,11 @@ def test_the_curve_differs_where_t_is_beyond_the_threshold():
     assert (test.verdict, test.p_value) == ("different", 0.01)
 
 
-def test_without_a_margin_nothing_is_equivalent_and_the_text_says_what_is_open():
+def test_without_a_margin_nothing_is_equivalent():
     test = nothing_found()
     assert test.verdict == "undecided"
     assert test.equivalent is None
     assert "equivalent" not in test.to_frame()
-    text = test.summary()
-    assert "no difference beyond 9.3 anywhere" in text
-    assert "state a margin" in text
 
 
 @pytest.mark.parametrize(
@@ -64,7 +61,6 @@ def test_equivalent_is_a_band_inside_the_margin_at_every_node(margin, nodes, ver
     test = nothing_found(equivalence_margin=margin)
     assert sum(test.equivalent) == nodes
     assert test.verdict == verdict
-    assert f"at {nodes} of 4 nodes" in test.summary()
     assert test.to_frame()["equivalent"].sum() == nodes
 
 
@@ -76,14 +72,3 @@ def test_tables_have_a_row_a_node_and_a_row_a_cluster():
     assert clusters.loc[0, "extent_nodes"] == pytest.approx(0.2917)
     assert clusters.loc[0, "peak_node"] == 2
     assert list(nothing_found().clusters_frame()) == list(clusters)
-
-
-def test_the_text_names_design_width_and_clusters():
-    text = made(design="unpaired", n_b=8, warnings=("rough",)).summary()
-    assert "unpaired t, two-tailed, 10 and 8 participants, 4 nodes: different" in text
-    assert "width 0.58 nodes, 5.2 resels" in text
-    assert "nodes 1.8 to 2.1: t 5 at 2, p 0.02" in text
-    assert text.endswith("Note: rough")
-    flip = made(method="sign_flip", fwhm_nodes=None, resels=None).summary()
-    assert flip.startswith("Sign-flip max-t test")
-    assert "resels" not in flip
