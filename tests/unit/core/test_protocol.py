@@ -1,7 +1,5 @@
 """Protocols: the models check themselves and hold every experiment of the dissertation."""
 
-import re
-
 import pytest
 from pydantic import ValidationError
 
@@ -128,7 +126,7 @@ def test_twenty_pulses_after_rest_fill_sixty_seconds_exactly():
     content["conditions"][1]["duration_s"] = 59.9
 
     assert made.expected_duration_s == pytest.approx(120.0)
-    assert "20 pulses take at least 60 s" in problems(content)["conditions.1.duration_s"]
+    assert list(problems(content)) == ["conditions.1.duration_s"]
 
 
 # --- duration ----------------------------------------------------------------------------------
@@ -154,47 +152,47 @@ def test_shams_come_on_top_of_the_counts():
 
 
 def test_the_parts_of_a_pulse_must_add_up_but_for_rounding():
-    with pytest.raises(ValidationError, match=r"ramp_up_s \+ hold_s \+ ramp_down_s = 0.3 s, got"):
+    with pytest.raises(ValidationError, match="duration_s"):
         PulseSpec(amplitude_nm=7, duration_s=0.25, ramp_up_s=0.075, hold_s=0.15, ramp_down_s=0.075)
     PulseSpec(amplitude_nm=7, duration_s=0.3, ramp_up_s=0.1, hold_s=0.1, ramp_down_s=0.1)
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
+    "fields",
     [
-        ({"timing_points": {"A": 100.0}, "count_per_point": 1}, "expected 0 <= % of cycle < 100"),
-        ({"timing_points": {"a\n": 7.0}, "count_per_point": 1}, "characters that print"),
-        ({"timing_points": {"a" * 65: 7.0}, "count_per_point": 1}, "characters that print"),
-        ({"timing_points": {"A": 7.0, "B": 7.0}, "count_per_point": 1}, "7 % is A already"),
-        ({"timing_points": {"all": 7.0}, "count_per_point": 1}, "means all of them"),
-        ({"timing_points": {}, "count_per_point": 1}, "at least 1 item"),
-        ({"timing_points": POINTS}, "timing_points need it"),
-        ({"count_per_point": 3}, "count_per_point needs them"),
-        ({"timing_points": POINTS, "count_per_point": 1, "count": 2}, "Remove one of the two"),
-        ({"gap_strides": (7, 3)}, r"1 <= fewest <= most, got \[7, 3\]"),
-        ({"gap_strides": (0, 3)}, r"1 <= fewest <= most, got \[0, 3\]"),
-        ({"count": 10, "sham_share": 0.01}, "less than one sham"),
-        ({"count": 10, "sham_share": 1.0}, "less than 1"),
-        ({"count": 10**9, "pause_s": 1.0}, "less than or equal to 10000"),
-        ({"timing_points": POINTS, "count_per_point": 10**9}, "less than or equal to 10000"),
-        ({"gap_strides": (3, 10**400)}, "less than or equal to 10000"),
+        *(
+            {"timing_points": points, "count_per_point": 1}
+            for points in (
+                {"A": 100.0}, {"a\n": 7.0}, {"a" * 65: 7.0}, {"A": 7.0, "B": 7.0}, {"all": 7.0}, {}
+            )
+        ),
+        {"timing_points": POINTS},
+        {"count_per_point": 3},
+        {"timing_points": POINTS, "count_per_point": 1, "count": 2},
+        *({"gap_strides": gaps} for gaps in ((7, 3), (0, 3), (3, 10**400))),
+        *({"count": 10, "sham_share": share} for share in (0.01, 1.0)),
+        {"count": 10**9, "pause_s": 1.0},
+        {"timing_points": POINTS, "count_per_point": 10**9},
     ],
-)
-def test_a_plan_that_cannot_be_is_refused(fields, message):
-    with pytest.raises(ValidationError, match=message):
+)  # fmt: skip
+def test_a_plan_that_cannot_be_is_refused(fields):
+    with pytest.raises(ValidationError):
         PerturbationPlan(**fields)
+
+
+def test_points_at_the_ends_of_the_cycle_are_accepted():
     ends = {"A": 0.0, "B": 99.9}
     assert PerturbationPlan(timing_points=ends, count_per_point=1, gap_strides=(1, 1)).total == 2
 
 
 @pytest.mark.parametrize("band", [(0.0, 1.3), (1.0, 1.3), (0.7, 1.0)])
 def test_the_band_of_accepted_strides_lies_about_one(band):
-    with pytest.raises(ValidationError, match="0 < low < 1 < high"):
+    with pytest.raises(ValidationError, match="accepted_band"):
         GaitSpec(speed_m_s=1.2, accepted_band=band)
 
 
 def test_the_refractory_time_is_shorter_than_any_stride():
-    with pytest.raises(ValidationError, match=r"shortest stride accepted \(0.825 s\)"):
+    with pytest.raises(ValidationError, match="refractory_s"):
         GaitSpec(speed_m_s=1.2, refractory_s=0.9)
 
 
@@ -202,31 +200,27 @@ def test_rates_are_in_whole_ratios():
     for control_hz, sample_hz in ((500, 1000), (900, 300)):
         assert RatesSpec(control_hz=control_hz, sample_hz=sample_hz).sample_hz == sample_hz
     for control_hz, sample_hz in ((500, 900), (1000, 300)):
-        with pytest.raises(ValidationError, match="whole multiple of control_hz"):
+        with pytest.raises(ValidationError, match="sample_hz"):
             RatesSpec(control_hz=control_hz, sample_hz=sample_hz)
 
 
 @pytest.mark.parametrize(
-    ("field", "name", "message"),
+    ("field", "name"),
     [
-        *(
-            ("name", name, "names files|at least 1")
-            for name in ("", "a b", "../up", ".hidden", "é")
-        ),
-        *(("session", name, "stands in tables") for name in ("a/b,c\n", "=1", "a" * 65)),
+        *(("name", name) for name in ("", "a b", "../up", ".hidden", "é")),
+        *(("session", name) for name in ("a/b,c\n", "=1", "a" * 65)),
     ],
 )
-def test_names_that_fit_neither_files_nor_tables_are_refused(field, name, message):
-    with pytest.raises(ValidationError, match=message):
-        ConditionSpec(**{"name": "a", "condition": "unperturbed", "prompt": "", field: name})
+def test_names_that_fit_neither_files_nor_tables_are_refused(field, name):
+    given = {"name": "a", "condition": "unperturbed", "prompt": ""}
+    assert ConditionSpec(**given)
+    with pytest.raises(ValidationError, match=field):
+        ConditionSpec(**given | {field: name})
 
 
 @pytest.mark.parametrize("speed_m_s", [0.29, 2.21])
 def test_a_speed_at_which_nobody_walks_is_one_problem(speed_m_s):
-    found = problems(walking(gait={"speed_m_s": speed_m_s}))
-
-    assert list(found) == ["gait.speed_m_s"]
-    assert f"expected 0.3 to 2.2 m/s, at which people walk; got {speed_m_s:g}" in str(found)
+    assert list(problems(walking(gait={"speed_m_s": speed_m_s}))) == ["gait.speed_m_s"]
 
 
 def test_in_faster_walking_strides_are_shorter_and_pulses_nearer():
@@ -240,7 +234,7 @@ def test_in_faster_walking_strides_are_shorter_and_pulses_nearer():
         for speed in (1.2, 1.3)
     }
     assert at[1.2] == {}
-    assert "a pulse at MSW may begin" in at[1.3]["conditions.1.perturbations.gap_strides"]
+    assert set(at[1.3]) == {"conditions.1.perturbations.gap_strides"}
     usual, slow = (
         Protocol.model_validate(walking(gait={"speed_m_s": speed})) for speed in (1.2, 0.3)
     )
@@ -251,192 +245,110 @@ def test_in_faster_walking_strides_are_shorter_and_pulses_nearer():
 
 SINE = {"kind": "sine", "amplitude": 5.0, "frequency_hz": 1.4}
 PLAN_AT_TIMES = {"count": 4, "pause_s": 1.0}
+AT_A_POINT = {"timing_points": {"P": 10.0}, "count_per_point": 2}
 PULSE = {"amplitude_nm": 7.0, "duration_s": 0.25, "hold_s": 0.25}
 
 WRONG = [
-    (with_condition(0, name="per"), "conditions", "'per' is given 2 times"),
-    (with_condition(0, name="Per"), "conditions", "names 'Per' and 'per' differ in case only"),
-    (bench_of({"name": "a", "trials": 2}, {"name": "a-1"}), "conditions", "'a-1' is given 2 times"),
-    (
-        with_plan(count_per_point=10_000),
-        "conditions.1",
-        r"would take 30.6 h; expected at most 24 h",
-    ),
+    (with_condition(0, name="per"), "conditions"),
+    (with_condition(0, name="Per"), "conditions"),
+    (bench_of({"name": "a", "trials": 2}, {"name": "a-1"}), "conditions"),
+    (with_plan(count_per_point=10_000), "conditions.1"),
     (
         bench({"duration_s": 1200.0}, rates={"control_hz": 10_000.0, "sample_hz": 10_000.0}),
         "conditions.0",
-        "at most 1000 s a trial",
     ),
-    (
-        walking(safety={"pulse_duty": 0.001}),
-        "safety.pulse_duty",
-        r"is 0.01 s, less than pulse.duration_s = 0.25 s.*at least 0.025",
-    ),
-    (
-        walking(safety={"pulse_duty": 0.04}),
-        "conditions.1.perturbations",
-        r"every 5.5 s is 0.0455 of the time; safety.pulse_duty = 0.04",
-    ),
+    (walking(safety={"pulse_duty": 0.001}), "safety.pulse_duty"),
+    (walking(safety={"pulse_duty": 0.04}), "conditions.1.perturbations"),
     (
         bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"pulse_duty": 0.19}),
         "conditions.0.perturbations",
-        r"every 1.25 s is 0.2 of the time",
     ),
-    (
-        walking(safety={"sensor_age_s": 0.001}),
-        "safety.sensor_age_s",
-        r"at least one period of rates.sample_hz \(0.002 s\)",
-    ),
-    (walking(gait=None), "gait", "missing; walking needs it"),
-    (bench(gait={"speed_m_s": 1.0}), "gait", "does not walk"),
-    (walking(loads=[{"name": "k"}]), "loads", "only a bench has loads"),
-    (bench(loads=[{"name": "k"}], participants=2), "participants", "loads stand for participants"),
-    (bench(loads=[{"name": "k"}, {"name": "k"}]), "loads", "'k' is given 2"),
-    (
-        bench(loads=[{"name": "k", "inertia": {"value": -1.0, "sd": 0.0}}]),
-        "loads.0.inertia.value",
-        "expected 0 to 1000 in SI units, got -1",
-    ),
+    (walking(safety={"sensor_age_s": 0.001}), "safety.sensor_age_s"),
+    (walking(gait=None), "gait"),
+    (bench(gait={"speed_m_s": 1.0}), "gait"),
+    (walking(loads=[{"name": "k"}]), "loads"),
+    (bench(loads=[{"name": "k"}], participants=2), "participants"),
+    (bench(loads=[{"name": "k"}, {"name": "k"}]), "loads"),
+    (bench(loads=[{"name": "k", "inertia": {"value": -1.0, "sd": 0.0}}]), "loads.0.inertia.value"),
     (
         bench(loads=[{"name": "k", "stiffness": {"value": 1e9, "sd": 0.0}}]),
         "loads.0.stiffness.value",
-        r"expected 0 to 100000 .* locked = true",
     ),
-    (walking(pulse=None), "pulse", r"missing; conditions\[2\].perturbations need it"),
-    (bench(pulse=PULSE), "pulse", "no condition has perturbations"),
-    (
-        walking(safety={"torque_nm": 16.0}),
-        "pulse.amplitude_nm",
-        "17 N.m is above safety.torque_nm = 16",
-    ),
+    (walking(pulse=None), "pulse"),
+    (bench(pulse=PULSE), "pulse"),
+    (walking(safety={"torque_nm": 16.0}), "pulse.amplitude_nm"),
     (
         walking(
             safety={"torque_rate_nm_s": 100.0},
             pulse={"amplitude_nm": 17, "duration_s": 0.25, "ramp_up_s": 0.1, "hold_s": 0.15},
         ),
         "pulse.ramp_up_s",
-        "at least 0.17 s",
     ),
     (
         walking(
             pulse={"amplitude_nm": 17, "duration_s": 0.251, "ramp_up_s": 0.001, "hold_s": 0.25}
         ),
         "pulse.ramp_up_s",
-        "at least one period",
     ),
-    (with_condition(0, strides=None), "conditions.0.strides", "missing"),
-    (with_condition(1, strides=9), "conditions.1.strides", "Remove it"),
-    (with_condition(0, duration_s=9.0), "conditions.0.duration_s", "belongs to kind = 'bench'"),
-    (with_condition(0, torque_nm=SINE), "conditions.0.torque_nm", "belongs to kind = 'bench'"),
-    (with_plan(pause_s=2.0), "conditions.1.perturbations.pause_s", "belongs to kind = 'bench'"),
-    (bench({"strides": 9}), "conditions.0.strides", "kind = 'walking'"),
+    (with_condition(0, strides=None), "conditions.0.strides"),
+    (with_condition(1, strides=9), "conditions.1.strides"),
+    (with_condition(0, duration_s=9.0), "conditions.0.duration_s"),
+    (with_condition(0, torque_nm=SINE), "conditions.0.torque_nm"),
+    (with_plan(pause_s=2.0), "conditions.1.perturbations.pause_s"),
+    (bench({"strides": 9}), "conditions.0.strides"),
     (
         bench({"perturbations": {**PLAN_AT_TIMES, "gap_strides": [1, 2]}}, pulse=PULSE),
         "conditions.0.perturbations.gap_strides",
-        "kind = 'walking'",
     ),
-    (bench({"duration_s": None}), "conditions.0.duration_s", "missing"),
-    (
-        with_condition(1, perturbations=None, strides=9),
-        "conditions.1.perturbations",
-        "missing; a perturbed condition needs them",
-    ),
-    (bench({"torque_nm": None}), "conditions.0.perturbations", "or a reference"),
-    (
-        with_condition(1, condition="unperturbed"),
-        "conditions.1.perturbations",
-        'condition is "unperturbed"',
-    ),
-    (
-        bench({"position_rad": SINE, "velocity_rad_s": SINE}),
-        "conditions.0.velocity_rad_s",
-        "one side moves one way",
-    ),
-    (
-        with_plan(gap_strides=None),
-        "conditions.1.perturbations.gap_strides",
-        "missing; on a walking",
-    ),
+    (bench({"duration_s": None}), "conditions.0.duration_s"),
+    (with_condition(1, perturbations=None, strides=9), "conditions.1.perturbations"),
+    (bench({"torque_nm": None}), "conditions.0.perturbations"),
+    (with_condition(1, condition="unperturbed"), "conditions.1.perturbations"),
+    (bench({"position_rad": SINE, "velocity_rad_s": SINE}), "conditions.0.velocity_rad_s"),
+    (with_plan(gap_strides=None), "conditions.1.perturbations.gap_strides"),
     (
         with_plan(timing_points=None, count_per_point=None),
         "conditions.1.perturbations.timing_points",
-        "missing; on a walking",
     ),
-    (
-        bench({"perturbations": {"count": 4}}, pulse=PULSE),
-        "conditions.0.perturbations.pause_s",
-        "missing; on a bench",
-    ),
+    (bench({"perturbations": {"count": 4}}, pulse=PULSE), "conditions.0.perturbations.pause_s"),
     (
         bench(
             {"perturbations": {"count": 3, "pause_s": 1.0}}, pulse={**PULSE, "direction": "both"}
         ),
         "conditions.0.perturbations.count",
-        "even number",
     ),
+    (with_plan(gap_strides=[1, 3]), "conditions.1.perturbations.gap_strides"),
     (
-        with_plan(gap_strides=[1, 3]),
-        "conditions.1.perturbations.gap_strides",
-        "a pulse at MSW may begin 0.215 s before the next at LRE",
-    ),
-    (
-        bench(
-            {
-                "torque_nm": None,
-                "perturbations": {"timing_points": {"P": 10.0}, "count_per_point": 2},
-            },
-            pulse=PULSE,
-        ),
+        bench({"torque_nm": None, "perturbations": AT_A_POINT}, pulse=PULSE),
         "conditions.0.perturbations.timing_points",
-        "got none",
     ),
     (
-        bench(
-            {
-                "position_rad": SINE,
-                "perturbations": {"timing_points": {"P": 10.0}, "count_per_point": 2},
-            },
-            pulse=PULSE,
-        ),
+        bench({"position_rad": SINE, "perturbations": AT_A_POINT}, pulse=PULSE),
         "conditions.0.perturbations.timing_points",
-        "got torque_nm and position_rad",
     ),
     (
         bench({"perturbations": {"count": 9, "pause_s": 1.0}}, pulse=PULSE),
         "conditions.0.duration_s",
-        "9 pulses take at least 11.25 s, got 10 s",
     ),
     (
         {**with_plan(count_per_point=20), "safety": {"pulse_count": 39}},
         "conditions.1.perturbations",
-        "40 pulses are more than safety.pulse_count = 39",
     ),
     (
         bench({"torque_nm": {"kind": "noise", "sd": 9.0, "cutoff_hz": 60.0, "order": 3}}),
         "conditions.0.torque_nm",
-        "at least 600 Hz",
     ),
     (
         bench({"perturbations": PLAN_AT_TIMES}, pulse=PULSE, safety={"torque_nm": 11.9}),
         "conditions.0.torque_nm",
-        "reaches 12 N.m with the pulse",
     ),
-    (
-        bench({"position_rad": SINE}, safety={"angle_max_rad": 1.0}),
-        "conditions.0.position_rad",
-        "from -5 to 5 rad, beyond safety.angle_max_rad = 1 rad",
-    ),
+    (bench({"position_rad": SINE}, safety={"angle_max_rad": 1.0}), "conditions.0.position_rad"),
 ]
 
 
-@pytest.mark.parametrize(
-    ("content", "place", "message"), WRONG, ids=[f"{place} {told}" for _, place, told in WRONG]
-)
-def test_what_does_not_go_together_is_a_problem_at_its_key(content, place, message):
-    found = problems(content)
-
-    assert place in found
-    assert re.search(message, found[place])
+@pytest.mark.parametrize(("content", "place"), WRONG, ids=[place for _, place in WRONG])
+def test_what_does_not_go_together_is_a_problem_at_its_key(content, place):
+    assert place in problems(content)
 
 
 def test_pulses_that_just_do_not_meet_are_accepted():

@@ -55,91 +55,47 @@ ZERO = [condition("straight")]
 SINE = {"kind": "sine", "amplitude": 10.0, "frequency_hz": 0.1}
 
 WRONG = [
-    (step(None, ZERO), "calibration: missing; expected the step, one of zero,"),
-    (step("lag", ZERO), "calibration: expected 'zero', 'footswitch',"),
-    (
-        step("zero", ZERO, kind="bench"),
-        'calibration: bench has no step. Remove it, or set kind = "calibration".',
-    ),
-    (step("zero", ZERO, gait={"speed_m_s": 1.2}), "gait: a calibration does not walk."),
-    (step("zero", ZERO, bench="series-elastic"), "bench: calibration needs none."),
-    (
-        step("zero", [*ZERO, condition("again")]),
-        "conditions[2].name: expected 'straight', by which the analysis tells what was done; got "
-        "'again'.",
-    ),
-    (
-        leg(conditions=[pulses("bare")]),
-        "conditions: 'leg' has the conditions 'bare' and 'weighted'; missing: 'weighted'.",
-    ),
-    (
-        step("zero", [condition("straight", condition="no_device")]),
-        'conditions[1].condition: expected "unperturbed" or "perturbed"',
-    ),
-    (
-        step("zero", [condition("straight", trials=2)]),
-        "conditions[1].trials: a calibration has no use for it",
-    ),
-    (
-        step("zero", [condition("straight", session="one")]),
-        "conditions[1].session: a calibration has no use for it",
-    ),
-    (
-        step("footswitch", [condition("walking", strides=60)]),
-        "conditions[1].strides: belongs to kind = 'walking', and this is 'calibration'.",
-    ),
-    (
-        step("hinge", [condition("swing", torque_nm=SINE)]),
-        "conditions[1].torque_nm: 'hinge' has none. Remove it.",
-    ),
+    (step(None, ZERO), "calibration"),
+    (step("lag", ZERO), "calibration"),
+    (step("zero", ZERO, kind="bench"), "calibration"),
+    (step("zero", ZERO, gait={"speed_m_s": 1.2}), "gait"),
+    (step("zero", ZERO, bench="series-elastic"), "bench"),
+    (step("zero", [*ZERO, condition("again")]), "conditions[2].name"),
+    (leg(conditions=[pulses("bare")]), "conditions"),
+    (step("zero", [condition("straight", condition="no_device")]), "conditions[1].condition"),
+    (step("zero", [condition("straight", trials=2)]), "conditions[1].trials"),
+    (step("zero", [condition("straight", session="one")]), "conditions[1].session"),
+    (step("footswitch", [condition("walking", strides=60)]), "conditions[1].strides"),
+    (step("hinge", [condition("swing", torque_nm=SINE)]), "conditions[1].torque_nm"),
     (
         step("torsion", [pulses("locked", torque_nm=SINE)], pulse=PULSE),
-        "conditions[1].perturbations: 'torsion' has none. Remove it.",
+        "conditions[1].perturbations",
     ),
-    (
-        step("torsion", [condition("locked")]),
-        "conditions[1].torque_nm: missing; 'torsion' needs it.",
-    ),
-    (
-        step("frame", [condition("pulses")]),
-        "conditions[1].perturbations: missing; 'frame' needs it.",
-    ),
-    (
-        leg(pulse=PULSE | {"direction": "positive"}),
-        'pulse.direction: expected "both": pulses of one sign cannot tell friction from torque; '
-        'got "positive".',
-    ),
-    (leg(loads=[]), "loads: missing: 'weighted', the known load of that"),
-    (
-        leg(loads=[{"name": "weighted", "inertia": {"value": 0.2, "sd": 0.0}}]),
-        "loads[1].stiffness: missing; the step compares with it. Give value and sd.",
-    ),
+    (step("torsion", [condition("locked")]), "conditions[1].torque_nm"),
+    (step("frame", [condition("pulses")]), "conditions[1].perturbations"),
+    (leg(pulse=PULSE | {"direction": "positive"}), "pulse.direction"),
+    (leg(loads=[]), "loads"),
+    (leg(loads=[{"name": "weighted", "inertia": {"value": 0.2, "sd": 0.0}}]), "loads[1].stiffness"),
     (
         step(
             "spring",
             [condition("spring", condition="perturbed", torque_nm=SINE)],
             loads=[{"name": "spring", "stiffness": {"value": 0.0, "sd": 1.0}}],
         ),
-        "loads[1].stiffness: missing; the step compares with it.",
+        "loads[1].stiffness",
     ),
-    (
-        leg(loads=[WEIGHT, {"name": "bare"}]),
-        "loads[2].name: 'leg' has a known load in 'weighted'; got 'bare'.",
-    ),
-    (
-        step("zero", ZERO, loads=[{"name": "straight"}]),
-        "loads[1].name: 'zero' has a known load in none; got 'straight'.",
-    ),
+    (leg(loads=[WEIGHT, {"name": "bare"}]), "loads[2].name"),
+    (step("zero", ZERO, loads=[{"name": "straight"}]), "loads[1].name"),
     (
         leg(loads=[{"name": "weighted", "locked": True} | {"stiffness": WEIGHT["stiffness"]}]),
-        "loads[1].locked: a known load moves.",
+        "loads[1].locked",
     ),
 ]
 
 
-@pytest.mark.parametrize(("raw", "expected"), WRONG, ids=[told for _, told in WRONG])
-def test_it_is_told_what_is_wrong_and_what_to_do(raw, expected):
-    assert [told for told in problems(raw) if told.startswith(expected)], problems(raw)
+@pytest.mark.parametrize(("raw", "place"), WRONG, ids=[place for _, place in WRONG])
+def test_what_does_not_belong_to_a_step_is_refused_at_its_key(raw, place):
+    assert [told for told in problems(raw) if told.startswith(f"{place}: ")], problems(raw)
 
 
 def test_every_step_has_rules_and_a_built_in_protocol():
