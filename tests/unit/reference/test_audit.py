@@ -1,15 +1,14 @@
 """The audit of the printed text: every recomputed number once more, another way."""
 
 import itertools
-from typing import get_args
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.reference import Kind, chapter2, chapter4
-from jointz.reference.audit import audit, audit_table
+from jointz.reference import chapter2, chapter4
+from jointz.reference.audit import audit
 from jointz.reference.audit_chapter4 import BONFERRONI_PAIRS, PARTICIPANT_P, POINT_P
 
 FINDINGS = {finding.what: finding for finding in audit()}
@@ -31,16 +30,6 @@ def two_way(y):
     between_people = points * ((y.mean(1) - y.mean()) ** 2).sum() / (people - 1)
     between_points = people * ((y.mean(0) - y.mean()) ** 2).sum() / (points - 1)
     return between_people, between_points, error
-
-
-def test_every_finding_says_where_what_and_what_follows():
-    assert len(FINDINGS) == len(audit())  # no statement twice
-    assert len(audit_table()) == len(audit())
-    for finding in audit():
-        assert finding.where
-        assert finding.printed
-        assert finding.kind in get_args(Kind)
-        assert finding.remark or finding.recomputed
 
 
 @pytest.mark.parametrize(
@@ -106,25 +95,3 @@ def test_bonferroni_pairs_are_those_of_the_tables(name):
         if p < chapter4.SIGNIFICANCE_LEVEL:
             found[a, b] = p
     assert dict(BONFERRONI_PAIRS[name]) == pytest.approx(found, rel=1e-5)
-
-
-def test_what_is_not_reproduced_is_all_claims_but_timing_point_on_stiffness():
-    missing = {f.what for f in audit() if f.what.startswith("effect of")}
-    assert missing == {
-        f"effect of {factor} on {parameter}"
-        for factor in ("timing point", "subject")
-        for parameter in ("stiffness", "damping", "inertia")
-    } - {"effect of timing point on stiffness"}
-    assert POINT_P["stiffness_per_mass"] < 0.001
-    assert all("no proof" in f.remark for f in audit() if f.what in missing)
-
-
-def test_counts_of_pairs_are_those_claimed_and_found():
-    counts = {
-        "stiffness": ("9 of 15 pairs stated", "3 of 15: LRE-MST, LRE-ISW, LRE-MSW"),
-        "damping": ("5 of 15 pairs stated", "0 of 15: none"),
-        "inertia": ("6 of 15 pairs stated", "0 of 15: none"),
-    }
-    for parameter, (printed, recomputed) in counts.items():
-        found = FINDINGS[f"timing points whose {parameter} differs"]
-        assert (found.printed, found.recomputed) == (printed, recomputed)

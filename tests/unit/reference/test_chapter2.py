@@ -24,37 +24,15 @@ def test_shares_of_significant_anovas_follow_from_the_exceptions():
     assert int(total) == shares["all"].value
 
 
-def test_listed_p_values_are_above_the_level_and_of_known_pairs():
-    known = {c + t for c in chapter2.CASES for t in chapter2.TRAJECTORIES}
-    for found in chapter2.ANOVA_NOT_SIGNIFICANT.values():
-        assert set(found) <= known
-        assert all(p.value >= chapter2.SIGNIFICANCE_LEVEL for p in found.values())
-
-
 def reference_e_slope(t):
     """d/dt of (2.6), frequencies read as Hz."""
     a, b = 2 * np.pi * 1.4, 2 * np.pi * 2.0
     return 0.5 * (5 * a * np.cos(a * t) + 6 * b * np.cos(b * t))
 
 
-def test_reference_e_rises_at_all_onsets_so_that_listed_p_values_contradict_each_other():
+def test_reference_e_rises_at_all_onsets_so_that_type_is_direction_there():
     onsets = 5.0 * np.array([0.1, 0.4, 0.6, 0.9])
     assert (reference_e_slope(onsets) > 0).all()
-
-    listed = chapter2.ANOVA_NOT_SIGNIFICANT
-    for pair, response, effect in [("2E", "inertia", "type"), ("4E", "inertia", "direction")]:
-        other = {"type": "direction", "direction": "type"}[effect]
-        assert "confounded" not in listed[response, effect][pair].note
-        assert "one factor" in listed[response, effect][pair].note
-        assert pair not in listed[response, other]
-
-
-def test_shares_of_larger_means_are_counts_of_twenty_but_for_one():
-    printed = [*chapter2.POSITIVE_LARGER.values(), *chapter2.WITH_LARGER.values()]
-    possible = {round(100 * k / 20, 1) for k in range(21)}
-    impossible = [p for p in printed if p.value not in possible]
-    assert [p.value for p in impossible] == [36.3]
-    assert "no k of 20" in impossible[0].note
 
 
 def test_underestimates_by_trajectory_follow_from_the_tables():

@@ -6,27 +6,6 @@ import pytest
 from jointz.reference import chapter3
 
 
-def test_models_have_the_terms_of_their_equations():
-    terms = {name: set(model) for name, model in chapter3.TORQUE_MODELS.items()}
-    current = {"bias", "gear_ratio", "torque_constant"}
-    assert terms["3.1"] == current
-    assert terms["3.2"] == current | {"viscous_friction", "rotor_inertia"}
-    assert terms["3.3"] == current | {"coulomb_friction", "gear_friction", "rotor_inertia"}
-
-
-def test_more_terms_err_less():
-    rms = [chapter3.TORQUE_RMS[name].value for name in ("3.1", "3.2", "3.3")]
-    assert rms == sorted(rms, reverse=True)
-    assert chapter3.CHIRP_RMS.value < rms[-1] < chapter3.TORQUE_ERROR_LIMIT.value
-
-
-def test_inertia_of_model_2_is_flagged_as_not_physical():
-    inertia = {n: m["rotor_inertia"] for n, m in chapter3.TORQUE_MODELS.items() if n != "3.1"}
-    assert inertia["3.2"].value / inertia["3.3"].value > 20
-    assert "not physical" in inertia["3.2"].note
-    assert "not fitted" in inertia["3.3"].note
-
-
 def test_the_j_of_model_2_is_the_b_that_the_friction_of_model_3_asks_for():
     levels, speeds = np.linspace(-10.0, 10.0, 7), np.array([-5.0, -3.0, -1.0, 1.0, 3.0, 5.0])
     third = {name: p.value for name, p in chapter3.TORQUE_MODELS["3.3"].items()}
@@ -38,7 +17,6 @@ def test_the_j_of_model_2_is_the_b_that_the_friction_of_model_3_asks_for():
     assert viscous == pytest.approx(0.23, abs=0.005)
     assert viscous == pytest.approx(second["rotor_inertia"].value, rel=0.06)
     assert viscous > 60 * second["viscous_friction"].value
-    assert "looks exchanged" in second["viscous_friction"].note
 
 
 def test_mean_vaf_of_the_pilot_is_that_of_its_two_people():
