@@ -2,7 +2,6 @@
 
 import json
 import platform
-from datetime import UTC, datetime, timedelta
 from importlib.metadata import PackageNotFoundError, version
 
 from jointz.core import provenance
@@ -30,10 +29,3 @@ def test_a_package_that_is_absent_is_said_to_be(monkeypatch):
 
     assert packages["numba"] == "not installed"
     assert packages["numpy"] == "1.0"
-
-
-def test_now_is_the_time_in_utc_to_the_second():
-    moment = datetime.fromisoformat(provenance.now())
-
-    assert (moment.utcoffset(), moment.microsecond) == (timedelta(0), 0)
-    assert abs(datetime.now(UTC) - moment) < timedelta(minutes=1)

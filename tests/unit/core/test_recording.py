@@ -1,6 +1,7 @@
 """The schema of a recording: what is refused, where, and all of it at once."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -65,10 +66,7 @@ def test_attributes_are_there_whether_given_or_not():
 def test_channels_of_another_length_are_refused_with_their_shapes():
     told = problem(TIME, angle=TIME[:3], torque=np.zeros((5, 2)))
 
-    assert told == (
-        "expected one sample of every channel per time stamp, got the shapes {'time': (5,), "
-        "'angle': (3,), 'torque': (5, 2)}. Give every channel as long as time."
-    )
+    assert "'angle': (3,), 'torque': (5, 2)" in told
 
 
 # --- time ----------------------------------------------------------------------------------------
@@ -86,26 +84,22 @@ def test_a_time_stamp_that_is_no_number_is_named_by_its_row(bad):
     time = TIME.copy()
     time[[2, 4]] = bad
 
-    told = problem(time, first_row=2)
-
-    assert told == "row 4: the time stamp is not a number. Repair or remove the row."
+    assert problem(time, first_row=2).startswith("row 4: ")
 
 
 @pytest.mark.parametrize(
     ("at", "value", "told"),
     [
-        (3, 0.02, "row 5: time repeats (0.02 s after 0.02 s; 1 such row(s))."),
-        (3, 0.01, "row 5: time goes back (0.01 s after 0.02 s; 1 such row(s))."),
-        (0, 9.0, "row 3: time goes back (0.01 s after 9 s; 1 such row(s))."),
+        (3, 0.02, "row 5: time repeats"),
+        (3, 0.01, "row 5: time goes back"),
+        (0, 9.0, "row 3: time goes back"),
     ],
 )
 def test_time_must_increase(at, value, told):
     time = TIME.copy()
     time[at] = value
 
-    assert problem(time, first_row=2) == (
-        f"{told} Time must increase; sort the file, or separate trials with [channels.trial]."
-    )
+    assert problem(time, first_row=2).startswith(told)
 
 
 @given(
@@ -124,30 +118,18 @@ def test_time_in_order_is_accepted_and_any_other_order_names_the_first_row(stamp
 # --- validating a dataset of another origin ------------------------------------------------------
 
 
-def test_a_dataset_without_time_is_refused():
-    assert spoiled(lambda r: r.drop_vars("time")) == "recording: it has no coordinate 'time'."
-
-
 @pytest.mark.parametrize(
-    ("stamps", "found"),
-    [(np.arange(5).astype("datetime64[ns]"), "datetime64[ns]"), (np.arange(5), "int64")],
+    "change",
+    [
+        lambda r: r.drop_vars("time"),
+        lambda r: r.assign_coords(time=np.arange(5).astype("datetime64[ns]")),
+        lambda r: r.assign_coords(time=np.arange(5)),
+        lambda _: xr.Dataset({"angle": ("row", TIME)}, coords={"time": ("row", TIME)}),
+    ],
+    ids=["none", "dates", "whole numbers", "of another dimension"],
 )
-def test_time_must_be_seconds_as_floats(stamps, found):
-    told = spoiled(lambda r: r.assign_coords(time=stamps))
-
-    assert told == (
-        f"recording: its coordinate 'time' holds {found} over ('time',), expected float64 "
-        "seconds over ('time',)."
-    )
-
-
-def test_time_must_be_a_coordinate_of_its_own_dimension():
-    flat = xr.Dataset({"angle": ("row", TIME)}, coords={"time": ("row", TIME)})
-
-    told = spoiled(lambda _: flat)
-
-    assert "'time' holds float64 over ('row',), expected float64 seconds over ('time',)." in told
-    assert "channel 'angle' has dimensions ('row',), expected ('time',)." in told
+def test_time_must_be_a_coordinate_of_seconds_as_floats(change):
+    assert "coordinate 'time'" in spoiled(change)
 
 
 def test_all_problems_stand_in_one_message():
@@ -159,15 +141,11 @@ def test_all_problems_stand_in_one_message():
         recording["mine"] = (("time", "axis"), np.zeros((5, 3)))
         return recording
 
-    assert spoiled(spoil) == (
-        "b.nc: row 4: time goes back (0.03 s after 0.04 s; 4 such row(s)). Time must increase; "
-        "sort the file, or separate trials with [channels.trial]. "
-        "channel 'angle' must be in rad, got 'deg'. "
-        "channel 'torque' holds int64, expected float64. "
-        "channel 'torque' must be in N*m, got None. "
-        "channel 'reference' must be in rad or N*m, got 's'. "
-        "channel 'mine' has dimensions ('time', 'axis'), expected ('time',)."
-    )
+    told = spoiled(spoil)
+    assert told.startswith("b.nc: row 4: ")
+    assert re.findall("channel '([a-z]+)'", told) == [
+        "angle", "torque", "torque", "reference", "mine",
+    ]  # fmt: skip
 
 
 # --- history -------------------------------------------------------------------------------------

@@ -30,14 +30,6 @@ MINIMAL = {
 }
 
 
-def refused(model, **values) -> str:
-    """Give values to a model, expect one problem, and return key and message."""
-    with pytest.raises(ValidationError) as caught:
-        model.model_validate(values)
-    (error,) = caught.value.errors()
-    return f"{'.'.join(map(str, error['loc']))}: {error['msg']}"
-
-
 # --- the whole -----------------------------------------------------------------------------------
 
 
@@ -74,6 +66,8 @@ WRONG = [
     (TorqueModelSpec, GEAR, "gear_ratio", 0),
     *((GroupSpec, EDGES, "edges", edges) for edges in ([1.0], 1.0, ["0", "1"], [0.0, math.inf])),
     (Calibrated, {"value": -0.01, "sd": 0.0}, "sd", -0.1),
+    (StudySpec, MINIMAL, "positive", "Flexion"),
+    *((ChannelSpec, {"column": "a"}, "column", column) for column in (True, 1.0, None, ["a"])),
 ]
 
 
@@ -83,6 +77,21 @@ def test_a_wrong_value_is_refused_at_its_key(model, valid, key, value):
     with pytest.raises(ValidationError) as caught:
         model.model_validate(valid | {key: value})
     assert {error["loc"][0] for error in caught.value.errors()} == {key}
+
+
+@pytest.mark.parametrize(
+    ("model", "valid", "key", "value"),
+    [
+        *((PerturbationsSpec, {}, "timing_points", {"MST": pct}) for pct in (-0.1, 100)),
+        (PerturbationsSpec, {}, "timing_points", {"all": 56.0}),
+        *((GroupSpec, EDGES, "edges", edges) for edges in ([0.0, 0.0], [0.0, 2.0, 1.0])),
+    ],
+)
+def test_values_that_do_not_go_together_are_refused_and_named(model, valid, key, value):
+    with pytest.raises(ValidationError) as caught:
+        model.model_validate(valid | {key: value})
+    (error,) = caught.value.errors()
+    assert key in error["msg"]
 
 
 # --- words ---------------------------------------------------------------------------------------
@@ -106,9 +115,6 @@ def test_every_direction_has_an_opposite_and_is_taken():
     for direction, opposite in OPPOSITE_DIRECTION.items():
         assert OPPOSITE_DIRECTION[opposite] == direction != opposite
         assert ChannelSpec(column="a", positive=direction).positive == direction
-    told = refused(StudySpec, **(MINIMAL | {"positive": "Flexion"}))
-    assert told.startswith("positive: Value error, expected one of abduction, adduction, ")
-    assert told.endswith("ulnar_deviation; got 'Flexion'")
 
 
 @pytest.mark.parametrize(("value", "name"), [(7, "7"), ("S01", "S01")])
@@ -120,75 +126,42 @@ def test_a_whole_number_is_a_name(value, name):
 def test_a_column_is_a_name_or_a_number():
     for column in ("a", 0, ""):
         assert ChannelSpec(column=column).column == column
-    for value in (True, 1.0, None, ["a"]):
-        told = refused(ChannelSpec, column=value)
-        assert told == "column: Value error, expected the name or the number of a column"
 
 
-@pytest.mark.parametrize(
-    ("given", "missing"), [("limb_mass_kg", "limb_centre_m"), ("limb_centre_m", "limb_mass_kg")]
-)
-def test_mass_and_centre_of_a_limb_go_together(given, missing):
-    told = refused(ParticipantSpec, id="S01", **{given: 0.3})
-
-    assert told.endswith(f"{missing}: missing; limb_mass_kg and limb_centre_m go together")
-
-
-def test_a_limb_is_lighter_than_its_person():
-    limb = {"limb_mass_kg": 72.4, "limb_centre_m": 0.26}
-
-    assert "72.4 kg is not less than mass_kg" in refused(
-        ParticipantSpec, id="S01", mass_kg=72.4, **limb
-    )
-    assert ParticipantSpec(id="S01", **limb).limb_mass_kg == 72.4
-
-
-# --- perturbations -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "pct", "told"),
-    [
-        ("MST", -0.1, "timing_points.MST: expected 0 <= % of cycle < 100, got -0.1"),
-        ("MST", 100, "timing_points.MST: expected 0 <= % of cycle < 100, got 100.0"),
-        ("all", 56.0, "timing_points.all: means all of them; expected another name"),
-    ],
-)
-def test_a_timing_point_lies_in_the_cycle_and_has_a_name_of_its_own(name, pct, told):
+def test_the_first_timing_point_may_stand_at_the_heel_strike():
     points = {"LRE": 0, "TSW": 99.9}
     assert PerturbationsSpec(timing_points=points).timing_points == points
-    assert refused(PerturbationsSpec, timing_points=points | {name: pct}).endswith(told)
 
 
-@pytest.mark.parametrize("edges", [(0.0, 0.0), (0.0, 2.0, 1.0)])
-def test_edges_of_groups_increase(edges):
-    assert refused(GroupSpec, channel="x", edges=list(edges)) == (
-        f": Value error, edges must increase, got {list(edges)}"
-    )
+LIMB_PARTS = {"limb_mass_kg": 72.4, "limb_centre_m": 0.26}
+
+
+@pytest.mark.parametrize(
+    "given", [{"limb_mass_kg": 0.3}, {"limb_centre_m": 0.3}, LIMB_PARTS | {"mass_kg": 72.4}]
+)
+def test_a_limb_has_mass_and_centre_and_is_lighter_than_its_person(given):
+    with pytest.raises(ValidationError, match="limb_mass_kg"):
+        ParticipantSpec(id="S01", **given)
+    assert ParticipantSpec(id="S01", **LIMB_PARTS).limb_mass_kg == 72.4
 
 
 # --- calibration ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("entries", "told"),
+    ("entries", "place"),
     [
-        ({"torque_gain": 0.0}, "torque_gain: measured over true must be positive, got 0.0"),
-        ({"angle_gain": -1.0}, "angle_gain: measured over true must be positive, got -1.0"),
-        ({"tissue_hz": 0.0}, "tissue_hz: must be positive, got 0.0"),
-        ({"contact_threshold_v": 2.0}, "contact_release_v: missing; contact_threshold_v and cont"),
-        ({"contact_release_v": 2.0}, "contact_threshold_v: missing; contact_threshold_v and cont"),
-        (
-            {"contact_threshold_v": 1.0, "contact_release_v": 1.0},
-            "contact_threshold_v: 1.0 V must lie above contact_release_v, 1.0 V; a switch that is "
-            "low on the ground must be turned in the file",
-        ),
+        ({"torque_gain": 0.0}, "torque_gain"),
+        ({"angle_gain": -1.0}, "angle_gain"),
+        ({"tissue_hz": 0.0}, "tissue_hz"),
+        ({"contact_threshold_v": 2.0}, "contact_release_v"),
+        ({"contact_release_v": 2.0}, "contact_threshold_v"),
+        ({"contact_threshold_v": 1.0, "contact_release_v": 1.0}, "contact_threshold_v"),
     ],
 )
-def test_a_calibration_that_cannot_be_is_refused(entries, told):
-    given = {name: {"value": value, "sd": 0.0} for name, value in entries.items()}
-
-    assert refused(CalibrationSpec, **given).startswith(f": Value error, {told}")
+def test_a_calibration_that_cannot_be_is_refused(entries, place):
+    with pytest.raises(ValidationError, match=f"{place}: "):
+        calibration(**entries)
 
 
 def calibration(**values: float) -> CalibrationSpec:

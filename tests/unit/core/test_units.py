@@ -1,6 +1,7 @@
 """Units as people write them, and the ones that must be refused."""
 
 import math
+import re
 import subprocess
 import sys
 
@@ -57,20 +58,20 @@ def test_an_si_unit_is_its_own(unit):
 
 
 @pytest.mark.parametrize(
-    ("unit", "si_unit", "measured", "expected"),
+    ("unit", "si_unit", "measured"),
     [
-        ("N*m", "rad", "torque", "an angle such as rad or deg"),
-        ("", "rad", "pure number", "an angle"),
-        ("N*m/rad", "N*m", "stiffness", "a torque such as N*m"),
-        ("N*m/kg", "N*m", "torque per body mass", "a torque"),
-        ("Hz", "rad/s", "frequency", "an angular velocity"),
-        ("lb*ft", "N*m", "kg*m", "a torque"),
+        ("N*m", "rad", "torque"),
+        ("", "rad", "pure number"),
+        ("N*m/rad", "N*m", "stiffness"),
+        ("N*m/kg", "N*m", "torque per body mass"),
+        ("Hz", "rad/s", "frequency"),
+        ("lb*ft", "N*m", "kg*m"),
+        ("J", "N*m", "energy"),
     ],
 )
-def test_a_unit_of_something_else_is_refused(unit, si_unit, measured, expected):
-    with pytest.raises(UnitError) as caught:
+def test_a_unit_of_something_else_is_refused(unit, si_unit, measured):
+    with pytest.raises(UnitError, match=f"'{re.escape(unit)}' measures {re.escape(measured)}"):
         conversion(unit, si_unit)
-    assert f"'{unit}' measures {measured}, expected {expected}" in str(caught.value)
 
 
 @pytest.mark.parametrize("unit", PARAMETER_UNITS.values())
@@ -86,37 +87,22 @@ def test_a_temperature_has_an_offset():
     assert si_unit_of("°C") == ("K", 1.0, 273.15)
 
 
-def test_an_energy_is_no_torque():
-    with pytest.raises(UnitError, match=r"'J' measures energy.*A torque is written N\*m, not J"):
-        conversion("J", "N*m")
-
-
-@pytest.mark.parametrize(
-    ("slip", "guess"),
-    [
-        ("nm", "N*m"),
-        ("NM", "N*m"),
-        ("NMs/rad", "N*m*s"),
-        ("S", "s"),
-        ("Degrees", "degree"),
-        ("degC/s", "K"),
-    ],
-)
-def test_a_slip_is_refused_with_a_guess(slip, guess):
-    with pytest.raises(UnitError) as caught:
-        si_unit_of(slip)
-    message = str(caught.value)
-    assert f"'{slip}' is not a unit that can be read; expected one such as N*m" in message
-    assert message.endswith(f"Did you mean {guess}?")
-
-
 @pytest.mark.parametrize(
     "unit",
-    ["N**/m", "(N", "N)m", ")", "/s", "s/", "Nm*", "^2", "m^m", "rad^99", "10 mV", "é", "s_", "Ns"],
+    [
+        *("nm", "NM", "NMs/rad", "S", "Degrees", "degC/s", "N**/m", "(N", "N)m", ")", "/s", "s/"),
+        *("Nm*", "^2", "m^m", "rad^99", "10 mV", "é", "s_"),
+    ],
 )
 def test_what_is_no_unit_is_refused(unit):
-    with pytest.raises(UnitError, match="is not a unit that can be read"):
-        conversion(unit, "N*m")
+    for read in (si_unit_of, lambda unit: conversion(unit, "N*m")):
+        with pytest.raises(UnitError, match=re.escape(f"'{unit}' is not a unit")):
+            read(unit)
+
+
+def test_newton_seconds_are_no_torque():
+    with pytest.raises(UnitError):
+        conversion("Ns", "N*m")
 
 
 def test_importing_the_module_does_not_import_pint():
