@@ -12,19 +12,16 @@ from jointz.analysis.page.budget_figure import draw_budget, mean_shares
 from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
 from jointz.analysis.page.figure_files import (
     FIGURES,
-    captions,
     draw_figures,
     draw_picture,
     draw_truth_picture,
 )
-from jointz.analysis.page.impedance_figures import draw_impedance_column, draw_impedance_over_gait
-from jointz.analysis.page.method_figures import draw_methods
+from jointz.analysis.page.impedance_figures import draw_impedance_over_gait
 from jointz.analysis.page.response_figures import draw_responses
 from jointz.core.events import PulseRecord
 from jointz.report.style import figure_style, new_figure, to_svg
 from jointz.report.subjects import timing_points
 from jointz.results.estimates import ParameterEstimate
-from jointz.results.statistics.pooled_estimates import POOLED_METHOD
 from jointz.results.study_analysis import StudyAnalysis
 
 
@@ -96,18 +93,6 @@ def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recomme
         sizes = [t.get_fontsize() for f in drawn if f is not None for t in texts(f)]
     assert sizes
     assert min(sizes) >= 6.0
-
-
-def test_no_text_of_the_column_runs_off_its_edge(walking, bench):
-    for analysis in (walking, bench):
-        figure = plot(draw_impedance_column, analysis)
-        with figure_style():
-            figure.draw_without_rendering()
-            page = figure.bbox
-            boxes = [t.get_window_extent() for t in texts(figure)]
-        assert min(b.x0 for b in boxes) >= page.x0
-        assert max(b.x1 for b in boxes) <= page.x1 + 0.02 * page.width
-        assert min(b.y0 for b in boxes) >= page.y0
 
 
 def test_drawing_neither_reads_nor_changes_the_users_settings(bench):
@@ -212,13 +197,6 @@ def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
         assert lowest[0].get_height() == pytest.approx(100.0 * first["noise"])
 
 
-def test_methods_are_named_as_people_say_them(recommended):
-    other = tuple(replace(c, method="matched_strides") for c in recommended.comparison)
-    figure = plot(draw_methods, replace(recommended, comparison=other))
-    names = labels(figure.legends[0].texts)
-    assert names == ["recommended (chosen)", "matched strides"]
-
-
 def test_onset_deviations_are_taken_on_the_circle():
     pulses = tuple(
         PulseRecord("S01", "a.csv", float(i), 0.25, 17.0, "ICO", 1.0, pct)
@@ -264,24 +242,3 @@ def test_strides_that_hold_a_pulse_are_stroked_in_any_recording(walking):
         assert ("contains a pulse" in legend) is bool(strokes)
         rug = figure.axes[0].lines[1].get_xdata()
         assert np.isfinite(rug).sum() == 2 * strokes
-        caption = captions(analysis)["strides"]
-        assert ("Grey strokes" in caption) is bool(strokes)
-        assert "Marks" not in caption
-    left_out = replace(plain, strides=(stride, replace(stride, code="missing_strike")))
-    assert "Marks: excluded strides" in captions(left_out)["strides"]
-
-
-def test_a_caption_says_what_has_no_panel_and_why_means_differ(recommended):
-    drawn = captions(recommended)
-    assert "Not drawn" not in drawn["impedance_over_gait"]
-    cells = tuple(
-        replace(c, parameters=tuple(
-            replace(p, value=None, ci_low=None, ci_high=None, status="undecided")
-            if p.name == "inertia" else p for p in c.parameters))
-        for c in recommended.cells
-    )  # fmt: skip
-    without = captions(replace(recommended, cells=cells))
-    assert "Not drawn: inertia (no estimate is available)." in without["impedance_over_gait"]
-    pooled = tuple(replace(m, method=POOLED_METHOD) for m in recommended.population)
-    told = "each estimate is weighted by its uncertainty, undecided ones included"
-    assert told in captions(replace(recommended, population=pooled))["methods"]

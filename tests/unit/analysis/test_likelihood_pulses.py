@@ -129,12 +129,3 @@ def test_the_tests_of_pulses_name_the_method_of_their_estimates():
 def test_pulses_without_an_estimate_of_their_own_are_counted():
     (note, *_) = statistics([cell(n_used=5)], [pulse(0.1)])["notes"]
     assert note.startswith("single_pulses.csv: 4 of 5 pulses have no estimate of their own")
-
-
-def test_a_case_that_needed_another_method_is_told():
-    (note, *_) = statistics([cell(n_used=0), cell("B", "dissertation")], [])["notes"]
-    assert note.startswith("case-1 B: estimated by the method dissertation instead of full_record")
-
-
-def test_a_bench_record_without_pulses_is_sent_elsewhere():
-    assert "jointz identify --help" in statistics([], [])["notes"][-1]

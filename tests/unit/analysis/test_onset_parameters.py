@@ -8,7 +8,6 @@ import pytest
 from tests.unit.conftest import recommended_analysis
 
 import jointz
-from jointz.analysis.command import _print
 from jointz.analysis.page.details_tables import details_frame
 from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.report_page import render_report
@@ -101,26 +100,6 @@ def test_tables_and_figures_of_the_report_stay_as_they_are(plain, onset):
     }
     pd.testing.assert_frame_equal(details_frame(onset), details_frame(plain))
     assert f"Of {len(onset.to_frame())} estimates" in methods_text(onset)
-
-
-def test_a_cell_that_failed_keeps_its_sentence(plain):
-    status = "failed:no_pulses"
-    lost = [ParameterEstimate(n, None, None, None, status) for n in ("stiffness", "damping")]
-    other = ParameterEstimate(ONSET[0], None, None, None, "undecided")
-    pages = []
-    for parameters in (lost, [*lost, other]):
-        cell = replace(plain.cells[0], parameters=tuple(parameters), budget={})
-        page = render_report(replace(plain, cells=(cell,), population=()), {}, title="t")
-        pages.append(page.count("no pulse at this timing point"))
-    assert pages[0] == pages[1] > 0
-
-
-def test_they_are_printed_and_drawn_by_name(onset, capsys, tmp_path):
-    _print(onset, tmp_path / "report.html")
-    _print(replace(onset, population=()), tmp_path / "report.html")
-
-    assert capsys.readouterr().out.count("damping_onset") > len(onset.cells)
-    assert onset.plot(parameter="damping_onset").get_ylabel() == "damping_onset (N*m*s/rad)"
 
 
 def test_results_with_and_without_them_are_compared_in_what_both_have(folders):

@@ -1,22 +1,7 @@
 """What a report says of the experiment behind a study."""
 
-import pytest
-
 from jointz.analysis.page.report_page import run_section
 from jointz.results.run_report import RunReport
-
-
-@pytest.mark.parametrize(
-    ("clamped", "told"),
-    [
-        (0, "900 ticks, missed 2 slots and limited no torque."),
-        (7, "900 ticks, missed 2 slots, and sent less torque than commanded in 7 ticks."),
-    ],
-)
-def test_torque_that_was_cut_is_told(clamped, told):
-    timing = {"participant": "S01", "ticks": 900, "missed_slots": 2, "clamped_ticks": clamped}
-    section = run_section(RunReport("walking", 1, (), (), (timing,)))
-    assert told in section["timing"]
 
 
 def test_an_old_report_has_whole_counts_and_says_where_there_is_no_onset():
@@ -32,7 +17,3 @@ def test_an_old_report_has_whole_counts_and_says_where_there_is_no_onset():
         f"{r['completed']} of {r['planned']}, {r['n']} ({r['n_missing']})"
         for r in run_section(report)["rows"]
     ] == ["6 of 6, 6 (0)", "3 of 3, 1 (0)", "3 of 3, 0 (0)"]
-    assert report.summary().splitlines()[3:] == [
-        "single: onset error +0.10 % of the cycle, one onset",
-        "none: no onsets",
-    ]
