@@ -141,11 +141,6 @@ def test_a_long_false_contact_late_in_the_stride_does_not_replace_the_strike():
     np.testing.assert_allclose(found.rejected_s, strikes[12] + 0.76, atol=0.0011)
 
 
-def test_noise_that_chatters_without_end_ends_in_time():
-    contact = np.random.default_rng(0).integers(0, 2, 60_000).astype(float)
-    assert strikes_from_contact(np.arange(60_000) / RATE, contact).time_s.size <= 1
-
-
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_five_seconds_without_strikes_cost_only_their_own_stride(level):
     time, strikes, contact = walk(n=40)
@@ -309,15 +304,6 @@ def test_a_false_pulse_shortly_before_a_strike_yields_to_it(share):
     found = strikes_from_pulse(time, pulses)
     assert_strikes(found, strikes)
     np.testing.assert_allclose(found.rejected_s, [false], rtol=0, atol=1.01 / RATE)
-
-
-def test_a_false_pulse_in_the_middle_of_a_stride_makes_two_spurious_strides():
-    time, strikes, _ = walk(sd=0.0)
-    false = strikes[15] + 0.55
-    pulses = switched(contact_of(time, strikes, 0.01), time, false, false + 0.01, 1.0)
-    strides = find_strides(strikes_from_pulse(time, pulses).time_s, NO_GAPS)
-    assert strides.code[15:17] == ("spurious_strike", "spurious_strike")
-    assert (~strides.accepted).sum() == 2
 
 
 # --- force ---------------------------------------------------------------------------------

@@ -21,12 +21,6 @@ def test_before_three_strides_there_is_no_phase():
     assert phase.elapsed_s[1] == 0.5
 
 
-def test_without_strides_there_is_no_phase():
-    phase = gait_phase(np.array([1.0, 2.0]), find_strides(np.array([0.5]), NO_GAPS))
-    assert phase.code == ("no_recent_strides",) * 2
-    assert np.isnan(phase.pct).all()
-
-
 def test_when_a_strike_is_due_and_missing_the_phase_is_marked():
     phase = gait_phase(np.array([4.3, 4.34, 4.9]), strides_of(1.0, 1.0, 1.0, 2.0, 1.0))
     assert phase.code == ("", "missing_strike", "missing_strike")

@@ -11,15 +11,6 @@ def strikes(*durations):
     return np.cumsum([0.0, *durations])
 
 
-def test_steady_strides_are_all_accepted():
-    found = find_strides(strikes(*[1.1] * 8), NO_GAPS)
-    assert found.accepted.all()
-    assert found.code == ("",) * 8
-    np.testing.assert_allclose(found.duration_s, 1.1)
-    np.testing.assert_allclose(found.end_s, found.start_s + 1.1)
-    np.testing.assert_allclose(found.strike_s, 1.1 * np.arange(9))
-
-
 @pytest.mark.parametrize("n", [0, 1])
 def test_fewer_than_two_strikes_make_no_stride(n):
     found = find_strides(np.arange(float(n)), np.array([[0.1, 0.2]]))

@@ -27,11 +27,6 @@ def test_the_limit_is_1_75_median_steps():
     assert longest_step_s(time) == pytest.approx(0.0175)
 
 
-@pytest.mark.parametrize("n", [0, 1, 2])
-def test_recordings_of_up_to_two_samples_have_no_gap(n):
-    assert find_gaps(np.arange(n, dtype=float)).shape == (0, 2)
-
-
 def test_stamps_rounded_to_milliseconds_at_900_hz_hold_no_gaps():
     time = np.round(np.arange(9000) / 900.0, 3)
     assert find_gaps(time).size == 0
@@ -64,13 +59,6 @@ def test_steps_within_two_percent_are_uniform():
     steps[40] = 0.0103
     assert not is_uniform(np.cumsum(steps))
     assert not is_uniform(np.arange(100) * 0.01, step_s=0.011)
-
-
-def test_a_uniform_stretch_is_returned_as_it_is():
-    time, values = np.arange(50) * 0.01, np.zeros((2, 50))
-    out_time, out_values = resample_stretch(time, values)
-    assert out_time is time
-    assert out_values is values
 
 
 def test_a_jittered_straight_line_stays_one_on_a_uniform_grid():

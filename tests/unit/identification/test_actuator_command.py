@@ -39,20 +39,6 @@ def test_json_holds_the_parameters_of_design_and_the_error(jointz, bench):
     assert "series" not in found
 
 
-def test_a_person_reads_a_table_and_the_notes(jointz, bench):
-    outcome = jointz("identify", "actuator", bench, *COLUMNS, *TURNED)
-    assert "torque_constant\t0.09997\t" in outcome.out
-    assert "Note: rotor_inertia is undecided" in outcome.out
-    quiet = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, "--quiet")
-    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
-
-
-def test_the_current_model_needs_no_speed(jointz, bench):
-    options = ("--current", "i", "--torque", "tau", "--gear-ratio", 9, "--model", "current")
-    found = jointz("identify", "actuator", bench, *options, *TURNED, "--json").json
-    assert list(found["parameters"]) == ["bias", "torque_constant"]
-
-
 def test_inertia_and_smooth_sign_are_read_with_their_units(jointz, bench):
     options = ("--time", "t", "--rotor-inertia", "92:kg*cm^2", "--smooth-velocity", "6:deg/s")
     found = jointz("identify", "actuator", bench, *COLUMNS, *TURNED, *options, "--json").json

@@ -52,13 +52,6 @@ def test_a_sample_that_no_sensor_gives_is_bad_input_with_row_and_column(jointz, 
     assert "r.csv, row 102, column 'tau'" in outcome.err
 
 
-def test_a_person_reads_a_table_and_quiet_prints_nothing(jointz, file):
-    arguments = ("identify", "joint", file, *ARGUMENTS, *FLIPPED, "--rate", 500)
-    assert "stiffness\t80" in jointz(*arguments).out
-    quiet = jointz(*arguments, "--quiet")
-    assert (quiet.code, quiet.out, quiet.err) == (0, "", "")
-
-
 @pytest.mark.parametrize(("model", "suffix"), [("irf", "png"), ("frf", "svg")])
 def test_every_model_gives_the_second_order_joint_and_a_figure(
     jointz, file, tmp_path, model, suffix

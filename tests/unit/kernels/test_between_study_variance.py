@@ -55,17 +55,3 @@ def test_intervals_hold_mean_and_spread_as_often_as_they_say(k: int, tau2: float
     assert held / n >= 0.95 - error
     assert abs(spread_held / n - 0.95) <= error + 0.025 * (tau2 == 0.0)
     assert next_held / n >= 0.80
-
-
-@pytest.mark.slow
-def test_joint_intervals_hold_the_means_as_often_as_they_say() -> None:
-    rng = np.random.default_rng(8)
-    spread = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.2], [0.0, 0.2, 0.5]])
-    n, held = 300, np.zeros(3)
-    for _ in range(n):
-        a = rng.normal(size=(8, 3, 6))
-        v = a @ a.transpose(0, 2, 1) / 6.0
-        y = np.array([rng.multivariate_normal(np.zeros(3), one + spread) for one in v])
-        fit = multivariate_random_effects(y, v, modified=True)
-        held += (fit.low <= 0.0) & (fit.high >= 0.0)
-    assert (np.abs(held / n - 0.95) <= 3.0 * np.sqrt(0.95 * 0.05 / n)).all()

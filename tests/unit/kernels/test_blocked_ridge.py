@@ -91,9 +91,3 @@ def test_a_feature_that_stands_still_changes_nothing(rows):
 def test_rows_that_do_not_fit_together_are_refused(features, targets, blocks):
     with pytest.raises(ValueError, match="as many targets and blocks"):
         fit_blocked_ridge(features, targets, blocks)
-
-
-def test_prediction_of_new_rows_is_that_of_the_line():
-    x = np.linspace(2.0, 6.0, 40)[:, None]
-    fit = fit_blocked_ridge(x, np.hstack([1.0 + 2.0 * x, -x]), np.arange(40) // 4)
-    assert np.allclose(fit.predict(np.array([[0.5], [3.0]])), [[2.0, -0.5], [7.0, -3.0]], atol=1e-3)

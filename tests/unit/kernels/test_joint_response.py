@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, lsim
 
 from jointz.kernels.joint_response import (
-    COLUMNS,
     DAMPING,
     DAMPING_SLOPE,
     INERTIA,
@@ -83,16 +82,6 @@ def test_derivative_with_respect_to_the_share_is_the_motion_by_that_torque():
     assert moved(share=0.0)[:, MOTION] + 1.2 * alone == pytest.approx(moved()[:, MOTION], abs=1e-12)
 
 
-def test_motion_begins_at_rest_and_has_a_row_a_substep():
-    motion = joint_motion(TORQUE, 1.0, IMPEDANCE, MIDDLE_S, PERIOD_S, 3)
-    assert motion.shape == ((N - 1) * 3 + 1, COLUMNS)
-    assert not motion[0].any()
-
-
-def test_smaller_steps_change_nothing_that_a_sensor_could_see():
-    assert moved(substeps=2)[:, MOTION] == pytest.approx(moved(substeps=16)[:, MOTION], abs=1e-7)
-
-
 # --- sensor ---------------------------------------------------------------------------------------
 
 STEP_S = 0.001
@@ -144,17 +133,3 @@ def test_a_negative_delay_shows_the_future_and_goes_on_straight_at_the_end():
     assert ahead[:-3] == pytest.approx(SHAPE[3:], abs=1e-12)
     slope = SHAPE[-1] - SHAPE[-2]
     assert ahead[-3:] == pytest.approx(SHAPE[-1] + slope * np.array([1.0, 2.0, 3.0]), abs=1e-12)
-
-
-@pytest.mark.parametrize("lag_s", [0.0, 1e-7])
-def test_a_lag_that_is_no_lag_changes_nothing(lag_s):
-    assert shown(lag_s=lag_s) == pytest.approx(SHAPE, abs=1e-12)
-
-
-def test_signals_are_sensed_each_by_itself():
-    pair = np.column_stack([SHAPE, -2.0 * SHAPE[::-1] + 2.0 * SHAPE[-1]])
-    chain = {"delay_s": 0.002, "lag_s": 0.004, "resonance_hz": 25.0, "damping_ratio": 0.3}
-    together = sensed(pair, step_s=STEP_S, samples_s=STEPS_S, **chain)
-    for k in range(2):
-        alone = sensed(pair[:, k : k + 1], step_s=STEP_S, samples_s=STEPS_S, **chain)
-        assert np.array_equal(together[:, k], alone[:, 0])

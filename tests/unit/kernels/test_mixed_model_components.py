@@ -9,7 +9,6 @@ from jointz.kernels.statistics.mixed_model_components import (
     fit_components,
     likelihood_ratio,
 )
-from jointz.kernels.statistics.mixed_model_likelihood import fit_random_intercept
 
 
 def layout(seed, *, people=5, levels=3, cell_sd=1.0, person_sd=1.0, most=4, drop=0.2):
@@ -74,14 +73,3 @@ def test_cells_of_two_people_or_of_two_levels_are_refused():
         cell_blocks(X, y, person, cell=np.zeros_like(cell))
     with pytest.raises(ValueError, match="cells of one participant"):
         cell_blocks(X, y, np.zeros_like(person), cell=X[:, 1].astype(int) * 0)
-
-
-def test_two_people_at_two_levels_are_enough():
-    y = np.array([1.3, -4.3, 1.5, -1.3])
-    X = np.array([[1.0, 0], [1, 1], [1, 0], [1, 1]])
-
-    fit = fit_random_intercept(X, y, np.array([0, 0, 1, 1]))
-
-    between, inside = 2 * 2 * 0.8**2, 1.4**2
-    assert fit.variance_residual == pytest.approx(inside)
-    assert fit.variance_group == pytest.approx((between - inside) / 2)

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom, norm
 from scipy.stats import t as student_t
 
-from jointz.kernels.statistics.pooling_posterior import mixture_quantile, partial_pooling
+from jointz.kernels.statistics.pooling_posterior import partial_pooling
 
 TAUS = (0.0, 0.3, 1.0, 3.0)
 
@@ -107,13 +107,6 @@ def test_shapes_and_level_are_checked(values, sds, level):
 def test_a_value_needs_an_error(sd):
     with pytest.raises(ValueError, match="positive sd"):
         partial_pooling(np.ones((1, 2)), np.array([[1.0, sd]]))
-
-
-def test_the_quantile_of_a_mixture_is_where_its_distribution_function_says():
-    means, sds = np.array([[[0.0], [3.0]]]), np.array([[[1.0], [0.5]]])
-    chance = np.array([[0.3, 0.7]])
-    at = mixture_quantile(means, sds, chance, 0.4)[0, 0]
-    assert 0.3 * norm.cdf(at) + 0.7 * norm.cdf((at - 3.0) / 0.5) == pytest.approx(0.4, abs=1e-9)
 
 
 @pytest.mark.parametrize("tau", TAUS)

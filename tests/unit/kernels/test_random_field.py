@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from jointz.kernels.statistics.random_field import (
     SearchRegion,
     critical_height,
-    expected_crossings,
     search_region,
 )
 
@@ -16,12 +14,6 @@ GAIT = SearchRegion(12.534, 100 / 12.534, 101)
 
 def test_the_threshold_of_ten_people_is_the_published_one():
     assert critical_height(0.025, df=9, region=GAIT) == pytest.approx(4.299, abs=5e-4)
-
-
-def test_each_piece_of_a_region_can_start_above():
-    whole, cut = SearchRegion(10.0, 8.0, 81), SearchRegion(10.0, 8.0, 81, n_pieces=2)
-    more = expected_crossings(3.0, df=9, region=cut) - expected_crossings(3.0, df=9, region=whole)
-    assert more == pytest.approx(stats.t.sf(3.0, 9))
 
 
 def test_a_gap_cuts_the_region_and_its_slope_is_not_used():
@@ -35,14 +27,6 @@ def test_a_gap_cuts_the_region_and_its_slope_is_not_used():
     assert search_region(spoiled, tested) == region
     assert (region.n_nodes, region.n_pieces) == (37, 2)
     assert region.resels == pytest.approx(35 / region.fwhm_nodes)
-
-
-def test_a_lone_node_has_no_length():
-    residuals = np.random.default_rng(3).standard_normal((6, 10)).cumsum(axis=1)
-    tested = np.array([True, False] + [True] * 8)
-    region = search_region(residuals, tested)
-    assert (region.n_nodes, region.n_pieces) == (9, 2)
-    assert region.resels == pytest.approx(7 / region.fwhm_nodes)
 
 
 def test_what_has_no_smoothness_is_refused():

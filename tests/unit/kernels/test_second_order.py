@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.kernels.series.second_order import PulseRecord, _residual, maximise_likelihood
+from jointz.kernels.series.second_order import PulseRecord, maximise_likelihood
 from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
 STEP = 1 / 900
@@ -40,68 +39,6 @@ def response(load: str, n: int, lag: float = 0.0) -> tuple[np.ndarray, np.ndarra
     return np.ravel(angle)[40 : 40 + n], pulse(t - lag)
 
 
-def naive_residual(
-    angle: np.ndarray, torque: np.ndarray, load: str, noise_sd: tuple[float, float], at_rest: bool
-) -> np.ndarray:
-    """Whiten by the full covariance: A angle - C torque has A A' sa^2 + C C' st^2."""
-    c = transfer_coefficients(*LOADS[load], STEP)
-    n = angle.size
-    A, C = np.eye(n), c[2] * np.eye(n)
-    for i in (1, 2):
-        A += c[i - 1] * np.eye(n, k=-i)
-        C += c[2 + i] * np.eye(n, k=-i)
-    first = 0 if at_rest else 2
-    A, C = A[first:], C[first:]
-    covariance = noise_sd[0] ** 2 * A @ A.T + noise_sd[1] ** 2 * C @ C.T
-    return solve_triangular(cholesky(covariance, lower=True), A @ angle - C @ torque, lower=True)
-
-
-@pytest.mark.parametrize("at_rest", [True, False])
-@pytest.mark.parametrize("load", LOADS)
-def test_banded_whitening_is_whitening_by_the_full_covariance(load, at_rest):
-    rng = np.random.default_rng(0)
-    angle, torque = response(load, 80)
-    angle, torque = (
-        angle + rng.normal(scale=1e-5, size=80),
-        torque + rng.normal(scale=0.1, size=torque.size),
-    )
-    K, B, J = LOADS[load]
-    p = np.array([np.log(K), B, np.log(J), 0.0, 0.0])
-
-    found = _residual(p, angle, torque, (40, STEP, at_rest, 1e-5, 0.1, 0.0, 0.0))
-
-    expected = naive_residual(angle, torque[40:120], load, (1e-5, 0.1), at_rest)
-    np.testing.assert_allclose(found[:-1], expected, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("samples", [-0.5, 0.5, 1.0, 1.5])
-def test_the_criterion_is_continuous_in_the_lag(samples):
-    rng = np.random.default_rng(1)
-    angle, torque = response("light", 226)
-    torque = torque + rng.normal(scale=0.33, size=torque.size)
-    K, B, J = LOADS["light"]
-
-    def cost(lag):
-        p = np.array([np.log(K), B, np.log(J), lag * STEP, 0.0])
-        found = _residual(p, angle, torque, (40, STEP, True, 1e-5, 0.33, 0.0, 0.0))
-        return found @ found
-
-    assert cost(samples + 1e-6) == pytest.approx(cost(samples - 1e-6), abs=1e-3)
-
-
-def test_a_lag_between_samples_is_that_of_a_sine():
-    angle, _ = response("light", 226)
-    t = STEP * np.arange(-40, 266)
-    K, B, J = LOADS["light"]
-    fixed = (40, STEP, True, 1e-5, 0.1, 0.0, 0.0)
-
-    def found(torque, lag):
-        return _residual(np.array([np.log(K), B, np.log(J), lag, 0.0]), angle, torque, fixed)
-
-    late = found(np.sin(200.0 * (t - 0.4 * STEP)), 0.4 * STEP)
-    np.testing.assert_allclose(late, found(np.sin(200.0 * t), 0.0), atol=2e-3)
-
-
 @pytest.mark.parametrize("at_rest", [True, False])
 @pytest.mark.parametrize("lag", [0.0, -3 * STEP, 2 * STEP])
 def test_clean_records_give_the_load_and_the_lag_back(lag, at_rest):
@@ -120,32 +57,6 @@ def test_clean_records_give_the_load_and_the_lag_back(lag, at_rest):
     np.testing.assert_allclose(fit.values[:3], LOADS["light"], rtol=1e-6)
     assert fit.values[3] == pytest.approx(lag, abs=1e-8)
     assert fit.values[4] == pytest.approx(offset, abs=1e-6)
-
-
-def test_a_held_lag_stays_and_has_no_variance():
-    fit = maximise_likelihood(
-        PulseRecord(*response("heavy", 226), 40, STEP, True),
-        np.array([200.0, 0.1, 0.05, 0.001, 0.0]),
-        noise_sd=(1e-5, 1e-3),
-        lag_prior=(0.001, 0.0),
-    )
-
-    assert fit.values[3] == 0.001
-    assert fit.covariance[3].tolist() == [0.0] * 5
-
-
-def test_what_is_known_of_the_lag_narrows_damping():
-    angle, torque = response("light", 100)
-    record = PulseRecord(angle, torque, 40, STEP, True)
-    start = np.array([150.0, 0.3, 0.03, 0.0, 0.0])
-
-    def sds(prior):
-        fit = maximise_likelihood(record, start, noise_sd=(1e-5, 0.05), lag_prior=prior)
-        return np.sqrt(np.diag(fit.covariance))
-
-    free, known = sds(None), sds((0.0, 1e-5))
-    assert known[1] < free[1]
-    assert known[3] <= 1e-5 < free[3]
 
 
 def test_a_load_too_fast_for_the_clock_is_not_fitted():

@@ -44,15 +44,6 @@ def test_values_of_any_sign_come_back_without_noise(joint):
     np.testing.assert_allclose(fit.values[:3], joint, rtol=1e-5, atol=1e-5)
 
 
-def test_without_noise_of_the_torque_the_error_is_that_of_the_simulated_angle():
-    angle, torque = record(angle_sd=2e-3)
-    values = np.array([60.0, 1.0, 0.06, 0.0])
-    error = whitened_errors(values, values, angle[None], torque[None], drive())[0]
-    np.testing.assert_allclose(
-        error * 1e-3, angle - simulated(values[:3], torque[LEAD : LEAD + N]), atol=1e-9
-    )
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_the_fit_is_that_of_the_likelihood_of_one_record(seed):
     angle, torque = record(angle_sd=5e-4, torque_sd=0.05, seed=seed)
@@ -96,18 +87,6 @@ def test_averages_nearby_are_fitted_as_they_would_be_one_by_one(lag_sd_s):
     )
     spread = (slow - fit.values[:3]).std(axis=0)
     assert (np.abs(quick - slow) < 0.02 * spread).all()
-
-
-def test_a_prior_pulls_the_lag_towards_zero():
-    angle, torque = record()
-    late = np.roll(torque, 5)
-    noise = (1e-2, 0.0)
-    lags = [
-        fit_driven(angle, late, START, drive(noise_sd=noise, lag_sd_s=sd), bounded=False).values[3]
-        for sd in (None, 1e-3, 1e-5)
-    ]
-    assert lags[0] == pytest.approx(5e-3, abs=2e-5)
-    assert 0.0 < lags[2] < lags[1] < lags[0]
 
 
 def test_a_joint_too_quick_for_the_record_has_no_errors():

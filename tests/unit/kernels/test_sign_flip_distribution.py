@@ -8,7 +8,6 @@ from scipy import stats
 
 from jointz.kernels.statistics.sign_flip_distribution import (
     all_signs,
-    cosine_to_t,
     cosines,
     critical_cosine,
     drawn_signs,
@@ -58,19 +57,6 @@ def test_long_curves_are_done_in_blocks_with_the_same_result():
     scaled, signs = cosines(differences), all_signs(9)
     whole = np.abs(signs @ scaled).max(axis=1)
     np.testing.assert_allclose(largest_cosines(scaled, signs), whole, rtol=1e-12)
-
-
-def test_t_of_differences_all_the_same_is_finite():
-    t = cosine_to_t(np.array([1.0, -1.0]), 5)
-    assert np.isfinite(t).all()
-    assert t[0] > 1e6
-    assert t[1] == -t[0]
-
-
-def test_no_more_than_the_level_is_beyond_the_threshold():
-    largest = np.arange(20.0)
-    assert (largest > critical_cosine(largest, 0.05)).sum() == 1
-    assert (largest > critical_cosine(largest, 0.049)).sum() == 0
 
 
 @pytest.mark.parametrize("make", [lambda: all_signs(0), lambda: drawn_signs(3, 0, None)])

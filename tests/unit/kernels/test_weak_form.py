@@ -33,13 +33,6 @@ def functions() -> TestFunctions:
     return bumps(N, step_s=STEP_S)
 
 
-def test_test_functions_are_orthonormal_and_vanish_with_their_slopes_at_the_ends(functions):
-    value = functions.value / STEP_S
-    np.testing.assert_allclose(value @ value.T, np.eye(len(value)), atol=1e-8)
-    for rows in (functions.value, functions.slope, functions.curvature):
-        assert np.abs(rows[:, [0, -1]]).max() <= 1e-12 * np.abs(rows).max()
-
-
 @pytest.mark.parametrize(("every", "within"), [(1, 2e-4), (3, 2e-3)])
 def test_integration_by_parts_replaces_derivatives_of_the_motion_at_any_rate(every, within):
     functions = bumps(T[::every].size, step_s=every * STEP_S)

@@ -6,7 +6,6 @@ import pytest
 from jointz.kernels.statistics.pooling_posterior import partial_pooling
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.stats.partial_pooling import pool_people
-from jointz.stats.population import population_means
 
 
 def cell(
@@ -156,13 +155,3 @@ def test_one_person_is_no_population():
     assert mean.status == "failed:too_few_participants"
     assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
     assert pooled.cells[0].parameters[0].value == 50.0
-
-
-def test_the_means_of_a_study_are_pooled_where_errors_are_told():
-    cells = [cell(f"S{i}", v, 3.0) for i, v in enumerate([56.0, 60.0, 66.0])]
-    assert population_means(cells) == pool_people(cells).population
-
-
-def test_no_cells_are_no_people():
-    assert pool_people([]).population == ()
-    assert pool_people([]).cells == ()

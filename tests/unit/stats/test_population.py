@@ -98,7 +98,3 @@ def test_onsets_are_averaged_on_the_circle():
     assert mean.onset_gait_pct == pytest.approx(1.0)
     (bench,) = population_means([cell("S1", 1.0, onset=None), cell("S2", 2.0, onset=None)])
     assert bench.onset_gait_pct is None
-
-
-def test_no_cells_have_no_means():
-    assert population_means([]) == ()

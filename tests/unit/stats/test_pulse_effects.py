@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from scipy import stats
 
 from jointz.core.errors import DataError
@@ -283,22 +282,6 @@ def test_counts_are_those_of_the_text(study):
         both = [share("significant", analysis, r, "all") for r in ("stiffness", "inertia")]
         total = share("significant", analysis, "all", "all")
         assert total == (both[0][0] + both[1][0], both[0][1] + both[1][1])
-
-
-def test_the_summary_the_tables_and_the_figure_hold_every_cell(study):
-    lines = study.summary().splitlines()
-    assert lines[0] == "Pulse type and direction in 5 case-trajectory pairs"
-    assert "  mixed: type has p < 0.05 for stiffness in 4 of 4 (100.0 %)" in lines
-    assert "  mean stiffness of pulses positive larger than negative in 4 of 5 (80.0 %)" in lines
-    assert any("confounded" in line for line in lines)
-
-    assert len(study.to_frame()) == len(study.tests) == 5 * 2 * (2 + 3) + 2
-    assert len(study.means_frame()) == 10
-    assert study.counts_frame()["share_pct"].between(0, 100).all()
-
-    ax = study.plot(Figure().subplots())
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["1A", "2A", "3A", "4A", "1E"]
-    assert "K, joint" in [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 # --- calibration ---------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ from math import radians
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from scipy import stats
 
 from jointz.core.errors import DataError
@@ -65,14 +64,6 @@ def test_a_slope_is_the_regression_over_the_phase():
         assert (estimate.start_gait_pct, estimate.end_gait_pct) == (start, end)
 
 
-def test_a_local_slope_sees_only_its_window():
-    moment = np.where(np.abs(GAIT_PCT - 81.0) <= 4.0, 3.0 * ANGLE, 50.0)
-    found = quasi_stiffness(ANGLE, moment, window_pct=6.0)
-
-    assert found.estimate("MSW", "local_slope").value == pytest.approx(3.0, rel=1e-9)
-    assert found.estimate("MSW").value != pytest.approx(3.0, rel=0.1)
-
-
 def test_kilograms_scale_every_measure():
     moment = 40.0 + 100.0 * ANGLE
     whole = quasi_stiffness(ANGLE, moment, moment_unit="N*m")
@@ -111,14 +102,6 @@ def test_a_moment_off_the_line_is_marked():
     found = quasi_stiffness(angle, np.cos(2 * np.pi * (GAIT_PCT - 40.5) / 19.0))
 
     assert found.estimate("TST").doubts == (Doubt.NOT_A_LINE,)
-
-
-def test_a_flat_moment_is_a_slope_of_zero():
-    estimate = quasi_stiffness(ANGLE, np.full_like(ANGLE, 0.3)).estimate("PSW")
-
-    assert estimate.value == pytest.approx(0.0, abs=1e-12)
-    assert estimate.r_squared is None
-    assert estimate.status == "ok"
 
 
 def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
@@ -240,18 +223,3 @@ def test_a_curve_that_cannot_be_used_is_refused_with_advice(change, message):
 def test_a_comparison_that_cannot_be_made_is_refused(quasi, stiffness, alpha, message):
     with pytest.raises(DataError, match=message):
         compare_quasi_stiffness(quasi, stiffness, alpha=alpha)
-
-
-def test_an_unknown_measure_or_point_is_refused():
-    found = quasi_stiffness(ANGLE, ANGLE)
-    with pytest.raises(KeyError, match="expected one of slope"):
-        found.values("tangent")
-    with pytest.raises(KeyError, match="at one of LRE"):
-        found.estimate("TSW")
-
-
-def test_the_figure_draws_every_decided_phase():
-    found = quasi_stiffness(ANGLE, np.sqrt(ANGLE))
-    axes = found.plot(Figure().subplots())
-    assert len(axes.lines) == 1 + len(found.values())
-    assert axes.get_ylabel() == "moment (N*m/kg)"

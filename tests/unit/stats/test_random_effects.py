@@ -81,13 +81,6 @@ def test_an_error_that_all_people_share_does_not_average_out() -> None:
     assert shared[1] - alone[1] == pytest.approx(0.0025 * np.outer(mean, mean))
 
 
-def test_too_few_people_are_refused() -> None:
-    with pytest.raises(ValueError, match="of 2 people or more"):
-        mean_over_people(np.ones((1, 2)), np.zeros((1, 2, 2)))
-    with pytest.raises(ValueError, match="without gaps"):
-        mean_over_people(np.array([[1.0], [np.nan]]), np.zeros((2, 1, 1)))
-
-
 STUDIES = (
     StudyMean("lab-a", 62.1, 3.4, 8),
     StudyMean("lab-b", 55.4, 2.2, 12),

@@ -101,14 +101,11 @@ def test_drawn_flips_repeat_with_their_seed_and_are_near_all_of_them():
     assert np.max(np.abs(np.subtract(drawn.p, every.p))) < 4 * 0.5 / np.sqrt(4000)
 
 
-def test_people_too_few_for_the_level_are_said():
+def test_with_five_people_no_p_is_below_one_in_sixteen():
     a, b = noise(2, 5, 15.0, seed=1)
     test = sign_flip_max_t(a + 1e3, b)
-    assert test.verdict == "undecided"
-    assert test.p_value == 1 / 16
-    assert "no p can be below 0.0625" in test.summary()
+    assert (test.verdict, test.p_value) == ("undecided", 1 / 16)
     assert sign_flip_max_t(a + 1e3, b, alpha=0.07).verdict == "different"
-    assert "no p can" not in sign_flip_max_t(*noise(2, 6, 15.0, seed=1)).summary()
 
 
 def test_nodes_where_nobody_differs_are_left_out():
@@ -167,25 +164,6 @@ def test_few_sets_of_smooth_noise_are_seldom_different():
 def test_the_false_positive_rate_is_5_pct_however_smooth_the_curves(fwhm_nodes):
     low, high = stats.binom.interval(0.95, 2000, 0.05)
     assert low <= false_findings(2000, 10, fwhm_nodes) <= high
-
-
-@pytest.mark.slow
-def test_drawn_flips_keep_the_false_positive_rate():
-    curves = noise(1000, 16, 15.0, seed=31)
-    found = sum(bool(sign_flip_max_t(c, 0 * c, n_flips=400).clusters) for c in curves)
-    low, high = stats.binom.interval(0.95, 1000, 0.05)
-    assert low <= found <= high
-
-
-@pytest.mark.slow
-def test_heavy_symmetric_tails_keep_the_false_positive_rate():
-    """Each person's curve times a factor of its own, of no finite variance."""
-    rng = np.random.default_rng(7)
-    factor = rng.standard_t(2, size=(1000, 10, 1))
-    curves = noise(1000, 10, 15.0, seed=37) * factor
-    found = sum(bool(sign_flip_max_t(c, 0 * c).clusters) for c in curves)
-    low, high = stats.binom.interval(0.95, 1000, 0.05)
-    assert low <= found <= high
 
 
 @pytest.mark.slow
