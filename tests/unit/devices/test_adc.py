@@ -1,9 +1,5 @@
 # ruff: noqa: ARG002 - arguments are those of smbus2
-"""The driver of the ADS1115 on a stand-in for the chip, byte by byte.
-
-With smbus2 installed its real class runs on a stand-in for the kernel's bus; elsewhere a small
-class of the same calls does.
-"""
+"""The driver of the ADS1115 on a stand-in for the chip, byte by byte."""
 
 import importlib
 import importlib.util
@@ -11,12 +7,12 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any, ClassVar
 
 import pytest
 
-from jointz.core.clock import Clock, RealClock, VirtualClock
+from jointz.core.clock import Clock, RealClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.adc import Ads1115Sensor
 from jointz.devices.config import Ads1115Spec
@@ -84,43 +80,13 @@ class FakeBus:
         self.closed = True
 
 
-def put_in_place(monkeypatch: pytest.MonkeyPatch, chip: Chip, *, real: bool) -> None:
-    if not real:
-        module = ModuleType("smbus2")
-        module.SMBus = type("SMBus", (FakeBus,), {"chip": chip})
-        monkeypatch.setitem(sys.modules, "smbus2", module)
-        return
-    library = importlib.import_module("smbus2.smbus2")
-    address = 0
-
-    def ioctl(_: int, request: int, argument: Any) -> int:
-        """Do what the kernel does with a transfer of a block."""
-        nonlocal address
-        if request == library.I2C_FUNCS:
-            argument.value = 0xFFFF_FFFF
-        elif request == library.I2C_SLAVE:
-            address = argument
-        else:
-            block = argument.data.contents.block
-            assert argument.size == library.I2C_SMBUS_I2C_BLOCK_DATA
-            pointer = argument.command
-            pointer = pointer if isinstance(pointer, int) else pointer[0]
-            if argument.read_write == library.I2C_SMBUS_WRITE:
-                chip.write(address, pointer, bytes(block[1 : block[0] + 1]))
-            else:
-                for i, byte in enumerate(chip.read(address, pointer, block[0])):
-                    block[i + 1] = byte
-        return 0
-
-    monkeypatch.setattr(library, "ioctl", ioctl)
-    system = SimpleNamespace(open=lambda *_: 99, close=lambda _: None, O_RDWR=2)
-    monkeypatch.setattr(library, "os", system)
+def put_in_place(monkeypatch: pytest.MonkeyPatch, chip: Chip) -> None:
+    module = ModuleType("smbus2")
+    module.SMBus = type("SMBus", (FakeBus,), {"chip": chip})
+    monkeypatch.setitem(sys.modules, "smbus2", module)
 
 
-class _OnAChip(SensorContract):
-    real: ClassVar[bool] = False
-    channel: ClassVar[str] = "angle"
-
+class TestContractOfAGoniometer(SensorContract):
     @pytest.fixture(autouse=True)
     def _place(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.monkeypatch = monkeypatch
@@ -130,9 +96,9 @@ class _OnAChip(SensorContract):
 
     def make(self, clock: Clock) -> Sensor:
         self.chip = Chip()
-        put_in_place(self.monkeypatch, self.chip, real=self.real)
+        put_in_place(self.monkeypatch, self.chip)
         repeat = clock.repeat if isinstance(clock, HeldClock) else RepeatingThread
-        return Ads1115Sensor(Ads1115Spec(), self.channel, clock=clock, repeat=repeat)
+        return Ads1115Sensor(Ads1115Spec(), "angle", clock=clock, repeat=repeat)
 
     def disconnect(self, device: Sensor) -> None:
         self.chip.gone = True
@@ -140,16 +106,7 @@ class _OnAChip(SensorContract):
         wait(clock, 0.05)
 
 
-class TestContractOfAGoniometer(_OnAChip):
-    channel = "angle"
-
-
-@needs("smbus2")
-class TestContractOnTheRealBus(_OnAChip):
-    real = True
-
-
-class TestContractWithTheSamplingThread(_OnAChip):
+class TestContractWithTheSamplingThread(TestContractOfAGoniometer):
     def make_clock(self) -> Clock:
         return RealClock()
 
@@ -157,16 +114,14 @@ class TestContractWithTheSamplingThread(_OnAChip):
         pytest.skip("it would wait; the same is tested in virtual time")
 
 
-@pytest.fixture(
-    params=[False, pytest.param(True, marks=needs("smbus2"))], ids=["stand-in", "smbus2"]
-)
-def made(request, monkeypatch):
+@pytest.fixture
+def made(monkeypatch):
     """Make a sensor that is not open yet, its chip and its clock."""
     sensors = []
 
     def make(channel="angle", *, chip=None, **keys):
         clock, chip = HeldClock(), chip or Chip()
-        put_in_place(monkeypatch, chip, real=request.param)
+        put_in_place(monkeypatch, chip)
         spec = Ads1115Spec(**keys)
         sensors.append(Ads1115Sensor(spec, channel, clock=clock, repeat=clock.repeat))
         return sensors[-1], chip, clock
@@ -283,10 +238,3 @@ def test_another_chip_at_the_address_is_refused(made, monkeypatch) -> None:
     with pytest.raises(DeviceError, match="no ADS1115"):
         sensor.configure()
     assert chip.registers[1] == b"\x85\x83"
-
-
-def test_it_states_how_old_its_values_are() -> None:
-    sensor = Ads1115Sensor(Ads1115Spec(), "angle", clock=VirtualClock())
-    assert sensor.lag_s == pytest.approx(1 / 860)
-    assert sensor.lag_sd_s == pytest.approx(0.34e-3, abs=0.01e-3)
-    assert "never tried on hardware" in sensor.describe().model

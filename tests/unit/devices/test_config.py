@@ -106,62 +106,43 @@ def test_a_whole_file_opens_its_devices() -> None:
 def test_all_problems_stand_in_one_message() -> None:
     raw = parsed(angle__adr=0x48, calibration__angle_lag={"value": 0.1}, goniometer={})
     del raw["actuator"]["port"]
-    with pytest.raises(DeviceFileError) as told:
+    with pytest.raises(DeviceFileError, match=r"lab\.toml") as told:
         device_file(raw, where="lab.toml")
-    assert str(told.value).startswith("lab.toml: 4 problems\n")
-    for place in (
-        "actuator.port: missing",
-        "angle.adr: unknown key",
-        "calibration.angle_lag: unknown key",
-        "goniometer: unknown key",
-    ):
-        assert f"  - {place}" in str(told.value)
+    places = {problem.split(":")[0] for problem in told.value.problems}
+    assert places == {"actuator.port", "angle.adr", "calibration.angle_lag", "goniometer"}
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "place"),
     [
-        ({"actuator__sample_rate_hz": 250}, "actuator.sample_rate_hz: expected 500 or 1000"),
-        ({"actuator__firmware": "9.1"}, "actuator.firmware: "),
-        ({"actuator__command_timeout_s": 5.0}, "actuator.command_timeout_s: "),
+        ({"actuator__sample_rate_hz": 250}, "actuator.sample_rate_hz"),
+        ({"actuator__firmware": "9.1"}, "actuator.firmware"),
+        ({"actuator__command_timeout_s": 5.0}, "actuator.command_timeout_s"),
         (
             {"actuator__torque_model__torque_constant": -0.14},
-            "actuator.torque_model.torque_constant: expected more than 0",
+            "actuator.torque_model.torque_constant",
         ),
-        (
-            {"actuator__torque_model__bias": 0.5},
-            "actuator.torque_model.bias: expected 0, got 0.5",
-        ),
-        (
-            {"actuator__winding__winding_limit_c": 60},
-            "actuator.winding.winding_derate_c: expected less than winding_limit_c",
-        ),
-        ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz: expected at most 774 Hz"),
-        ({"angle__full_scale_v": 5.0}, "angle.full_scale_v: expected 6.144"),
-        ({"angle__gain_per_v": 0}, "angle.gain_per_v: expected a number that is not 0"),
-        ({"contact__gain": 0.0}, "contact.gain: expected a number that is not 0"),
-        ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v: missing"),
+        ({"actuator__torque_model__bias": 0.5}, "actuator.torque_model.bias"),
+        ({"actuator__winding__winding_limit_c": 60}, "actuator.winding.winding_derate_c"),
+        ({"angle__sample_rate_hz": 1000}, "angle.sample_rate_hz"),
+        ({"angle__full_scale_v": 5.0}, "angle.full_scale_v"),
+        ({"angle__gain_per_v": 0}, "angle.gain_per_v"),
+        ({"contact__gain": 0.0}, "contact.gain"),
+        ({"angle": {"driver": "ads1115"}}, "angle.gain_per_v"),
         (
             {"contact": {"driver": "ads1115", "kind": "contact", "threshold_v": 0.5}},
-            "contact.threshold_v: expected more than release_v",
+            "contact.threshold_v",
         ),
-        (
-            {"contact": {"driver": "ads1115"}},
-            "contact.address: expected another chip than [angle] has, got 0x48 on bus 1",
-        ),
-        (
-            {"angle": {"driver": "ads1x15"}},
-            "angle.driver: expected one of ads1115, lsl, opensourceleg; got 'ads1x15'",
-        ),
-        ({"actuator": {}}, "actuator.driver: expected one of dephy, opensourceleg; missing"),
+        ({"contact": {"driver": "ads1115"}}, "contact.address"),  # the chip of [angle]
+        ({"angle": {"driver": "ads1x15"}}, "angle.driver"),
+        ({"actuator": {}}, "actuator.driver"),
         ({"actuator": 7}, "actuator"),
     ],
 )
-def test_each_problem_is_told_at_its_key(changed: dict[str, Any], told: str) -> None:
+def test_each_problem_is_told_at_its_key(changed: dict[str, Any], place: str) -> None:
     with pytest.raises(DeviceFileError) as raised:
         device_file(parsed(**changed))
-    assert len(raised.value.problems) == 1
-    assert raised.value.problems[0].startswith(told)
+    assert [problem.split(":")[0] for problem in raised.value.problems] == [place]
 
 
 def test_an_empty_file_is_refused() -> None:

@@ -1,23 +1,18 @@
-# ruff: noqa: N802, N815, ARG002 - names and arguments are those of flexsea and its library
-"""The Dephy driver on a stand-in for the compiled library that flexsea talks to.
+# ruff: noqa: N802, ARG002 - names and arguments are those of flexsea and its library
+"""The Dephy driver on a stand-in for flexsea's class, which is called as the real one is."""
 
-The stand-in has the functions of the C library. In an environment with flexsea its real classes
-run on it; elsewhere a small class of the same calls does.
-"""
-
-import functools
 import importlib
 import importlib.util
 import sys
 import time
 from dataclasses import dataclass, field
 from itertools import pairwise
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any, ClassVar
 
 import pytest
 
-from jointz.core.clock import Clock, RealClock, VirtualClock
+from jointz.core.clock import Clock, RealClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.study import TorqueModelSpec
 from jointz.devices import dephy
@@ -54,124 +49,30 @@ def spec(**changed: Any) -> DephySpec:
 
 
 @dataclass
-class FakeLibrary:
-    """The functions of ``libfx_plan_stack`` on an actuator that carries any load.
+class Motor:
+    """An actuator that carries any load; the current is what was commanded last.
 
-    The current is what was commanded last; every field can be scripted by sample.
+    Every field of a sample can be scripted by the number of the sample.
     """
 
     clock: Clock
     script: dict[int, dict[str, int]] = field(default_factory=dict)
     first_stamp: int = 5_000
     rate_hz: int = 0
-    is_open: bool = False
     is_streaming: bool = False
     gone: bool = False
     silent: bool = False
     calls: list[tuple[Any, ...]] = field(default_factory=list)
-    queue: list[list[int]] = field(default_factory=list)
+    queue: list[dict[str, int]] = field(default_factory=list)
     currents: list[tuple[int, int]] = field(default_factory=list)
     number: int = 0
     next_ns: int = 0
     side: str = ""
     fields: list[str] = field(default_factory=lambda: list(FIELDS))
 
-    def __getattr__(self, name: str) -> Any:
-        # flexsea sets argtypes and restype on functions, which bound methods do not take.
-        if not name.startswith("fx"):
-            raise AttributeError(name)
-        function = functools.partial(getattr(type(self), f"do_{name}"), self)
-        self.__dict__[name] = function
-        return function
-
-    def do_fxOpen(self, port: bytes, baud_rate: int, log_level: int) -> int:
-        self.calls.append(("open", port, baud_rate, log_level))
-        self.is_open = not self.gone
-        return 77 if self.is_open else -1
-
-    def do_fxClose(self, _: int) -> int:
-        self.calls.append(("close",))
-        self.is_open = self.is_streaming = False
-        return 1
-
-    def do_fxIsOpen(self, _: int) -> bool:
-        return self.is_open and not self.gone
-
-    def do_fxIsStreaming(self, _: int) -> bool:
-        return self.is_streaming and not self.gone
-
-    def do_fxStartStreaming(self, _: int, rate_hz: int, log: int) -> int:
-        return self.stream("start", rate_hz, log)
-
-    def do_fxStartStreamingWithSafety(
-        self, _: int, rate_hz: int, log: int, heartbeat_ms: int
-    ) -> int:
-        return self.stream("start with safety", rate_hz, log, heartbeat_ms)
-
-    def stream(self, *call: Any) -> int:
-        self.calls.append(call)
-        self.is_streaming, self.rate_hz = True, call[1]
-        self.next_ns = self.clock.now_ns()
-        return 1
-
-    def do_fxStopStreaming(self, _: int) -> int:
-        self.calls.append(("stop streaming",))
-        self.is_streaming = False
-        return 1
-
-    def do_fxSetGains(self, _: int, *gains: int) -> int:
-        self.calls.append(("gains", *gains))
-        return 1
-
-    def do_fxSendMotorCommand(self, _: int, controller: Any, value: int) -> int:
-        if self.gone:
-            return 2
-        kind = getattr(controller, "value", controller)
-        self.calls.append(("command", kind, value))
-        self.currents.append((self.clock.now_ns(), value if kind == CURRENT else 0))
-        return 1
-
-    def do_fxGetReadDataQueueSize(self, _: int) -> int:
+    def fxGetReadDataQueueSize(self, _: int) -> int:
         self.fill()
         return len(self.queue)
-
-    def do_fxReadDeviceAllWrapper(self, _: int, data: Any, count: Any) -> None:
-        for i, values in enumerate(self.queue):
-            for j, value in enumerate(values):
-                data[i][j] = value
-        count._obj.value = len(self.fields) if self.queue else 0
-        self.queue = []
-
-    def do_fxReadDevice(self, *_: Any) -> int:
-        return 2
-
-    def do_fxGetMaxDeviceNameLength(self) -> int:
-        return 16
-
-    do_fxGetMaxDeviceSideNameLength = do_fxGetMaxDataLabelLength = do_fxGetMaxDeviceNameLength
-
-    def do_fxGetDeviceTypeNameWrapper(self, _: int, name: Any) -> int:
-        name.value = b"ActPack"
-        return 1
-
-    def do_fxGetDeviceSideNameWrapper(self, _: int, name: Any) -> int:
-        name.value = self.side.encode()
-        return 1
-
-    def do_fxGetMaxDataElements(self) -> int:
-        return 64
-
-    def do_fxGetDataLabelsWrapper(self, _: int, labels: Any, count: Any) -> int:
-        for i, name in enumerate(self.fields):
-            for j, letter in enumerate(name.encode()):
-                labels[i][j] = bytes([letter])
-        count._obj.value = len(self.fields)
-        return 1
-
-    def do_fxGetLibsVersion(self, *parts: Any) -> int:
-        for part, value in zip(parts, (12, 0, 0), strict=True):
-            part._obj.value = value
-        return 1
 
     def fill(self) -> None:
         if not self.is_streaming or self.silent or self.gone:
@@ -183,7 +84,7 @@ class FakeLibrary:
             self.number += 1
             self.next_ns += period_ns
 
-    def measured(self, time_ns: int, since_ns: int) -> list[int]:
+    def measured(self, time_ns: int, since_ns: int) -> dict[str, int]:
         current = next((ma for at_ns, ma in reversed(self.currents) if at_ns <= time_ns), 0)
         values = {
             "state_time": (self.first_stamp + since_ns // 1_000_000 + 2**31) % 2**32 - 2**31,
@@ -195,13 +96,13 @@ class FakeLibrary:
             "status_ex": 0,
             **self.script.get(self.number, {}),
         }
-        return [values.get(name, 0) for name in self.fields]
+        return {name: values.get(name, 0) for name in self.fields}
 
 
 class FakeDevice:
     """The calls of flexsea's ``Device`` that the driver makes, on the stand-in."""
 
-    library: ClassVar[FakeLibrary]
+    motor: ClassVar[Motor]
 
     def __init__(
         self,
@@ -215,40 +116,36 @@ class FakeDevice:
         s3Timeout: int = 60,
         stopMotorOnDisconnect: bool = False,
     ) -> None:
-        if not debug:
-            sys.tracebacklimit = 0
+        sys.tracebacklimit = 0
         print(f"Using firmware version: {firmwareVersion}")  # noqa: T201 - as flexsea does
-        self.firmwareVersion, self.port = firmwareVersion, port
-        self.id = 0
-        self._clib = self.library
+        self.firmwareVersion, self.id = firmwareVersion, 77
+        self._clib = self.motor
 
     def open(self, bootloading: bool = False) -> None:
-        self.id = self._clib.fxOpen(self.port.encode(), 230400, 6)
-        if self.id == -1:
+        if self.motor.gone:
             raise RuntimeError("Failed to connect to device.")
 
     @property
     def side(self) -> str:
-        return self._clib.side or "undefined"
+        return self.motor.side or "undefined"
 
     @property
     def streaming(self) -> bool:
-        return self._clib.fxIsOpen(self.id) and self._clib.fxIsStreaming(self.id)
+        return self.motor.is_streaming and not self.motor.gone
 
     def start_streaming(self, frequency: int, heartbeat: int = 0, useSafety: bool = False) -> None:
-        if useSafety:
-            assert 50 <= heartbeat < frequency
-            self._clib.fxStartStreamingWithSafety(self.id, frequency, 1, heartbeat)
-        else:
-            self._clib.fxStartStreaming(self.id, frequency, 1)
+        assert not useSafety or 50 <= heartbeat < frequency
+        motor = self.motor
+        motor.calls.append(("start with safety" if useSafety else "start", frequency, heartbeat))
+        motor.is_streaming, motor.rate_hz = True, frequency
+        motor.next_ns = motor.clock.now_ns()
 
     def stop_streaming(self) -> None:
-        if not self.streaming:
-            raise RuntimeError("Error: not streaming.")
-        self._clib.fxStopStreaming(self.id)
+        self.motor.calls.append(("stop streaming",))
+        self.motor.is_streaming = False
 
     def set_gains(self, kp: int, ki: int, kd: int, k: int, b: int, ff: int) -> None:
-        self._clib.fxSetGains(self.id, kp, ki, kd, k, b, ff)
+        self.motor.calls.append(("gains", kp, ki, kd, k, b, ff))
 
     def command_motor_current(self, value: int) -> int:
         return self._send(CURRENT, value)
@@ -257,42 +154,32 @@ class FakeDevice:
         return self._send(NO_CURRENT, 0)
 
     def _send(self, controller: int, value: int) -> int:
-        if self._clib.fxSendMotorCommand(self.id, controller, value) != 1:
+        if self.motor.gone:
             raise RuntimeError("Command: command_motor_current failed.")
+        self.motor.calls.append(("command", controller, value))
+        self.motor.currents.append((self.motor.clock.now_ns(), value))
         return 1
 
     def read(self, allData: bool = False) -> Any:
-        if not self.streaming:
-            raise RuntimeError("Error: not streaming.")
-        queue, self._clib.queue = self._clib.queue, []
-        return [dict(zip(self._clib.fields, values, strict=True)) for values in queue]
+        queue, self.motor.queue = self.motor.queue, []
+        return queue
 
     def close(self) -> None:
-        self._clib.fxClose(self.id)
+        self.motor.calls.append(("close",))
+        self.motor.is_streaming = False
 
 
-def put_in_place(monkeypatch: pytest.MonkeyPatch, library: FakeLibrary, *, real: bool) -> None:
-    """Let the driver find the library: below the real flexsea, or below a stand-in for it."""
-    if not real:
-        module = ModuleType("flexsea.device")
-        module.Device = type("Device", (FakeDevice,), {"library": library})
-        monkeypatch.setitem(sys.modules, "flexsea", ModuleType("flexsea"))
-        monkeypatch.setitem(sys.modules, "flexsea.device", module)
-        return
-    device = importlib.import_module("flexsea.device")
-    version = importlib.import_module("semantic_version").Version
-    monkeypatch.setattr(device, "get_c_library", lambda *_: (library, "fake"))
-    monkeypatch.setattr(device, "validate_given_firmware_version", lambda v, *_: version(v))
-    constants = SimpleNamespace(
-        **{**vars(device.fxc), "dephyPath": SimpleNamespace(mkdir=lambda **_: 0)}
-    )
-    monkeypatch.setattr(device, "fxc", constants)
+def put_in_place(monkeypatch: pytest.MonkeyPatch, motor: Motor) -> None:
+    """Let the driver find a stand-in for flexsea on this motor."""
+    module = ModuleType("flexsea.device")
+    module.Device = type("Device", (FakeDevice,), {"motor": motor})
+    monkeypatch.setitem(sys.modules, "flexsea", ModuleType("flexsea"))
+    monkeypatch.setitem(sys.modules, "flexsea.device", module)
 
 
-class _Rig(ActuatorContract):
+class TestContract(ActuatorContract):
     """The contract; every test in virtual time with the watchdog on it."""
 
-    real: ClassVar[bool]
     settle_s = 0.05
 
     @pytest.fixture(autouse=True)
@@ -303,49 +190,31 @@ class _Rig(ActuatorContract):
         return HeldClock()
 
     def make(self, clock: Clock) -> Actuator:
-        assert isinstance(clock, HeldClock)
-        self.library = FakeLibrary(clock)
-        put_in_place(self.monkeypatch, self.library, real=self.real)
-        return DephyActPack(spec(), clock=clock, repeat=clock.repeat)
+        self.library = Motor(clock)
+        put_in_place(self.monkeypatch, self.library)
+        repeat = clock.repeat if isinstance(clock, HeldClock) else RepeatingThread
+        return DephyActPack(spec(), clock=clock, repeat=repeat)
 
     def disconnect(self, device: Actuator) -> None:
         self.library.gone = True
 
 
-class TestContractOnAStandIn(_Rig):
-    real = False
-
-
-@needs("flexsea")
-class TestContractOnTheRealClasses(_Rig):
-    real = True
-
-
-class TestContractWithTheThreadOfTheWatchdog(_Rig):
-    real = False
-
+class TestContractWithTheThreadOfTheWatchdog(TestContract):
     def make_clock(self) -> Clock:
         return RealClock()
 
-    def make(self, clock: Clock) -> Actuator:
-        self.library = FakeLibrary(clock)
-        put_in_place(self.monkeypatch, self.library, real=False)
-        return DephyActPack(spec(), clock=clock, repeat=RepeatingThread)
 
-
-@pytest.fixture(
-    params=[False, pytest.param(True, marks=needs("flexsea"))], ids=["stand-in", "flexsea"]
-)
-def made(request, monkeypatch):
-    """Make a device that is not open yet, its library and its clock."""
+@pytest.fixture
+def made(monkeypatch):
+    """Make a device that is not open yet, its motor and its clock."""
     devices = []
 
     def make(**changed):
         clock = HeldClock()
-        library = FakeLibrary(clock)
-        put_in_place(monkeypatch, library, real=request.param)
+        motor = Motor(clock)
+        put_in_place(monkeypatch, motor)
         devices.append(DephyActPack(spec(**changed), clock=clock, repeat=clock.repeat))
-        return devices[-1], library, clock
+        return devices[-1], motor, clock
 
     yield make
     for device in devices:
@@ -401,7 +270,7 @@ def test_all_queued_samples_are_read_at_either_rate(begun, rate_hz, samples) -> 
     wait(clock, 0.1)
     assert len(device.read()) == samples - 1  # the first was dropped with what stood there before
     assert device.read() == []
-    assert ("start with safety", int(rate_hz), 1, 50) in library.calls
+    assert ("start with safety", int(rate_hz), 50) in library.calls
 
 
 def test_values_are_si_after_the_gear_and_turn_together_on_the_left(made) -> None:
@@ -564,11 +433,12 @@ def test_gains_are_set_again_after_a_stop(begun) -> None:
     assert not any(call[0].startswith("start") for call in library.calls)
 
 
-def test_a_stop_that_does_not_reach_the_motor_is_said_loudly(begun, caplog) -> None:
+def test_a_stop_that_does_not_reach_the_motor_is_not_confirmed_and_said(begun, caplog) -> None:
     device, library, _ = begun()
     library.gone = True
     device.stop()
-    assert "Switch its power off" in caplog.text
+    assert not device.stop_confirmed
+    assert [record.levelname for record in caplog.records] == ["ERROR"]
 
 
 def test_an_activation_that_fails_leaves_it_inactive(made) -> None:
@@ -606,20 +476,14 @@ def test_closing_stops_the_stream_too(begun) -> None:
     assert library.currents[-1][1] == 0
 
 
-def test_an_old_firmware_is_streamed_without_heartbeat_and_it_says_so(monkeypatch, caplog) -> None:
-    clock = HeldClock()
-    library = FakeLibrary(clock)
-    put_in_place(monkeypatch, library, real=False)
-    device = DephyActPack(spec(firmware="9.0.4"), clock=clock, repeat=clock.repeat)
-    begin(device)
-    assert "holds its last current" in caplog.text
-    assert ("start", 500, 1) in library.calls
+def test_an_old_firmware_is_streamed_without_heartbeat_and_it_says_so(made, begun, caplog) -> None:
+    device, library, _ = begun(firmware="9.0.4")
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert ("start", 500, 0) in library.calls
     assert "NO HEARTBEAT" in device.describe().firmware
-    device.close()
-    new = DephyActPack(spec(firmware="9.1.0"), clock=clock)
+    new, _, _ = made(firmware="9.1.0")
     assert new.has_heartbeat
     assert "NO HEARTBEAT" not in new.describe().firmware
-    assert "never tried on hardware" in new.describe().model
 
 
 @pytest.mark.parametrize("limit", [None, 7])
@@ -648,18 +512,17 @@ def test_the_wrong_side_is_refused(made) -> None:
         device.configure()
 
 
-def test_another_firmware_than_stated_is_refused(monkeypatch) -> None:
-    library = FakeLibrary(VirtualClock())
-    put_in_place(monkeypatch, library, real=False)
-    real_init = FakeDevice.__init__
+def test_another_firmware_than_stated_is_refused(made, monkeypatch) -> None:
+    device, _, _ = made()
+    module = sys.modules["flexsea.device"]
+    real = module.Device
 
-    def other(self: Any, *args: Any, **kwargs: Any) -> None:
-        real_init(self, *args, **kwargs)
-        self.firmwareVersion = "12.0.9"
+    def other(**named: Any) -> FakeDevice:
+        return real(**{**named, "firmwareVersion": "12.0.9"})
 
-    monkeypatch.setattr(FakeDevice, "__init__", other)
-    with pytest.raises(DeviceError, match=r"knows no 12\.0\.0 and would take 12\.0\.9"):
-        DephyActPack(spec(), clock=VirtualClock()).configure()
+    monkeypatch.setattr(module, "Device", other)
+    with pytest.raises(DeviceError, match=r"12\.0\.0.*12\.0\.9"):
+        device.configure()
 
 
 def test_a_device_of_other_fields_is_refused(made) -> None:

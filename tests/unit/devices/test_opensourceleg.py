@@ -5,7 +5,6 @@ import enum
 import importlib
 import logging
 import math
-import struct
 import sys
 import threading
 import time
@@ -116,6 +115,10 @@ class DephyActuator(FakeActuator):
     """By this name its profile is known."""
 
 
+class TMotorServoActuator(FakeActuator):
+    """By this name it counts in A, and has no supply voltage to tell."""
+
+
 class ThermalLimitException(Exception):  # noqa: N818 - as opensourceleg names it
     pass
 
@@ -205,6 +208,17 @@ def test_values_are_si_after_the_gear_and_turn_together_with_the_sign(sign):
     assert fake.currents()[-1] == pytest.approx(sign * 2000.0)
     assert sample[2:] == pytest.approx((0.5 + sign * 0.2, sign * 0.1, 2.0, 36.0, 31.0, 0))
     assert sample.host_time_ns == sample.device_time_ns <= clock.now_ns()
+
+
+def test_an_actuator_that_counts_in_amperes_is_asked_for_amperes():
+    fake, clock = TMotorServoActuator(), HeldClock()
+    actuator = adapted(fake, clock)
+    begin(actuator)
+    actuator.command_torque(1.8)
+    wait(clock, 0.004)
+    sample = actuator.read()[-1]
+    assert fake.currents()[-1] == sample.current == pytest.approx(2.0)
+    assert math.isnan(sample.voltage)
 
 
 @pytest.mark.parametrize(
@@ -349,13 +363,6 @@ def test_the_queue_is_bounded():
     samples = actuator.read()
     assert len(samples) == QUEUE_LENGTH
     assert clock.now_ns() - samples[-1].host_time_ns < 4_000_000  # the oldest are dropped
-
-
-def test_it_says_loudly_that_there_is_no_heartbeat_and_no_trial_on_hardware(caplog):
-    actuator, *_ = active()
-    assert "no heartbeat" in caplog.text
-    assert "no heartbeat" in actuator.describe().firmware
-    assert "never tried on hardware" in actuator.describe().model
 
 
 class _Awaited(DephyActuator):
@@ -700,27 +707,29 @@ def test_only_classes_of_opensourceleg_are_made():
             made(kind, {})
 
 
-def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatch):
-    def lacks(name):
-        def importing(_module):
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-        monkeypatch.setattr(polling_module.importlib, "import_module", importing)
-
-    lacks("opensourceleg")
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[osl\]"'):
-        made(KEYS["device"], {})
-    lacks("can")
-    with pytest.raises(DeviceError, match=r"needs can.*pip install python-can"):
-        made("opensourceleg.actuators.tmotor:TMotorServoActuator", {})
-
-
 @pytest.mark.usefixtures("package")
-def test_a_class_that_is_not_there_or_refuses_its_arguments_is_named():
-    with pytest.raises(DeviceError, match=r"dephy:Missing cannot be made: AttributeError"):
-        made("opensourceleg.actuators.dephy:Missing", {})
-    with pytest.raises(DeviceError, match=r"cannot be made: TypeError.*colour"):
-        made(KEYS["device"], {"colour": 1})
+@pytest.mark.parametrize(
+    ("kind", "arguments", "named"),
+    [
+        ("opensourceleg.actuators.dephy:Missing", {}, "Missing"),
+        (KEYS["device"], {"colour": 1}, "colour"),
+    ],
+)
+def test_a_class_that_cannot_be_made_is_named(kind, arguments, named):
+    with pytest.raises(DeviceError, match=named):
+        made(kind, arguments)
+
+
+@pytest.mark.parametrize(
+    ("lacks", "install"), [("opensourceleg", r"jointz\[osl\]"), ("can", "python-can")]
+)
+def test_a_missing_library_is_named_with_what_installs_it(monkeypatch, lacks, install):
+    def lacking(_):
+        raise ModuleNotFoundError(f"No module named {lacks!r}", name=lacks)
+
+    monkeypatch.setattr(polling_module.importlib, "import_module", lacking)
+    with pytest.raises(DeviceError, match=install):
+        made(KEYS["device"], {})
 
 
 # --- the real package ----------------------------------------------------------------------------
@@ -830,194 +839,3 @@ class TestTheLibrarysDephyActuator(Polled, ActuatorContract):
         assert sample.current == pytest.approx(2.0)
         assert sample.voltage == pytest.approx(37.0)
         assert 20.0 < sample.temperature_c < 31.0  # its thermal model begins at 21 degrees
-
-    def test_its_heat_is_a_fault(self):
-        with self.active() as (device, clock):
-            self.fake._thermal_model.winding_temperature = 200.0
-            wait(clock, 0.003)
-            assert device.state is Lifecycle.FAULT
-            assert device.read()[-1].faults == 1
-
-    def test_it_is_closed_at_zero_current(self):
-        with self.active() as (device, clock):
-            device.command_torque(1.8)
-            wait(clock, 0.006)
-        assert self.fake.heard == ["open", "stream 500", "no stream", "close"]
-        assert self.fake.current_ma == 0
-
-
-class CanBus:
-    """A CAN bus with one AK80-9 in servo mode on it, as opensourceleg writes its bytes."""
-
-    def __init__(self, channel, bustype):
-        assert (channel, bustype) == ("can0", "socketcan")
-        self.listeners, self.current_a, self.silent = [], 0.0, False
-
-    def send(self, message):
-        if message.arbitration_id >> 8 == 1:  # SET_CURRENT
-            self.current_a = struct.unpack(">i", bytes(message.data))[0] / 1000.0
-
-    def answer(self, error=0):
-        data = struct.pack(">hhhBB", 900, 210, round(self.current_a * 100.0), 33, error)
-        message = types.SimpleNamespace(data=data, arbitration_id=0x2900 | 104)
-        for listener in self.listeners:
-            listener.on_message_received(message)
-
-    def shutdown(self):
-        self.listeners.clear()
-
-
-def _can(patch):
-    can = types.ModuleType("can")
-    can.Listener, can.CanError = object, OSError
-    can.interface = types.SimpleNamespace(Bus=CanBus)
-    can.Message = types.SimpleNamespace
-    can.Notifier = lambda bus, listeners: types.SimpleNamespace(  # noqa: ARG005
-        add_listener=bus.listeners.append
-    )
-    patch.setitem(sys.modules, "can", can)
-    patch.delitem(sys.modules, "opensourceleg.actuators.tmotor", raising=False)
-    return importlib.import_module("opensourceleg.actuators.tmotor")
-
-
-@needs_library
-class TestTheLibrarysTMotorActuator(Polled, ActuatorContract):
-    @pytest.fixture(autouse=True)
-    def library(self, monkeypatch):
-        self.tmotor = _can(monkeypatch)
-        now = iter(range(10**9))  # its own timeouts: every look at the clock is a moment later
-        later = types.SimpleNamespace(sleep=lambda _: None, time=lambda: next(now) * 1e-4)
-        monkeypatch.setattr(self.tmotor, "time", later)
-
-    def make(self, clock):
-        self.fake = self.tmotor.TMotorServoActuator(gear_ratio=GEAR, frequency=500)
-        self.bus = self.fake._canman.bus
-        self.bus.answer()
-        update = self.fake.update
-
-        def answered():
-            if not self.bus.silent:
-                self.bus.answer()
-            update()
-
-        self.fake.update = answered
-        return adapted(self.fake, clock)
-
-    def disconnect(self, device):  # noqa: ARG002
-        pytest.skip("it raises nothing when its messages end: see the next test")
-
-    def test_when_its_messages_end_there_are_no_samples(self):
-        with self.active() as (device, clock):
-            wait(clock, 0.01)
-            assert device.read()
-            self.bus.silent = True
-            wait(clock, 0.01)
-            assert device.read() == []
-
-    def test_degrees_electrical_speed_and_amperes_become_si_units(self):
-        with self.active() as (device, clock):
-            device.command_torque(1.8)
-            wait(clock, 0.006)
-            sample = device.read()[-1]
-        assert sample.angle == pytest.approx(math.radians(90.0) / GEAR)
-        assert sample.velocity == pytest.approx(2100.0 * 2.0 * math.pi / 60.0 / 21.0 / GEAR)
-        assert sample.current == pytest.approx(2.0)
-        assert math.isnan(sample.voltage)  # it has none
-        assert sample.temperature_c == 33.0
-
-    def test_the_error_of_its_driver_is_a_fault(self):
-        with self.active() as (device, clock):
-            self.bus.silent = True
-            self.bus.answer(error=6)
-            wait(clock, 0.003)
-            assert device.state is Lifecycle.FAULT
-            assert self.bus.current_a == 0.0
-
-
-class I2cBus:
-    """An AS5048B on an I2C bus: 14 bits of angle in two registers."""
-
-    counts, gone = 2**12, False
-
-    def __init__(self, bus):
-        assert bus == "/dev/i2c-1"
-
-    def read_i2c_block_data(self, _address, register, length):
-        if I2cBus.gone:
-            raise OSError(121, "Remote I/O error")
-        angle = [I2cBus.counts >> 6, I2cBus.counts & 0x3F]
-        return {0xFA: [0, 1, 0, 0, *angle], 0x16: [0, 0]}[register][:length]
-
-    def write_i2c_block_data(self, *_written):
-        raise AssertionError("nothing is to be written")
-
-    def close(self):
-        pass
-
-
-@needs_library
-class TestTheLibrarysEncoder(Polled, SensorContract):
-    @pytest.fixture(autouse=True)
-    def library(self, monkeypatch):
-        smbus = types.ModuleType("smbus2")
-        smbus.SMBus = I2cBus
-        monkeypatch.setitem(sys.modules, "smbus2", smbus)
-        monkeypatch.setattr(I2cBus, "gone", False)
-        monkeypatch.setattr(I2cBus, "counts", 2**12)
-        monkeypatch.delitem(sys.modules, "opensourceleg.sensors.encoder", raising=False)
-
-    def make(self, clock):
-        encoder = made("opensourceleg.sensors.encoder:AS5048B", {"bus": "/dev/i2c-1"})
-        reading = Reading(channel="angle", unit="rad", gain=-1.0)
-        return OpenSourceLegSensor(source_of(encoder, clock), reading)
-
-    def disconnect(self, device):  # noqa: ARG002
-        I2cBus.gone = True
-        wait(self.clock, 0.003)
-
-    def test_counts_become_radians(self):
-        for counts, angle in ((2**12, -math.pi / 2.0), (3 * 2**12, math.pi / 2)):
-            I2cBus.counts = counts
-            with self.active() as (device, clock):
-                wait(clock, 0.003)
-                assert device.read()[-1].value == pytest.approx(angle)
-
-
-class SpiBus:
-    """An ADS131M0x on a SPI bus: two inputs at half and at minus a quarter of the range."""
-
-    gone = False
-
-    def open(self, bus, device):
-        pass
-
-    def close(self):
-        pass
-
-    def xfer2(self, data):
-        self.sent = list(data)
-
-    def readbytes(self, count):
-        if SpiBus.gone:
-            raise OSError("spi is gone")
-        ready = 0x0500 | 0b11
-        status = [ready >> 8, ready & 0xFF, 0]
-        values = [*(2**22).to_bytes(3, "big"), *(2**24 - 2**21).to_bytes(3, "big")]
-        return [*status, *values, 0, 0, 0][:count]
-
-
-@needs_library
-def test_the_librarys_adc_is_read_in_millivolts(monkeypatch):
-    spidev = types.ModuleType("spidev")
-    spidev.SpiDev = SpiBus
-    monkeypatch.setitem(sys.modules, "spidev", spidev)
-    clock, arguments = HeldClock(), {"num_channels": 2, "gains": [1, 1]}
-    source = source_of(made("opensourceleg.sensors.adc:ADS131M0x", arguments), clock)
-    readings = [Reading(channel="a", unit="mV", attribute="data", index=i) for i in (0, 1)]
-    sensors = [OpenSourceLegSensor(source, reading) for reading in readings]
-    begin(*sensors)
-    wait(clock, 0.003)
-    # Of a range of 1.2 V.
-    assert [sensor.read()[-1].value for sensor in sensors] == pytest.approx([600.0, -300.0])
-    for sensor in sensors:
-        sensor.close()

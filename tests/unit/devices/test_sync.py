@@ -205,9 +205,3 @@ def test_settings_and_calls_are_those_of_the_real_package() -> None:
         assert names_of(getattr(FakeRequest, name)) == names_of(getattr(real, name))
     assert {"config", "consumer", "event_buffer_size"} <= set(names_of(gpiod.request_lines))
     assert {"RISING_EDGE"} <= set(gpiod.EdgeEvent.Type.__members__)
-
-
-@needs("gpiod")
-def test_a_chip_that_is_not_there_is_told_by_the_real_package() -> None:
-    with pytest.raises(NotConnectedError, match="cannot be taken"):
-        SyncOutput("/dev/gpiochip999", 1).configure()
