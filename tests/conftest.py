@@ -268,11 +268,11 @@ def jointz(
 
 @pytest.fixture
 def analyze(jointz: Callable[..., Outcome], tmp_path: Path) -> Callable[..., Outcome]:
-    """Analyse a study into ``tmp_path / "results"`` with few resamples, as JSON."""
+    """Analyse a study into ``tmp_path / "results"``: few resamples, no figures, as JSON."""
+    small = ("--resamples", 50, "--no-figures", "--workers", 1)
 
     def call(study: StudyFolder, *more: object) -> Outcome:
-        out = tmp_path / "results"
-        return jointz("analyze", study.root, "--out", out, "--resamples", 50, "--json", *more)
+        return jointz("analyze", study.root, "--out", tmp_path / "results", "--json", *small, *more)
 
     return call
 

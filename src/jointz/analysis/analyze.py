@@ -52,12 +52,13 @@ _INJECTIONS = 10
 _EMPTY_RESULT = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
 
 
-def analyze(
+def analyze(  # noqa: PLR0913 - a public face, keywords only
     study: Study | str | os.PathLike[str],
     *,
     method: str = "recommended",
     resamples: int = DEFAULT_RESAMPLES,
     seed: int = 0,
+    certify: bool = False,
     salvage: bool = False,
     engine: Engine | None = None,
     store: TaskStore | None = None,
@@ -78,6 +79,9 @@ def analyze(
         Bootstrap resamples for each cell.
     seed : int
         Seed of the bootstrap.
+    certify : bool
+        Whether to add a certificate (:func:`jointz.certify`), with few injections; walking studies
+        by the method ``recommended`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
         (:func:`jointz.session.salvage.salvage_recordings`).
@@ -119,7 +123,7 @@ def analyze(
     if exclusions.is_file():
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
-    injections = replicates_for(len(people), virtual=_INJECTIONS)
+    injections = replicates_for(len(people), virtual=_INJECTIONS) if certify else 0
     request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
     with (
         shown_progress(progress=progress) as show,
@@ -188,14 +192,15 @@ def _with_pooled_people(
     """Add the certificate of a walking study, and estimates pooled over its people."""
     if request.method != RECOMMENDED:
         return analysis
-    certificate = assembled(
-        virtual,
-        Injection(),
-        replicates=request.injections,
-        seed=request.seed,
-        window_s=request.study.spec.perturbations.window_s,
-    )
-    analysis = replace(analysis, certificate=certificate)
+    if request.injections:
+        certificate = assembled(
+            virtual,
+            Injection(),
+            replicates=request.injections,
+            seed=request.seed,
+            window_s=request.study.spec.perturbations.window_s,
+        )
+        analysis = replace(analysis, certificate=certificate)
     if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
         return analysis
     pooled = pool_people(person_cells(analysis.cells))

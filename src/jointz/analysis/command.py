@@ -33,13 +33,26 @@ def analyze(
         typer.Option(
             "--method",
             help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
-            "instrumental_variable, output_error, errors_in_variables, weak_form or full_record.",
+            "instrumental_variable, output_error, errors_in_variables, weak_form, strapped or "
+            "full_record.",
         ),
     ] = _RECOMMENDED,
     resamples: Annotated[
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples for each cell.")
     ] = 1000,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the bootstrap.")] = 0,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify",
+            help="Add a certificate: the errors to expect, from known responses put into the "
+            "study's own strides (walking, recommended).",
+        ),
+    ] = False,
+    figures: Annotated[
+        bool,
+        typer.Option(" /--no-figures", help="Write tables and report without figures."),
+    ] = True,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -108,13 +121,16 @@ def analyze(
                 method=method,
                 resamples=resamples,
                 seed=seed,
+                certify=certify,
                 engine=engine,
                 store=store,
                 progress=progress,
             )
             if progress:
                 progress(1, 1, "drawing the report")
-            report = write_results(analysis, out, overwrite=overwrite, before=before, engine=engine)
+            report = write_results(
+                analysis, out, overwrite=overwrite, before=before, figures=figures, engine=engine
+            )
         complete = not _has_broken(analysis)
         if store and complete:
             store.clear()

@@ -40,7 +40,7 @@ class EstimationRequest:
     method: str
     resamples: int  # of the bootstrap
     seed: int
-    injections: int  # known responses added to each participant's own strides
+    injections: int  # known responses added to each participant's own strides, for a certificate
 
 
 @dataclass(frozen=True, slots=True, eq=False)

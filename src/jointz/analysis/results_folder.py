@@ -50,6 +50,7 @@ def write_results(
     before: FolderState | None = None,
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
+    figures: bool = True,
     engine: Engine | None = None,
 ) -> Path:
     """Write estimates, exclusions, figures and report of an analysis.
@@ -69,6 +70,8 @@ def write_results(
         Truth and estimates of a simulated study, for the report.
     run : RunReport, optional
         Report of the experiment, for the report.
+    figures : bool
+        Whether to draw figures, which takes as long as the estimates of a few people.
     engine : Engine, optional
         Engine that draws several figures at once.
 
@@ -85,19 +88,19 @@ def write_results(
     with new_folder(
         out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS, before=before
     ) as folder:
-        drawings = _drawings(analysis, engine or Serial())
+        drawings = _drawings(analysis, engine or Serial()) if figures else {}
         _write_tables(analysis, folder)
         _write_json(folder / "statistics.json", dict(analysis.statistics))
         _write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
         _write_paper(analysis, folder, simulated=truth is not None)
         drawn = {name: drawing() for name, drawing in drawings.items()}
-        if truth is not None:
+        if truth is not None and figures:
             drawn["truth"] = draw_truth_picture(truth)
         pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
-        figures = {name: picture.svg for name, picture in pictures.items()}
-        page = render_report(analysis, figures, title=title, truth=truth, run=run)
+        drawn_svgs = {name: picture.svg for name, picture in pictures.items()}
+        page = render_report(analysis, drawn_svgs, title=title, truth=truth, run=run)
         (folder / "report.html").write_text(page, encoding="utf-8")
         content = {
             "settings": dict(analysis.settings),
