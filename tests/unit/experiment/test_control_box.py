@@ -51,14 +51,6 @@ def test_a_stop_is_seen_at_once_and_stays(box, sender):
     assert box.stop_asked
 
 
-def test_a_sign_of_life_is_the_machines_time(box, sender):
-    assert box.beat_ns == 0
-    sender.beat()
-    first = box.beat_ns
-    sender.beat()
-    assert 0 < first <= box.beat_ns
-
-
 def test_more_commands_than_fit_are_refused_and_counted(box, sender):
     for _ in range(33):
         sender.send(Order.NOTE, "again")

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.experiment.files.journal import (
     Journal,
-    is_completed,
     pulses_done,
     read_journal,
-    segments_begun,
 )
 
 
@@ -35,12 +33,6 @@ THREE = (
     ("stopped", {"condition": "walk", "segment": 0, "reason": "Jörg said\n“stop”"}),
 )
 READ = [{"event": event, **details} for event, details in THREE]
-
-
-def test_what_was_written_is_read_in_order(file):
-    assert read_journal(file) == []
-    write(file, *THREE)
-    assert read_journal(file) == READ
 
 
 def test_a_line_is_json_and_its_checksum(file):
@@ -90,19 +82,6 @@ def test_a_line_without_a_checksum_is_an_error(file, junk):
         read_journal(file)
 
 
-def test_every_flipped_bit_is_noticed(file):
-    write(file, *THREE[:2])
-    content = file.read_bytes()
-    end = content.index(b"\n")
-    for at in range(end):
-        for bit in range(8):
-            spoilt = bytearray(content)
-            spoilt[at] ^= 1 << bit
-            file.write_bytes(spoilt)
-            with pytest.raises(DataError):
-                read_journal(file)
-
-
 def test_an_event_the_disk_takes_only_in_part_is_an_error(file, monkeypatch):
     real = os.write
     with Journal(file) as journal:
@@ -140,18 +119,6 @@ def test_a_pulse_is_done_when_its_end_stands_in_the_journal():
     ]
     assert pulses_done(events, "walk") == {2: completed(2, onset_slot=9)}
     assert set(pulses_done(events, "other")) == {5}
-
-
-def test_segments_are_counted_by_condition():
-    events = [{"event": "segment_started", "condition": c} for c in ("a", "b", "a")]
-    assert [segments_begun(events, c) for c in ("a", "b", "c")] == [2, 1, 0]
-
-
-def test_a_condition_is_done_when_the_journal_says_so():
-    events = [{"event": "condition_completed", "condition": "a"}]
-    assert is_completed(events, "a")
-    assert not is_completed(events, "b")
-    assert not is_completed([], "a")
 
 
 values = st.one_of(

@@ -135,14 +135,6 @@ def test_two_strides_do_not_pass_for_one_when_a_strike_was_missed_at_first(varia
     assert phase.strides > 30
 
 
-def test_a_switch_that_closes_twice_a_stride_keeps_the_cadence():
-    times = [t for k in range(1, 40) for t in (k * STRIDE_NS, k * STRIDE_NS + 400_000_000)]
-    phase, _ = struck(times)
-    assert phase.mean_ns == STRIDE_NS
-    assert phase.strides == phase.spurious - 1 == 38
-    assert not phase.steady(times[-1] + 1)
-
-
 def test_a_strike_that_is_taken_back_leaves_no_trace_but_doubt():
     phase, last = walked()
     early = last + round(0.85 * STRIDE_NS)
@@ -163,14 +155,6 @@ def test_a_cadence_that_a_false_strike_made_forgotten_is_known_again():
     phase.retract()
     assert phase.mean_ns == STRIDE_NS
     assert phase.strike(last + STRIDE_NS)
-
-
-def test_a_first_strike_that_is_taken_back_is_none():
-    phase, _ = struck([T0])
-    phase.retract()
-    assert not phase.strike(T0 + STRIDE_NS)
-    assert phase.strike(T0 + 2 * STRIDE_NS)
-    assert phase.mean_ns == STRIDE_NS
 
 
 # --- properties ---------------------------------------------------------------------------------

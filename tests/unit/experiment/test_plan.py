@@ -31,15 +31,6 @@ def rounds_of(plan):
     return [plan[i : i + size] for i in range(0, len(plan), size)]
 
 
-@pytest.mark.parametrize("order", ["balanced", "random", "sequential"])
-def test_every_point_gets_its_count_and_numbers_run_from_one(order):
-    plan = plan_of(order=order)
-    assert [p.number for p in plan] == list(range(1, 301))
-    assert Counter(p.timing_point for p in plan) == dict.fromkeys(POINTS, 50)
-    assert all(p.gait_pct == POINTS[p.timing_point] for p in plan)
-    assert {p.amplitude_nm for p in plan} == {17.0}
-
-
 def test_a_balanced_plan_is_balanced_after_every_round():
     for one in rounds_of(plan_of()):
         assert sorted(p.timing_point for p in one) == sorted(POINTS)
@@ -124,6 +115,8 @@ def test_whatever_is_asked_for_is_what_is_planned(
         order=order,
     )
     assert Counter(p.timing_point for p in plan) == dict.fromkeys(some, count)
+    assert [p.number for p in plan] == list(range(1, len(plan) + 1))
+    assert all(p.gait_pct == POINTS[p.timing_point] for p in plan)
     assert all(fewest <= p.gap_strides <= fewest + more for p in plan)
     for name in some:
         signs = [p.amplitude_nm for p in plan if p.timing_point == name]

@@ -117,13 +117,6 @@ def test_a_sham_takes_its_time_and_is_counted_but_not_felt(walk):
     assert one.runner.completed == 1
 
 
-def test_a_pulse_may_last_into_the_next_stride(walk):
-    one = walk(pulse(pct=90.0)).until(2 * STRIDE)
-    (completed,) = one.events("pulse_completed")
-    assert completed["slot"] - completed["onset_slot"] == 125
-    assert one.events("pulse_missed") == []
-
-
 def test_no_pulse_fires_while_gait_is_not_steady(walk):
     one = walk(pulse())
     one.watch.steady = False
@@ -153,15 +146,6 @@ def test_a_timing_point_that_passed_while_the_loop_was_late_is_missed(walk):
     assert [e["onset_slot"] for e in one.events("pulse_completed")] == [660]
 
 
-def test_a_pulse_that_is_broken_off_is_not_done_until_its_time_is_over(walk):
-    one = walk(pulse(1)).until(300 * MS)
-    one.runner.abort("stopped")
-    assert one.runner.aborted
-    assert one.runner.active is not None
-    one.until(500 * MS)
-    assert one.runner.active is None
-
-
 def broken_off(one, *strides):
     """Walk to the end of each stride, breaking its pulse off."""
     for stride in strides:
@@ -189,14 +173,6 @@ def test_a_pulse_done_between_those_broken_off_lets_the_trial_go_on(walk):
     one.until(22 * STRIDE)
     assert len(one.events("pulse_aborted")) == 18
     assert one.runner.done
-
-
-def test_a_stride_that_was_none_puts_the_next_pulse_off(walk):
-    one = walk(pulse(1, gap=2)).until(STRIDE)
-    one.runner.stride()
-    one.runner.retract_stride()
-    one.until(STRIDE + 600 * MS)
-    assert [e["slot"] for e in one.events("pulse_started")] == [660]
 
 
 @settings(max_examples=30, deadline=None)

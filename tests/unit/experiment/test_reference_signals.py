@@ -68,13 +68,6 @@ def test_noise_has_the_stated_sd_and_the_spectrum_of_its_filter():
     assert np.median(power[band] / low / np.abs(gain[band]) ** 2) == pytest.approx(1.0, rel=0.05)
 
 
-def test_noise_of_another_seed_is_other_noise_and_of_the_same_the_same():
-    noise = Noise(kind="noise", sd=1.0, cutoff_hz=20.0, order=3, offset=2.0)
-
-    assert (samples(noise) == samples(noise)).all()
-    assert np.corrcoef(samples(noise), samples(noise, seed=2))[0, 1] < 0.5
-
-
 @pytest.mark.parametrize("rate_hz", [300.0, 900.0])
 def test_steps_change_at_the_tick_of_their_time(rate_hz):
     found = samples(

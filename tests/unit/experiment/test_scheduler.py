@@ -63,37 +63,11 @@ def test_a_missed_pulse_makes_the_gap_longer_and_never_shorter():
     assert scheduler.pulse_at(40.0).number == 3
 
 
-def test_a_pulse_broken_off_comes_again_at_the_end_after_a_gap_of_its_own():
-    scheduler = of(2, 2)
-    scheduler.stride()
-    scheduler.stride()
-    broken = scheduler.pulse_at(40.0)
-    scheduler.requeue(broken)
-    assert fired_in(scheduler, 6) == [(2, 2), (4, 1)]
-
-
-def test_a_stride_that_was_none_is_taken_back():
-    scheduler = of(3)
-    for _ in range(3):
-        scheduler.stride()
-    scheduler.retract_stride()
-    assert scheduler.pulse_at(40.0) is None
-    scheduler.stride()
-    assert scheduler.pulse_at(40.0).number == 1
-
-
 def test_a_stride_taken_back_after_a_pulse_makes_the_gap_no_shorter():
     scheduler = of(2, 2)
     assert fired_in(scheduler, 2) == [(2, 1)]
     scheduler.retract_stride()  # the stride in which the pulse fired
     assert fired_in(scheduler, 4) == [(3, 2)]
-
-
-def test_taking_back_a_stride_when_all_is_done_changes_nothing():
-    scheduler = of(1)
-    fired_in(scheduler, 1)
-    scheduler.retract_stride()
-    assert fired_in(scheduler, 3) == []
 
 
 what = st.sampled_from(["fire", "fire", "fire", "late", "unsteady", "broken", "retracted"])
