@@ -185,7 +185,7 @@ def test_the_raw_data_are_found_from_the_folder_of_the_collection(tmp_path):
 
 
 def test_a_catalog_that_was_built_again_is_read_again(tmp_path):
-    for k in range(4):
+    for k in range(2):
         write_entry(tmp_path / f"lab-{k}", seed=k, people=2)
         build_catalog(tmp_path)
 

@@ -102,39 +102,6 @@ def test_every_place_of_the_map_says_how_well_it_is_known(tables: CollectionPool
     assert sum(kind == "none" for kind, *_ in told) == 3  # TST of the knee, LRE, TST of the ankle
 
 
-def test_a_parameter_at_the_onset_has_its_own_map(tables: CollectionPool) -> None:
-    of_onset = {"parameter": "stiffness_onset"}
-    pool = replace(
-        tables,
-        table=pd.concat([tables.table, pd.DataFrame([pooled_row(**of_onset)])]),
-        studies=pd.concat([tables.studies, pd.DataFrame([study_row("lab-a", 57.0, **of_onset)])]),
-    )
-    assert "Stiffness at the onset" in page_of(pool)
-    assert "Stiffness at the onset" not in page_of(tables)
-
-
-@pytest.mark.parametrize(
-    ("status", "counts", "told"),
-    [
-        ("one_person", {}, ["one person"]),
-        ("no_value", {"n_failed": 1, "n_undecided": 2}, ["2 undecided", "1 failed"]),
-        ("no_sd", {}, ["printed without sd"]),
-    ],
-)
-def test_why_a_place_is_not_known_is_what_its_studies_say(
-    tables: CollectionPool, status: str, counts: dict[str, int], told: list[str]
-) -> None:
-    nothing = NONE | {"value": np.nan, "ci_low": np.nan, "ci_high": np.nan}
-    row = pooled_row(status="failed:too_few_studies", n_studies=0, n_people=0, **nothing, **counts)
-    study = study_row("lab-a", np.nan, weight_pct=np.nan, status=status)
-    elsewhere = study_row("lab-b", 60.0, method="dissertation", status="one_person")
-    page = page_of(CollectionPool(
-        pd.DataFrame([row]), pd.DataFrame([study, elsewhere]), tables.printed.iloc[:0], by=BY
-    ))  # fmt: skip
-    (cell,) = re.findall(r'<td class="none".*?</td>', page)
-    assert re.findall("<span>([^<]+)<", cell) == told
-
-
 def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) -> None:
     seated = pooled_row(joint="elbow", activity="seated", timing_point="rest")
     pooled = pd.DataFrame([*tables.table.assign(activity="walking").to_dict("records"), seated])
@@ -148,14 +115,6 @@ def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) 
     assert "knee: nothing while seated." in page
     assert "elbow: nothing while walking." in page
     assert "elbow, seated: nothing" not in page
-
-
-def test_what_is_missing_is_said_by_joint_and_speed(tables: CollectionPool) -> None:
-    page = page_of(tables)
-    assert "knee, level, 1.1 to 1.3 m/s: nothing at TST." in page
-    assert "knee, level, 0.7 to 0.9 m/s: nothing anywhere." in page
-    assert "ankle, level, 0.7 to 0.9 m/s: nothing at LRE, TST." in page
-    assert "knee, of 2 values: known from one study: 1; not known within 35 %: 1." in page
 
 
 def test_a_forest_is_to_scale_and_stays_inside(tables: CollectionPool) -> None:

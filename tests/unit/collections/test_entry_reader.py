@@ -44,11 +44,9 @@ def test_every_problem_of_shape_is_in_one_message(tmp_path):
     with pytest.raises(EntryError) as raised:
         read_entry(tmp_path / "lab")
 
-    told = str(raised.value)
-    assert "licence: missing" in told
-    assert "license: unknown key. Did you mean 'licence'?" in told
-    assert "participants[1].age_band: missing" in told
-    assert "participants[2].sexe: unknown key" in told
+    assert {problem.partition(":")[0] for problem in raised.value.problems} >= {
+        "licence", "license", "participants[1].age_band", "participants[2].sexe",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("file", ["../other/estimates.csv", "/etc/passwd", "..\\x.csv"])
@@ -159,13 +157,13 @@ def test_a_file_that_is_no_catalog_is_refused(catalog):
 
     table = pa.parquet.read_table(catalog)
     pa.parquet.write_table(table.drop_columns(["cite", "n"]), other)
-    with pytest.raises(DataError, match=r"none of the columns n, cite\. Build it again"):
+    with pytest.raises(DataError, match="n, cite"):
         catalog_about(other)
 
     pa.parquet.write_table(
         table.replace_schema_metadata({"jointz": '{"schema": "jointz.Catalog/0"}'}), other
     )
-    with pytest.raises(DataError, match=r"found schema 'jointz\.Catalog/0'\. Build it again"):
+    with pytest.raises(DataError, match=r"schema 'jointz\.Catalog/0'"):
         catalog_about(other)
 
     other.write_bytes(catalog.read_bytes()[:200])
