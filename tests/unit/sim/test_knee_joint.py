@@ -74,12 +74,6 @@ def test_a_held_step_equals_the_matrix_exponential(stiffness, damping, rate_hz):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=atol)
 
 
-def test_a_very_stiff_very_damped_joint_does_not_overflow():
-    angle, velocity = respond(np.ones(50), 1e6, 1e6, INERTIA, rate_hz=1.0)
-    np.testing.assert_allclose(angle[-1], 1e-6, rtol=1e-9)
-    assert abs(velocity[-1]) < 1e-9
-
-
 def raised_cosine(t):
     return 8.5 * (1.0 - np.cos(2 * np.pi * 2.0 * t))
 
@@ -104,14 +98,6 @@ def test_a_record_at_1_khz_with_four_substeps_is_as_good_as_its_straight_lines()
     got, _ = respond(raised_cosine(time[at_1_khz]), 140.0, 2.6, INERTIA, rate_hz=RATE_HZ)
     # A chord lies below a curve by w^2 h^2 / 12 on average: 1.3e-5 of a response of 0.12 rad.
     np.testing.assert_allclose(got, angle[at_1_khz], rtol=0, atol=1.6e-6)
-
-
-def test_inertia_may_vary_as_stiffness_does():
-    n = 400
-    torque = np.sin(np.arange(n) / 20.0)
-    once = respond(torque, 60.0, 2.0, INERTIA, rate_hz=RATE_HZ)
-    twice = respond(2.0 * torque, 120.0, 4.0, np.full(n, 2 * INERTIA), rate_hz=RATE_HZ)
-    np.testing.assert_allclose(once, twice, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

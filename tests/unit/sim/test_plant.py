@@ -239,20 +239,16 @@ SMOOTH = JointSettings(smooth=True)
 CASES = {
     "nominal, with torque error": exact("nominal", torque_error=0.25),
     "hard": exact("hard"),
-    "clean": exact("clean"),
     "anthropometric": exact("anthropometric"),
-    "velocity reflex and softening": replace(
-        exact("nominal"), joint=JointSettings(reflex=ReflexSettings(), softening_rad=0.3)
-    ),
     "soft tissue on a rigid leg, torsion, gain": instrumented(
         exact("nominal"),
         tissue_range_hz=(20.0, 40.0),
         torsion_rad_nm=radians(0.5) / 17.0,
         gain_error=0.03,
     ),
-    "soft tissue and a delay only, reflex": replace(
+    "soft tissue and a delay only, velocity reflex, softening": replace(
         instrumented(exact("nominal"), tissue_range_hz=(40.0, 40.0), lag_range_s=(0.002, 0.002)),
-        joint=JointSettings(reflex=ReflexSettings()),
+        joint=JointSettings(reflex=ReflexSettings(), softening_rad=0.3),
     ),
     "position reflex, smooth curves, soft strap": replace(
         instrumented(exact("anthropometric"), tissue_range_hz=(20.0, 20.0)),

@@ -1,6 +1,6 @@
 """Settings of the quasi-direct-drive bench."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from jointz.core.errors import DataError
 from jointz.sim.benches.bench_load import BenchLoad
 from jointz.sim.benches.qdd_bench import (
     COMMANDS,
-    QddErrors,
     QddMachine,
     QddParam,
     QddSettings,
@@ -19,25 +18,10 @@ from jointz.sim.benches.qdd_bench import (
 )
 
 SPRING = BenchLoad("springs", stiffness=146.39)
-SHAPES = {"cogging_periods", "hysteresis_rad"}  # of a mechanism, not mechanisms
 
 
 def packed(machine, rate_hz=500.0):
     return pack_qdd(QddSettings("own", machine=machine), SPRING, sample_rate_hz=rate_hz)
-
-
-def test_clean_bench_has_no_error_at_all():
-    assert qdd_preset("clean").errors == QddErrors()
-    assert {name for name, value in asdict(QddErrors()).items() if value != 0.0} == SHAPES
-
-
-def test_hard_bench_is_nowhere_better_than_the_nominal_one():
-    def badness(name):
-        return {key: abs(value) for key, value in asdict(qdd_preset(name).errors).items()}
-
-    clean, nominal, hard = (badness(name) for name in ("clean", "nominal", "hard"))
-    assert all(clean[key] <= nominal[key] <= hard[key] for key in clean)
-    assert clean != nominal != hard
 
 
 def test_mounting_draws_gain_and_phase_and_leaves_the_rest():

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jointz.core.errors import DataError
 from jointz.sim.benches.bench_load import BenchLoad
-from jointz.sim.benches.qdd_bench import QddMachine, draw_mounting, qdd_preset
+from jointz.sim.benches.qdd_bench import QddMachine, qdd_preset
 from jointz.sim.benches.qdd_bench_plant import QddBenchPlant
 
 SPRING = BenchLoad("springs", stiffness=146.39)
@@ -74,12 +74,11 @@ def solved(load, torque, position, *, machine, cogging=0.0):
     return np.array(states)
 
 
-@pytest.mark.parametrize("locked", [False, True])
-@pytest.mark.parametrize("cogging", [0.0, 0.05])
+@pytest.mark.parametrize(("locked", "cogging"), [(False, 0.05), (True, 0.0)])
 def test_the_compiled_bench_solves_the_equations_of_motion(locked, cogging):
     machine = QddMachine(sign_velocity_rad_s=0.3)
     load = replace(SPRING, locked=locked)
-    time = np.arange(300) / RATE
+    time = np.arange(150) / RATE
     torque = 6.0 * np.sin(2 * np.pi * 3.0 * time)
     position = 0.05 * np.sin(2 * np.pi * 5.0 * time)
     rows = run(bench(load, machine=machine, cogging_nm=cogging), torque, position)
@@ -111,12 +110,6 @@ def test_an_error_of_a_measurement_is_in_that_measurement_alone(error, column, s
     assert found == pytest.approx(size, rel=0.05)
 
 
-def test_the_encoder_counts_in_steps():
-    step = 1e-3
-    rows = run(bench(encoder_step_rad=step), [5.0] * 500, [0.0] * 500)
-    assert np.abs(rows[:, ANGLE] / step - np.round(rows[:, ANGLE] / step)).max() < 1e-9
-
-
 def test_friction_that_is_not_the_same_both_ways_moves_the_centre():
     turning = 2.0 * np.arange(3000) / RATE
     forth = run(bench(friction_asymmetry=0.3), np.zeros(3000), turning)[-500:, SENSOR].mean()
@@ -140,15 +133,6 @@ def test_model_3_3_leaves_what_table_3_1_prints():
     assert 0.33 < rms < 0.38
 
 
-def test_the_same_seed_is_the_same_bench_and_another_is_mounted_otherwise():
-    torque = [3.0] * 200
-    rows = [run(bench(preset="nominal", seed=s), torque, [0.0] * 200) for s in (1, 1, 2)]
-    assert (rows[0] == rows[1]).all()
-    assert not (rows[0] == rows[2]).all()
-    drawn = [draw_mounting(qdd_preset("nominal"), np.random.default_rng(s)) for s in (1, 1, 2)]
-    assert drawn[0] == drawn[1] != drawn[2]
-
-
 def test_a_load_without_a_spring_is_refused():
     with pytest.raises(DataError, match="has no stiffness; a spring couples"):
         bench(BenchLoad("free"))
@@ -166,27 +150,12 @@ def test_a_sharper_friction_is_stepped_finer_and_does_not_dither():
     assert np.abs(np.diff(rows[500:, VELOCITY])).max() < 1e-4
 
 
-def test_first_sample_is_the_state_at_rest():
-    plant = bench()
-    assert plant.advance(9.0, 0.3) == (0.0, 0.0, 0.0, 36.0, 0.0, 0.0)
-    assert plant.time_s == 0.0
-
-
 def test_current_is_limited_and_waits_for_its_delay():
     rows = run(bench(replace(SPRING, locked=True), rate_hz=1000.0), [100.0] * 300, [0.0] * 300)
     assert (rows[:3, CURRENT] == 0.0).all()  # 2 ms
     time = np.arange(3, 300) * 1e-3 - 0.002
     expected = 25.0 * (1.0 - np.exp(-time / 0.002))
     assert rows[3:, CURRENT] == pytest.approx(expected, abs=1e-3)
-
-
-def test_a_weak_motor_gives_less_torque_than_its_current_says():
-    turning = 2.0 * np.arange(2000) / RATE
-    made = [
-        run(bench(torque_constant_error=error), [5.0] * 2000, turning)[-500:, SENSOR].mean()
-        for error in (0.0, -0.1)
-    ]
-    assert made[0] - made[1] == pytest.approx(0.5, rel=1e-3)
 
 
 def test_sensor_reads_the_springs_torque_by_its_gain():
@@ -242,12 +211,3 @@ def test_jitter_moves_the_sample_times_and_keeps_their_rate_and_order():
     assert off.std() == pytest.approx(2e-4, rel=0.05)
     assert abs(off.mean()) < 4.0 * 2e-4 / np.sqrt(4000.0)
     assert np.diff(times).min() > 0.0
-
-
-def test_jitter_leaves_the_other_noises_what_they_are():
-    still = np.zeros(500)
-    even, jittered = (
-        run(bench(sensor_noise_nm=0.3, clock_jitter_s=jitter), still, still)
-        for jitter in (0.0, 2e-4)
-    )
-    assert even[:, SENSOR] == pytest.approx(jittered[:, SENSOR], abs=1e-12)
