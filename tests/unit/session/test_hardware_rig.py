@@ -1,6 +1,7 @@
 """An experiment on the devices that a file names; simulated ones are opened in their place."""
 
 import json
+import sys
 import tomllib
 from dataclasses import replace
 
@@ -151,10 +152,9 @@ def test_devices_answer_and_are_let_go_before_anybody_is_prompted(laboratory, fi
 
 
 def test_a_library_that_is_missing_is_told_before_anybody_is_prompted(monkeypatch, file, tmp_path):
-    for library in ("flexsea", "flexsea.device"):
-        monkeypatch.setitem(__import__("sys").modules, library, None)
+    monkeypatch.setitem(sys.modules, "flexsea.device", None)
     operator = Operator()
-    with pytest.raises(DeviceError, match=r'pip install "jointz\[dephy\]"'):
+    with pytest.raises(DeviceError, match=r"jointz\[dephy\]"):
         jointz.run(walking(), config=file(), out=tmp_path / "s", operator=operator)
     assert operator.told == []
     assert not (tmp_path / "s").exists()
@@ -191,23 +191,33 @@ def test_a_study_has_one_torque_model(laboratory, file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("protocol", "text", "place"),
     [
-        (ANGLE + CONTACT, "actuator: missing; it is worn in unperturbed, perturbed."),
-        (ACTUATOR + CONTACT, "angle: missing; the angle of the joint"),
-        (ACTUATOR + ANGLE, "contact: missing; heel strikes"),
-        (
-            ACTUATOR + ANGLE + CONTACT.replace('kind = "contact"', ""),
-            'contact.kind: expected "contact", got "voltage"',
-        ),
+        ("walking", ANGLE + CONTACT, "actuator"),
+        ("walking", ACTUATOR + CONTACT, "angle"),
+        ("walking", ACTUATOR + ANGLE, "contact"),
+        ("walking", WHOLE.replace('kind = "contact"', ""), "contact.kind"),
+        ("walking", WHOLE.replace("P09", "P07"), "participants[2].id"),
+        ("calibration-footswitch", WHOLE, "contact.kind"),
     ],
 )
-def test_what_walking_needs_is_told_in_one_message(file, text, told):
-    with pytest.raises(DeviceFileError) as raised:
-        read_hardware(file(text), load_protocol("walking"))
-    (problem,) = raised.value.problems
-    assert problem.startswith(told)
-    assert "device.toml for walking: 1 problem" in str(raised.value)
+def test_what_a_protocol_needs_is_told_at_its_place(file, protocol, text, place):
+    with pytest.raises(DeviceFileError, match=r"device\.toml") as raised:
+        read_hardware(file(text), load_protocol(protocol))
+    assert [problem.split(":")[0] for problem in raised.value.problems] == [place]
+
+
+@pytest.mark.parametrize(
+    ("protocol", "text", "participants", "told"),
+    [
+        ("walking", WHOLE, 3, "participants"),
+        ("walking", WHOLE.replace("P09", "P/10"), None, "P/10"),
+        ("sea-intrinsic", WHOLE, None, "far side"),
+    ],
+)
+def test_what_cannot_be_measured_is_told_before_the_first(file, protocol, text, participants, told):
+    with pytest.raises((DataError, DeviceFileError), match=told):
+        read_hardware(file(text), load_protocol(protocol), participants=participants)
 
 
 @pytest.mark.parametrize(
@@ -225,27 +235,6 @@ def test_participants_are_those_of_the_file_or_numbered(file, text, asked, ids):
     assert [rig.wearer.id for rig in rigs] == ids
 
 
-def test_more_participants_than_the_file_names_are_refused(file):
-    with pytest.raises(DataError, match="names 2 participants, expected 3"):
-        read_hardware(file(), load_protocol("walking"), participants=3)
-
-
-def test_a_name_that_no_file_can_have_is_told_before_the_first_is_measured(file):
-    path = file(ACTUATOR + ANGLE + CONTACT + REST + '[[participants]]\nid = "P/10"\n')
-    with pytest.raises(DataError, match="participant 'P/10'"):
-        read_hardware(path, load_protocol("walking"))
-
-
-def test_a_participant_who_is_named_twice_is_refused(file):
-    with pytest.raises(DeviceFileError, match=r"participants\[2\].id: 'P07' is there already"):
-        read_hardware(file(WHOLE.replace("P09", "P07")), load_protocol("walking"))
-
-
-def test_a_motor_that_moves_the_far_side_has_no_driver(file):
-    with pytest.raises(DeviceFileError, match="moves the far side of a bench"):
-        read_hardware(file(), load_protocol("sea-intrinsic"))
-
-
 @pytest.mark.parametrize(
     ("protocol", "sections"),
     [
@@ -261,21 +250,19 @@ def test_sensors_that_are_on_nothing_are_left_alone(file, protocol, sections):
 
 
 def test_a_footswitch_is_calibrated_by_its_voltage(file):
-    protocol = load_protocol("calibration-footswitch")
-    with pytest.raises(DeviceFileError, match=r'contact.kind: expected "voltage"'):
-        read_hardware(file(), protocol)
     volts = WHOLE.replace('kind = "contact"', 'kind = "voltage"')
-    assert list(read_hardware(file(volts), protocol).file.sections()) == ["actuator", "contact"]
+    hardware = read_hardware(file(volts), load_protocol("calibration-footswitch"))
+    assert list(hardware.file.sections()) == ["actuator", "contact"]
 
 
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"device": "sim"}, "exclude each other. Leave out config"),
-        ({"preset": "hard"}, "preset: 'hard' is of simulated devices"),
-        ({"clock": "fast"}, "clock: real devices keep real time"),
-        ({"workers": 2}, "workers: expected 1 with a device file, got 2"),
-        ({"operator": None}, "operator: missing"),
+        ({"device": "sim"}, "config"),
+        ({"preset": "hard"}, "preset"),
+        ({"clock": "fast"}, "clock"),
+        ({"workers": 2}, "workers"),
+        ({"operator": None}, "operator"),
     ],
 )
 def test_what_only_a_simulation_has_is_refused(file, tmp_path, given, told):

@@ -155,16 +155,13 @@ def test_a_study_of_one_session_or_the_session_itself_is_played(session, study):
     assert found_session(study) == found_session(session) == (session, None)
 
 
-def test_of_several_sessions_one_has_to_be_named(session, study):
+def test_of_several_sessions_one_has_to_be_named_and_there_has_to_be_one(session, study, tmp_path):
     other = session.parent / "S02"
     other.mkdir()
     (other / "journal.jsonl").touch()
-    with pytest.raises(DataError, match=r"holds 2 sessions, all of them over.*Name one: .*S01"):
+    with pytest.raises(DataError, match="S01"):
         found_session(study)
-
-
-def test_a_folder_without_a_session_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"holds no session; expected one"):
+    with pytest.raises(DataError, match="no session"):
         found_session(tmp_path)
 
 

@@ -373,22 +373,6 @@ def test_the_last_words_of_a_session_that_ends_between_two_looks_are_heard(study
         assert study.live.status()["unconfirmed"] == ""
 
 
-def test_a_stop_before_any_condition_needs_no_more_words(study):
-    study.write("prompted", text="Walk.")
-    study.write("stop_asked")
-    study.lives = False
-    status = study.status()
-    assert (status["state"], status["unconfirmed"]) == ("stopped", "")
-
-
-def test_a_study_that_is_written_is_done(study):
-    begin(study)
-    study.write("condition_completed", segment=0)
-    (study.root / "study.toml").write_text("")
-    study.lives = False
-    assert study.status()["state"] == "done"
-
-
 def test_a_loop_that_writes_nothing_is_silent(study, monkeypatch):
     begin(study)
     study.log(walk(1))

@@ -17,9 +17,3 @@ def test_the_speed_of_the_treadmill_reaches_the_person():
     assert [rig.speed_m_s for rig in rigs] == [1.2, 0.6]
     assert slow / usual == pytest.approx(2.0**0.5)
     assert usual == rigs[0].person.stride_time_s
-
-
-def test_a_bench_has_no_speed_of_walking():
-    settings = rig_settings(load_protocol("qdd-static"), "sim", "clean", 1)
-
-    assert settings.bench == "quasi-direct-drive"

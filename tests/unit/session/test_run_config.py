@@ -68,21 +68,16 @@ def test_who_does_not_answer_for_one_simulated_person_is_not_asked_for_the_next(
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n"))
     done = jointz("run", protocol, "--clock", "real", "--out", out, "--participants", 2)
     assert done.code == 130
-    assert "Stopped." in done.err
     assert [folder.name for folder in (out / "sessions").iterdir()] == ["S01"]
 
 
-def test_the_console_hands_the_file_to_the_run(config, tmp_path):
-    made = _arguments("walking", tmp_path, None, None, config=config, participants=2, seed=None)
-    assert made[made.index("--config") + 1] == str(config)
-    assert not {"--device", "--preset"} & set(made)
-    assert made[made.index("--clock") + 1] == "real"
-
-
-def test_the_console_without_a_file_runs_the_simulation(tmp_path):
-    made = _arguments(
-        "walking", tmp_path, Device.sim, Preset.hard, config=None, participants=None, seed=3
-    )
+def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_path):
+    about = {"participants": 2, "seed": None}
+    real = _arguments("walking", tmp_path, None, None, config=config, **about)
+    assert real[real.index("--config") + 1] == str(config)
+    assert not {"--device", "--preset"} & set(real)
+    assert real[real.index("--clock") + 1] == "real"
+    made = _arguments("walking", tmp_path, Device.sim, Preset.hard, config=None, **about)
     assert made[made.index("--device") + 1] == "sim"
     assert made[made.index("--preset") + 1] == "hard"
 
@@ -99,10 +94,10 @@ def test_the_console_hands_a_calibration_to_the_run(tmp_path):
 
 
 def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):
-    with pytest.raises(DataError, match="exclude each other"):
+    with pytest.raises(DataError, match="config"):
         _arguments(
             "walking", tmp_path, Device.sim, None, config=config, participants=None, seed=None
         )
     config.write_text(ACTUATOR + CONTACT)
-    with pytest.raises(DeviceFileError, match="angle: missing"):
+    with pytest.raises(DeviceFileError, match="angle"):
         _arguments("walking", tmp_path, None, None, config=config, participants=None, seed=None)

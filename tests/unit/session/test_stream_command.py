@@ -66,11 +66,8 @@ def session(tmp_path):
 def test_a_session_that_is_over_is_played(jointz, pylsl, session):
     done = jointz("stream", session, "--name", "knee")
     assert done.code == 0
-    assert done.out.splitlines() == [
-        "Streams: knee, knee markers  (Ctrl-C ends it)",
-        "Sent 50 samples and 2 markers.",
-    ]
     stamps = [stamp for name, stamp in pylsl.sent if name == "knee"]
+    assert (len(stamps), len(pylsl.sent)) == (50, 52)
     assert (stamps[0], stamps[-1]) == (pytest.approx(700.0), pytest.approx(700.098))
 
 
@@ -79,9 +76,3 @@ def test_ctrl_c_is_the_usual_end(jointz, pylsl, session):
     done = jointz("stream", session, "--json")
     assert done.code == 0
     assert json.loads(done.out)["status"] == "ok"
-
-
-def test_a_folder_without_a_session_is_bad_input(jointz, pylsl, tmp_path):
-    done = jointz("stream", tmp_path)
-    assert done.code == 2
-    assert "holds no session" in done.err

@@ -46,7 +46,7 @@ def with_points(**points):
         )
         if condition.perturbations is not None
         else condition
-        for condition in WALKING.conditions
+        for condition in WALKING.conditions[1:]
     ]
     return WALKING.model_copy(update={"conditions": tuple(changed)})
 

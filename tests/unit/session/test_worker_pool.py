@@ -76,10 +76,8 @@ def test_others_who_are_simulated_are_run_and_everybody_who_failed_is_named(run)
 
     assert begun == ["S01", "S02", "S03"]
     assert isinstance(error, ZeroDivisionError)
-    assert error.__notes__ == [
-        "It was participant 1 (seed 7).",
-        "participant 3 (seed 7) failed too: three",
-    ]
+    assert ["participant 1" in note for note in error.__notes__] == [True, False]
+    assert "participant 3" in error.__notes__[1]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +87,7 @@ def test_nobody_is_put_on_devices_or_called_by_an_operator_after_one_failed(run,
     begun, error = run({"S02": DeviceError("motor", "it is hot")}, **given)
 
     assert begun == ["S01", "S02"]
-    assert error.__notes__ == ["It was participant 2 (seed 7)."]
+    assert "participant 2" in error.__notes__[0]
 
 
 def test_a_stop_at_the_prompt_is_no_participants_failure(run):
