@@ -188,31 +188,6 @@ def test_what_is_lost_is_named_and_refused_without_leave(
     assert not path.exists()
 
 
-def mixed() -> Acquisition:
-    """Markers at 100 Hz, analog channels at 1000 Hz with a gap, events."""
-    fine = np.sin(np.arange(600) / 50.0)
-    fine[100:200] = np.nan
-    return Acquisition(
-        (
-            SignalGroup("points", (ramp("knee", "deg", 60), ramp("hip", "deg", 60)), 100.0),
-            SignalGroup("analogs", (Signal("Fz", fine, "N", "left plate"),), 1000.0, 0.5),
-        ),
-        (Event(0.25, "left heel strike"), Event(1.5, "pulse", 0.1)),
-        {"subject.name": "S01"},
-    )
-
-
-@pytest.mark.parametrize("name", WHOLE)
-def test_several_rates_and_gaps_stay_what_they_are(tmp_path: Path, name: str) -> None:
-    content = mixed()
-
-    write_acquisition(content, tmp_path / name)
-    back = read_acquisition(tmp_path / name)
-
-    assert back.equals(content)
-    assert np.isnan(back.groups[1].signals[0].values[100:200]).all()
-
-
 @pytest.mark.parametrize("name", [*WHOLE, *ALONE])
 def test_a_file_that_cannot_be_written_leaves_nothing(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch

@@ -157,10 +157,3 @@ def test_a_file_without_series_is_refused(tmp_path):
 
     with pytest.raises(DataError, match=r"a\.mat: expected series of numbers, found none"):
         read_acquisition(tmp_path / "a.mat")
-
-
-@pytest.mark.real_data
-def test_the_results_of_the_gait_toolkit_are_read(real_data):
-    found = read_acquisition(real_data / "gaitanalysistoolkit" / "refresults.mat")
-
-    assert sum(len(group.signals) for group in found.groups) >= 15

@@ -5,7 +5,6 @@ import os
 import resource
 import signal
 
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -109,13 +108,6 @@ def test_a_recording_is_read_back_as_it_was_written(tmp_path, samples, participa
     assert back["emg"].attrs == {"units": "V"}
     for name in original.variables:
         assert back[name].values.tobytes() == original[name].values.tobytes()  # bit for bit
-
-
-def test_samples_are_compressed_by_bytes_of_a_kind(tmp_path):
-    write_recording(recording(angle=np.zeros(5000)), tmp_path / "a.nc")
-    with h5py.File(tmp_path / "a.nc") as file:
-        assert (file["angle"].compression, file["angle"].compression_opts) == ("gzip", 1)
-        assert file["angle"].shuffle
 
 
 def test_nothing_half_written_stays(tmp_path):
