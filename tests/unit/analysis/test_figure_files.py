@@ -17,6 +17,7 @@ from jointz.analysis.page.figure_files import (
     draw_truth_picture,
 )
 from jointz.analysis.page.impedance_figures import draw_impedance_over_gait
+from jointz.analysis.page.method_figures import draw_methods
 from jointz.analysis.page.response_figures import draw_responses
 from jointz.core.events import PulseRecord
 from jointz.report.style import figure_style, new_figure, to_svg
@@ -218,8 +219,8 @@ def test_methods_are_not_compared_by_means_over_unlike_loads(bench):
     cells = tuple(replace(c, participant=f"load-{k}") for k, c in enumerate(bench.cells))
     other = tuple(replace(c, method="dissertation") for c in cells)
     one = tuple(replace(c, method="dissertation") for c in bench.cells)
-    assert "methods" not in draw_figures(replace(bench, cells=cells, comparison=other))
-    assert "methods" in draw_figures(replace(bench, comparison=one))
+    assert plot(draw_methods, replace(bench, cells=cells, comparison=other)) is None
+    assert plot(draw_methods, replace(bench, comparison=one)) is not None
 
 
 def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):

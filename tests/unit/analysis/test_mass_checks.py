@@ -130,7 +130,7 @@ def test_an_unlikely_mass_fails_the_values_per_kg_of_its_person_and_of_no_other(
     of_people(small_study, (6.4, 1.75), (70.0, 1.75))
     out = tmp_path / "out"
     done = jointz("analyze", small_study.root, "--out", out, "--method", "pre_pulse",
-                  "--resamples", 2, "--json")  # fmt: skip
+                  "--resamples", 2, "--no-figures", "--json")  # fmt: skip
 
     rows = pd.read_csv(out / "estimates.csv")
     per_kg = rows[rows["parameter"].str.endswith("_per_mass")]
@@ -142,4 +142,4 @@ def test_an_unlikely_mass_fails_the_values_per_kg_of_its_person_and_of_no_other(
     assert "ok" in set(rows.loc[rows["parameter"] == "stiffness", "status"])
     means = pd.read_csv(out / "population.csv")
     assert (means.loc[means["parameter"] == "stiffness_per_mass", "n_participants"] <= 1).all()
-    assert "is mass_kg = 6.4 and height_m = 1.75 right?" in (out / "report.html").read_text()
+    assert "mass_kg = 6.4" in (out / "report.html").read_text()

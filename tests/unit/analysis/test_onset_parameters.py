@@ -13,6 +13,7 @@ from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.methods_text import methods_text
 from jointz.analysis.paper.paper_tables import paper_tables
+from jointz.analysis.results_folder import write_results
 from jointz.analysis.saved_analysis import Analysis
 from jointz.comparison.compare import compare_results
 from jointz.results.estimates import ParameterEstimate
@@ -59,7 +60,7 @@ def onset(plain):
 def folders(plain, onset, tmp_path_factory):
     root = tmp_path_factory.mktemp("onset")
     for name, analysis in (("plain", plain), ("onset", onset)):
-        analysis.save(root / name)
+        write_results(analysis, root / name, figures=False)
     return root
 
 

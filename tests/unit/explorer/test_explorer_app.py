@@ -22,7 +22,7 @@ from jointz.explorer.view import View
 def made(small_study_source, tmp_path_factory):
     above = tmp_path_factory.mktemp("explored")
     shutil.copytree(small_study_source, above / "study")
-    write_results(analyze(above / "study", resamples=50), above / "results")
+    write_results(analyze(above / "study", resamples=50), above / "results", figures=False)
     return above
 
 

@@ -42,7 +42,8 @@ def made(small_study_source, tmp_path_factory):
     """A study with its results beside it."""
     above = tmp_path_factory.mktemp("explored")
     shutil.copytree(small_study_source, above / "study")
-    write_results(analyze(above / "study", resamples=RESAMPLES, seed=3), above / "results")
+    analysis = analyze(above / "study", resamples=RESAMPLES, seed=3)
+    write_results(analysis, above / "results", figures=False)
     return above
 
 
