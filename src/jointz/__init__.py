@@ -5,9 +5,11 @@ is loaded when it is first used.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # the module typing takes as long to load as Python
 if TYPE_CHECKING:
+    from typing import Any
+
     from jointz import reference, stats
     from jointz.analysis.analyze import analyze
     from jointz.analysis.certify import certify
@@ -73,7 +75,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """Load a public name from its home on first use."""
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
