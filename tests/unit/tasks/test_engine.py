@@ -356,21 +356,6 @@ def test_what_nobody_went_on_with_for_a_month_is_removed(tmp_path):
     assert [store.folder.exists() for store in (old, new, now)] == [False, True, True]
 
 
-def test_an_error_says_what_is_kept(tmp_path):
-    store = TaskStore(tmp_path / "tasks")
-    with pytest.raises(ZeroDivisionError) as nothing, store.told_with_errors():
-        raise ZeroDivisionError
-    kept(store)
-    with pytest.raises(ZeroDivisionError) as something, store.told_with_errors():
-        raise ZeroDivisionError
-
-    assert not hasattr(nothing.value, "__notes__")
-    assert something.value.__notes__ == [
-        f"What is done is kept in {store.folder}: the same command goes on from there."
-    ]
-    assert store.holds("0")
-
-
 def test_a_key_is_of_all_that_a_result_depends_on():
     def key(**changed):
         given = {"what": "analyze S01", "inputs": {"a.csv": "12"}, "settings": {"seed": 1}}

@@ -46,21 +46,6 @@ def test_a_script_that_every_worker_would_run_again_is_refused(tmp_path):
     assert ran(tmp_path / "guarded.py", guarded).stdout == "1\n"
 
 
-def test_a_module_is_refused_like_a_script_but_not_that_of_a_package(tmp_path):
-    (tmp_path / "package").mkdir()
-    for file in (tmp_path / "mine.py", tmp_path / "package" / "__main__.py"):
-        file.write_text(_UNGUARDED)
-    settings = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": 60}
-    alone, package = (
-        subprocess.run([sys.executable, "-m", name], check=False, **settings)
-        for name in ("mine", "package")
-    )
-
-    assert (alone.returncode, alone.stdout) == (1, "")
-    assert "mine.py: each worker begins by running this script" in alone.stderr
-    assert package.stdout == "1\n"
-
-
 def test_few_things_to_do_start_no_process():
     assert workers_for(3) == 1
     assert workers_for(1000) == len(os.sched_getaffinity(0))
