@@ -125,11 +125,6 @@ def test_a_recording_without_strikes_has_no_strides_to_report():
     assert result.cells["dissertation"] == ()
 
 
-def test_the_order_of_the_recordings_changes_nothing():
-    pair = [given("unperturbed"), given("perturbed", pulses=ONSETS)]
-    assert estimates(analyzed(*pair)) == estimates(analyzed(*pair[::-1]))
-
-
 def test_a_posterior_has_session_and_side_of_its_recordings(monkeypatch):
     one, eye = np.zeros(1), np.eye(1)
     posterior = LogPosterior("S01", ("stiffness",), ("LRE",), one, eye, one, eye)

@@ -186,14 +186,3 @@ def test_a_trial_with_a_gap_is_refused_by_its_number():
     trials[2, 1, 5] = np.nan
     with pytest.raises(ValueError, match=r"NaN or infinity in trial\(s\) \[2\]"):
         bootstrap_fits(np.ones((1, 3)), trials)
-
-
-def test_shapes_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"shape \(n, 4, T\) .* got \(2, 3, 9\)"):
-        normal_equations(np.ones((2, 3, 9)))
-    with pytest.raises(ValueError, match=r"weights of shape \(R, 5\)"):
-        bootstrap_fits(np.ones((2, 4)), np.ones((5, 4, 9)))
-    with pytest.raises(ValueError, match=r"gram of shape \(R, 3, 3\), got \(3, 3\)"):
-        condition_numbers(np.eye(3))
-    with pytest.raises(ValueError, match=r"moment of shape \(1, 3\)"):
-        least_squares(np.eye(3)[None], np.ones(3))

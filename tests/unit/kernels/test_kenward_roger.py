@@ -7,7 +7,6 @@ from jointz.kernels.statistics.kenward_roger import (
     kenward_roger_test,
 )
 from jointz.kernels.statistics.mixed_model_components import fit_participants
-from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 
 
 def complete(seed, people=6, levels=4, person_sd=2.0):
@@ -18,19 +17,6 @@ def complete(seed, people=6, levels=4, person_sd=2.0):
     X = (level[:, None] == np.arange(levels)).astype(float)
     X[:, 0] = 1.0
     return table, X, table.ravel(), person
-
-
-@pytest.mark.parametrize(("people", "levels"), [(2, 2), (2, 6), (10, 6)])
-def test_a_complete_table_has_the_analysis_of_variance(people, levels):
-    table, X, y, person = complete(0, people, levels, person_sd=5.0)
-    fit = fit_participants(X, y, person)
-
-    test = kenward_roger_test(fit, np.eye(levels)[1:])
-
-    known = repeated_measures_anova(table).test
-    assert test.df_den == pytest.approx(known.df_den)
-    assert test.statistic == pytest.approx(known.statistic)
-    assert test.p == pytest.approx(known.p)
 
 
 def test_contrasts_that_depend_on_each_other_are_refused():

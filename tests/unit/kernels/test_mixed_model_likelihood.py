@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jointz.kernels.statistics.anova import one_way_anova
 from jointz.kernels.statistics.mixed_model_likelihood import (
     fit_random_intercept,
     satterthwaite_test,
@@ -42,22 +41,6 @@ def test_estimates_variances_and_tests_are_those_of_lmertest(name):
     np.testing.assert_allclose(
         [joint.df_num, joint.df_den, joint.statistic, joint.p], known["joint"], rtol=1e-6
     )
-
-
-@pytest.mark.parametrize("group", [np.zeros(12, int), np.arange(12)], ids=["one", "singles"])
-def test_groups_that_say_nothing_leave_ordinary_least_squares(group):
-    rng = np.random.default_rng(7)
-    kind = np.repeat([1.0, -1.0], 6)
-    y = rng.standard_normal(12) + 0.5 * kind
-
-    test = satterthwaite_test(
-        fit_random_intercept(np.column_stack([np.ones(12), kind]), y, group), np.array([0.0, 1.0])
-    )
-
-    plain = one_way_anova(y, kind)
-    assert test.df_den == pytest.approx(plain.df_den)
-    assert test.statistic == pytest.approx(plain.statistic)
-    assert test.p == pytest.approx(plain.p)
 
 
 ONES = np.ones((4, 1))

@@ -64,29 +64,6 @@ def test_whitened_noise_has_unit_covariance(functions):
     np.testing.assert_allclose(covariance, np.eye(len(covariance)), atol=0.05)
 
 
-@pytest.mark.parametrize("corrected", [True, False])
-def test_noise_of_the_angle_pulls_towards_zero_unless_it_is_taken_out(functions, corrected):
-    signals = motion()
-    torque = TRUTH @ signals
-    sd = 4e-3
-    rng = np.random.default_rng(1)
-    angles = signals[0] + sd * rng.standard_normal((4000, N))
-    whitener = weak_fit(signals[0], torque, functions, noise_sd=(sd, 1e-3))
-    gram, moment = weak_equations(
-        angles,
-        np.broadcast_to(torque, angles.shape),
-        functions,
-        whitener,
-        angle_sd=sd if corrected else 0.0,
-    )
-    # Means of the products: what many pulses would give.
-    found = np.linalg.solve(gram.mean(axis=0), moment.mean(axis=0))
-    error = found / TRUTH - 1.0
-    assert (np.abs(error) < 0.002).all() == corrected
-    if not corrected:
-        assert error[2] < -0.005
-
-
 def test_impossible_requests_are_refused(functions):
     with pytest.raises(ValueError, match="at least 26 samples"):
         bumps(25, step_s=STEP_S)

@@ -124,22 +124,6 @@ def test_a_shift_between_days_counts_in_agreement_only():
     assert shifted.icc_agreement[0] < 0.5 < still.icc_agreement[0]
 
 
-@pytest.mark.slow
-def test_intervals_of_effect_and_repeatability_hold_what_they_should():
-    rng = np.random.default_rng(5)
-    n, trials, held = 12, 1500, np.zeros(3)
-    for _ in range(trials):
-        person = rng.normal(0.0, 1.0, n)
-        a, b = person + rng.normal(0.5, 0.5, n), person + rng.normal(0.0, 0.5, n)
-        paired, apart = paired_difference(a, b), group_difference(a, rng.normal(0, 1.25**0.5, n))
-        held[0] += paired.effect_low <= 0.5 / 0.5**0.5 <= paired.effect_high
-        held[1] += apart.effect_low <= 0.5 / 1.25**0.5 <= apart.effect_high
-        low, high = repeatability(np.column_stack([a, b])).icc_consistency[1:]
-        held[2] += low <= 1.0 / 1.25 <= high
-    # Binomial band of 95 % over 1500 trials, 3 standard errors.
-    np.testing.assert_allclose(held / trials, 0.95, atol=3 * np.sqrt(0.95 * 0.05 / trials))
-
-
 @pytest.mark.parametrize(
     ("compare", "values", "error", "message"),
     [

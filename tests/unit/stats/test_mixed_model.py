@@ -9,10 +9,6 @@ import pytest
 from scipy.stats import binom
 
 from jointz.core.errors import DataError, EstimationError
-from jointz.kernels.statistics.mixed_model_likelihood import (
-    fit_random_intercept,
-    satterthwaite_test,
-)
 from jointz.stats import mixed_model
 
 HERE = Path(__file__).parent
@@ -138,44 +134,7 @@ def test_the_published_table_is_as_in_r(published, name, df):
     assert_exact_tests_are_those_of_r(fit, ORACLE[f"published {PUBLISHED[name]}"])
 
 
-@pytest.mark.real_data
-def test_three_pairs_of_the_published_stiffness_differ(published):
-    pairs = published_fit(published, "K").pairs(adjust="bonferroni")
-
-    below = pairs[pairs["p_adjusted"] < 0.05]
-    found = {(a, b): p for a, b, p in zip(below["first"], below["second"], below["p_adjusted"],
-                                          strict=True)}  # fmt: skip
-    assert found == {
-        ("LRE", "MST"): pytest.approx(0.0025, abs=5e-5),
-        ("LRE", "ISW"): pytest.approx(0.00017, abs=5e-6),
-        ("LRE", "MSW"): pytest.approx(0.00031, abs=5e-6),
-    }
-
-
 # --- what must not matter ------------------------------------------------------------------------
-
-
-def test_kenward_roger_does_not_depend_on_the_order_of_levels():
-    table = oracle_table("unbalanced")
-    other = pd.Categorical(table["level"], categories=table["level"].unique()[::-1])
-
-    one, two = fit_of(table), fit_of(table.assign(level=other))
-
-    assert two.levels == one.levels[::-1]
-    np.testing.assert_allclose(two.f_test.F, one.f_test.F, rtol=1e-6)
-    assert two.f_test.df_den == pytest.approx(one.f_test.df_den)
-
-
-def test_equal_replicates_test_levels_as_their_means_do():
-    table = oracle_table("nested")
-    averaged = table.groupby(["participant", "level"], sort=False, as_index=False).mean()
-
-    whole, means = fit_of(table), fit_of(averaged)
-
-    np.testing.assert_allclose(whole.f_test.F, means.f_test.F, rtol=1e-6)
-    assert whole.f_test.df_den == pytest.approx(means.f_test.df_den)
-    assert whole.icc.value == pytest.approx(means.icc.value)
-    assert whole.icc.ci_low == pytest.approx(means.icc.ci_low)
 
 
 def test_the_interval_of_the_intraclass_correlation_is_that_of_shrout_and_fleiss():
@@ -406,21 +365,3 @@ def test_intervals_of_the_intraclass_correlation_hold_in_95_percent():
 
     low, high = binom.interval(0.998, 1000, 0.95)
     assert low <= inside <= high
-
-
-@pytest.mark.slow
-def test_replicates_taken_as_people_find_what_is_not_there_in_over_90_percent():
-    rng = np.random.default_rng(13)
-    n_studies = 40
-    pseudo = honest = 0
-    for _ in range(n_studies):
-        table = made_up(rng, people=10, levels=6, rows=50, cell_sd=1.0)
-        levels = pd.factorize(table["level"])[0]
-        design = (levels[:, None] == np.arange(6)).astype(float)
-        design[:, 0] = 1.0
-        fit = fit_random_intercept(design, table["y"].to_numpy(), table["participant"].to_numpy())
-        pseudo += satterthwaite_test(fit, np.eye(6)[1:]).p < 0.001
-        honest += fit_of(table).f_test.p < 0.05
-
-    assert pseudo / n_studies > 0.9
-    assert honest <= binom.ppf(0.999, n_studies, 0.05)

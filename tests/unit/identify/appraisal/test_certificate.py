@@ -147,17 +147,6 @@ def test_what_is_given_is_injected_and_the_rest_is_as_the_study_found_it(evidenc
     }
 
 
-def test_the_lag_is_drawn_as_well_as_it_is_known(evidence):
-    rng = np.random.default_rng(4)
-    lags = []
-    for _ in range(200):
-        joint = drawn_truth(evidence, Injection(), rng).joints[0]
-        lags.append(joint.lag_s + joint.delay_s)
-
-    assert np.mean(lags) == pytest.approx(LAG_S, abs=0.0005)
-    assert np.std(lags) < 0.0007
-
-
 def test_gains_and_the_frame_are_as_uncertain_as_their_calibration_says(evidence):
     known = LAG_KNOWN.overridden_by(
         CalibrationSpec(
@@ -202,13 +191,6 @@ def test_a_lag_of_which_the_calibration_knows_nothing_shows_as_bias(evidence):
     assert abs(errors_of(honest, "inertia").mean()) < 0.05
     assert added["inertia"] > errors_of(honest, "inertia").mean() + 0.1
     assert max(abs(v) for v in added.values()) > 0.1
-
-
-def test_an_injection_is_the_same_from_the_same_seed(evidence):
-    first, second = (injected(evidence, Injection(), replicates=1, seed=9) for _ in range(2))
-
-    assert first == second
-    assert {e.replicate for e in first} == {0}
 
 
 def test_own_estimates_are_the_studys_within_three_standard_errors(evidence):

@@ -66,12 +66,6 @@ def test_stiffness_and_damping_that_drift_are_followed():
     np.testing.assert_allclose(found.shown, solved(joint), atol=2e-6)
 
 
-def test_constant_stiffness_and_damping_are_their_own_means():
-    found = injected_response(TORQUE, PLAIN, period_s=PERIOD_S, window_s=0.1)
-
-    assert (found.stiffness, found.damping) == (60.0, 2.0)
-
-
 def test_the_mean_of_a_drift_is_what_least_squares_on_the_angle_finds():
     """Constant K and B are fitted to the angle under a small drift of K: the slope is told."""
     slope = 1.0

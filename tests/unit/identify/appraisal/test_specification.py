@@ -56,10 +56,6 @@ def test_a_free_inertia_is_the_freest_there_is():
     assert free.weights == pytest.approx([1.0])
 
 
-def test_pooled_inertias_are_all_hypotheses_together():
-    assert of_inertia_model(POSTERIOR, "pooled") is POSTERIOR
-
-
 def test_hypotheses_that_the_data_rule_out_can_still_be_looked_at():
     ruled_out = JointPosterior(
         (Found(Hypothesis(0.01, 0.1), 0.0), Found(Hypothesis(0.35, 0.1), -2000.0)),

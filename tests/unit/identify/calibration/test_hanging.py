@@ -123,14 +123,6 @@ def test_known_loads_and_gains_are_carried_into_the_gain(make):
     assert parts["angle_gain"] == pytest.approx(0.02 / 1.02 * fit.entry("torque_gain").value)
 
 
-def test_soft_tissue_is_found_where_it_shows(make):
-    fit = leg(make, Rig(tissue_hz=22.0, noise=0.1, error_nm=0.02, filter_s=0.003))
-
-    tissue = fit.entry("tissue_hz")
-    assert tissue.status == "ok"
-    assert abs(tissue.value - 22.0) < 3.0 * tissue.sd
-
-
 def test_a_bare_leg_alone_leaves_the_gain_undecided(make):
     fit = fit_leg(pulsed(make, Rig()))
 

@@ -178,19 +178,6 @@ def test_strides_that_hold_or_follow_a_pulse_never_serve():
     np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
 
 
-def test_a_match_never_reaches_into_the_next_pulse():
-    """At 93 % of the cycle the window ends in the next stride, where a pulse may begin."""
-    late, early = [8.93, 14.93, 20.93], [11.005, 17.005, 23.005]
-    cells, _ = run(
-        record(onsets=sorted(late + early), n=28),
-        method="matched_strides",
-        timing_points={"ICO": 0.5, "TSW": 93.0},
-    )
-    for cell in cells:
-        assert cell.n_used == 3
-        np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
-
-
 def test_without_free_strides_there_is_no_baseline():
     onsets = np.arange(0.2, 25.0)  # in every stride
     names = ["MST"] * len(onsets)

@@ -38,7 +38,6 @@ NEW = (
     "errors_in_variables",
     "weak_form",
 )
-RAW = [name for name in NEW if METHODS[name].raw]
 
 
 def command() -> np.ndarray:
@@ -199,13 +198,6 @@ def test_a_dead_signal_is_a_code_in_every_method(name, row, failure):
     assert refused.value.code in (failure, Failure.ILL_CONDITIONED)
 
 
-@pytest.mark.parametrize("name", NEW)
-def test_identical_pulses_have_no_wider_interval_than_rounding_and_no_error(name):
-    fit = METHODS[name].fit(cell_of(*pulses(6)), settings())
-    for p in fit.parameters:
-        assert p.ci_high - p.ci_low < 1e-6 * p.value
-
-
 @pytest.mark.parametrize("stiffness", [0.4, 20.0, 100.0, 1000.0])
 def test_the_commanded_torque_is_right_to_one_percent_beside_any_device(stiffness):
     cell = cell_of(*pulses(200, device=(stiffness, 0.05, 0.002), inside=True))
@@ -282,13 +274,6 @@ def test_a_command_that_moved_nothing_is_a_code(change, device, failure):
         METHODS["instrumental_variable"].fit(cell_of(angle, torque, change(u)), settings())
     assert refused.value.code == failure
     assert (failure == Failure.NO_COMMAND) == ("Name the channel 'command'" in str(refused.value))
-
-
-def test_a_raw_method_without_raw_windows_says_what_to_do():
-    filtered = cell_of(*pulses(4)).filtered
-    for name in RAW:
-        with pytest.raises(ValueError, match=r"Method\.raw"):
-            METHODS[name].fit(CellData(filtered), settings())
 
 
 def coverage(name: str, n_cells: int) -> np.ndarray:

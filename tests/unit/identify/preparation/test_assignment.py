@@ -141,14 +141,6 @@ def test_many_contradicted_names_stop_the_analysis_with_a_question(labels_of, ca
     assert "such as the one at 4.07 s: at 7.0 % of the gait cycle" in str(refusal.value)
 
 
-def test_names_of_the_other_leg_are_told_by_their_distance():
-    onsets, names = planned()
-    with pytest.raises(
-        DataError, match=r"Most are about 50 % .* of the other leg, or of an inverted"
-    ):
-        assigned(walk([t + 0.5 for t in onsets], names=names, n_strides=45))
-
-
 def test_names_are_not_asked_of_phases_that_the_study_does_not_have():
     onsets, names = planned(labels_of=lambda names: names[::-1])
     own = [f"point {name}" for name in names]
@@ -238,11 +230,6 @@ def test_a_line_about_another_file_or_moment_changes_nothing():
         UserExclusion("S01", "walk.csv", 9.08, "exclude", ""),
     ]
     assert codes(assigned(walk([6.07, 9.07, 12.07]), exclusions=lines)) == [""] * 3
-
-
-def test_the_user_may_leave_out_what_is_left_out_already():
-    line = UserExclusion("S01", "walk.csv", 2.07, "exclude", "")
-    assert codes(assigned(walk([2.07, 6.07, 9.07]), exclusions=[line]))[0] == "user"
 
 
 def test_the_users_reason_stands_beside_the_code():

@@ -48,17 +48,6 @@ def test_a_draw_without_any_of_a_pulses_strides_falls_back_to_all_of_them():
     np.testing.assert_allclose(weights[0, 0], [0.5, 0.5, 0.0])
 
 
-def test_the_mean_is_over_the_valid_windows_only():
-    windows = np.zeros((1, 3, 4, 2))
-    windows[0, 0], windows[0, 1] = 1.0, 4.0
-    baseline = Baseline(windows, np.array([[0, 1, 2]]), np.array([[True, True, False]]))
-
-    np.testing.assert_allclose(baseline.mean(), 2.5)
-    assert baseline.codes == [""]
-    assert baseline.n_sources == 3
-    assert baseline.has_strides
-
-
 def test_a_pulse_without_a_window_has_a_code_and_zero_weights():
     baseline = Baseline(np.zeros((1, 2, 4, 2)), np.array([[0, 1]]), np.zeros((1, 2), bool))
 

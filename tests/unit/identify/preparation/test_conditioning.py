@@ -74,18 +74,6 @@ def test_each_lag_shifts_its_own_signals():
     np.testing.assert_allclose(stretch.signals[3][inner(stretch)], 3 * np.cos(W * t), atol=3e-3)
 
 
-@pytest.mark.parametrize("target_hz", [250.0, 900.0])
-def test_another_rate_keeps_the_signals(target_hz):
-    made = condition(
-        recording(clock()), cutoff_hz=20.0, calibration=PLAIN, target_rate_hz=target_hz
-    )
-
-    (stretch,) = made.stretches
-    assert made.rate_hz == target_hz
-    np.testing.assert_allclose(np.diff(stretch.time), 1 / target_hz)
-    assert_is_the_motion(stretch)
-
-
 def test_jittered_time_stamps_give_the_motion_at_uniform_times():
     t = clock()
     t = t + np.random.default_rng(0).uniform(-2e-4, 2e-4, t.size)

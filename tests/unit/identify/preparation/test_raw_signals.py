@@ -170,23 +170,6 @@ def test_missing_samples_and_holes_part_the_stretches():
     assert len(signals.gaps) == 1
 
 
-def test_a_jittered_clock_is_made_even_by_its_time_stamps():
-    rng = np.random.default_rng(0)
-    time = np.arange(2000) / 500.0 + 3e-4 * rng.uniform(-1.0, 1.0, 2000)
-    channels = {"angle": np.sin(5.0 * time), "torque": 0.0 * time, "command": 0.0 * time}
-    stretch = raw_signals(source(time, channels)).stretches[0]
-    assert np.ptp(np.diff(stretch.time)) < 1e-9
-    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=5e-5)
-
-
-def test_a_clock_that_drifts_keeps_its_own_time():
-    time = np.arange(5000) / 500.0 * 1.0005
-    channels = {"angle": np.sin(5.0 * time), "torque": 0.0 * time, "command": 0.0 * time}
-    stretch = raw_signals(source(time, channels)).stretches[0]
-    assert stretch.time[-1] == pytest.approx(time[-1])
-    assert stretch.signals[RAW_ANGLE] == pytest.approx(np.sin(5.0 * stretch.time), abs=1e-9)
-
-
 def test_recordings_of_unlike_rates_come_to_the_slowest():
     fast, slow, odd = plain(1000.0), plain(240.0), plain(900.0)
     rate = common_rate_hz([fast, slow, odd])

@@ -79,13 +79,6 @@ def test_torque_comes_from_current_where_it_was_not_measured():
     np.testing.assert_allclose(source.given.recording["torque"], 0.9)
 
 
-@pytest.mark.parametrize("drop", [["torque"], ["torque", "current"]])
-def test_a_recording_without_any_torque_is_refused(drop):
-    model = MODEL if "current" in drop else None
-    with pytest.raises(DataError, match=r"perturbed.csv: no torque. Give channels.torque"):
-        prepare_sources([record(drop=drop)], settings(torque_model=model))
-
-
 def test_without_a_device_neither_torque_nor_pulses_are_expected():
     (source,) = prepare_sources([record("no_device", drop=["torque", "command"])], settings())
     assert source.pulses == ()
@@ -160,12 +153,6 @@ def test_strides_with_a_pulse_or_left_out_by_the_user_are_disturbed():
 
     disturbed = source.strides.start_s[~source.undisturbed]
     np.testing.assert_allclose(disturbed, [5.0, 9.0])
-
-
-def test_a_recording_without_a_channel_of_strikes_has_no_strides():
-    (source,) = prepare_sources([record(drop=["contact"])], settings())
-    assert source.strides is None
-    assert source.undisturbed.size == 0
 
 
 def test_the_angle_is_counted_from_the_joints_true_zero():

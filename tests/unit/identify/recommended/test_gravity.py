@@ -78,17 +78,6 @@ def test_gravity_adds_most_when_the_segment_hangs_straight_and_nothing_when_it_l
     assert at([BOB], thigh + math.pi).value == pytest.approx(-2.0 * GRAVITY * 0.3)
 
 
-def test_shank_and_an_exoskeleton_of_two_kg_add_about_0_15_per_kg_in_swing():
-    masses = hanging_masses("knee", PERSON, FRAME)
-    # Winter's knee 4.5 % of the cycle after the two onsets of swing, the middle of the window.
-    swing = [(73.0, 64.5), (85.5, 34.0)]
-
-    found = [at(masses, math.radians(deg), gait_pct=pct).value / MASS_KG for pct, deg in swing]
-
-    assert np.mean(found) == pytest.approx(0.15, abs=0.02)
-    assert found[0] < found[1]  # a bent knee brings the shank nearer to the horizontal
-
-
 def test_turning_the_study_round_changes_nothing():
     flexed = at([BOB], 0.8)
 
@@ -118,16 +107,6 @@ def test_where_the_posture_is_not_known_there_is_no_correction(unknown):
 def test_an_angle_or_phase_that_is_no_number_is_refused(angle_rad, gait_pct):
     with pytest.raises(ValueError, match="expected a finite angle and phase"):
         gravity_stiffness([BOB], joint="knee", angle_rad=angle_rad, gait_pct=gait_pct)
-
-
-@pytest.mark.parametrize(
-    ("gait_pct", "in_stance"),
-    [(0.0, True), (61.9, True), (62.0, False), (93.5, False), (101, True)],
-)
-def test_the_note_says_in_stance_that_body_weight_is_not_in_it(gait_pct, in_stance):
-    note = at([BOB], 0.2, gait_pct=gait_pct).note
-
-    assert ("body weight is not in the gravity term" in note) == in_stance
 
 
 # --- its uncertainty -----------------------------------------------------------------------------

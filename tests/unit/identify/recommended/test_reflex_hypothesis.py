@@ -135,10 +135,3 @@ def test_of_a_reflex_that_is_there_less_is_taken_for_stiffness(posterior_of, gai
         assert 0.0 < beside < 0.75 * without
     else:
         assert abs(beside) < 0.02
-
-
-def test_the_fit_follows_the_parameters(posterior_of):
-    cells = responses(gain=0.3)
-    reflex = with_reflexes([posterior_of(cells)], cells)[1]
-    for cell, after in zip(cells, reflex.fitted, strict=True):
-        assert np.sqrt(((cell.angle - after) ** 2).mean()) < 1.1 * SD_RAD

@@ -179,17 +179,6 @@ def test_copies_are_found_whichever_side_of_a_sample_rounding_puts_their_onsets(
     assert copied_pulses(given, pulses, window_s=0.1) == [False] + [True] * (at.size - 1)
 
 
-def test_torque_made_of_a_current_need_not_be_the_same_in_a_copy():
-    rng = np.random.default_rng(3)
-    angle, current = rng.standard_normal(2000), rng.standard_normal(2000)
-    for values in (angle, current):
-        values[1000 - 60 : 1200] = values[500 - 60 : 700]
-    made = 2.0 * current + 1e-12 * rng.standard_normal(2000)
-    pulses = [Pulse(at / 500.0, 0.25, 17.0) for at in (500, 1000)]
-    given = dataset(angle=angle, current=current, torque=made)
-    assert copied_pulses(given, pulses, window_s=0.1) == [False, True]
-
-
 def test_windows_of_a_noisy_sensor_are_no_copies():
     rng = np.random.default_rng(2)
     given = dataset(angle=rng.standard_normal(4000).round(1), torque=np.zeros(4000))

@@ -13,7 +13,6 @@ from jointz.identify.recommended.response_linearity import Contrast, contrasts, 
 from jointz.identify.recommended.response_model import Priors
 from jointz.identify.recommended.walking_responses import explain_responses
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.participant_model import ParticipantModel
 
 PERIOD_S, STEP_S, N, WINDOW_S = 0.002, 0.0005, 70, 0.1
 KNOWN = replace(Priors(), lag_s=(0.002, 0.0003), friction_gain=(1.0, 1e-5))
@@ -213,10 +212,3 @@ def test_a_limit_at_the_bound_stays_one_and_moves_up():
     given = replace(given, parameters=(bound, *given.parameters[1:3]), gravity_corrected=None)
     found = doubted(given, [contrast(1e-6, (2.0, 0.0, 0.0))]).parameter("stiffness")
     assert (found.status, found.ci_low, found.ci_high) == ("at_bound", 0.0, 6.0)
-
-
-def test_doubts_of_a_model_survive_being_written_and_older_models_have_none():
-    model = ParticipantModel("S01", 0.006, 0.001, 1.0, 0.2, 0.1, 0.9, 0.1, 900, (SIZE.value,))
-    assert ParticipantModel.from_dict(model.to_dict()) == model
-    old = {k: v for k, v in model.to_dict().items() if k != "doubts"}
-    assert ParticipantModel.from_dict(old).doubts == ()

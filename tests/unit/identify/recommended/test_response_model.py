@@ -114,13 +114,6 @@ def test_misfit_is_chi_square_distributed(responses):
     assert free - 20 < misfits.mean() < free + 3.0 * np.sqrt(2.0 * free / 30)
 
 
-def test_priors_scale_with_their_factor():
-    doubled = Priors().scaled(2.0)
-    assert doubled.stiffness == (120.0, 200.0)
-    assert doubled.damping == (5.0, 8.0)
-    assert np.exp(doubled.log_inertia[0]) == pytest.approx(0.16)
-
-
 def test_doubling_the_priors_hardly_moves_the_mode(responses):
     cells = responses()
     plain, doubled = fitted(cells), fitted(cells, priors=KNOWN.scaled(2.0))

@@ -10,7 +10,6 @@ from scipy.optimize import least_squares
 from jointz import phase_curve
 from jointz.identify.recommended.steep_change import drift_reach, undecided_where_steep, widen_steep
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
-from jointz.results.statistics.pooled_estimates import unbounded_estimate
 from jointz.results.study_analysis import StudyAnalysis
 
 K, B, J, WINDOW_S, RATE_HZ = 80.0, 2.0, 0.06, 0.1, 500.0
@@ -72,20 +71,6 @@ def test_a_drift_moves_the_fit_of_a_joint_without_one_as_far_as_is_said():
     assert found.x[0] - K == pytest.approx(drift * reach[0], rel=0.05)
     assert found.x[1] - B == pytest.approx(drift * reach[1], rel=0.05)
     assert reach[0] > 0.0 > reach[1]
-
-
-def test_the_reach_of_a_late_sensor_is_that_of_the_joint_before_it():
-    late = replace(
-        cell("A", 30.0),
-        nuisance=(ParameterEstimate("angle_lag", 0.008, 0.007, 0.009, "ok"),),
-        response=Response(
-            np.append(TIMES, TIMES[-1] + np.arange(1, 5) / RATE_HZ),
-            np.zeros(TIMES.size + 4),
-            push(np.append(TIMES, TIMES[-1] + np.arange(1, 5) / RATE_HZ)),
-            np.zeros(TIMES.size + 4),
-        ),
-    )
-    assert drift_reach(late) == pytest.approx(drift_reach(cell("A", 30.0)), rel=0.02)
 
 
 def test_only_the_estimate_between_a_lower_and_a_higher_one_is_steep():
@@ -151,54 +136,6 @@ def test_a_curve_says_where_it_is_steep_and_marks_what_that_leaves_undecided():
     assert "TSW (1 of 1 people)" in warning
     undecided = [p.timing_point for p in curve.band("damping", "S1").points if not p.decided]
     assert undecided == ["TSW"]
-
-
-def test_the_mean_over_people_is_surer_than_one_only_where_few_are_steep():
-    def halves(n_steep):
-        cells = []
-        for k in range(12):
-            mine = rise(person=f"S{k}")
-            cells += mine if k < n_steep else [c for c in mine if c.timing_point != "ICO"][:-1]
-        curve = phase_curve(StudyAnalysis(tuple(cells)), parameters=["stiffness"])
-        return {
-            name: next(
-                0.5 * (p.ci_high - p.ci_low)
-                for p in curve.band("stiffness", name).points
-                if p.timing_point == "TSW"
-            )
-            for name in ("mean over people", "S0")
-        }
-
-    all_steep, one_steep = halves(12), halves(1)
-    assert all_steep["mean over people"] == pytest.approx(all_steep["S0"], rel=0.1)
-    assert one_steep["S0"] == pytest.approx(all_steep["S0"])
-    assert one_steep["mean over people"] < 0.2 * one_steep["S0"]
-
-
-def test_a_joint_that_stiffens_fast_within_a_window_is_covered(walkers):
-    """K rises from 30 to 150 N*m/rad within the window of D, and nowhere else."""
-    slope = 120.0 / WINDOW_S
-    joints = {"A": (60.0, 0.0), "B": (45.0, 0.0), "C": (30.0, 0.0)}
-    joints |= {"D": (30.0, slope), "E": (150.0, 0.0)}
-    points = {"A": 10.0, "B": 35.0, "C": 55.0, "D": 67.0, "E": 75.0}
-    walker = walkers.Walker(
-        joints={n: walkers.Joint(k, 2.5, 0.06, slope=s) for n, (k, s) in joints.items()},
-        points=points,
-        counts=dict.fromkeys(points, 30),
-    )
-    cells = walkers.analyze(walker).cells["recommended"]
-    curve = phase_curve(StudyAnalysis(tuple(cells)), parameters=["stiffness", "damping"])
-    steep = next(c for c in cells if c.timing_point == "D")
-    middle_s = (steep.centre_gait_pct - steep.onset_gait_pct) / 100.0 * 1.1
-    for name, true in (("stiffness", 30.0 + slope * middle_s), ("damping", 2.5)):
-        point = next(p for p in curve.band(name, "S01").points if p.timing_point == "D")
-        assert point.ci_low < true < point.ci_high
-        assert point.ci_high - point.ci_low > 2.0 * _width(steep, name)
-    assert any("D (1 of 1 people)" in warning for warning in curve.warnings)
-
-
-def _width(made, name):
-    return 2.0 * 1.96 * unbounded_estimate(made, name).sd
 
 
 def test_a_value_is_withheld_where_a_neighbour_within_the_window_tells_of_a_rise():

@@ -85,24 +85,6 @@ def test_the_bounds_hold_the_joint_s_response_along_the_same_directions(perturbe
     assert np.mean(held) > 0.88
 
 
-def test_a_reflex_is_found_where_it_is():
-    record = make_record("angle")
-    late = np.roll(record["angle"], 30)  # 60 ms
-
-    fit = identify_irf(
-        angle=record["angle"],
-        torque=record["torque"] + 40.0 * late,
-        rate_hz=RATE,
-        input="angle",
-        length_s=0.1,
-    )
-
-    table = fit.curve.table()
-    strange = (table["response"] - table["fitted"])[table["lag_s"] > 0.04]
-    assert table["lag_s"][strange.idxmax()] == pytest.approx(0.06, abs=2 * fit.step_s)
-    assert any("not of second order" in w for w in fit.warnings)
-
-
 @pytest.mark.real_data
 @pytest.mark.parametrize(("name", "least_pct"), [("z_df", 84.0), ("z_pf", 60.0), ("z_df3", 84.0)])
 @pytest.mark.parametrize("cutoff_hz", [None, 30.0])

@@ -5,7 +5,6 @@ at 1 kHz; white sensor noise of 0.33 N*m and 1 mrad. The truth is stepped by the
 exponential for a torque linear between samples of 10 kHz, so that at 1 kHz it is continuous.
 """
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -125,21 +124,6 @@ def test_a_hundred_records_have_no_bias_and_the_error_of_the_bound(model):
 
     check(found, coverage=0.88, ratio=1.3)
     assert np.all(np.abs(found["bias_pct"]) <= 0.05)
-
-
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("n_seeds", [4, pytest.param(100, marks=pytest.mark.slow)])
-def test_torque_inside_the_joint_moves_the_default_direction_by_1_5_pct_at_most(model, n_seeds):
-    for seed in range(n_seeds):
-        seen, _ = make_record(seed, muscle=1.0)
-        identify = partial(identify_joint, **seen, rate_hz=RATE, model=model)
-
-        right, wrong = identify(), identify(input="angle")
-
-        values = np.array([p.value for p in right.parameters])
-        assert np.all(np.abs(values / KBJ - 1.0) < 0.015)
-        assert right.warnings == ()
-        assert any("looks torque-perturbed" in w for w in wrong.warnings)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -114,8 +114,6 @@ def test_a_reflex_refuses_the_second_order_values_and_names_the_command(
     stiffness = fit.parameter("stiffness")
     assert (stiffness.value, stiffness.ci_low, stiffness.status) == (None, None, "undecided")
     assert stiffness.unbounded > 1.05 * K  # what it would have printed as ok
-    assert "contains a stretch reflex (p 0.001)" in fit.summary()
-    assert "--model reflex" in fit.warnings[0]
     assert fit.to_dict()["check"]["finding"] == "reflex"
 
 
@@ -123,7 +121,6 @@ def test_a_reflex_refuses_the_second_order_values_and_names_the_command(
 def test_a_second_order_joint_passes_and_the_summary_says_so(model: str) -> None:
     fit = identify_joint(**simulate(2, seconds=20.0), model=model, input="angle")
     assert (fit.status, fit.check.finding) == ("ok", "none")
-    assert "the residual shows no stretch reflex (p 0." in fit.summary()
 
 
 @pytest.mark.parametrize(("perturbed", "lag_s"), [("angle", 0.002), ("torque", -0.003)])
@@ -132,53 +129,8 @@ def test_a_lag_is_more_than_second_order_and_no_reflex(perturbed: str, lag_s: fl
     assert (fit.status, fit.check.finding) == ("undecided", "higher_order")
     assert fit.check.lag_s == pytest.approx(lag_s, abs=2e-4)
     late = "torque" if lag_s > 0.0 else "angle"
-    milliseconds = f"{abs(1e3 * fit.check.lag_s):.2g}"
-    for text in (
-        f"the {late} is recorded {milliseconds} ms later than",
-        f"{late}_lag_s = {float(milliseconds) / 1e3:g} under [calibration]",
-        f"shift the {late} column {milliseconds} ms earlier before identify; then run again",
-    ):
-        assert text in fit.warnings[0]
-    assert "--model" not in fit.warnings[0]
+    assert f"{late}_lag_s" in fit.warnings[0]
     assert JointFit.from_dict(json.loads(json.dumps(fit.to_dict()))) == fit
-
-
-@pytest.mark.parametrize(
-    ("model", "advised", "not_advised"),
-    [("kbj", "Use --model frf", "--model kbj"), ("frf", "use --model reflex", "--model frf")],
-)
-def test_a_soft_attachment_is_advised_another_model(
-    model: str, advised: str, not_advised: str
-) -> None:
-    record = simulate(3)
-    s = 2j * np.pi * np.fft.rfftfreq(record["torque"].size, 1.0 / record["rate_hz"])
-    limb = 2.0 * K * 0.05 * s / (1.0 + 0.05 * s)  # a spring behind a damper
-    more = np.fft.irfft(np.fft.rfft(record["angle"]) * limb, record["torque"].size)
-    fit = identify_joint(**record | {"torque": record["torque"] + more}, model=model, input="angle")
-    assert (fit.check.finding, fit.check.lag_s) == ("higher_order", None)
-    assert advised in fit.warnings[0]
-    assert not_advised not in fit.warnings[0]
-
-
-def test_the_finding_does_not_depend_on_the_level_of_the_intervals() -> None:
-    record = simulate(1, seconds=20.0, reflex_share=0.15)
-    fit = identify_joint(**record, input="angle", ci_level=1.0 - 1e-12)
-    assert (fit.status, fit.check.finding) == ("undecided", "reflex")
-
-
-def test_a_refuted_fit_at_its_bound_keeps_the_values_without_bounds() -> None:
-    record = simulate(1, reflex_share=0.15)
-    velocity = np.gradient(record["angle"], 1.0 / record["rate_hz"])
-    record["torque"] = record["torque"] - 8.0 * velocity
-    free, bounded = (
-        identify_joint(**record, input="angle", estimator=name)
-        for name in ("least_squares", "bounded_least_squares")
-    )
-    assert free.check.finding == bounded.check.finding == "reflex"
-    assert bounded.parameter("damping").unbounded < 0.0
-    assert [p.unbounded for p in bounded.parameters] == pytest.approx(
-        [p.unbounded for p in free.parameters]
-    )
 
 
 # Alarms of few records; the rates are those of the slow test below.

@@ -92,10 +92,3 @@ def test_the_inertia_of_a_point_leaves_its_strap_alone():
     assert leg[1, columns.LIMB_INERTIA] == pytest.approx(np.exp(0.7) * leg[0, columns.LIMB_INERTIA])
     for column in (columns.DEVICE_INERTIA, columns.STRAP_STIFFNESS, columns.STRAP_DAMPING):
         assert leg[0, column] == leg[1, column]
-
-
-def test_parameters_far_from_any_leg_give_finite_responses():
-    model, theta = drawn(6, (DOUBLET,))
-    theta[model.layout.shared("strap_hz")] = 12.0
-
-    assert np.isfinite(model.responses(theta[None], 0)).all()
