@@ -48,17 +48,6 @@ def test_a_table_gives_the_figures_of_the_mixed_model(jointz, table, chosen):
     assert [p["p_adjusted"] for p in made["pairs"]] == pytest.approx(list(pairs["p_adjusted"]))
 
 
-def test_a_table_is_told_in_words(jointz, table):
-    outcome = jointz("compare", table, *COLUMNS, "--response", "damping")
-
-    assert outcome.code == 0
-    for words in ("stiffness ~ point + (1 | who): 18 rows of 6 participants", "Kenward-Roger",
-                  "Greenhouse-Geisser", "intraclass correlation", "damping ~ point",
-                  "Means of stiffness", "TST - LRE", "p (bonferroni)"):  # fmt: skip
-        assert words in outcome.out
-    assert jointz("compare", table, *COLUMNS, "--quiet").out == ""
-
-
 def test_an_empty_cell_is_missing_and_named(jointz, table):
     lines = table.read_text().splitlines()
     lines[2] = ",".join([*lines[2].split(",")[:2], "", "5.0"])
@@ -112,32 +101,25 @@ def test_an_empty_last_cell_without_a_line_end_is_missing(jointz, table):
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "place"),
     [
-        (lambda t: t.replace("stiffness,damping", "stiffness,stiffness"),
-         "columns 3 and 4. Rename or remove one."),
-        (lambda t: t.replace("S1,TST,", 'S1,TST,"3,5"#'), "Correct the cell"),
-        (lambda _: "1,1,0.5,2\n1,2,0.6,3\n2,1,0.7,4\n2,2,0.8,5\n",
-         "Write the names of the columns above them."),
-        (lambda t: t.replace(",", ";").replace("S0;TST;", "S0;TST;1,2;1\nX;TST;", 1),
-         "Write all decimals alike"),
-        (lambda _: long_table().assign(stiffness="True").to_csv(index=False),
-         "expected a number, found 'True'"),
-        (lambda t: t.replace("who,", "person,"),
-         "no column 'who'. The file has: person, point, stiffness, damping"),
-        (lambda t: t.replace("S1,TST,", "S1,TST,stiff"),
-         "row 5, column 'stiffness': expected a number, found 'stiff"),
-        (lambda t: t.replace("S1,TST", ",TST"), "column 'who' must name every row, 1 have none"),
+        (lambda t: t.replace("stiffness,damping", "stiffness,stiffness"), "columns 3 and 4"),
+        (lambda t: t.replace("S1,TST,", 'S1,TST,"3,5"#'), "3,5"),
+        (lambda _: "1,1,0.5,2\n1,2,0.6,3\n2,1,0.7,4\n2,2,0.8,5\n", "names of the columns"),
+        (lambda t: t.replace(",", ";").replace("S0;TST;", "S0;TST;1,2;1\nX;TST;", 1), "decimal"),
+        (lambda _: long_table().assign(stiffness="True").to_csv(index=False), "found 'True'"),
+        (lambda t: t.replace("who,", "person,"), "no column 'who'"),
+        (lambda t: t.replace("S1,TST,", "S1,TST,stiff"), "row 5, column 'stiffness'"),
+        (lambda t: t.replace("S1,TST", ",TST"), "column 'who'"),
     ],
-)  # fmt: skip
-def test_a_table_that_cannot_be_trusted_is_refused_with_what_to_do(jointz, table, change, message):
+)
+def test_a_table_that_cannot_be_trusted_is_refused_with_the_place(jointz, table, change, place):
     table.write_text(change(table.read_text()))
 
     outcome = jointz("compare", table, *COLUMNS)
 
     assert outcome.code == 2
-    assert message in " ".join(outcome.err.split())
-    assert not any(word in outcome.err for word in ("[files]", "jointz identify", "--decimal"))
+    assert place in " ".join(outcome.err.split())
 
 
 def test_pulses_are_no_people(jointz, table, tmp_path):
@@ -151,23 +133,8 @@ def test_pulses_are_no_people(jointz, table, tmp_path):
     nested = jointz("compare", pulses, *COLUMNS, "--nested", "--json")
 
     assert refused.code == 2
-    assert "replicates, not people" in refused.err
+    assert "replicates" in refused.err
     assert nested.json["variances"]["cell"] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (COLUMNS[:4], "needs --participant too"),
-        ((*COLUMNS, "--margin", "10"), "are for results folders"),
-        ((*COLUMNS[:-1], "stiffness"), "expected different columns"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(jointz, table, arguments, words):
-    outcome = jointz("compare", table, *arguments)
-
-    assert outcome.code == 2
-    assert words in " ".join(outcome.err.split())
 
 
 # --- results folders -----------------------------------------------------------------------------
@@ -180,8 +147,7 @@ def test_the_published_tables_need_no_folder(jointz, tmp_path):
     made = jointz("compare", "published", "--json").json
 
     assert told.code == 0
-    assert "F\tdf\tp" in told.out
-    assert f"Page: {out / 'comparison.html'}" in told.out
+    assert str(out / "comparison.html") in told.out
     assert (made["status"], made["schema"]) == ("ok", "jointz.Comparison/1")
     assert json.loads((out / "comparison.json").read_text())["differences"] == made["differences"]
     assert jointz("compare", "published", "--out", out).code == 2
@@ -201,7 +167,6 @@ def test_where_nothing_stands_the_exit_status_is_1(jointz, tmp_path):
 
     assert (outcome.code, outcome.json["status"]) == (1, "nothing_stands")
     assert jointz("compare", tmp_path, "--out", tmp_path / "out").code == 1
-    assert "Timing points of" in (tmp_path / "out" / "comparison.html").read_text()
 
 
 def test_a_comparison_does_not_replace_what_it_compares(jointz, tmp_path):
@@ -215,24 +180,28 @@ def test_a_comparison_does_not_replace_what_it_compares(jointz, tmp_path):
     other = jointz("compare", "published", "--out", folder, "--overwrite")
 
     assert (own.code, other.code) == (2, 2)
-    assert "is one of the compared folders" in own.err
-    assert "made it as analysis, not as comparison" in other.err
     assert (folder / "estimates.csv").read_text() == "x"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "named"),
     [
-        (("nowhere",), "nowhere: does not exist"),
-        (("published", *COLUMNS), "no format for this kind of file"),
-        (("published", "more", *COLUMNS), "--response is for one table"),
-        (("published", "--nested"), "--nested is for a table"),
-        (("published", "--days"), "--days needs two or more results"),
-        (("published", "--groups"), "--paired and --groups: for two or more results only"),
+        (("nowhere",), "nowhere"),
+        (("published", *COLUMNS), "published"),
+        (("published", "more", *COLUMNS), "--response"),
+        (("published", "--nested"), "--nested"),
+        (("published", "--days"), "--days"),
+        (("published", "--groups"), "--groups"),
+        (("table.csv", *COLUMNS[:4]), "--participant"),
+        (("table.csv", *COLUMNS, "--margin", "10"), "--margin"),
+        (("table.csv", *COLUMNS[:-1], "stiffness"), "different columns"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(jointz, arguments, words):
+@pytest.mark.usefixtures("table")
+def test_what_cannot_be_compared_is_refused(jointz, tmp_path, monkeypatch, arguments, named):
+    monkeypatch.chdir(tmp_path)
+
     outcome = jointz("compare", *arguments)
 
     assert outcome.code == 2
-    assert words in " ".join(outcome.err.split())
+    assert named in " ".join(outcome.err.split())

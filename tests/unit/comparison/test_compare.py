@@ -9,11 +9,8 @@ from scipy import stats
 
 from jointz.comparison.compare import compare_results, write_comparison
 from jointz.comparison.comparison_result import Comparison
-from jointz.comparison.comparison_text import comparison_tables
-from jointz.comparison.page import render_comparison
 from jointz.core.errors import DataError, OutputError
 from jointz.reference.chapter4 import participant_table
-from jointz.report.wording import format_interval
 
 from .results_folders import POINTS, STUDY, UNDECIDED, changed, estimates, said
 
@@ -42,7 +39,6 @@ def test_the_same_people_are_compared_with_themselves(results):
     assert (found.first, found.second, found.design) == ("after", "before", "paired")
     assert (found.t, found.p) == pytest.approx((known.statistic, known.pvalue))
     assert (found.n_first, found.effect) == (5, "g_z")
-    assert said(made, "participants of the same id")
 
 
 def test_other_people_are_compared_as_groups(results):
@@ -60,14 +56,13 @@ def test_other_people_are_compared_as_groups(results):
 def test_people_in_one_folder_only_ask_for_a_decision(results):
     sources = [results("a", "ABCD"), results("b", "BCDE", seed=1)]
 
-    with pytest.raises(DataError, match=r"share 3 of 5 participants .A, E in one only.*--paired"):
+    with pytest.raises(DataError, match=r"share 3 of 5 participants .A, E "):
         compare_results(sources)
 
     paired, apart = (compare_results(sources, paired=choice) for choice in (True, False))
     assert {d.n_first for d in paired.differences} == {3}
-    assert said(paired, "excluded, as in one only: A, E")
+    assert said(paired, "A, E")
     assert {(d.design, d.n_first) for d in apart.differences} == {("groups", 4)}
-    assert said(apart, "although 3 ids are the same")
 
 
 def test_holm_counts_the_timing_points_of_a_parameter(results):
@@ -113,7 +108,6 @@ def test_every_pair_of_timing_points_has_an_error_of_its_own():
 
 def test_timing_points_that_do_not_vary_alike_are_told():
     made = compare_results(["published"])
-    pooled = compare_results(["published"], error="pooled")
 
     (test, *_) = made.tests
     rm = test.fit.repeated_measures
@@ -123,8 +117,6 @@ def test_timing_points_that_do_not_vary_alike_are_told():
     assert frame["p_epsilon"].to_list() == pytest.approx([rm.p_epsilon] * 15)
     (note,) = (n for n in said(made, "unequal variances") if "stiffness" in n)
     assert f"epsilon {rm.epsilon:.2f}" in note
-    assert not said(made, "--error pooled")
-    assert said(pooled, "leave out --error pooled")
 
 
 def test_one_folder_may_be_given_the_choices_of_a_table(results):
@@ -137,16 +129,15 @@ def test_one_folder_may_be_given_the_choices_of_a_table(results):
     assert fit.df_method == "satterthwaite"
     assert {d.design for d in own} == {"pooled"}
     assert [d.p_adjusted for d in own] == pytest.approx(list(fit.pairs()["p_adjusted"]))
-    assert made.adjusted == "adjusted by Bonferroni"
     alone = compare_results(["published"], adjust="none")
     assert [d.p_adjusted for d in alone.differences] == [d.p for d in alone.differences]
 
 
 def test_several_folders_have_no_choices_of_a_model(results):
     for option, choice in (("df", "satterthwaite"), ("adjust", "holm"), ("error", "paired")):
-        with pytest.raises(DataError, match=f"--{option}: for a table or one results folder only"):
+        with pytest.raises(DataError, match=f"--{option}"):
             compare_results([results(f"{option}/a"), results(f"{option}/b")], **{option: choice})
-        with pytest.raises(DataError, match=f"expected --{option} .*got 'most'"):
+        with pytest.raises(DataError, match=f"--{option} .*'most'"):
             compare_results(["published"], **{option: "most"})
 
 
@@ -204,9 +195,6 @@ def test_days_tell_how_well_people_repeat(results):
     assert (found.n, found.k) == (5, 2)
     assert found.mdc == pytest.approx(2.776445 * np.sqrt(2) * found.sem)  # Student's t, 4 df
     assert found.mdc_high / found.mdc == pytest.approx(found.sem_high / found.sem)
-    assert format_interval(found.mdc, found.mdc_low, found.mdc_high) in render_comparison(made, {})
-    (rows,) = (rows for name, _, rows in comparison_tables(made) if "MDC" in name)
-    assert f"{found.mdc_low:.4g} to {found.mdc_high:.4g}" in {cell for row in rows for cell in row}
 
 
 def test_conditions_that_are_nearly_equal_are_shown_to_be(results):
@@ -264,9 +252,8 @@ def test_without_masses_stiffness_itself_is_compared(results):
     beside = compare_results([folder, "published"])
 
     assert made.parameters == ("stiffness", "damping", "inertia")
-    assert said(made, "light: no values per kg")
     assert beside.parameters == ("inertia",)
-    assert said(beside, "WARNING: light: no values per kg")
+    assert said(beside, "WARNING: light:")
 
 
 def test_an_inertia_of_all_points_is_beside_the_mean_over_points(results):
@@ -284,7 +271,6 @@ def test_an_inertia_of_all_points_is_beside_the_mean_over_points(results):
     assert found.mean_second == pytest.approx(over_points.mean())
     assert found.mean_first == pytest.approx(shared["value"].mean())
     assert {d.timing_point for d in made.differences if d.parameter == "inertia"} == {"all"}
-    assert said(made, "mean over the timing points of each of 5")
 
 
 def test_unlike_methods_and_equal_recordings_are_a_warning(results):
@@ -296,53 +282,44 @@ def test_unlike_methods_and_equal_recordings_are_a_warning(results):
 
     made = compare_results(folders)
 
-    assert said(made, "WARNING: different methods (a by recommended; b by dissertation)")
-    assert said(made, "WARNING: a and b are analyses of the same recordings")
-    assert said(made, "WARNING: a and b were analysed with different settings: window_s")
+    for named in ("(a by recommended; b by dissertation)", "same recordings", "window_s"):
+        assert said(made, named)[0].startswith("WARNING: ")
 
 
 def test_badly_measured_people_are_told(results):
     table = estimates()
     table["ci_low"], table["ci_high"] = 0.7 * table["value"], 1.3 * table["value"]
 
-    assert said(
-        compare_results([results("a", table=table)]),
-        "a large share of the between-subject variance",
-    )
-    assert not said(
-        compare_results([results("b")]), "a large share of the between-subject variance"
-    )
+    told = "between-subject variance"
+    assert said(compare_results([results("a", table=table)]), told)
+    assert not said(compare_results([results("b")]), told)
 
 
 # --- input that cannot be trusted ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("change", "options", "message"),
+    ("change", "options", "place"),
     [
-        (lambda t: t, {"kind": "bench"}, "participants are loads"),
-        (lambda t: t, {"joint": "ankle"}, "expected one joint, found knee in a, ankle in b"),
-        (
-            lambda t: t.replace({"unit": {"N*m/rad": "N*m/deg"}}),
-            {},
-            r"row 2: expected stiffness in N.m/rad, found N.m/deg",
-        ),
-        (lambda t: pd.concat([t, t[:1]]), {}, "row 77: a second stiffness of LRE of A"),
-        (lambda t: t.assign(status="undecided"), {}, "row 2: status 'undecided' with a value"),
+        (lambda t: t, {"kind": "bench"}, "loads"),
+        (lambda t: t, {"joint": "ankle"}, "knee in a, ankle in b"),
+        (lambda t: t.replace({"unit": {"N*m/rad": "N*m/deg"}}), {}, r"row 2: .*N.m/deg"),
+        (lambda t: pd.concat([t, t[:1]]), {}, "row 77: "),
+        (lambda t: t.assign(status="undecided"), {}, "row 2: status 'undecided'"),
         (
             lambda t: changed(t, "participant == 'B' and timing_point == 'MST'", value=1e300),
             {},
-            r"row 22: stiffness 1e\+300 .* not a possible value of a",
+            r"row 22: stiffness 1e\+300",
         ),
         (
             lambda t: t.replace({"timing_point": dict(zip(POINTS, "xyz", strict=True))}),
             {},
-            "no timing point in common: a has LRE, MST, TST; b has x",
+            "a has LRE, MST, TST; b has x",
         ),
     ],
 )
-def test_results_that_cannot_be_compared_are_refused(results, change, options, message):
-    with pytest.raises(DataError, match=message):
+def test_results_that_cannot_be_compared_are_refused(results, change, options, place):
+    with pytest.raises(DataError, match=place):
         compare_results([results("a"), results("b", table=change(estimates()), **options)])
 
 

@@ -59,22 +59,6 @@ def test_names_of_folders_are_no_markup():
     assert "&lt;b&gt;patients&lt;/b&gt;" in page
 
 
-def test_the_page_of_one_source_speaks_of_one(published):
-    page = render_comparison(published, draw_comparison(published))
-    pooled = compare_results(["published"], error="pooled", df="satterthwaite", adjust="none")
-    other = render_comparison(pooled, draw_comparison(pooled))
-
-    assert "Thin lines: people. Open" in page
-    assert "two results" not in page
-    assert "each pair has its own error" in page
-    assert "g_z: mean over" in page
-    assert "p (Holm)" in page
-    assert "all pairs share the error of the model" in other
-    assert "g_z" not in other
-    assert "Satterthwaite\N{RIGHT SINGLE QUOTATION MARK}s degrees" in other
-    assert "Holm" not in other
-
-
 def test_the_text_has_one_row_a_difference(published):
     tables = {title.split(" ")[0]: rows for title, _, rows in comparison_tables(published)}
 

@@ -8,7 +8,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import pytest
 import typer
 from pydantic import BaseModel
 
@@ -54,28 +53,22 @@ def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
 COMMANDS = dict(commands("jointz", typer.main.get_command(app)))
 
 
-@pytest.mark.parametrize("name", REFERENCE)
-def test_every_public_name_has_a_docstring(name):
-    doc = vars(REFERENCE[name]).get("__doc__") or inspect.getdoc(REFERENCE[name])
+def test_every_public_name_has_a_docstring():
+    docs = {n: vars(t).get("__doc__") or inspect.getdoc(t) or "" for n, t in REFERENCE.items()}
 
-    assert doc
+    assert len(docs) > 60
     # What dataclasses write themselves is no docstring.
-    assert not doc.startswith(f"{name.rpartition('.')[2]}(")
+    own = [n for n, doc in docs.items() if not doc or doc.startswith(f"{n.rpartition('.')[2]}(")]
+    assert own == []
 
 
-@pytest.mark.parametrize("name", CALLED)
-def test_every_argument_is_described(name):
-    doc = inspect.getdoc(REFERENCE[name]) or ""
+def test_every_argument_is_described():
+    undescribed = {
+        name: [a for a in arguments(thing) if a not in described(inspect.getdoc(thing) or "")]
+        for name, thing in CALLED.items()
+    }
 
-    assert [a for a in arguments(REFERENCE[name]) if a not in described(doc)] == []
-
-
-def test_an_argument_that_is_not_described_would_be_noticed():
-    parameters = "Parameters\n----------\na, b : int\n    Two.\n*rest : str\n    More.\n"
-
-    doc = f"Do it.\n\n{parameters}\nNotes\n-----\nc : no"
-
-    assert described(doc) == {"a", "b", "rest"}
+    assert {name: found for name, found in undescribed.items() if found} == {}
 
 
 def test_every_command_and_option_has_help():

@@ -11,15 +11,11 @@ import typer
 
 from jointz.cli.command_line import app
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
-from jointz.experiment import loop
-from jointz.identify.estimators import METHODS
 
 ROOT = Path(__file__).parents[3]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 #: Options that every command has.
 _USUAL = {"--json", "--quiet", "--debug", "--help"}
 _COMMANDS = typer.main.get_command(app).commands
-_FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
 def text(name: str) -> str:
@@ -60,14 +56,6 @@ def test_every_option_of_run_is_described_on_its_page():
     assert described == _options(_COMMANDS["run"])
 
 
-def test_the_priority_and_the_word_in_the_journal_are_those_of_the_loop():
-    page = text("docs/deployment.md")
-
-    assert f"`SCHED_FIFO` with priority {loop._PRIORITY} " in page
-    assert f"`FF {loop._PRIORITY}`" in page
-    assert '"scheduling": "SCHED_FIFO"' in page
-
-
 #: Row of the README -> row of the benchmark.
 _ACCURACY = {
     "usual errors, lag unknown": "nominal-lag-unknown",
@@ -92,32 +80,3 @@ def test_the_figures_of_the_readme_are_those_of_the_benchmark(name):
     columns = (ours["rmse_pct"], ours["undecided_pct"], theirs["rmse_pct"])
 
     assert shown[1:] == [" / ".join(f"{x:.0f}" for x in column) + " %" for column in columns]
-
-
-def test_the_estimators_page_says_how_few_stand_and_how_false_they_are():
-    page = " ".join(text("docs/estimator.md").split())
-    heavy = accuracy("anthropometric", "recommended")
-    hard = accuracy("hard-lag-unknown", "recommended").loc["inertia"]
-
-    assert f"{heavy['undecided_pct']['stiffness']:.0f} % of the stiffnesses" in page
-    assert f"{heavy['undecided_pct']['damping']:.0f} % of the dampings" in page
-    assert f"are {-heavy['bias_pct']['stiffness']:.0f} % too low" in page
-    assert f"the truth in {100 * heavy['coverage.rate']['stiffness']:.0f} % of cases" in page
-    assert f"{hard['undecided_pct']:.0f} % of the inertias are undecided" in page
-    assert f"hold the truth in {100 * hard['coverage.rate']:.0f} % of cases" in page
-
-
-def test_the_mission_counts_the_methods_of_walking():
-    others = len(METHODS.serving("walking")) - len(("recommended", "dissertation"))
-    words = {7: "seven", 8: "eight", 9: "nine", 10: "ten"}
-
-    assert f"dissertation's and {words[others]} others" in " ".join(text("docs/mission.md").split())
-
-
-@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
-def test_python_stands_in_blocks_that_are_run_and_no_page_installs_from_a_registry(page):
-    blocks = _FENCE.findall(page.read_text(encoding="utf-8"))
-    others = [body for language, body in blocks if language != "python"]
-
-    assert not any(re.search(r"^(?:from|import) jointz", b, re.MULTILINE) for b in others)
-    assert not any(re.search(r'/pip install "?jointz', body) for _, body in blocks)
