@@ -50,14 +50,14 @@ PAIRS = np.array([0, 0, 1, 1])
 @pytest.mark.parametrize(
     ("design", "response", "group", "message"),
     [
-        (ONES, np.arange(3.0), PAIRS, "expected design"),
+        (ONES, np.arange(3.0), PAIRS, "design"),
         (ONES, np.array([1.0, np.nan, 2.0, 3.0]), PAIRS, "finite"),
-        (np.ones((4, 2)), np.arange(4.0), PAIRS, "independent columns"),
-        (ONES, np.full(4, 7.0), PAIRS, "about the fixed effects"),
+        (np.ones((4, 2)), np.arange(4.0), PAIRS, "independent"),
+        (ONES, np.full(4, 7.0), PAIRS, "fixed effects"),
         (ONES, np.array([1.0, 1.0, 2.0, 2.0]), PAIRS, "inside the groups"),
         (np.column_stack([ONES, PAIRS]), np.array([0.0, 1.0, 3.0, 1.0]), PAIRS, "more groups"),
         (ONES, np.array([0.0, 1e-7, 1.0, 1.0]), PAIRS, "next to none"),
-        (np.eye(4), np.arange(4.0), PAIRS, "about the fixed effects"),
+        (np.eye(4), np.arange(4.0), PAIRS, "fixed effects"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(design, response, group, message):

@@ -73,8 +73,8 @@ def test_a_load_too_fast_for_the_clock_is_not_fitted():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"start": np.array([1.0, 0.0, -1.0, 0.0, 0.0])}, "K and J > 0"),
-        ({"noise_sd": (0.0, 0.0)}, "noise must be"),
+        ({"start": np.array([1.0, 0.0, -1.0, 0.0, 0.0])}, "> 0"),
+        ({"noise_sd": (0.0, 0.0)}, "noise"),
         ({"record": PulseRecord(np.zeros(5), np.zeros(20), 5, STEP, True)}, "10 samples"),
     ],
 )

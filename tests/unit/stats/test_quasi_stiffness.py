@@ -78,30 +78,29 @@ def test_kilograms_scale_every_measure():
 # --- doubts --------------------------------------------------------------------------------------
 
 
-def test_a_turning_angle_is_marked():
-    angle = 0.2 + 0.3 * np.abs(GAIT_PCT - 40.5) / 50.0
-    found = quasi_stiffness(angle, angle)
-
-    assert found.estimate("TST").doubts == (Doubt.ANGLE_TURNS,)
-    assert found.estimate("TST").status == "ill_conditioned"
-    assert found.estimate("TST").backtrack == pytest.approx(0.5)
-    assert found.estimate("PSW").backtrack == 0.0
-    assert found.estimate("PSW").status == "ok"
+TURNING = 0.2 + 0.3 * np.abs(GAIT_PCT - 40.5) / 50.0
+NARROW = 0.2 + radians(0.9) * GAIT_PCT / 10.0  # 0.9 deg over 10 %
+STRAIGHT = 0.1 + GAIT_PCT / 100.0
+WAVE = np.cos(2 * np.pi * (GAIT_PCT - 40.5) / 19.0)
+NEAR_ZERO = radians(0.5) + (GAIT_PCT - 7.0) / 50.0
 
 
-def test_an_angle_that_hardly_moves_is_marked():
-    angle = 0.2 + radians(0.9) * GAIT_PCT / 10.0
-    found = quasi_stiffness(angle, angle)
+@pytest.mark.parametrize(
+    ("angle", "moment", "point", "measure", "doubts"),
+    [
+        (TURNING, TURNING, "TST", "slope", (Doubt.ANGLE_TURNS,)),
+        (TURNING, TURNING, "PSW", "slope", ()),
+        (NARROW, NARROW, "LRE", "slope", (Doubt.SMALL_RANGE,)),
+        (NARROW, NARROW, "MST", "slope", ()),
+        (STRAIGHT, WAVE, "TST", "slope", (Doubt.NOT_A_LINE,)),
+        (NEAR_ZERO, NEAR_ZERO, "LRE", "secant", (Doubt.SMALL_ANGLE,)),
+    ],
+)
+def test_a_measure_that_may_mislead_is_marked(angle, moment, point, measure, doubts):
+    estimate = quasi_stiffness(angle, moment).estimate(point, measure)
 
-    assert found.estimate("LRE").doubts == (Doubt.SMALL_RANGE,)  # 0.9 deg over 10 %
-    assert found.estimate("MST").status == "ok"
-
-
-def test_a_moment_off_the_line_is_marked():
-    angle = 0.1 + GAIT_PCT / 100.0
-    found = quasi_stiffness(angle, np.cos(2 * np.pi * (GAIT_PCT - 40.5) / 19.0))
-
-    assert found.estimate("TST").doubts == (Doubt.NOT_A_LINE,)
+    assert estimate.doubts == doubts
+    assert estimate.status == ("ill_conditioned" if doubts else "ok")
 
 
 def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
@@ -113,12 +112,6 @@ def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
         assert (estimate.value, estimate.status) == (None, "undecided")
         assert estimate.doubts == (Doubt.NO_RANGE,)
     assert "LRE" not in found.values("secant")
-    assert "undecided" in found.summary()
-
-
-def test_a_secant_near_the_zero_of_the_angle_is_marked():
-    angle = radians(0.5) + (GAIT_PCT - 7.0) / 50.0
-    assert quasi_stiffness(angle, angle).estimate("LRE", "secant").doubts == (Doubt.SMALL_ANGLE,)
 
 
 def test_two_nodes_make_no_slope():
@@ -156,7 +149,6 @@ def test_the_printed_p_comes_back_from_the_printed_differences():
     assert round(found.statistic, 3) == -1.020
     assert round(found.df, 2) == 8.06
     assert found.n == 6
-    assert "n = 6 and 6" in found.summary()
     for point in found.points:
         printed = chapter4.QUASI_STIFFNESS_DIFFERENCES[point.timing_point].value
         assert point.difference_pct == pytest.approx(printed, rel=1e-12)
@@ -184,7 +176,6 @@ def test_a_stiffness_of_zero_has_no_percentage():
 
     assert found.points[0].difference_pct is None
     assert found.points[1].difference_pct == 100.0
-    assert "no percentage" in found.summary()
 
 
 # --- bad input -----------------------------------------------------------------------------------
@@ -193,15 +184,15 @@ def test_a_stiffness_of_zero_has_no_percentage():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"angle": np.degrees(ANGLE)}, "look like degrees"),
-        ({"angle": ANGLE[:-1]}, "of one length"),
-        ({"moment": np.where(GAIT_PCT == 30.0, np.nan, ANGLE)}, "moment must be finite, node 30"),
-        ({"gait_pct": GAIT_PCT[::-1]}, "must rise"),
-        ({"gait_pct": GAIT_PCT / 100.0}, "reaches from 0 to 1 %"),
-        ({"timing_points": {"LRE": 107.0}}, "0..100 %"),
-        ({"timing_points": {}}, "got none"),
+        ({"angle": np.degrees(ANGLE)}, "degrees"),
+        ({"angle": ANGLE[:-1]}, "length"),
+        ({"moment": np.where(GAIT_PCT == 30.0, np.nan, ANGLE)}, "node 30"),
+        ({"gait_pct": GAIT_PCT[::-1]}, "gait_pct"),
+        ({"gait_pct": GAIT_PCT / 100.0}, "1 %"),
+        ({"timing_points": {"LRE": 107.0}}, "100 %"),
+        ({"timing_points": {}}, "timing"),
         ({"window_pct": 0.0}, "window_pct"),
-        ({"moment_unit": "lbf*in"}, "Convert the moment"),
+        ({"moment_unit": "lbf*in"}, "moment"),
     ],
 )
 def test_a_curve_that_cannot_be_used_is_refused_with_advice(change, message):
@@ -213,9 +204,9 @@ def test_a_curve_that_cannot_be_used_is_refused_with_advice(change, message):
 @pytest.mark.parametrize(
     ("quasi", "stiffness", "alpha", "message"),
     [
-        ({"A": 1.0, "B": 2.0}, {"A": 1.0, "C": 2.0}, 0.05, "the same timing points"),
+        ({"A": 1.0, "B": 2.0}, {"A": 1.0, "C": 2.0}, 0.05, "timing points"),
         ({"A": 1.0}, {"A": 2.0}, 0.05, "at least 2"),
-        ({"A": 1.0, "B": float("nan")}, {"A": 1.0, "B": 2.0}, 0.05, "must be finite"),
+        ({"A": 1.0, "B": float("nan")}, {"A": 1.0, "B": 2.0}, 0.05, "finite"),
         ({"A": 1.0, "B": 1.0}, {"A": 2.0, "B": 2.0}, 0.05, "vary"),
         ({"A": 1.0, "B": 2.0}, {"A": 1.0, "B": 3.0}, 5.0, "alpha"),
     ],
