@@ -1,23 +1,16 @@
 """The models behind study.toml: what they take, what they refuse, and what stands over what."""
 
-import math
-
 import pytest
 from pydantic import ValidationError
 
 from jointz.core.channels import OPPOSITE_DIRECTION
 from jointz.core.study import (
-    Calibrated,
     CalibrationSpec,
     ChannelSpec,
-    DeviceSpec,
-    FilesSpec,
-    GroupSpec,
     ParticipantSpec,
     PerturbationsSpec,
     RecordingSpec,
     StudySpec,
-    TorqueModelSpec,
 )
 
 MINIMAL = {
@@ -30,69 +23,7 @@ MINIMAL = {
 }
 
 
-# --- the whole -----------------------------------------------------------------------------------
-
-
-PERSON, DEVICE = {"id": "S01"}, {"mass_kg": 1.0, "centre_m": 0.18}
-LIMB = PERSON | {"limb_mass_kg": 4.4, "limb_centre_m": 0.26}
-GEAR = {"gear_ratio": 6.0, "torque_constant": 0.1}
 ENTRY = MINIMAL["recordings"][0]
-EDGES = {"channel": "x", "edges": [0.0, 1.0]}
-WRONG = [
-    *((StudySpec, MINIMAL, "jointz", version) for version in (2, True, 1.0, "1")),
-    *((StudySpec, MINIMAL, "joint", joint) for joint in ("", 3)),
-    *((StudySpec, MINIMAL, key, []) for key in ("participants", "recordings")),
-    (StudySpec, MINIMAL, "kind", "running"),
-    (StudySpec, MINIMAL, "torque_acts_on", "Joint"),
-    *((StudySpec, MINIMAL, "sample_rate_hz", rate) for rate in (0, "1000", math.inf)),
-    *((ParticipantSpec, PERSON, "id", name) for name in ("", True, 1.5, None, ["S01"])),
-    *((ParticipantSpec, PERSON, "mass_kg", mass) for mass in (0, "72", math.nan)),
-    *((ParticipantSpec, PERSON, "height_m", height) for height in (-1.0, 174.0)),
-    (ParticipantSpec, PERSON, "group", ""),
-    (ParticipantSpec, LIMB, "limb_centre_m", 26.0),
-    *((RecordingSpec, ENTRY, "condition", name) for name in ("EPN", "", 1)),
-    *((DeviceSpec, DEVICE, "mass_kg", mass) for mass in (0.0, "1")),
-    *((DeviceSpec, DEVICE, "centre_m", centre) for centre in (-0.1, 18.0)),
-    (FilesSpec, {}, "delimiter", ""),
-    (FilesSpec, {}, "decimal", ";"),
-    *((FilesSpec, {}, "skip_rows", rows) for rows in (-1, 1.0)),
-    (FilesSpec, {}, "header", 0),
-    *((PerturbationsSpec, {}, "window_s", window) for window in (0.0009, 10.1)),
-    (PerturbationsSpec, {}, "cutoff_hz", 0),
-    (PerturbationsSpec, {}, "source", "pulses"),
-    (PerturbationsSpec, {}, "baseline", "mean"),
-    (PerturbationsSpec, {}, "timing_points", {"LRE": math.nan}),
-    (ChannelSpec, {"column": "a"}, "positive", 1),
-    (TorqueModelSpec, GEAR, "gear_ratio", 0),
-    *((GroupSpec, EDGES, "edges", edges) for edges in ([1.0], 1.0, ["0", "1"], [0.0, math.inf])),
-    (Calibrated, {"value": -0.01, "sd": 0.0}, "sd", -0.1),
-    (StudySpec, MINIMAL, "positive", "Flexion"),
-    *((ChannelSpec, {"column": "a"}, "column", column) for column in (True, 1.0, None, ["a"])),
-]
-
-
-@pytest.mark.parametrize(("model", "valid", "key", "value"), WRONG)
-def test_a_wrong_value_is_refused_at_its_key(model, valid, key, value):
-    assert model.model_validate(valid)
-    with pytest.raises(ValidationError) as caught:
-        model.model_validate(valid | {key: value})
-    assert {error["loc"][0] for error in caught.value.errors()} == {key}
-
-
-@pytest.mark.parametrize(
-    ("model", "valid", "key", "value"),
-    [
-        *((PerturbationsSpec, {}, "timing_points", {"MST": pct}) for pct in (-0.1, 100)),
-        (PerturbationsSpec, {}, "timing_points", {"all": 56.0}),
-        *((GroupSpec, EDGES, "edges", edges) for edges in ([0.0, 0.0], [0.0, 2.0, 1.0])),
-    ],
-)
-def test_values_that_do_not_go_together_are_refused_and_named(model, valid, key, value):
-    with pytest.raises(ValidationError) as caught:
-        model.model_validate(valid | {key: value})
-    (error,) = caught.value.errors()
-    assert key in error["msg"]
-
 
 # --- words ---------------------------------------------------------------------------------------
 

@@ -74,11 +74,8 @@ def test_the_columns_are_listed_by_every_name_the_clear_ones_first(c3d: Path) ->
 
 
 def test_columns_of_two_rates_are_refused_with_both(c3d: Path) -> None:
-    with pytest.raises(DataError) as caught:
+    with pytest.raises(DataError, match=r"knee: 40 .* 200 Hz .*LKNE\.y: 10 .* 50 Hz"):
         columns(c3d, "knee", "LKNE.y")
-    assert "knee: 40 samples at 200 Hz from 2 s (group 'analogs')" in str(caught.value)
-    assert "LKNE.y: 10 samples at 50 Hz from 2 s (group 'points')" in str(caught.value)
-    assert "jointz interpolates nothing" in str(caught.value)
 
 
 def test_groups_of_one_clock_may_be_read_together(tmp_path: Path) -> None:

@@ -84,25 +84,19 @@ GAIN = "angle_gain = { value = 1.0, sd = 0.1 }\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "place"),
     [
-        (STUDY.replace('"S01"\nmass', '"S05"\nmass'), "'S01' was calibrated but is not there"),
-        (
-            'participants = [{ id = "S01" }, { id = "S02" }]\n',
-            "a table [[participants]] of its own",
-        ),
-        (
-            f"{ONE}[participants.calibration]\n{GAIN}{TWO}",
-            "written as '[participants.calibration]'",
-        ),
-        (f"{ONE}calibration.{GAIN}{TWO}", "written as 'calibration.angle_gain"),
-        ("a = [", "not valid TOML"),
+        (STUDY.replace('"S01"\nmass', '"S05"\nmass'), "'S01'"),
+        ('participants = [{ id = "S01" }, { id = "S02" }]\n', "[[participants]]"),
+        (f"{ONE}[participants.calibration]\n{GAIN}{TWO}", "'[participants.calibration]'"),
+        (f"{ONE}calibration.{GAIN}{TWO}", "'calibration.angle_gain"),
+        ("a = [", "TOML"),
     ],
 )
-def test_a_text_that_cannot_be_edited_is_refused(text: str, message: str) -> None:
+def test_a_text_that_cannot_be_edited_is_refused(text: str, place: str) -> None:
     with pytest.raises(StudyError) as caught:
         into_study(text, BOTH)
-    assert message in str(caught.value)
+    assert place in str(caught.value)
 
 
 def test_a_refused_study_is_left_as_it_was_and_an_edited_one_kept(tmp_path) -> None:
@@ -152,21 +146,21 @@ def test_entries_for_everybody_give_way_to_a_persons_own(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "key"),
     [
-        ("jointz_calibration = 2\n", "jointz_calibration: "),
-        ("[calibration]\nangle_lag = { value = 1.0, sd = 0.0 }\n", "Did you mean 'angle_lag_s'?"),
-        ('[[participants]]\nid = "A"\n', "participants[1].calibration: missing"),
-        ('[[participants]]\nid = "A"\ncalibration = {}\n' * 2, "A is named more than once"),
-        (GAIN.replace("angle_gain", "calibration.contact_threshold_v"), "contact_release_v: missi"),
+        ("jointz_calibration = 2\n", "jointz_calibration"),
+        ("[calibration]\nangle_lag = { value = 1.0, sd = 0.0 }\n", "calibration.angle_lag"),
+        ('[[participants]]\nid = "A"\n', "participants[1].calibration"),
+        ('[[participants]]\nid = "A"\ncalibration = {}\n' * 2, "participants"),
+        (GAIN.replace("angle_gain", "calibration.contact_threshold_v"), "contact_release_v"),
     ],
 )
-def test_a_calibration_file_with_problems_is_refused(tmp_path, text, message) -> None:
+def test_a_calibration_file_with_problems_is_refused(tmp_path, text, key) -> None:
     file = tmp_path / "calibration.toml"
     file.write_text(text)
     with pytest.raises(StudyError) as caught:
         read_calibration(file)
-    assert message in str(caught.value)
+    assert f"{key}: " in str(caught.value)
     with pytest.raises(DataError, match="no such file"):
         read_calibration(tmp_path / "none.toml")
 

@@ -57,11 +57,6 @@ def test_what_is_no_number_is_refused(path, column, kind):
         read_table(path, numeric=[column], files=PLAIN)
 
 
-def test_missing_columns_are_named(path):
-    with pytest.raises(DataError, match=r"no column 'tt'. The file has: t, count.*Did you mean"):
-        read_table(path, numeric=["tt"], files=PLAIN)
-
-
 def test_without_pyarrow_the_extra_is_named(path, monkeypatch):
     real = builtins.__import__
 

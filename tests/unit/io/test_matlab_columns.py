@@ -95,11 +95,6 @@ def test_a_matrix_needs_the_number_of_a_column(path):
         read_table(path, numeric=["data.signals"], files=PLAIN)
 
 
-def test_text_is_no_number(path):
-    with pytest.raises(DataError, match=r"'data\.label': expected numbers, found text"):
-        read_table(path, numeric=["data.label"], files=PLAIN)
-
-
 def test_complex_numbers_are_refused(tmp_path):
     write_v5(tmp_path / "a.mat")
     with pytest.raises(DataError, match="expected numbers, found complex"):
