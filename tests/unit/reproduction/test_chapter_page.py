@@ -1,5 +1,4 @@
 import re
-from dataclasses import replace
 
 import pytest
 from tests.unit.report.pages import Page as HtmlPage
@@ -146,21 +145,9 @@ def test_a_truth_outside_its_interval_is_marked_and_counted(page):
     assert "1 of 2" in page.text
 
 
-def test_a_unit_that_all_rows_share_stands_in_the_heads_else_with_each_row(page):
-    heads = [t for c, t in page.cells if c == "printed"]
-    assert heads == ["Printed%", "Printed", "Printed"]
-    assert any("intrinsic inertia kg·m²" in t for _, t in page.cells)
-
-
 def test_text_from_outside_is_escaped(html):
     assert "I1 &lt;all&gt;" in html
     assert "confounded &amp; said so" in html
-
-
-def test_a_figure_stands_with_its_table_and_one_without_table_behind_them(html):
-    intrinsic, counts = html.index('id="table-2-intrinsic"'), html.index('id="table-2-vaf"')
-    assert intrinsic < html.index('id="figure-2.A"') < counts
-    assert html.index('id="figures-2"') < html.index('id="figure-2.B"') < html.index('id="notes-2"')
 
 
 @pytest.mark.parametrize(
@@ -179,12 +166,6 @@ def test_numbers_are_neither_rounded_to_100_percent_nor_printed_from_noise(rows,
     table = ComparedTable("claims", "Claims", "", rows)
     page = Page(render_chapter(Reproduction(2, "x", (table,)), {}))
     assert page.texts("dissertation") == texts
-
-
-def test_a_long_table_is_folded_up_below_its_figure(figures):
-    long = replace(REPRODUCTION.tables[1], rows=INTRINSIC * 20)
-    html = render_chapter(replace(REPRODUCTION, tables=(long,)), figures)
-    assert html.index('id="figure-2.A"') < html.index("<details>") < html.index("All 40 rows")
 
 
 # --- statements and participants ------------------------------------------------------------------
@@ -215,14 +196,6 @@ CHAPTER_4 = Reproduction(
         ),
     ),
 )
-
-
-def test_statements_stand_with_their_verdicts_and_are_counted():
-    page = Page(render_chapter(CHAPTER_4, {}))
-    assert "stiffness & point" in page.text
-    assert "1printed statements reproduced" in "".join(page.text.split("\n")).replace("  ", "")
-    assert "printed statements not reproduced" in page.text
-    assert any("n = 10" in text for _, text in page.cells)
 
 
 def test_participants_stand_in_columns_with_their_average():

@@ -1,7 +1,6 @@
 """Strides over the gait cycle, from a made-up walk whose angle is a function of phase."""
 
 import numpy as np
-import pytest
 import xarray as xr
 
 from jointz.core.events import StrideRecord
@@ -52,11 +51,3 @@ def test_without_an_accepted_stride_there_are_no_curves():
     nobody = {"S01": PersonGait(*(np.empty((0, NODES)) for _ in range(3)))}
     assert stride_figure(nobody, "S01") is None
     assert effect_figure(nobody, None) is None
-
-
-def test_figure_4_2_shows_every_stride_with_its_torque():
-    recording, strides = walk()
-    rows = stride_curves(recording, recording["angle"].to_numpy(), strides)
-    shown = stride_figure({"S01": PersonGait(rows, rows, 2.0 * rows)}, "S01")
-    assert len(shown["angle_rad"]) == len(shown["torque_nm"]) == 4
-    assert shown["torque_nm"][0][50] == pytest.approx(2.0 * shown["angle_rad"][0][50], abs=1e-4)

@@ -125,28 +125,6 @@ def test_gain_is_drawn_in_decibels_with_the_bandwidths_at_half_power(curves):
     assert gain.get_xlim() == coherence.get_xlim() == (1.0, 60.0)
 
 
-def test_the_bandwidth_is_drawn_without_the_30_lag_curve_where_there_is_none(curves):
-    bare = {
-        amplitude: {k: v for k, v in one.items() if not k.startswith("spa_")}
-        for amplitude, one in curves["bandwidth"].items()
-    }
-    gain, _ = drawn_figure({"bandwidth": bare}, "figure_2_5").axes
-    assert len([line for line in gain.lines if len(line.get_xdata()) > 2]) == 2
-    none = {a: one | {"spa_bandwidth_hz": None, "ci_low": None} for a, one in bare.items()}
-    assert list(draw_chapter2({"bandwidth": none})) == ["figure_2_5"]
-
-
-def test_the_intrinsic_impedance_is_drawn_as_magnitude_and_phase_with_its_model(curves):
-    magnitude, phase = drawn_figure(curves, "figure_intrinsic").axes
-    measured, model = magnitude.lines
-    np.testing.assert_allclose(measured.get_ydata(), curves["intrinsic"]["gain"])
-    np.testing.assert_allclose(model.get_ydata(), curves["intrinsic"]["model_gain"])
-    assert magnitude.get_yscale() == "log"
-    low, high = phase.get_ylim()
-    assert low < min(phase.lines[1].get_ydata())
-    assert high > max(phase.lines[1].get_ydata())
-
-
 def test_every_load_has_a_panel_for_each_parameter_on_one_scale_in_percent(curves):
     figure = drawn_figure(curves, "figure_2_6")
     assert len(figure.axes) == 3 * 5
@@ -163,15 +141,3 @@ def test_every_load_has_a_panel_for_each_parameter_on_one_scale_in_percent(curve
 def test_a_load_without_recommended_estimate_is_still_drawn(curves):
     rows = [row | {"recommended": None, "ci_low": None} for row in curves["loads"][:15]]
     assert list(draw_chapter2({"loads": rows})) == ["figure_2_6"]
-
-
-def test_mechanisms_are_bars_of_their_size_with_the_number_beside(curves):
-    stiffness, damping, inertia = drawn_figure(curves, "figure_mechanisms").axes
-    for axes, column in ((stiffness, 1), (damping, 2), (inertia, 3)):
-        widths = [bar.get_width() for bar in axes.patches]
-        assert widths == [row[column] for row in MECHANISMS]
-    names = [label.get_text() for label in stiffness.get_yticklabels()]
-    assert names == [*(m[0] for m in MECHANISMS[:3]), "bearing friction 0.15 N·m"]
-    written = [text.get_text() for text in inertia.texts]
-    assert "−13.9" in written  # noqa: RUF001
-    assert not any(label.get_text() for label in inertia.get_yticklabels())

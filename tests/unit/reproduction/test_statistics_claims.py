@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 from jointz.reference import chapter3, chapter4
-from jointz.reference.audit import audit
 from jointz.reproduction.chapter4 import published_statistics as chapter4_statistics
 from jointz.reproduction.chapter4.published_statistics import (
     fitted_models,
@@ -17,7 +16,6 @@ from jointz.reproduction.chapter4.published_statistics import (
     spm_threshold,
 )
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tables import audit_claims
 
 NAMES = {"stiffness": "K", "damping": "B", "inertia": "J"}
 
@@ -74,7 +72,6 @@ def test_f_of_timing_points_is_that_of_one_value_a_person_and_point(chapter):
     stiffness = rows["timing point, stiffness"]
     assert "p = 8.08e-05 (Satterthwaite 8.08e-05)" in stiffness.ours
     assert "epsilon 0.31, p = 0.0122" in stiffness.ours
-    assert stiffness.remark == "not below 0.001 where the want of sphericity is heeded"
 
 
 def test_only_the_timing_point_of_stiffness_is_reproduced_with_people(chapter):
@@ -113,19 +110,6 @@ def test_all_pairs_of_the_text_and_only_they_stand_in_the_table(chapter):
     assert len(rows) == 29
     assert sum(row.printed == "different" for row in rows) == 20
     assert sum(len(curve["pairs"]) for curve in chapter.curves["pairs"].values()) == 45
-    assert (
-        "Of the 16 pairs that the text does not state, 0 differ" in chapter.table("pairs").caption
-    )
-
-
-def test_verdicts_of_pairs_follow_from_the_test_and_from_what_is_printed(chapter):
-    for row in chapter.table("pairs").rows:
-        p = float(row.ours.rpartition("p = ")[2])
-        if row.printed == "similar":
-            assert row.verdict == "not shown"
-            assert row.remark.startswith("no rejection here either")
-        else:
-            assert (row.verdict == "reproduced") == (p < 0.05)
 
 
 def test_no_interval_lies_in_the_band_of_twenty_percent(chapter):
@@ -144,12 +128,6 @@ def test_the_printed_threshold_is_that_of_a_width_of_12_534_nodes():
     assert round(implied_fwhm(4.299), 3) == 12.534
 
 
-def test_a_threshold_that_no_smoothness_gives_is_refused():
-    for threshold in (1.0, 9.0):
-        with pytest.raises(ValueError, match="no width of 2 to 100 nodes"):
-            implied_fwhm(threshold)
-
-
 def test_the_printed_p_of_quasi_stiffness_is_welchs_over_timing_points(chapter):
     welch = claims(chapter, "quasi_stiffness")["unpaired t-test of Q against K"]
     assert welch.verdict == "reproduced"
@@ -157,9 +135,6 @@ def test_the_printed_p_of_quasi_stiffness_is_welchs_over_timing_points(chapter):
     k = [np.mean([c.value for c in row.values()]) for row in chapter4.STIFFNESS.values()]
     q = list(chapter4.implied_quasi_stiffness().values())
     assert round(stats.ttest_ind(q, k, equal_var=False).pvalue, 4) == 0.3374
-    assert f"with equal variances p = {stats.ttest_ind(q, k).pvalue:.4f}" in welch.remark
-    assert f"paired p = {stats.ttest_rel(q, k).pvalue:.3f}" in welch.remark
-    assert "timing points of one joint, not people" in welch.remark
 
 
 # --- the pilot and the audit ---------------------------------------------------------------------
@@ -173,19 +148,6 @@ def test_the_pilots_numbers_are_those_of_s2_and_s3(chapter):
         assert abs(row.recommended - row.printed) < 0.51 * digits[row.unit]
     both = [row for row in rows if row.note]
     assert [round(row.recommended, 2) for row in both] == [row.printed for row in both]
-
-
-def test_the_audit_is_told_whole_and_by_chapter():
-    whole = audit_claims()
-    assert [(r.where, r.claim, r.printed, r.ours) for r in whole.rows] == [
-        (f.where, f.what, f.printed, f.recomputed) for f in audit()
-    ]
-    parts = [audit_claims(chapter).rows for chapter in (2, 3, 4)]
-    assert all(parts)
-    assert sum(len(rows) for rows in parts) == len(whole.rows)
-    assert audit_claims(2, 3, 4) == whole
-    for chapter, rows in zip("234", parts, strict=True):
-        assert all(re.search(r"\d", row.where).group() == chapter for row in rows)
 
 
 # --- where not even replicates give what is printed -----------------------------------------------
@@ -203,11 +165,3 @@ def test_what_no_scatter_of_rows_gives_is_not_reproduced(monkeypatch):
             "not reproduced",
         }
         assert not any("replicates" in row.remark for row in table.rows)
-
-
-def test_pairs_whose_interval_lies_in_the_band_are_called_alike(monkeypatch):
-    monkeypatch.setattr(chapter4_statistics, "BAND", 5.0)
-    pairs, curves = pairs_table(fitted_models())
-    similar = [row for row in pairs.rows if row.printed == "similar"]
-    assert all(row.remark.endswith(": alike") for row in similar)
-    assert all(pair["alike"] for curve in curves.values() for pair in curve["pairs"])

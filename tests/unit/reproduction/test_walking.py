@@ -22,7 +22,6 @@ from jointz.reproduction.chapter4.walking import (
     true_values,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.statistics.waveform_test import WaveformTest
 
 PEOPLE = tuple(f"S{k:02d}" for k in range(1, 11))
 TRUTH = {"stiffness_per_mass": 1.0, "damping_per_mass": 0.04, "inertia": 0.05}
@@ -86,8 +85,6 @@ def test_tables_4_1_to_4_4_hold_print_both_methods_and_the_truth():
     truth = stiffness.blocks[3].cells["LRE"]
     assert stiffness.blocks[2].cells["LRE"] == pytest.approx([1.01 * t for t in truth])
     assert stiffness.blocks[3].average["LRE"] == pytest.approx(np.mean(truth))
-    assert "nobody's copy" in stiffness.caption
-    assert "not six findings" in grids[2].caption
     assert grids[3].blocks[1].cells["MSW"][9] == pytest.approx(98.1)
 
 
@@ -108,7 +105,6 @@ def test_means_stand_beside_print_with_spread_interval_and_truth():
     row = table.rows[0]
     assert (row.quantity, row.unit) == ("stiffness at LRE", "N*m/rad/kg")
     assert (row.printed, row.printed_sd) == (2.13, None)
-    assert row.note == "printed people: SD 1.91"
     assert row.dissertation == pytest.approx(1.2 * row.truth, rel=0.02)
     assert (row.recommended, row.recommended_low, row.recommended_high) == (1.0, 0.9, 1.1)
     assert table.rows[-1].printed == 90.02
@@ -146,13 +142,8 @@ def test_statistics_of_the_simulated_people_count_people_and_say_what_is_true():
     point = claims["stiffness, timing point, by the recommended method"]
     assert point.ours.startswith("F(5, 45.0) = ")
     assert point.verdict == "reproduced"
-    assert "truly differ" in point.remark
     assert claims["inertia, timing point, by the recommended method"].verdict == "not tested"
     assert claims["inertia, timing point, by the dissertation's method"].verdict == "not reproduced"
-    device = claims["angle over the gait cycle, without and with the device"]
-    assert device.verdict == "not tested"
-    quasi = claims["quasi-stiffness of the simulated walk beside its stiffness"]
-    assert (quasi.ours, quasi.verdict) == ("", "not tested")
 
 
 def test_missing_cells_and_people_are_used_and_counted():
@@ -169,18 +160,6 @@ def test_missing_cells_and_people_are_used_and_counted():
     assert "1 cell without a value, 1 person without a value, 1 timing point" in claim.remark
 
 
-def test_a_person_effect_that_is_not_true_is_called_found_all_the_same():
-    found = study()
-    table = found.estimates.copy()
-    rng = np.random.default_rng(0)
-    true = table["source"] == "truth"
-    table.loc[true, "value"] = 1.0 + 0.1 * rng.standard_normal(int(true.sum()))
-    rows = simulated_statistics(WalkedStudy(PEOPLE, table, found.population, {}), None).rows
-    claim = next(r for r in rows if r.claim == "damping, subject, by the dissertation's method")
-    assert claim.verdict == "reproduced"
-    assert "found all the same" in claim.remark
-
-
 @pytest.mark.parametrize(("shift", "verdict"), [(0.0, "reproduced"), (0.2, "not reproduced")])
 def test_the_device_is_found_to_change_gait_where_it_does(shift, verdict):
     whole = study()
@@ -190,13 +169,7 @@ def test_the_device_is_found_to_change_gait_where_it_does(shift, verdict):
     assert [r.verdict for r in rows] == [verdict] * 3
     assert ("different at 0 to 100 %" in rows[0].ours) == (shift > 0)
     assert curves["device_effect"]["n_people"] == 10
-    assert curves["strides"]["person"] == "S09"
-
-
-def test_all_tables_and_curves_are_plain_values():
-    tables, curves = simulated_chapter(study(refused={("recommended", "inertia", "S01")}))
-    assert [t.name for t in tables[4:]] == ["means", "accuracy", "simulated_statistics"]
-    assert json.loads(json.dumps(curves, allow_nan=False)).keys() == curves.keys()
+    json.dumps(curves, allow_nan=False)
 
 
 def test_estimates_that_do_not_stand_have_no_value():
@@ -222,14 +195,3 @@ def test_the_truth_is_per_kg_where_the_tables_are(tmp_path):
         {"stiffness_per_mass": 2.0, "damping_per_mass": 0.04, "inertia": 0.05}
     )
     assert [row["parameter"] for row in true_values(tmp_path, {"S01": None})] == ["inertia"]
-
-
-def test_both_tests_of_the_device_are_of_the_same_curves():
-    tables, _ = simulated_chapter(study())
-    assert isinstance(tables[-1].rows[0].ours, str)
-    from jointz.reproduction.chapter4.walking import device_effect
-
-    field, flips = device_effect(gait())
-    assert isinstance(field, WaveformTest)
-    assert field.t == pytest.approx(flips.t)
-    assert device_effect(dict(list(gait().items())[:2])) is None
