@@ -52,12 +52,12 @@ class ParticipantData:
 class Estimates:
     """Estimates of one method."""
 
-    cells: tuple[CellEstimate, ...]  # one for each timing point, case or group with a pulse
+    cells: tuple[CellEstimate, ...]  # one for each timing point, case or group that has a pulse
     pulses: Sequence[PulseRecord]  # all pulses of the data with their final codes
-    single: tuple[PulseEstimate, ...] = ()  # pulses of a bench, each estimated by itself
-    model: ParticipantModel | None = None  # estimated joint and sensor
-    evidence: "Evidence | None" = None  # what a certificate or a repeated estimate needs
-    log_posterior: LogPosterior | None = None  # of K, B and J of all timing points together
+    single: tuple[PulseEstimate, ...] = ()  # estimates from single pulses of a bench
+    model: ParticipantModel | None = None  # model of joint and sensor
+    evidence: "Evidence | None" = None  # input of a certificate or a repeated estimate
+    log_posterior: LogPosterior | None = None  # joint posterior of K, B and J of all timing points
 
 
 @runtime_checkable

@@ -34,25 +34,25 @@ from jointz.results.participant_model import ParticipantModel
 class ParticipantResult:
     """Estimates from one participant's recordings, and what was used and left out."""
 
-    cells: Mapping[str, tuple[CellEstimate, ...]]  # by method
-    single: tuple[PulseEstimate, ...]  # pulses of a bench, each estimated by itself
+    cells: Mapping[str, tuple[CellEstimate, ...]]  # estimates of each method, by its name
+    single: tuple[PulseEstimate, ...]  # estimates from single pulses of a bench
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
     # joint and sensor of every session and side, by the recommended method
     models: tuple[ParticipantModel, ...] = ()
-    evidence: tuple[Evidence, ...] = ()  # the responses and what explains them, likewise
-    # joint posterior of all timing points of every session and side, if the method provides it
+    # responses and posterior of every session and side, by the recommended method
+    evidence: tuple[Evidence, ...] = ()
+    # joint posterior of all timing points, of every session and side; empty if the method has none
     log_posteriors: tuple[LogPosterior, ...] = ()
-    # strides of a participant who was never perturbed, if a moment was recorded
+    # strides of a participant recorded without a device only, if a moment was recorded
     curves: tuple[StrideCurves, ...] = ()
     sampling: tuple[SamplingRecord, ...] = ()
-    # recordings whose footswitch, declared as one of two levels, does not rest at two
+    # recordings whose footswitch does not rest at the two declared levels
     unclean_switches: tuple[str, ...] = ()
-    # session and side of the perturbed recordings; "" if the study does not state them, and on a
-    # bench
+    # session and side of the perturbed recordings; "" if not stated, and on a bench
     units: tuple[Unit, ...] = ()
-    notes: tuple[str, ...] = ()  # about values that cannot be
+    notes: tuple[str, ...] = ()  # about values that cannot be estimated
 
 
 def analyze_participant(

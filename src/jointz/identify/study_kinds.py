@@ -8,14 +8,15 @@ from dataclasses import dataclass
 class StudyKind:
     """A kind of study."""
 
-    name: str  # as ``kind`` in study.toml
-    by_gait: bool  # timing points are phases of the gait cycle; otherwise cases or trials
-    by_side: bool  # every session and side is estimated by itself
-    drifts: bool  # posture drifts, so that neighbouring strides are resampled together
-    reference_keys: tuple[str, ...]  # what a recording should share with its unperturbed one
+    name: str  # value of ``kind`` in study.toml
+    by_gait: bool  # whether timing points are phases of the gait cycle; otherwise cases or trials
+    by_side: bool  # whether every session and side is estimated by itself
+    drifts: bool  # whether posture drifts, so that neighbouring strides are resampled together
+    # columns in which a recording and its unperturbed one should agree
+    reference_keys: tuple[str, ...]
     bounded: bool  # whether the dissertation asks for K, B, J >= 0
-    per_mass: bool  # values per kg are expected even if the mass is missing
-    single_pulses: bool  # every pulse is estimated by itself, too
+    per_mass: bool  # whether values per kg are expected even if the mass is missing
+    single_pulses: bool  # whether every pulse is also estimated by itself
 
 
 WALKING = StudyKind(

@@ -30,16 +30,15 @@ _THIRD_DIFFERENCE = 20.0
 class ActuatorRecord:
     """Checked samples of one bench record, SI, all speeds at the output."""
 
-    # the sensor's torque, its sign turned where that was asked for, and the motor's current
-    torque: np.ndarray
-    current: np.ndarray
-    velocity: np.ndarray | None  # of the output
-    acceleration: np.ndarray | None  # of the output
-    acceleration_from: str  # ``given``, ``velocity`` (differences of it) or ``none``
+    torque: np.ndarray  # torque by the sensor, times ``torque_sign``, N*m
+    current: np.ndarray  # current of the motor, A
+    velocity: np.ndarray | None  # of the output, rad/s
+    acceleration: np.ndarray | None  # of the output, rad/s^2
+    acceleration_from: str  # ``given``, ``velocity`` (differentiated) or ``none``
     # share of the acceleration's variance that is noise of the velocity; 0 where it was given
     acceleration_noise_share: float
     rate_hz: float | None  # sampling rate, where known
-    time: np.ndarray  # s; the number of the sample where no rate is known
+    time: np.ndarray  # s; sample numbers if the rate is unknown
     sha256: str  # hash of the file, where known
 
 

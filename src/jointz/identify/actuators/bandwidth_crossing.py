@@ -38,10 +38,11 @@ _LEAST_COHERENCE = 1e-3
 class Crossing:
     """Where the gain crosses its loss."""
 
-    hz: float  # the frequency
-    sd_hz: float  # its sd by noise
-    reference_gain: float  # gain at zero frequency
-    reference_hz: tuple[float, float]  # band it was read off
+    hz: float  # frequency of the crossing
+    sd_hz: float  # sd of ``hz``, by noise
+    reference_gain: float  # gain at zero frequency, N*m of torque per N*m of command
+    # lowest and highest frequency of the bins behind ``reference_gain``
+    reference_hz: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +50,9 @@ class _Gain:
     """Log gain of every bin."""
 
     spectra: CrossSpectra
-    log: np.ndarray
-    level: np.ndarray  # mean over neighbours
-    sd: np.ndarray
+    log: np.ndarray  # natural logarithm of the gain
+    level: np.ndarray  # mean of ``log`` over neighbouring bins
+    sd: np.ndarray  # sd of ``log``
     excited: np.ndarray  # bins that the command excites
 
     @property

@@ -41,10 +41,10 @@ Chosen = float | Mapping[str, float] | None
 class Injection:
     """Injected values; None takes those that the study found."""
 
-    stiffness: Chosen = None  # for all timing points, or for some by name
-    damping: Chosen = None
-    inertia: Chosen = None
-    lag_s: float | None = None  # s: of the sensor in all
+    stiffness: Chosen = None  # N*m/rad; of all timing points, or of some by name
+    damping: Chosen = None  # N*m*s/rad; likewise
+    inertia: Chosen = None  # kg*m^2; likewise
+    lag_s: float | None = None  # s: total lag of the sensor
 
     def described(self) -> dict[str, str]:
         """Return the injected values as text; ``found`` stands for those of the study."""
@@ -55,11 +55,11 @@ class Injection:
 class Truth:
     """A virtual participant."""
 
-    joints: tuple[InjectedJoint, ...]  # at every timing point
+    joints: tuple[InjectedJoint, ...]  # one for each timing point
     friction_gain: float  # true over stated friction
     torque_gain: float  # true over measured torque
-    # what of K, B and J is the device's, timing point by timing point; the sd of its calibration is
-    # in it
+    # parameter -> the device's own part at each timing point, SI, drawn by the sd of its
+    # calibration
     intrinsic: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 

@@ -25,18 +25,18 @@ _INSTANT_S = 1e-5
 class InjectedJoint:
     """A joint and the chain of instruments that shows its angle; SI."""
 
-    stiffness: float  # k and B when they have the values given, and J
-    damping: float
-    inertia: float
-    stiffness_slope: float = 0.0  # what K and B change by, per s
-    damping_slope: float = 0.0
-    stiffness_at_s: float = 0.0  # s: when they have the values given, from the onset
-    damping_at_s: float = 0.0  # s
-    lag_s: float = 0.0  # s: first-order lag, pure delay
-    delay_s: float = 0.0  # s
-    resonance_hz: float = 0.0  # of the tissue; 0 Hz for none
-    resonance_damping: float = 0.0
-    cross_talk: float = 0.0  # rad/(N*m): angle shown for torque
+    stiffness: float  # N*m/rad, at ``stiffness_at_s``
+    damping: float  # N*m*s/rad, at ``damping_at_s``
+    inertia: float  # kg*m^2
+    stiffness_slope: float = 0.0  # change of the stiffness, N*m/rad per s
+    damping_slope: float = 0.0  # change of the damping, N*m*s/rad per s
+    stiffness_at_s: float = 0.0  # s: time from the onset at which the stiffness is ``stiffness``
+    damping_at_s: float = 0.0  # s: time from the onset at which the damping is ``damping``
+    lag_s: float = 0.0  # s: time constant of the first-order lag
+    delay_s: float = 0.0  # s: pure delay
+    resonance_hz: float = 0.0  # resonance of the tissue, Hz; 0: rigid tissue
+    resonance_damping: float = 0.0  # damping ratio of that resonance
+    cross_talk: float = 0.0  # rad/(N*m): angle shown per torque
     angle_gain: float = 1.0  # shown over true angle
 
 
@@ -44,9 +44,9 @@ class InjectedJoint:
 class InjectedResponse:
     """Response of an injected joint."""
 
-    shown: np.ndarray  # angle that the sensor shows
-    stiffness: float  # means of K and B, weighted by their effect on the motion
-    damping: float
+    shown: np.ndarray  # angle that the sensor shows, rad
+    stiffness: float  # N*m/rad: mean over the window, weighted by the effect on the motion
+    damping: float  # N*m*s/rad: mean over the window, weighted by the effect on the motion
 
 
 def injected_response(

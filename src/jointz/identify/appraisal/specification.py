@@ -54,10 +54,11 @@ Tell = Callable[[str], None]
 class Choices:
     """Choices that are combined."""
 
-    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)  # s: from the onset
-    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: of the method that filters
-    baselines: tuple[str, ...] = BASELINES  # subtracted
-    # of :data:`INERTIA_MODELS`; for the recommended method
+    # s: lengths of the window from the onset
+    windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)
+    cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: low-pass of the filtering method
+    baselines: tuple[str, ...] = BASELINES  # names of baselines to subtract
+    # names among :data:`INERTIA_MODELS`, for the recommended method
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
     def __post_init__(self) -> None:
@@ -182,9 +183,9 @@ class _SpecifiedEstimator(WalkingEstimator):
 class _SpecifiedCells:
     """Estimates under one set of choices; missing timing points have a failure instead."""
 
-    choice: Mapping[str, Any]
+    choice: Mapping[str, Any]  # columns of :class:`SpecificationEstimate` that state the choices
     cells: Sequence[CellEstimate]
-    missing: Failure
+    missing: Failure  # failure of the timing points without a cell
 
     def rows(self, labels: Sequence[str]) -> Iterator[SpecificationEstimate]:
         """Yield K, B and J of every timing point."""

@@ -33,16 +33,15 @@ _EDGE_S = 0.01  # for the lag
 class BandRecord:
     """A trial inside the band, ready for the regression."""
 
-    omega: np.ndarray  # angular frequencies of the spectra
-    window: np.ndarray  # the low-pass
-    angle: np.ndarray  # spectra of the angle and of the sign of the velocity; direction unfiltered
-    direction: np.ndarray
-    torque: np.ndarray  # measured torque, filtered
-    # samples away from the ends; of them those where friction does not hold the load
-    inside: np.ndarray
-    keep: np.ndarray
-    angle_noise_sd: float  # rad: white noise on the angle
-    torque_noise_nm2: float  # N^2*m^2: power of the torque's white noise that passes the filter
+    omega: np.ndarray  # (f,) rad/s: angular frequencies of the spectra
+    window: np.ndarray  # (f,) gain of the low-pass
+    angle: np.ndarray  # (f,) spectrum of the angle, unfiltered, rad
+    direction: np.ndarray  # (f,) spectrum of the sign of the velocity, unfiltered
+    torque: np.ndarray  # (n,) measured torque, filtered, N*m
+    inside: np.ndarray  # (n,) bool: samples away from the ends
+    keep: np.ndarray  # (n,) bool: samples of ``inside`` where friction does not hold the load
+    angle_noise_sd: float  # rad: sd of the white noise of the angle
+    torque_noise_nm2: float  # N^2*m^2: variance of the torque's white noise after the filter
     step_s: float  # time between samples
 
 

@@ -46,13 +46,13 @@ class LagChoice:
 
     kind: LagKind
     regression: LoadRegression
-    # of the values and the free parts of the lag; what the choice of the kind leaves open is in it.
-    # Infinite where the records are too short
+    # of ``regression.values`` and the free parts of the lag, error of the chosen kind included;
+    # infinite where the records are too short
     covariance: np.ndarray
-    n_blocks: int  # blocks behind it; 0 where the records are too short
-    # lags that the records do not refuse, where they do not tell the lag
+    n_blocks: int  # blocks behind the covariance; 0 where the records are too short
+    # lags that the records do not refuse, where they leave the lag undecided
     range_s: tuple[float, float] | None = None
-    at_end: bool = False  # whether the lag that fits best is the longest or shortest of the search
+    at_end: bool = False  # whether the best lag is at an end of the search range
     contradicted: bool = False  # whether the records refuse the known lag
 
 

@@ -49,10 +49,10 @@ class EvenRecord:
     """A trial on an even grid."""
 
     step_s: float  # time between samples
-    time_s: np.ndarray  # the grid
-    angle: np.ndarray  # angle, as measured
-    torque: np.ndarray  # torque, as measured
-    # share of the power of white noise that its fourth differences keep on the grid
+    time_s: np.ndarray  # times of the grid
+    angle: np.ndarray  # measured angle, rad
+    torque: np.ndarray  # measured torque, N*m
+    # share of the power of white noise that fourth differences on the grid retain
     noise_seen: float = 1.0
 
     def noise_sd(self, values: np.ndarray) -> float:

@@ -28,7 +28,7 @@ class Lag:
     """A lag of the torque record: a delay, and a first-order filter of time constant tau."""
 
     total_s: float = 0.0  # delay plus tau
-    # square of tau; zero for a pure delay. Slightly negative values, which noise can bring about,
+    # square of tau, s^2; 0 for a pure delay. Slightly negative values, which noise can bring about,
     # raise high frequencies as much as positive ones lower them
     spread_s2: float = 0.0
 
@@ -73,27 +73,27 @@ class Lag:
 class LagPrior:
     """What is known of the total lag before the fit."""
 
-    value_s: float  # of the lag, s
-    sd_s: float
-    # penalty of the sum of squares by the square of the lag's difference, N^2*m^2/s^2
-    weight: float
+    value_s: float  # expected total lag
+    sd_s: float  # sd of the total lag
+    weight: float  # weight of the squared difference from ``value_s`` in the cost, N^2*m^2/s^2
 
 
 @dataclass(frozen=True, slots=True)
 class LoadRegression:
     """Fit of K, B, J and friction with one lag."""
 
-    values: np.ndarray  # K, B, J and, where fitted, the friction torque
+    values: np.ndarray  # K, B, J (SI) and, where fitted, the friction torque, N*m
     lag: Lag
-    # columns of ``values`` and of the free parts of the lag, offsets removed
-    regressors: np.ndarray
+    regressors: np.ndarray  # columns of ``values`` and of the free parts of the lag, means removed
     scores: np.ndarray  # estimating functions, one row a sample
-    bread: np.ndarray  # their derivative, corrected for the noise of the angle
-    residual: np.ndarray  # of the filtered torque, offsets removed
-    measured: np.ndarray
+    # derivative of the estimating functions, corrected for the noise of the angle
+    bread: np.ndarray
+    residual: np.ndarray  # measured minus modelled torque, N*m
+    measured: np.ndarray  # filtered torque, mean removed, N*m
     noise_share: float  # share of the acceleration's variance that is noise of the angle
-    cost: float  # sum of squares less what angle noise adds to it, penalty of the prior included
-    prior: LagPrior | None = None  # what was known of the lag
+    # sum of squares less the part of the angle's noise, prior of the lag included, N^2*m^2
+    cost: float
+    prior: LagPrior | None = None  # prior of the lag
 
     @property
     def condition_number(self) -> float:

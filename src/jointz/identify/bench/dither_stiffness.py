@@ -28,8 +28,9 @@ _SERIES_POINTS = 200
 class _Harmonic:
     """A signal's part at the dither's frequency."""
 
-    phasor: complex  # the part is the real part of phasor times exp(j omega t)
-    residual: np.ndarray  # the rest of the signal, offset removed
+    # complex amplitude, unit of the signal: the part is the real part of phasor * exp(j omega t)
+    phasor: complex
+    residual: np.ndarray  # rest of the signal, offset removed
 
 
 def identify_dither_stiffness(

@@ -23,13 +23,14 @@ _ROLL_OFF = 8
 class PairResponses:
     """The responses of one pair of runs."""
 
-    pulses: tuple[Pulse, ...]  # the pulses that both runs hold, on the perturbed run's clock
-    # angle (rad), velocity, acceleration and torque (N*m), unperturbed run subtracted
+    pulses: tuple[Pulse, ...]  # pulses in both runs, times on the clock of the perturbed run
+    # (pulse, 4, n) angle (rad), velocity (rad/s), acceleration (rad/s^2) and torque (N*m), the
+    # unperturbed run subtracted
     windows: np.ndarray
-    left_out: tuple[tuple[Pulse, str], ...]  # the other pulses, and why
-    shift_s: float  # how much later the unperturbed run began the reference
-    rate_hz: float  # samples a second
-    # rad/s^2: what white noise of both angles leaves in a response's acceleration
+    left_out: tuple[tuple[Pulse, str], ...]  # excluded pulses with the reason
+    shift_s: float  # start of the reference in the unperturbed run minus that in the perturbed run
+    rate_hz: float  # sampling rate of both runs
+    # rad/s^2: noise of the acceleration of a response, by the white noise of both angles
     acceleration_noise_sd: float
 
 
@@ -38,10 +39,10 @@ class _Run:
     """One run, filtered."""
 
     stretch: Stretch
-    reference: np.ndarray
+    reference: np.ndarray  # channel by which the runs are aligned
     recording: xr.Dataset
     rate_hz: float
-    guard_s: float
+    guard_s: float  # distance of windows from the ends of the run
 
     @property
     def start_s(self) -> float:

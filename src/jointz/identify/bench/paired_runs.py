@@ -30,9 +30,9 @@ _TOLD_NOISE_SHARE = 0.002
 class _Responses:
     """Responses of all pairs: pulses with the number of their pair, (p, 4, n) windows."""
 
-    pulses: tuple[tuple[int, Pulse], ...]
-    windows: np.ndarray
-    left_out: tuple[str, ...]
+    pulses: tuple[tuple[int, Pulse], ...]  # number of the pair, pulse
+    windows: np.ndarray  # angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m)
+    left_out: tuple[str, ...]  # excluded pulses with the reason, as text
     rate_hz: float
 
 

@@ -34,10 +34,8 @@ _PARAMETERS = ("stiffness", "damping", "inertia", "torque_lag")
 class NoiseLevels:
     """White noise of the two records."""
 
-    # standard deviations, rad and N*m; one may be zero. After the subtraction of an unperturbed
-    # record they are larger by the square root of two
-    angle_sd_rad: float
-    torque_sd_nm: float
+    angle_sd_rad: float  # may be zero; larger by sqrt(2) after subtraction of an unperturbed record
+    torque_sd_nm: float  # likewise
 
 
 def fit_pulse(

@@ -40,7 +40,7 @@ class _Levels:
     contact_v: float
     open_sd_v: float
     contact_sd_v: float
-    in_contact: np.ndarray
+    in_contact: np.ndarray  # (n,) bool: samples of the level in contact
 
     @property
     def apart_v(self) -> float:

@@ -71,9 +71,9 @@ KNOWN_LAG = len(NAMES)
 class HangingCell:
     """The average response of one condition."""
 
-    angle: np.ndarray  # measured, from rest
-    torque: np.ndarray  # without friction, and friction
-    noise: np.ndarray  # covariance of the error of the average
+    angle: np.ndarray  # measured angle from rest, rad
+    torque: np.ndarray  # (2, n) N*m: torque without friction; friction
+    noise: np.ndarray  # covariance of the error of ``angle``, rad^2
     period_s: float  # s: between samples
 
     def root(self) -> np.ndarray:
@@ -96,14 +96,14 @@ class KnownWeight:
 class HangingPosterior:
     """Mode and covariance under one model of the sensor."""
 
-    values: np.ndarray  # by the places above
+    values: np.ndarray  # parameters in the order of ``NAMES``
     bread: np.ndarray  # inverse of the curvature; zero where a parameter is idle
-    prior_sd: np.ndarray  # of every parameter before the data
-    lag_sd_s: float  # s: of what was known of the total lag; infinite where nothing was
+    prior_sd: np.ndarray  # prior sd of each parameter
+    lag_sd_s: float  # s: prior sd of the total lag; infinite where it was unknown
     log_evidence: float  # up to a constant that both models share
     misfit: float  # squared distance from the data over the degrees of freedom; about 1
-    fitted: tuple[np.ndarray, ...]  # angles that the sensor would show
-    motions: tuple[np.ndarray, ...]  # the joint's own
+    fitted: tuple[np.ndarray, ...]  # angles shown by the sensor, rad, one array a condition
+    motions: tuple[np.ndarray, ...]  # angles of the joint, rad, one array a condition
 
     def variances(self, slopes: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the variance of a function of the parameters, by where it comes from."""

@@ -61,10 +61,10 @@ _METHOD = (
 class _Swing:
     """A record, and the samples that enter the fit."""
 
-    time: np.ndarray
-    angle: np.ndarray
-    encoder: np.ndarray
-    counts: np.ndarray
+    time: np.ndarray  # s
+    angle: np.ndarray  # of the goniometer, rad
+    encoder: np.ndarray  # angle of the encoder, rad
+    counts: np.ndarray  # (n,) bool: samples in the fit
 
     def shown(self, lag_s: float, share: float) -> np.ndarray:
         """Return the encoder as a sensor with this lag would show it, where samples count."""
@@ -84,10 +84,10 @@ class _Swing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
-    share: float
-    values: np.ndarray  # lag, gain, offset
+    share: float  # share of the lag that is a first-order filter
+    values: np.ndarray  # lag (s), gain, offset (rad)
     derivatives: np.ndarray
-    residual: np.ndarray
+    residual: np.ndarray  # measured minus modelled angle, rad
 
 
 @calibration_step("hinge", "angle_lag_s", "angle_gain")

@@ -77,7 +77,7 @@ class _Sensors:
 
     model: HangingModel
     posteriors: tuple[HangingPosterior, ...]
-    weights: np.ndarray
+    weights: np.ndarray  # probabilities of ``posteriors``
 
     @classmethod
     def of(

@@ -29,26 +29,26 @@ _SLIDING_RAD_S, _SMOOTHING_S = 0.05, 4e-3
 class PulsedRecord:
     """A record of something that hangs and is pushed both ways."""
 
-    time: np.ndarray  # increasing time stamps
-    angle: np.ndarray  # the goniometer's
-    motor_angle: np.ndarray  # the encoder's, at the output
-    driving: np.ndarray  # torque on the joint out of the current, without friction
-    # what the stated friction adds to it, of full size whenever there is motion
+    time: np.ndarray  # increasing time stamps, s
+    angle: np.ndarray  # angle of the goniometer, rad
+    motor_angle: np.ndarray  # angle of the encoder at the output, rad
+    driving: np.ndarray  # torque on the joint by the current, without friction, N*m
+    # torque of the stated friction, of full size whenever there is motion, N*m
     friction: np.ndarray
-    onset_s: np.ndarray  # of the pulses
-    amplitude_nm: np.ndarray
+    onset_s: np.ndarray  # onsets of the pulses
+    amplitude_nm: np.ndarray  # signed amplitudes of the pulses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseAverage:
     """Responses to the pulses of a record: negative ones turned, the level before subtracted."""
 
-    time_s: np.ndarray  # from the onset
-    angle: np.ndarray  # a row a pulse
-    motor_angle: np.ndarray
-    driving: np.ndarray
-    friction: np.ndarray
-    n_left_out: int  # pulses that did not begin at rest, or run past the record
+    time_s: np.ndarray  # time from the onset
+    angle: np.ndarray  # (pulse, n) of the goniometer, rad
+    motor_angle: np.ndarray  # (pulse, n) of the encoder, rad
+    driving: np.ndarray  # (pulse, n) torque by the current, without friction, N*m
+    friction: np.ndarray  # (pulse, n) torque of the stated friction, N*m
+    n_left_out: int  # excluded pulses: not from rest, or beyond the ends of the record
 
     @property
     def count(self) -> int:

@@ -44,8 +44,8 @@ class InstrumentedFit:
     """A linear fit."""
 
     values: np.ndarray  # coefficients
-    # squared distance of the moments from zero: chi squared with as many degrees of freedom as
-    # there are instruments more than coefficients
+    # chi squared of the moments; degrees of freedom: number of instruments minus number of
+    # coefficients
     distance: float
     residual: np.ndarray  # measured minus modelled
 
@@ -128,13 +128,13 @@ _METHOD = (
 class _Pull:
     """A record: torque of the spring and of the current, velocity and friction."""
 
-    time: np.ndarray
-    spring: np.ndarray
-    drive: np.ndarray
-    current: np.ndarray
-    velocity: np.ndarray
-    driven: np.ndarray  # velocity by the current alone
-    friction: np.ndarray  # size as stated
+    time: np.ndarray  # s
+    spring: np.ndarray  # torque of the spring, N*m
+    drive: np.ndarray  # torque by the current, without friction, N*m
+    current: np.ndarray  # A
+    velocity: np.ndarray  # rad/s
+    driven: np.ndarray  # velocity by the current alone, rad/s
+    friction: np.ndarray  # size of the stated friction, N*m
 
     def columns(self, sign: np.ndarray) -> np.ndarray:
         """Return regressors: torque, friction, offset."""
@@ -153,10 +153,10 @@ class _Pull:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Candidate:
     fit: InstrumentedFit
-    sds: np.ndarray
-    chance: float
-    smooth_rad_s: float
-    sign: np.ndarray
+    sds: np.ndarray  # of the coefficients
+    chance: float  # probability of this smoothness
+    smooth_rad_s: float  # velocity over which the friction changes its sign
+    sign: np.ndarray  # smooth sign of the velocity
 
 
 @calibration_step("spring", *_LARGEST_SDS)

@@ -25,7 +25,7 @@ class SteadyFit:
     """A linear fit."""
 
     values: np.ndarray  # coefficients
-    covariance: np.ndarray  # of their error
+    covariance: np.ndarray  # of the errors of ``values``
     residual: np.ndarray  # measured minus modelled
     n_blocks: int  # independent blocks behind the covariance
 

@@ -23,9 +23,9 @@ _LEVEL = 0.95
 class Replicates:
     """Estimates of resamples, one row each."""
 
-    bounded: np.ndarray  # K, B, J; NaN where singular
-    unbounded: np.ndarray
-    active: np.ndarray  # bit i is set if parameter i is fixed at zero
+    bounded: np.ndarray  # K, B, J within bounds, SI; NaN where singular
+    unbounded: np.ndarray  # K, B, J without bounds, SI; NaN where singular
+    active: np.ndarray  # bit i is set where parameter i is at its bound of zero
 
     def decided(self) -> "Replicates":
         """Return the replicates without singular ones."""
@@ -43,9 +43,9 @@ class Replicates:
 class Point:
     """An estimate before its interval."""
 
-    value: np.ndarray  # K, B, J as reported
-    unbounded: np.ndarray  # without bounds
-    held: int  # likewise
+    value: np.ndarray  # reported K, B, J, SI
+    unbounded: np.ndarray  # K, B, J without bounds, SI
+    held: int  # bit i is set where parameter i is at its bound of zero
 
 
 class Spread(ABC):

@@ -44,10 +44,10 @@ _SETTINGS = ("study", "joint", "method", "window_s")
 class _Measured:
     """Values at phases (cycles), the covariance of their errors, and systematic errors."""
 
-    phases: np.ndarray
-    values: np.ndarray
-    covariance: np.ndarray
-    systematic: np.ndarray
+    phases: np.ndarray  # (n,) cycles
+    values: np.ndarray  # (n,) SI
+    covariance: np.ndarray  # (n, n) of the errors, unit of ``values`` squared
+    systematic: np.ndarray  # (n,) sds of the systematic errors, unit of ``values``
 
     @property
     def largest_sds(self) -> np.ndarray:

@@ -18,9 +18,9 @@ class StrideCurves:
 
     participant: str
     side: str  # "" if the study does not state it
-    angle: np.ndarray  # joint angle, in the study's positive direction
-    moment: np.ndarray  # torque on the joint, in the same direction
-    session: str = ""  # likewise
+    angle: np.ndarray  # (stride, NODES) joint angle, positive in the study's direction, rad
+    moment: np.ndarray  # (stride, NODES) torque on the joint, positive in the same direction, N*m
+    session: str = ""  # "" if the study does not state it
 
 
 def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCurves, ...]:

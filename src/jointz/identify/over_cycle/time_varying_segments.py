@@ -21,14 +21,14 @@ class CycleSignals:
     """Low-passed signals of a whole record, all (n,)."""
 
     time: np.ndarray  # s: from the middle of the record
-    angle: np.ndarray  # rad, rad/s, rad/s^2
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    # rad*s: time times angle, low-passed after multiplying: a stiffness that changes in time acts
-    # on the angle before the filter, not after it
+    angle: np.ndarray  # rad
+    velocity: np.ndarray  # rad/s
+    acceleration: np.ndarray  # rad/s^2
+    # rad*s: product of time and angle, low-passed after the multiplication, because a time-varying
+    # stiffness acts on the unfiltered angle
     angle_moment: np.ndarray
     torque: np.ndarray  # N*m: on the joint
-    # perturbation that does not depend on the joint; None for least squares
+    # perturbation that does not depend on the joint, rad or N*m; None for least squares
     instrument: np.ndarray | None
 
 
@@ -36,10 +36,10 @@ class CycleSignals:
 class SegmentLayout:
     """Where the segments lie, in samples."""
 
-    centres: np.ndarray  # centre of the segment of every stride at every phase
-    offsets: np.ndarray  # samples of a segment, about its centre
-    response_lags: np.ndarray  # lags of the impulse response and of the instrument
-    instrument_lags: np.ndarray
+    centres: np.ndarray  # (n_stride, n_phase) samples: centres of the segments
+    offsets: np.ndarray  # samples of a segment, relative to its centre
+    response_lags: np.ndarray  # samples: lags of the impulse response
+    instrument_lags: np.ndarray  # samples: lags of the instrument
 
 
 @dataclass(frozen=True, slots=True)

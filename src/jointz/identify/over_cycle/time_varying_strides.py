@@ -70,7 +70,7 @@ class ChosenStrides:
 
     start_s: np.ndarray
     duration_s: np.ndarray
-    excluded: dict[str, int]
+    excluded: dict[str, int]  # code -> number of excluded strides
 
 
 def default_length_s(perturbed: str) -> float:

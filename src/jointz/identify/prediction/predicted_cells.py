@@ -36,10 +36,10 @@ _FEWEST_TO_COMPARE = 4
 class PredictedCell:
     """A timing point with predicted pulses."""
 
-    label: str
-    candidates: list[Candidate]  # the pulses that were to be predicted
-    predicted: Predicted  # their responses, and the errors of the prediction
-    kept: np.ndarray  # which responses are used
+    label: str  # name of the timing point
+    candidates: list[Candidate]  # pulses of the timing point
+    predicted: Predicted  # responses of the pulses, and errors of the prediction
+    kept: np.ndarray  # bool, one for each response: whether it is used
     period_s: float  # between samples
     phase: float  # mean predicted phase of the onsets, cycles; NaN where unknown
     stride_s: float  # duration of a stride

@@ -54,14 +54,14 @@ _ROUNDING = 0.01
 class Predicted:
     """Responses of the pulses of a cell, and errors of the prediction without pulses."""
 
-    # measured minus predicted, turned by the sign of the pulse, from :data:`LEAD_SAMPLES` before
-    # the onset: angle (rad), torque without friction and friction (N*m)
+    # (m, 3, n) measured minus predicted, times the sign of the pulse, from :data:`LEAD_SAMPLES`
+    # before the onset: angle (rad), torque without friction (N*m), friction (N*m)
     responses: np.ndarray
-    misses: np.ndarray  # the same at virtual onsets that were left out of the learning
-    strides: np.ndarray  # the stride of each virtual onset
-    codes: tuple[str, ...]  # of all pulses; ``responses`` has a row for every ``""``
+    misses: np.ndarray  # (v, 3, n) the same at virtual onsets of strides left out of the learning
+    strides: np.ndarray  # (v,) number of the stride of each virtual onset
+    codes: tuple[str, ...]  # one for each pulse; ``responses`` has a row for each ``""``
     posture_rad: float  # mean unperturbed angle over the window
-    unperturbed_rad: np.ndarray  # (n,) the same over time, less a constant
+    unperturbed_rad: np.ndarray  # (n,) unperturbed angle over the window, less a constant
 
     @property
     def n_strides(self) -> int:
@@ -225,9 +225,9 @@ class _Moments:
     onsets_s: np.ndarray
     features: np.ndarray
     windows: np.ndarray
-    ratio: np.ndarray  # time since the heel strike over the expected stride
+    ratio: np.ndarray  # time since the heel strike over the expected duration of the stride
     codes: np.ndarray
-    strides: np.ndarray
+    strides: np.ndarray  # number of the stride before each onset
 
     @property
     def valid(self) -> np.ndarray:

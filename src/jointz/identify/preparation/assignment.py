@@ -23,11 +23,11 @@ from jointz.identify.preparation.sources import ParticipantSettings, Source
 class Candidate:
     """A pulse with its timing point and, if it is excluded, its code."""
 
-    source: int  # index of its recording among the sources
+    source: int  # index of the recording among the sources
     pulse: Pulse
     record: PulseRecord
     elapsed_s: float  # s: time since the last heel strike, or since the start of a bench trial
-    # % of the gait cycle: phase of the onset as predicted from the strides before it
+    # % of the gait cycle: phase of the onset, predicted from the strides before it
     predicted_pct: float | None = None
 
 

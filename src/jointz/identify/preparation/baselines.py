@@ -35,9 +35,11 @@ _ANGLE_ONLY = slice(ANGLE, ANGLE + 1)
 class Baseline:
     """Unperturbed windows for every pulse of a cell."""
 
-    windows: np.ndarray  # alternative windows of each pulse, (n_pulse, k, 4, n); 0 if not valid
-    sources: np.ndarray  # the stride of each window; strides are resampled
-    valid: np.ndarray  # which windows exist
+    # (n_pulse, k, 4, n) alternative windows: angle (rad), velocity (rad/s), acceleration (rad/s^2),
+    # torque (N*m); 0 where not valid
+    windows: np.ndarray
+    sources: np.ndarray  # (n_pulse, k) number of the stride of each window, for resampling
+    valid: np.ndarray  # (n_pulse, k) bool: whether the window exists
     block: int = 1  # number of neighbouring strides that are resampled together
 
     @property
@@ -85,8 +87,9 @@ class StridePool:
     """Unperturbed strides of one or more recordings."""
 
     recordings: tuple[Conditioned, ...]
-    starts_s: tuple[np.ndarray, ...]  # heel strikes (or starts of a bench trial) in each
-    onsets_s: tuple[np.ndarray, ...]  # of pulses; a window with one inside is not valid
+    starts_s: tuple[np.ndarray, ...]  # heel strikes (or starts of a bench trial) of each recording
+    # onsets of the pulses of each recording; a window that contains one is not valid
+    onsets_s: tuple[np.ndarray, ...]
 
     @property
     def size(self) -> int:

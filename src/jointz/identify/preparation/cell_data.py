@@ -29,25 +29,28 @@ class FitSettings:
     """Settings of a fit."""
 
     n_resamples: int  # bootstrap resamples
-    seed: int  # every cell starts its generator from it, independently of other cells
+    seed: int  # seed of the random generator of every cell
     rate_hz: float  # sampling rate of the responses
-    # as 4.2.3 does: the unperturbed mean is fixed, and the mean over replicates is reported.
-    # Otherwise unperturbed strides are resampled too, and the plug-in estimate is reported
+    # whether to follow 4.2.3 by the letter: the unperturbed mean is fixed, and the mean over
+    # replicates is reported. Otherwise unperturbed strides are resampled too, and the plug-in
+    # estimate is reported
     letter: bool
-    # its sds widen the intervals, intrinsic impedance is subtracted
+    # sds that widen the intervals, and the intrinsic impedance to subtract
     calibration: CalibrationSpec
-    mass_kg: float | None = None  # for values per kg
+    mass_kg: float | None = None  # body mass, for values per kg
     wants_per_mass: bool = True  # whether values per kg are expected even if the mass is missing
     bounded: bool = True  # whether K, B, J >= 0 is required, as in 4.2.3, not in 2.2.3
-    cutoff_hz: float = 20.0  # of the low-pass filter of the responses
+    cutoff_hz: float = 20.0  # low-pass of the responses
 
 
 @dataclass(frozen=True, slots=True)
 class Windows:
     """Windows of the pulses of a cell and their baseline."""
 
-    recorded: np.ndarray  # baseline included
-    signs: np.ndarray  # direction of each pulse; responses are turned by it before averaging
+    # (n_pulse, 4, n) recorded windows, baseline included; channels as in :class:`CellData`
+    recorded: np.ndarray
+    # (n_pulse,) sign of each pulse; responses are multiplied by it before averaging
+    signs: np.ndarray
     baseline: Baseline  # unperturbed windows of each pulse
     lead: int = 0  # samples before the onset, and as many after the end of the window
 
@@ -65,10 +68,11 @@ class Windows:
 class CellData:
     """Data of a cell for a method."""
 
-    # angle (rad), velocity, acceleration and torque (N*m) from each onset, low-passed
+    # low-passed angle (rad), velocity (rad/s), acceleration (rad/s^2) and torque (N*m) from each
+    # onset
     filtered: Windows
-    # angle for matching strides, angle, torque and commanded torque as sampled, from ``lead``
-    # samples before each onset; None unless the method needs them
+    # as sampled, from ``lead`` samples before each onset: angle for matching strides (rad), angle
+    # (rad), torque (N*m) and commanded torque (N*m); None unless the method needs them
     raw: Windows | None = None
 
     def unfiltered(self) -> Windows:
@@ -86,10 +90,10 @@ class CellFit:
     """The fit of one cell."""
 
     parameters: tuple[ParameterEstimate, ...]  # K, B, J and values per kg
-    # of the torque of the average filtered response (2.7), %; None where undecided
+    # VAF (2.7) of the torque of the average filtered response, %; None where undecided
     vaf_pct: float | None
     condition_number: float | None  # of the scaled regressors; None where undecided
-    displacement_rad: float  # largest angle of the average response
+    displacement_rad: float  # largest absolute angle of the average response
     response: Response | None  # the average response; None where undecided
     nuisance: tuple[ParameterEstimate, ...] = ()  # estimates beside the impedance
 

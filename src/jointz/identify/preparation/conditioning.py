@@ -30,7 +30,7 @@ _SLOWEST_HZ = 10.0
 class Stretch:
     """A run of filtered samples without a gap."""
 
-    time: np.ndarray  # time stamps; kept, because a clock may drift against its nominal rate
+    time: np.ndarray  # time stamps, s; kept because a clock may drift against its nominal rate
     signals: np.ndarray  # angle (rad), velocity (rad/s), acceleration (rad/s^2), torque (N*m)
 
     def nearest(self, times_s: np.ndarray) -> np.ndarray:
@@ -45,11 +45,11 @@ class Conditioned:
     """Stretches of a recording from which windows are cut."""
 
     stretches: tuple[Stretch, ...]  # in order of time
-    rate_hz: float  # samples a second, the same in all stretches
-    guard_s: float  # distance that windows keep from a stretch's ends, for the filter
-    start_s: float  # first and last time stamp of the recording
-    end_s: float
-    gaps: np.ndarray  # gaps in the time stamps, (n, 2) s
+    rate_hz: float  # sampling rate of all stretches
+    guard_s: float  # distance of windows from the ends of a stretch, for the filter
+    start_s: float  # first time stamp of the recording
+    end_s: float  # last time stamp of the recording
+    gaps: np.ndarray  # (n, 2) s: start and end of each gap in the time stamps
 
     def cut(
         self,

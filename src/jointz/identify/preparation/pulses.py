@@ -32,7 +32,7 @@ _SIZE_SHARE = 0.5
 class Pulse:
     """One perturbation pulse."""
 
-    onset_s: float  # commanded
+    onset_s: float  # commanded onset
     duration_s: float
     amplitude: float  # N*m, or rad for a step of the angle; signed, NaN if unknown
     timing_point: str = ""  # as in the pulse table

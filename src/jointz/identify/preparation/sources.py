@@ -64,20 +64,20 @@ class ParticipantSettings:
 
     kind: StudyKind
     perturbations: PerturbationsSpec
-    group_edges: tuple[float, ...] = ()  # SI
-    torque_model: TorqueModelSpec | None = None  # for torque from current
+    group_edges: tuple[float, ...] = ()  # edges of the groups, SI; empty where there are none
+    torque_model: TorqueModelSpec | None = None  # model of the torque from the current
     methods: tuple[str, ...] = ("recommended",)  # the chosen method, then those to compare it with
-    # whether the person chose the method, and jointz would have chosen another
-    method_asked_for: bool = False
+    method_asked_for: bool = False  # whether the method was requested and differs from the default
     n_resamples: int = 1000  # of the bootstrap
     seed: int = 0
     mass_kg: float | None = None  # of the participant
-    user_exclusions: tuple[UserExclusion, ...] = ()  # of this participant
+    # exclusions that the user states for this participant
+    user_exclusions: tuple[UserExclusion, ...] = ()
     joint: str = "knee"
     positive: str = "flexion"  # the positive direction of the joint
-    person: ParticipantSpec | None = None  # for the mass of the limb
-    device: DeviceSpec | None = None  # worn on the limb
-    # factor on the priors of K, B and J of the recommended method: estimates that change with it
+    person: ParticipantSpec | None = None  # person of the recordings, for the mass of the limb
+    device: DeviceSpec | None = None  # device worn on the limb
+    # factor on the priors of K, B and J of the recommended method; estimates that change with it
     # are not determined by the data
     prior_scale: float = 1.0
     priors: PriorsSpec = field(default_factory=PriorsSpec)  # of the method strapped
@@ -104,11 +104,12 @@ class ParticipantSettings:
 class Source:
     """A recording with its strides, pulses and filtered signals."""
 
-    given: RecordingInput  # the recording, with torque
-    strides: Strides | None  # None if it has no channel with heel strikes
+    given: RecordingInput  # recording with torque, calibration and pulse table
+    strides: Strides | None  # None if no channel shows heel strikes
     pulses: tuple[Pulse, ...]  # in order of time
-    signals: Conditioned  # filtered signals; without a stretch for a recording without device
-    undisturbed: np.ndarray  # accepted strides without a pulse that the user did not exclude
+    signals: Conditioned  # filtered signals; without a stretch for a recording without a device
+    # (n_stride,) bool: accepted strides without a pulse, not excluded by the user
+    undisturbed: np.ndarray
 
 
 def prepare_sources(

@@ -31,9 +31,9 @@ _TABLE_SD, _MEASURED_SD = 0.10, 0.05
 @dataclass(frozen=True, slots=True)
 class _Proportions:
     segment: str
-    mass_share: float  # of body mass
-    centre_share: float  # distance from the joint, of body height
-    relative_sd: float = _TABLE_SD
+    mass_share: float  # mass of the segment over body mass
+    centre_share: float  # distance of the centre of mass from the joint over body height
+    relative_sd: float = _TABLE_SD  # of mass times distance
 
 
 # Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, table 4.1 (mass, centre
@@ -66,7 +66,7 @@ class HangingMass:
     mass_kg: float
     centre_m: float  # distance of its centre from the joint
     relative_sd: float  # of mass times distance
-    source: str  # of the values
+    source: str  # origin of the values
 
     @property
     def moment_nm(self) -> float:
@@ -84,10 +84,10 @@ class GravityStiffness:
     """Stiffness by gravity in one posture: corrected = apparent - value."""
 
     value: float  # N*m/rad, positive if gravity pulls back
-    sd: float
+    sd: float  # N*m/rad
     segment_angle_rad: float  # of the distal segment from the vertical, forward positive
-    source: str  # of masses and posture
-    note: str = ""  # on effects that the value does not include
+    source: str  # origin of masses and posture
+    note: str = ""  # effects that the value does not include
 
 
 def limb_gravity(

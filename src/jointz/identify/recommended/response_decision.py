@@ -33,9 +33,9 @@ _CI_METHOD = (
 class NaturalSize:
     """Sizes that K, B and J would have if each alone resisted the torque over the window."""
 
-    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
-    damping: float
-    inertia: float
+    stiffness: float  # N*m/rad
+    damping: float  # N*m*s/rad
+    inertia: float  # kg*m^2
 
     @classmethod
     def of(cls, response: CellResponse) -> "NaturalSize":
@@ -51,10 +51,10 @@ class NaturalSize:
 class Decision:
     """What the estimates of a timing point depend on besides the posterior."""
 
-    known: CalibrationSpec  # gains' sd and the intrinsic impedance
-    subtract_intrinsic: tuple[str, ...]  # which of K, B and J still include the device's
-    mass_kg: float | None  # for values per kg
-    natural: NaturalSize  # against which an upper limit is judged
+    known: CalibrationSpec  # calibration: sds of the gains, and the intrinsic impedance
+    subtract_intrinsic: tuple[str, ...]  # those of K, B and J that still include the device's part
+    mass_kg: float | None  # body mass, for values per kg
+    natural: NaturalSize  # sizes that upper limits are compared with
 
     @property
     def gain_sd(self) -> float:

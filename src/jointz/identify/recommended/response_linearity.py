@@ -34,10 +34,10 @@ _TINY = 1e-300
 class Contrast:
     """A difference of responses between kinds of pulses, and its significance."""
 
-    doubt: Doubt  # raised by a significant difference
-    p_value: float  # the smallest of the comparisons, times their number
-    # timing point -> change of K (N*m/rad), B (N*m*s/rad) and log J of the average pulse by the
-    # difference, if one direction alone has it; empty for sizes
+    doubt: Doubt  # code of a significant difference
+    p_value: float  # smallest p of the comparisons times their number
+    # timing point -> change of K (N*m/rad), B (N*m*s/rad) and log J of the average pulse if the
+    # difference belonged to one direction alone; empty for pulse sizes
     shifts: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property

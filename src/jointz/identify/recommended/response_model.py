@@ -62,10 +62,10 @@ _SHARED_RANGE = np.array(
 class CellResponse:
     """The average response of a timing point."""
 
-    label: str  # the timing point
-    angle: np.ndarray  # from the first sample on
-    torque: np.ndarray  # without friction, and friction
-    noise: np.ndarray  # covariance of the error of the average angle
+    label: str  # name of the timing point
+    angle: np.ndarray  # (n,) from the first sample on, rad
+    torque: np.ndarray  # (2, n) N*m: torque without friction; friction
+    noise: np.ndarray  # (n, n) covariance of the error of the average angle, rad^2
     period_s: float  # s: between samples
     phase: float  # of the onset, cycles; NaN where unknown
     stride_s: float  # s: duration of a stride
@@ -91,17 +91,16 @@ class CellResponse:
 class Priors:
     """Prior means and sds."""
 
-    # N*m/rad, N*m*s/rad, logarithm of kg*m^2; K and B are normal and include negative values
-    stiffness: tuple[float, float] = (60.0, 100.0)
-    damping: tuple[float, float] = (2.5, 4.0)
-    log_inertia: tuple[float, float] = (float(np.log(0.08)), 1.0)
-    # s: of the angle behind the torque in all; of the pure delay in it
-    lag_s: tuple[float, float] = (0.012, 0.010)
-    delay_s: tuple[float, float] = (0.002, 0.00115)  # s
-    friction_gain: tuple[float, float] = (1.0, 0.2)  # true over stated friction; rad/(N*m)
-    cross_talk: tuple[float, float] = (0.0, 3e-4)
-    log_resonance: tuple[float, float] = (float(np.log(30.0)), 0.4)  # logarithm of Hz; ratio
-    resonance_damping: tuple[float, float] = (0.3, 0.1)
+    stiffness: tuple[float, float] = (60.0, 100.0)  # N*m/rad; normal, negative values included
+    damping: tuple[float, float] = (2.5, 4.0)  # N*m*s/rad; normal, negative values included
+    log_inertia: tuple[float, float] = (float(np.log(0.08)), 1.0)  # natural logarithm of kg*m^2
+    lag_s: tuple[float, float] = (0.012, 0.010)  # s: total lag of the angle behind the torque
+    delay_s: tuple[float, float] = (0.002, 0.00115)  # s: pure delay within the total lag
+    friction_gain: tuple[float, float] = (1.0, 0.2)  # true over stated friction
+    cross_talk: tuple[float, float] = (0.0, 3e-4)  # rad/(N*m): angle shown per torque
+    # natural logarithm of Hz: resonance of the tissue
+    log_resonance: tuple[float, float] = (float(np.log(30.0)), 0.4)
+    resonance_damping: tuple[float, float] = (0.3, 0.1)  # damping ratio of the tissue
 
     def scaled(self, factor: float) -> "Priors":
         """Return priors whose medians of K, B and J are multiplied."""
@@ -118,13 +117,13 @@ class Priors:
 class Hypothesis:
     """A hypothesis about the joint and the sensor."""
 
-    inertia_sd: float  # relative sd of the points' inertias about the shared one
+    inertia_sd: float  # relative sd of the inertia of a timing point about the shared one
     drift_sd: float  # relative sd of the change of K and B over the window
     # whether K and B also follow the curve through the timing points
     follows_curve: bool = False
     resonance: bool = False  # whether soft tissue resonates between joint and sensor
     chance: float = 1.0  # prior probability
-    reflex_s: float = 0.0  # s: latency of a reflex; 0: there is none
+    reflex_s: float = 0.0  # s: latency of a reflex; 0: no reflex
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,18 +131,20 @@ class Posterior:
     """Mode and covariance under one hypothesis."""
 
     hypothesis: Hypothesis
-    values: np.ndarray  # parameters of the points one after the other, then the shared ones
+    values: np.ndarray  # parameters of one timing point after the other, then the shared ones
     covariance: np.ndarray  # sandwich of the covariance of the responses and the priors
     bread: np.ndarray  # inverse of the curvature
-    prior_precision: np.ndarray  # curvature that the priors add
+    prior_precision: np.ndarray  # curvature by the priors
     prior_mean: np.ndarray
-    # by Laplace's approximation, with the prior probability; up to a common constant
+    # by Laplace's approximation, with the prior probability; up to a constant common to all
+    # hypotheses
     log_evidence: float
-    # of every point: bread times Jacobian times weights, from angle to parameters
+    # one for each point: bread * Jacobian^T * weights, from the angle (rad) to the parameters
     gains: tuple[np.ndarray, ...]
-    fitted: tuple[np.ndarray, ...]  # simulated angles
-    middle_s: np.ndarray  # times from the first sample at which K, B and J hold
-    reflex_reach: np.ndarray  # change of the parameters by one sd of the reflex
+    fitted: tuple[np.ndarray, ...]  # simulated angle of each point, rad
+    # (m, 3) times from the first sample at which K, B and J of each point apply
+    middle_s: np.ndarray
+    reflex_reach: np.ndarray  # change of ``values`` by a reflex of one sd
 
     def point(self, i: int) -> np.ndarray:
         """Return the parameters of a timing point, (5,)."""

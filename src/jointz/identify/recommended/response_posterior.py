@@ -53,7 +53,8 @@ class Moments:
     """An estimate and its variance by source."""
 
     mean: float
-    sources: dict[str, float]  # by :data:`~jointz.results.estimates.FIT_SOURCES`
+    # source of error (:data:`~jointz.results.estimates.FIT_SOURCES`) -> variance
+    sources: dict[str, float]
 
     @property
     def variance(self) -> float:
@@ -65,8 +66,8 @@ class Moments:
 class JointPosterior:
     """The weighted hypotheses of one participant."""
 
-    posteriors: tuple[Posterior, ...]  # one a hypothesis
-    weights: np.ndarray  # their probabilities
+    posteriors: tuple[Posterior, ...]  # one for each hypothesis
+    weights: np.ndarray  # probabilities of the hypotheses
 
     @classmethod
     def weighed(cls, posteriors: Sequence[Posterior]) -> "JointPosterior":

@@ -40,8 +40,8 @@ MOVED = ("stiffness", "damping")
 class Widened:
     """Cells with errors that allow for a steep drift."""
 
-    cells: tuple[CellEstimate, ...]  # all, in order
-    # label and timing point -> cell with its window on a steep change
+    cells: tuple[CellEstimate, ...]  # all cells, in the order given
+    # (label, timing point) -> cell whose window lies on a steep change
     steep: Mapping[tuple[str, str], CellEstimate]
 
 

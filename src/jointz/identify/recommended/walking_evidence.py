@@ -13,12 +13,12 @@ class Evidence:
     """Predicted pulses of a participant and the posterior of joint and sensor."""
 
     participant: str
-    cells: tuple[PredictedCell, ...]  # the timing points
-    responses: tuple[CellResponse, ...]  # their average responses
+    cells: tuple[PredictedCell, ...]  # one for each timing point
+    responses: tuple[CellResponse, ...]  # average response of each cell
     posterior: JointPosterior
     known: CalibrationSpec
-    # for each timing point, which of the device's K, B and J remain in its torque
+    # for each timing point, those of the device's K, B and J that its torque still includes
     subtract_intrinsic: tuple[tuple[str, ...], ...]
     window_s: float
-    session: str = ""  # session and side of the pulses; "" if the study does not state them
-    side: str = ""
+    session: str = ""  # session of the pulses; "" if the study does not state it
+    side: str = ""  # side of the pulses; "" if the study does not state it

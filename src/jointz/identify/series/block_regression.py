@@ -45,17 +45,17 @@ def fitted_sandwich(
 class BlockRegression:
     """A linear fit."""
 
-    names: tuple[str, ...]  # the parameters
-    values: np.ndarray  # their estimates
+    names: tuple[str, ...]  # names of the parameters
+    values: np.ndarray  # estimates in the order of ``names``
     residual: np.ndarray  # measured minus modelled
-    covariance: np.ndarray  # of the estimates; (0, 0) where the record is too short for any
-    # of the intervals. Where the record is too short for them, those of independent errors, which
-    # are the narrowest: they can show that a value is not known, and nothing else
+    covariance: np.ndarray  # of ``values``; (0, 0) where the record is too short
+    # half widths of the intervals of ``values``. Where the record is too short, those for
+    # independent errors, which are the narrowest: they can only show that a value is not known
     half_width: np.ndarray
     condition_number: float  # of the regressors, each scaled to length one
     ci_method: str  # how the covariance was made
-    doubt: str  # why there is no interval; empty where there is
-    caution: str  # why the interval is a rough one; empty where it is not
+    doubt: str  # reason for a missing interval; "" otherwise
+    caution: str  # reason for a rough interval; "" otherwise
 
     def value(self, name: str) -> float:
         """Return an estimate."""
@@ -112,10 +112,10 @@ def regress(
 class BlockPlan:
     """How many blocks a record makes, and how good they are."""
 
-    n_blocks: int = 0  # 0 where the record is too short for any
-    ci_method: str = "none"  # how a covariance is made of them
-    doubt: str = ""  # why there are none; empty where there are
-    caution: str = ""  # why they are few; empty where they are enough
+    n_blocks: int = 0  # 0 where the record is too short
+    ci_method: str = "none"  # way of making the covariance
+    doubt: str = ""  # reason for missing blocks; "" otherwise
+    caution: str = ""  # reason for too few blocks; "" otherwise
 
     @classmethod
     def of(

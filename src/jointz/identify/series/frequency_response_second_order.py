@@ -60,14 +60,15 @@ class SecondOrder:
     request: JointRequest
     spectra: ImpedanceSpectra
     model: str  # ``frf`` or ``irf``
-    fit: SpectrumFit  # numbers
+    fit: SpectrumFit  # fitted K, B, J and their covariance
     weighting: str  # ``error`` or ``even``
-    parameters: tuple[ParameterEstimate, ...]  # with intervals
+    parameters: tuple[ParameterEstimate, ...]  # K, B, J with intervals
     status: str  # ``ok`` or ``undecided``
     check: SecondOrderCheck  # whether the residual refutes a second-order joint
-    ci_method: str  # how intervals were made
+    ci_method: str  # way of making the intervals
     warnings: tuple[str, ...]
-    input_noise_sd: float  # sd of the white noise taken off the input, its unit; 0 where unknown
+    # sd of the white noise removed from the input, rad or N*m; 0 where unknown
+    input_noise_sd: float
 
     def result_fields(self, **settings: Any) -> dict[str, Any]:
         """Return the fields that results of both models have."""
@@ -244,7 +245,7 @@ def _noise_warnings(spectra: ImpedanceSpectra, transform: RecordSpectra) -> list
 class _Directions:
     """One record read with either signal as the input."""
 
-    fit: SpectrumFit  # with the input of the request
+    fit: SpectrumFit  # fit for the requested input
     spectra: ImpedanceSpectra
     transform: RecordSpectra
 

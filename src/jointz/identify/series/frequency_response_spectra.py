@@ -28,15 +28,19 @@ _HIGHEST_SHARE = 0.8
 class ImpedanceSpectra:
     """Spectra of one record, and its impedance."""
 
-    record: JointRecord  # offsets removed, torque on the joint
+    record: JointRecord  # record with offsets removed and torque on the joint
     perturbed: Input
-    impedance: np.ndarray  # torque over angle
-    relative_sd: np.ndarray  # sd of its gain over the gain, and of its phase in rad
-    coherence: np.ndarray  # of angle and torque; of angle and command where there is one
-    error_power: np.ndarray  # density of what no linear response explains of the output
-    output_power: np.ndarray  # density of the output
+    impedance: np.ndarray  # (f,) torque over angle, N*m/rad
+    # (f,) sd of the impedance's gain over the gain; also sd of its phase, rad
+    relative_sd: np.ndarray
+    # (f,) of angle and torque; with a command, the lower one of its coherences with angle and
+    # torque
+    coherence: np.ndarray
+    # (f,) density of the part of the output that is not linear in the input, unit^2/Hz
+    error_power: np.ndarray
+    output_power: np.ndarray  # (f,) density of the output, unit^2/Hz
     spectra: CrossSpectra  # from the input to the output, or from the command to the angle
-    highest_hz: float = 0.0  # end of the band
+    highest_hz: float = 0.0  # upper end of the band
 
     @property
     def band(self) -> np.ndarray:

@@ -33,10 +33,10 @@ _FEWEST_LENGTHS = 10.0
 
 @dataclass(frozen=True, slots=True)
 class _DecimatedRecord:
-    x: np.ndarray  # input and output, low-passed and thinned
-    y: np.ndarray
-    rate_hz: float
-    noise: np.ndarray  # autocovariance of white noise of variance one after the filter
+    x: np.ndarray  # input, low-passed and thinned, rad or N*m
+    y: np.ndarray  # output, low-passed and thinned, N*m or rad
+    rate_hz: float  # rate of the thinned record
+    noise: np.ndarray  # autocovariance of filtered white noise of unit variance
 
 
 def fit_impulse_response(

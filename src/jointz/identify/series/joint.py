@@ -298,7 +298,7 @@ class _Intervals:
     covariance: np.ndarray
     n_blocks: int
     ci_method: str = "none"
-    doubt: str = ""
+    doubt: str = ""  # reason for missing intervals; "" otherwise
 
     @classmethod
     def of(cls, solution: Solution, signals: JointSignals) -> "_Intervals":

@@ -48,12 +48,12 @@ class JointSignals:
     """Filtered, uniformly sampled signals of one record, edges dropped."""
 
     rate_hz: float  # sampling rate
-    time: np.ndarray
-    angle: np.ndarray  # motion, offset of the angle removed
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    torque: np.ndarray  # torque on the joint, offset removed
-    command: np.ndarray | None = None  # commanded torque
+    time: np.ndarray  # s
+    angle: np.ndarray  # offset removed, rad
+    velocity: np.ndarray  # rad/s
+    acceleration: np.ndarray  # rad/s^2
+    torque: np.ndarray  # torque on the joint, offset removed, N*m
+    command: np.ndarray | None = None  # commanded torque, N*m
 
     def regressors(self) -> np.ndarray:
         """Return (n, 4): angle, velocity, acceleration, one."""
@@ -70,18 +70,18 @@ class JointSignals:
 class Solution:
     """K, B, J of an estimator, with all that an interval needs."""
 
-    kbj: np.ndarray  # K, B, J
-    # estimating equations: the sum of instrument times residual is zero; p >= 3, the first three
-    # belong to K, B, J
+    kbj: np.ndarray  # K, B, J, SI
+    # (n, p >= 3) instruments, the first three for K, B, J: the sum of instrument times residual is
+    # zero
     instruments: np.ndarray
     bread: np.ndarray  # sum of instrument times regressor
     residual: np.ndarray  # measured minus modelled, N*m or rad
-    measured: np.ndarray  # the signal that was fitted
+    measured: np.ndarray  # fitted signal, N*m or rad
     fitted_signal: str  # ``torque`` or ``angle``
     condition_number: float  # of the scaled regressors
-    at_bound: np.ndarray  # which parameters stand at zero, their bound
-    unbounded: np.ndarray | None = None  # the values without bounds, where known
-    doubt: str = ""  # why the values decide nothing; ``""`` where they do
+    at_bound: np.ndarray  # (3,) bool: whether K, B, J are at their bound of zero
+    unbounded: np.ndarray | None = None  # K, B, J without bounds, SI, where known
+    doubt: str = ""  # reason for undecided values; "" otherwise
 
 
 def least_squares(signals: JointSignals) -> Solution:

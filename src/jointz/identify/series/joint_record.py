@@ -37,9 +37,9 @@ TorqueSide = Literal["joint", "device"]
 class JointRecord:
     """Checked samples on a uniform grid, SI, as given."""
 
-    channels: dict[str, np.ndarray]  # by canonical name
+    channels: dict[str, np.ndarray]  # canonical name -> samples, SI
     rate_hz: float  # sampling rate
-    time: np.ndarray
+    time: np.ndarray  # s
     sha256: str = ""  # hash of the file, where known
 
     @property
@@ -57,9 +57,9 @@ class JointRequest:
     """Record of a joint, and the settings that every model of it takes."""
 
     record: JointRecord  # as recorded
-    input: Input  # what was perturbed
+    input: Input  # perturbed signal
     torque_acts_on: TorqueSide
-    cutoff_hz: float | None  # None: the model chooses
+    cutoff_hz: float | None  # None: chosen by the model
     ci_level: float
 
     @classmethod

@@ -49,30 +49,30 @@ _DELAY_COLUMN = 4
 class ReflexSignals:
     """Low-passed and thinned signals, slow torque removed, and the velocity at full rate."""
 
-    rate_hz: float  # of the thinned record
-    time: np.ndarray  # time of the thinned samples that enter the fit
-    motion: np.ndarray  # angle, velocity, acceleration
-    torque: np.ndarray  # on the joint
-    # by the direction that stretches, ``positive`` and ``negative``
+    rate_hz: float  # rate of the thinned record
+    time: np.ndarray  # thinned samples in the fit, s
+    motion: np.ndarray  # angle (rad), velocity (rad/s), acceleration (rad/s^2)
+    torque: np.ndarray  # on the joint, N*m
+    # direction that stretches (``positive`` or ``negative``) -> path
     paths: dict[str, RectifiedPath]
-    drift_share: float  # share of the torque's power that was slower than ``DRIFT_S``
+    drift_share: float  # share of the torque's power at periods above ``DRIFT_S``
 
 
 @dataclass(frozen=True, slots=True)
 class ReflexEstimate:
     """K, B, J without a reflex and, where one stands out, both paths."""
 
-    linear: np.ndarray  # K, B, J without a reflex
-    linear_residual: np.ndarray  # of that fit
-    # of K, B, J, and where there is a cascade gain and delay; empty where the record is too short
+    linear: np.ndarray  # K, B, J without a reflex, SI
+    linear_residual: np.ndarray  # residual of the fit without a reflex, N*m
+    # of K, B, J and, with a cascade, gain and delay; empty where the record is too short
     covariance: np.ndarray
     n_blocks: int
-    n_fitted: int  # numbers fitted
+    n_fitted: int  # number of fitted parameters
     condition_number: float  # of the scaled sensitivities
-    p_value: float  # of the reflex
-    doubt: str = ""  # why there is no interval
-    cascade: CascadeFit | None = None  # both paths, where a reflex stands out
-    stretch: str = ""  # direction that stretches
+    p_value: float  # of the test for a reflex
+    doubt: str = ""  # reason for a missing interval
+    cascade: CascadeFit | None = None  # both paths; None without a significant reflex
+    stretch: str = ""  # direction that stretches, ``positive`` or ``negative``
 
     @property
     def kbj(self) -> np.ndarray:

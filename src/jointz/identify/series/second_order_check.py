@@ -127,12 +127,12 @@ class _Equations:
     """Estimating equations of a fit, thinned, and the motion that is free of its noise."""
 
     rate_hz: float
-    values: np.ndarray
-    residual: np.ndarray
+    values: np.ndarray  # K, B, J, SI
+    residual: np.ndarray  # N*m or rad
     instruments: np.ndarray
     regressors: np.ndarray
-    motion: np.ndarray
-    fits_torque: bool
+    motion: np.ndarray  # (n, 3) angle (rad), velocity (rad/s), acceleration (rad/s^2)
+    fits_torque: bool  # whether the fitted signal is the torque, not the angle
 
     @classmethod
     def of(cls, solution: Solution, signals: JointSignals, cutoff_hz: float) -> "_Equations":

@@ -43,10 +43,10 @@ _DE_LEVA = (
 class Body:
     """Priors of a person's leg from body mass and height."""
 
-    inertia: LogPrior  # kg*m^2: of leg and device about the joint
-    stiffness: LogPrior  # N*m/rad: level of the person
-    gravity_stiffness: float  # N*m/rad: the part of K that does not soften; 0 if not known
-    inertia_of_point_sd: float  # sd of a timing point's log inertia about the person's
+    inertia: LogPrior  # kg*m^2: leg and device about the joint
+    stiffness: LogPrior  # N*m/rad: mean stiffness of the person
+    gravity_stiffness: float  # N*m/rad: part of K by gravity, which does not soften; 0 if not known
+    inertia_of_point_sd: float  # sd of log inertia of a timing point about that of the person
     known: bool  # whether the inertia follows from mass and height
 
 

@@ -45,9 +45,9 @@ _CI_METHOD = (
 class Decision:
     """Calibration and body mass, on which the rows of a participant depend."""
 
-    known: CalibrationSpec  # gains and the intrinsic impedance
-    mass_kg: float | None  # for values per kg
-    subtract: Sequence[str]  # which of the device's K, B and J the torque still includes
+    known: CalibrationSpec  # calibration: gains and the intrinsic impedance
+    mass_kg: float | None  # body mass, for values per kg
+    subtract: Sequence[str]  # those of K, B and J of the device that the torque still includes
 
     @property
     def gain_sd(self) -> float:

@@ -32,7 +32,7 @@ class _Weights:
     """Cholesky factors of the error covariance of each point's used samples."""
 
     factors: tuple[np.ndarray, ...]
-    measured: tuple[np.ndarray, ...]
+    measured: tuple[np.ndarray, ...]  # measured angles of the used samples, rad
 
     @property
     def log_det(self) -> float:
@@ -49,11 +49,11 @@ class _Weights:
 class MapFit:
     """The mode of the posterior, and its covariance by the curvature there (Laplace)."""
 
-    theta: np.ndarray
+    theta: np.ndarray  # parameters in the order of the layout
     covariance: np.ndarray
     prior: Prior
     objective: float  # negative logarithm of the posterior, up to a constant
-    misfits: tuple[float, ...]  # chi-square over number of samples, of each point
+    misfits: tuple[float, ...]  # chi squared over the number of samples, one for each point
 
     @property
     def log_evidence(self) -> float:

@@ -25,7 +25,7 @@ class LegPosterior:
 
     model: LegModel
     fits: tuple[MapFit, ...]
-    weights: np.ndarray
+    weights: np.ndarray  # probabilities of the hypotheses
 
     @property
     def best(self) -> MapFit:

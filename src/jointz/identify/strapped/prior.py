@@ -53,8 +53,9 @@ class LegPriors:
 
     spec: PriorsSpec
     body: Body
-    shared: Mapping[str, LogPrior | SharePrior | NormalPrior]  # where it differs from the spec
-    lag: Calibrated | None = None  # s: calibrated delay and first-order lag together
+    # priors of shared parameters that replace those of ``spec``
+    shared: Mapping[str, LogPrior | SharePrior | NormalPrior]
+    lag: Calibrated | None = None  # s: calibrated total lag, delay included
 
     def build(self, model: LegModel, *, follows_cycle: float) -> Prior:
         """Return the prior.

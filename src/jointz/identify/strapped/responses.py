@@ -41,13 +41,13 @@ class PointResponse:
     label: str
     phase: float  # of the onset, cycles; NaN where unknown
     stride_s: float
-    time_s: np.ndarray  # (n,) from the onset
+    time_s: np.ndarray  # (n,) time from the onset
     shapes: tuple[ShapeAverage, ...]
-    velocity: np.ndarray  # (n,) rad/s of the unperturbed motion
-    misses: np.ndarray  # (virtual onset, n) errors of the predicted angle
-    torque_misses: np.ndarray  # likewise of the torque
+    velocity: np.ndarray  # (n,) rad/s: velocity of the unperturbed motion
+    misses: np.ndarray  # (virtual onset, n) rad: errors of the predicted angle
+    torque_misses: np.ndarray  # (virtual onset, n) N*m: errors of the predicted torque
     n_strides: int
-    twist_sd: float = 0.0  # rad/(N*m): of the calibrated torque seen as angle
+    twist_sd: float = 0.0  # rad/(N*m): sd of the angle shown per torque, by the calibration
     channels: tuple[str, ...] = field(default=("goniometer",))
 
     @property

@@ -94,7 +94,7 @@ class _Explained:
     body: Body
     known: CalibrationSpec
     lag_unlikely: bool  # whether the responses contradict the calibrated lag
-    fits: tuple[tuple[Response, float], ...]  # of each timing point: response with fit, and VAF (%)
+    fits: tuple[tuple[Response, float], ...]  # response with fit, and VAF (%), of each timing point
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
