@@ -147,9 +147,9 @@ class _Outputs:
     seed: int
     results: dict[str, ParticipantResult] = field(default_factory=dict)
     virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
-    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    inputs: dict[str, dict[str, Any]] = field(default_factory=dict)  # file -> its name and hash
     problems: list[str] = field(default_factory=list)  # of recordings that cannot be trusted
-    errors: dict[str, str] = field(default_factory=dict)  # by participant without a result
+    errors: dict[str, str] = field(default_factory=dict)  # participant without a result -> message
 
     def add(self, person_id: str, outcome: Callable[[], Outcome], *, last: bool) -> None:
         """Wait for a participant; an error of one does not stop the others."""

@@ -28,8 +28,8 @@ _TWO_SIDED_Z = 1.96
 
 class _Trial(NamedTuple):
     time_s: np.ndarray
-    angle: np.ndarray
-    torque: np.ndarray
+    angle: np.ndarray  # rad: deflection over the angle's gain
+    torque: np.ndarray  # N*m: torque over the torque's gain
 
 
 def likelihood_pulses(

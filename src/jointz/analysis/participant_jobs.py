@@ -38,9 +38,10 @@ class EstimationRequest:
 
     study: Study
     method: str
-    resamples: int  # of the bootstrap
+    resamples: int  # number of resamples of the bootstrap
     seed: int
-    injections: int  # known responses added to each participant's own strides, for a certificate
+    # number of known responses added to each participant's own strides, for a certificate
+    injections: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +50,7 @@ class Outcome:
 
     result: ParticipantResult  # without its evidence, which is large
     virtual: list[VirtualEstimate]  # estimates of the known responses
-    inputs: dict[str, dict[str, Any]]  # every file read, with its hash
+    inputs: dict[str, dict[str, Any]]  # file -> its name and hash
 
 
 def outcomes(

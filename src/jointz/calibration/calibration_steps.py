@@ -36,8 +36,8 @@ class StepData:
     """Recordings of one participant for a step, and what is known about them."""
 
     recordings: Mapping[str, RecordingInput]  # condition -> its recording
-    loads: Mapping[str, LoadSpec]  # condition -> the known load that was on the joint
-    model: TorqueModelSpec | None  # of the actuator, as stated
+    loads: Mapping[str, LoadSpec]  # condition -> known load on the joint
+    model: TorqueModelSpec | None  # torque model of the actuator, as stated
 
     def channels(self, condition: str, *names: str) -> list[np.ndarray]:
         """Return time and channels of a condition."""
@@ -63,7 +63,7 @@ class StepData:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    channels: tuple[str, ...]  # that it cannot do without
+    channels: tuple[str, ...]  # required channels
     fit: Callable[[StepData], CalibrationFit]
 
 

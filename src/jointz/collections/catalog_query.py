@@ -64,10 +64,10 @@ class QueryResult(Result):
 
     table: pd.DataFrame  # in the columns of the catalog; texts may be categories
     asked: CatalogFilter
-    also: int = 0  # matching rows of the other kind of values: printed values or estimates
+    also: int = 0  # number of matching rows of the other kind: printed values or estimates
     cites: Mapping[str, str] = field(default_factory=dict)  # study -> how to cite it
-    # rows that a range of phases leaves out because they have no onset: failures, and values that
-    # all timing points share
+    # number of rows that a range of phases leaves out because they have no onset: failures, and
+    # values that all timing points share
     without_onset: int = 0
 
     def __eq__(self, other: object) -> bool:

@@ -33,12 +33,12 @@ Designs = Mapping[tuple[str, str], str]
 class OnsetGap(NamedTuple):
     """A timing point with different onsets in two results, in % of the gait cycle."""
 
-    point: str
-    first: str
+    point: str  # name of the timing point
+    first: str  # name of the first source
     first_pct: float
-    second: str
+    second: str  # name of the second source
     second_pct: float
-    gap_pct: float
+    gap_pct: float  # distance on the cyclic gait cycle
 
     def __str__(self) -> str:
         return (

@@ -39,13 +39,13 @@ class Results:
     """One source of a comparison with all its estimates."""
 
     source: Source  # name and people
-    values: Mapping[tuple[str, str, str], PersonValue]  # by parameter, timing point and participant
+    # (parameter, timing point, participant) -> value
+    values: Mapping[tuple[str, str, str], PersonValue]
     # timing point -> % of the gait cycle, if known
     onsets_pct: Mapping[str, float] = field(default_factory=dict)
-    # joint, hash of the study and version of jointz; empty if unknown
-    joint: str = ""
-    recordings: str = ""
-    version: str = ""
+    joint: str = ""  # "" if unknown
+    recordings: str = ""  # hash of ``study.toml``; "" if unknown
+    version: str = ""  # version of jointz that made the results; "" if unknown
     settings: Mapping[str, Any] = field(default_factory=dict)  # of the analysis
     inputs: tuple[Mapping[str, Any], ...] = ()  # files that were read, with their hashes
     # participants with several sessions or sides, whose values are means over them

@@ -66,8 +66,8 @@ class BidsWritten:
     folder: str
     participants: tuple[str, ...]  # labels, ``sub-...``
     recordings: tuple[str, ...]  # names of the recordings, without suffix
-    n_events: int  # pulses in all events files
-    notes: tuple[str, ...] = ()  # missing information
+    n_events: int  # number of pulses in all events files
+    notes: tuple[str, ...] = ()  # notes on missing information
 
     def summary(self) -> str:
         """Return a short text."""

@@ -15,13 +15,12 @@ import numpy as np
 class Signal:
     """One column of samples, as it stands in the file."""
 
-    name: str  # as the file spells it; unique in its group
-    # float64, NaN where a sample is missing; or str objects, "" where one is missing
-    values: np.ndarray
-    unit: str = ""  # as the file states it, "" where it states none
-    description: str = ""  # what the file says of it
-    # what a study calls it where that is not its name; said by the reader of a file, and no part of
-    # the content
+    name: str  # as in the file; unique in its group
+    values: np.ndarray  # float64, NaN if missing; or str objects, "" if missing
+    unit: str = ""  # as in the file; "" if not stated
+    description: str = ""  # as in the file; "" if not stated
+    # name of the column in a study, if it differs from ``name``; set by the reader of a file, no
+    # part of the content
     column: str = ""
 
     def __post_init__(self) -> None:
@@ -52,14 +51,13 @@ class SignalGroup:
     """Signals that were sampled together."""
 
     name: str  # unique in its acquisition, such as ``points`` or ``analogs``; "" for the only group
-    signals: tuple[Signal, ...]  # all of one length
-    # of a uniform clock; None where ``time_s`` holds the stamps or nothing is known
+    signals: tuple[Signal, ...]  # all of the same length
+    # rate of a uniform clock; None with time stamps or without a clock
     rate_hz: float | None = None
     start_s: float = 0.0  # time of the first sample on a uniform clock
-    time_s: np.ndarray | None = None  # time stamps, where the file has them
-    # what a study calls the column of its clock, where there is one and that is known
-    time_column: str = ""
-    # whether the file says the unit of its time stamps; else they are taken for seconds
+    time_s: np.ndarray | None = None  # time stamps, (n,); None without
+    time_column: str = ""  # name of the clock's column in a study; "" if unknown or none
+    # whether the file states the unit of its time stamps; seconds are assumed otherwise
     time_unit_stated: bool = True
 
     def __post_init__(self) -> None:
@@ -116,7 +114,7 @@ class Event:
 
     time_s: float  # on the clock of the file
     label: str
-    duration_s: float = 0.0  # how long; 0 for a moment, NaN where nobody knows
+    duration_s: float = 0.0  # 0 for a moment, NaN if unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +123,7 @@ class Acquisition:
 
     groups: tuple[SignalGroup, ...]  # in the order of the file
     events: tuple[Event, ...] = ()  # in order of time
-    # what else the file says, by dotted names: ``subject.name``, ``device.serial``
+    # dotted name -> text: ``subject.name``, ``device.serial``
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

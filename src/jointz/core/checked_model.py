@@ -18,7 +18,7 @@ class Problem:
 
     # path of the key, from the model that found it; entries of lists count from 0
     key: tuple[str | int, ...]
-    message: str  # what was expected, what was found, what to do
+    message: str  # expected value, found value, and remedy
 
 
 def place_of(key: tuple[str | int, ...]) -> str:

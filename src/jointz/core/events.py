@@ -12,37 +12,37 @@ def row_label(participant: str, session: str = "", side: str = "") -> str:
 class StrideRecord:
     """A stride, from one heel strike to the next."""
 
-    participant: str  # where it was found
-    recording: str
+    participant: str
+    recording: str  # file of the recording, as the study names it
     condition: str
-    start_s: float  # s: the heel strike that begins it and its length
-    duration_s: float  # s
+    start_s: float  # heel strike at the start of the stride
+    duration_s: float  # time to the next heel strike
     # ``""`` for an accepted stride, else a code of :class:`jointz.core.codes.Exclusion`
     code: str = ""
     detail: str = ""  # more about the code
-    session: str = ""  # of the recording; "" where the study does not state them, and on a bench
-    side: str = ""
+    session: str = ""  # session of the recording; "" if the study does not state it, and on a bench
+    side: str = ""  # side of the recording; "" if the study does not state it, and on a bench
 
 
 @dataclass(frozen=True, slots=True)
 class PulseRecord:
     """A perturbation pulse, used or excluded."""
 
-    participant: str  # where it was found
-    recording: str
-    onset_s: float  # s: commanded onset; of a step of the angle where its speed begins
-    duration_s: float | None  # s: commanded length, where it is known
-    # N*m, or rad for steps of the angle and pulses of a reference that is an angle; signed
+    participant: str
+    recording: str  # file of the recording, as the study names it
+    onset_s: float  # commanded onset; for a step of the angle, the start of its velocity
+    duration_s: float | None  # commanded duration; None if unknown
+    # signed; N*m, or rad for steps of the angle and pulses of a reference angle; None if unknown
     amplitude: float | None
-    timing_point: str  # timing point, case, trial or group
-    # planned and measured onset, % of the gait cycle. The measured one is the time since the heel
-    # strike over the duration of the same stride; None outside accepted strides
-    target_pct: float | None = None
+    timing_point: str  # name of timing point, case, trial or group
+    target_pct: float | None = None  # planned onset, % of the gait cycle; None if not planned
+    # measured onset, % of the gait cycle: time since the heel strike over the duration of the same
+    # stride; None outside accepted strides
     measured_pct: float | None = None
     code: str = ""  # ``""`` for a pulse used, else a code of :class:`jointz.core.codes.Exclusion`
     detail: str = ""  # more about the code
-    session: str = ""  # of the recording; "" where the study does not state them, and on a bench
-    side: str = ""
+    session: str = ""  # session of the recording; "" if the study does not state it, and on a bench
+    side: str = ""  # side of the recording; "" if the study does not state it, and on a bench
 
     @property
     def label(self) -> str:
@@ -54,10 +54,10 @@ class PulseRecord:
 class GapRecord:
     """A hole in the time stamps of a recording."""
 
-    participant: str  # where it was found
-    recording: str
-    start_s: float  # s: the last sample before the hole and the time to the next
-    duration_s: float  # s
+    participant: str
+    recording: str  # file of the recording, as the study names it
+    start_s: float  # time of the last sample before the hole
+    duration_s: float  # time from there to the next sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,26 +65,26 @@ class SamplingRecord:
     """The sampling rate of a recording."""
 
     participant: str
-    recording: str
+    recording: str  # file of the recording, as the study names it
     condition: str
-    rate_hz: float  # samples a second, from its time stamps
+    rate_hz: float  # from the time stamps
 
 
 @dataclass(frozen=True, slots=True)
 class PulseEstimate:
     """Impedance estimated from a single pulse on a bench (2.2.3)."""
 
-    participant: str  # load, and case or reference
-    timing_point: str
-    recording: str  # where it was found
-    trial: str
-    onset_s: float  # s: commanded onset
-    sign: int  # +1 or -1, of its torque
-    # ``with`` or ``against`` the reference at its onset; ``""`` where that is not recorded
+    participant: str  # participant or load
+    timing_point: str  # case or reference
+    recording: str  # file of the recording, as the study names it
+    trial: str  # trial of the recording
+    onset_s: float  # commanded onset
+    sign: int  # sign of its torque: +1 or -1
+    # direction to the reference at its onset: ``with`` or ``against``; "" if not recorded
     direction: str
-    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2; the intrinsic impedance is not subtracted
-    damping: float
-    inertia: float
+    stiffness: float  # N*m/rad; intrinsic impedance included
+    damping: float  # N*m*s/rad; intrinsic impedance included
+    inertia: float  # kg*m^2; intrinsic impedance included
     vaf_pct: float  # variance accounted for (2.7), %
     # ``dissertation``: least squares without bounds on the response; ``pulse_likelihood``: errors
     # in variables on the raw signals

@@ -32,7 +32,7 @@ class Field(NamedTuple):
     """A field of a record: its name, code of :mod:`struct`, unit and meaning."""
 
     name: str
-    code: str
+    code: str  # format character of :mod:`struct`
     unit: str
     meaning: str
 
@@ -153,10 +153,10 @@ LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH, BENCH_CONTACT)}
 class LogHeader(NamedTuple):
     """The header of a log."""
 
-    values: dict[str, Any]  # what stands in it
+    values: dict[str, Any]  # content of the JSON line
     layout: Layout  # of the records
-    size_bytes: int  # of all copies: the records begin behind them
-    damaged_copy: str  # ``first`` or ``second`` where that copy is damaged, "" where none is
+    size_bytes: int  # size of all copies; offset of the first record
+    damaged_copy: str  # ``first`` or ``second``; "" if none is damaged
 
 
 _HEADER_BEGINS = re.compile(rb'\{"jointz_log"')

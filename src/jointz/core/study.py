@@ -351,11 +351,11 @@ class StudySpec(_Model):
 class UserExclusion:
     """A line of the user's ``exclusions.csv``."""
 
-    participant: str  # whose, and which file as the study names it
-    recording: str
-    onset_s: float  # s: onset of the pulse or heel strike of the stride
+    participant: str
+    recording: str  # file of the recording, as the study names it
+    onset_s: float  # onset of the pulse, or heel strike at the start of the stride
     action: str  # ``exclude`` or ``restore``
-    reason: str  # the user's own words
+    reason: str  # in the user's own words
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,10 +363,10 @@ class Study:
     """A study that was opened and checked."""
 
     root: Path  # the folder of ``study.toml``
-    spec: StudySpec  # what it says
+    spec: StudySpec  # content of ``study.toml``
     sha256: str  # hash of ``study.toml``
     # channel -> (SI unit, factor, offset): ``si = factor * value + offset``
     units: Mapping[str, tuple[str, float, float]]
-    group_edges: tuple[float, ...] = ()  # edges of the groups in SI, empty where there are none
-    # the user's own exclusions
+    group_edges: tuple[float, ...] = ()  # edges of the groups, SI; empty without groups
+    # lines of ``exclusions.csv``
     user_exclusions: tuple[UserExclusion, ...] = field(default_factory=tuple)

@@ -112,9 +112,9 @@ _SHORTEST_PLURAL = 4  # "rads" and "degrees" are plurals; "Ns" and "As" are prod
 
 @dataclass(frozen=True, slots=True)
 class _Unit:
-    dimension: Mapping[str, float]
+    dimension: Mapping[str, float]  # base dimension -> power
     factor: float  # to pint's root units
-    offset: float
+    offset: float  # zero of the unit, in pint's root units
 
 
 def conversion(unit: str, si_unit: str) -> tuple[float, float]:

@@ -29,9 +29,9 @@ _QUICK_PEOPLE, _QUICK_PULSES = 2, 10
 class Demo:
     """Results of the demonstration."""
 
-    report: Path  # the page to open
+    report: Path  # page to open
     analysis: StudyAnalysis  # the analysis of the simulated study
-    run: RunReport  # how the experiment went
+    run: RunReport  # report of the simulated experiment
     truth: pd.DataFrame  # truth against estimate, one row a participant, timing point and parameter
 
     def accuracy(self) -> pd.DataFrame:

@@ -55,12 +55,12 @@ _PHASE_NAMES: Final = (
 class _Layout:
     """Sizes of the figure for one width of a page."""
 
-    width_mm: float
-    panel_mm: float
-    between_mm: float
-    above_mm: float
-    below_mm: float
-    marks: float = 1.0
+    width_mm: float  # width of the figure
+    panel_mm: float  # height of a panel
+    between_mm: float  # distance between panels
+    above_mm: float  # space above the first panel, without the legend
+    below_mm: float  # space below the last panel, added to ``between_mm``
+    marks: float = 1.0  # scale of marks and lines
 
     @property
     def narrow(self) -> bool:
@@ -77,10 +77,10 @@ _COLUMN: Final = _Layout(COLUMN_MM, 32.0, 18.5, 10.5, -2.0, marks=0.7)
 class _Mark:
     """One estimate to draw: place, value, interval, and whether it is at its bound."""
 
-    x: float
-    value: float
-    low: float | None
-    high: float | None
+    x: float  # position on the axis: % of the gait cycle, or number of the group from 0
+    value: float  # SI unit of the parameter, as are the ends of the interval
+    low: float | None  # lower end of the interval
+    high: float | None  # upper end of the interval
     at_bound: bool
 
 

@@ -40,9 +40,10 @@ class _Pair:
 
     recommended: CellEstimate
     other: CellEstimate
-    lag_s: float  # that the calibration does not remove
-    lag_alone: tuple[float, ...]  # effect of this lag on the other method's K, B and J, %
-    apart_deg: float  # largest distance between the average angles
+    lag_s: float  # lag of the angle behind the torque that the calibration does not remove
+    # effect of ``lag_s`` on the other method's K, B and J, %; empty if one of ours is not above 0
+    lag_alone: tuple[float, ...]
+    apart_deg: float  # largest distance between the average angles of the two methods
 
 
 def differences_section(analysis: StudyAnalysis) -> _Row | None:

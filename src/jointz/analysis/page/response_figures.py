@@ -52,9 +52,9 @@ _Cells = Mapping[tuple[str, str], CellEstimate]
 class _Row:
     """A row of panels: a participant at up to six timing points."""
 
-    participant: str
-    names: Sequence[str]
-    first: bool
+    participant: str  # label with session and side
+    names: Sequence[str]  # timing points of the panels
+    first: bool  # whether it is the participant's first row
 
 
 def draw_responses(analysis: StudyAnalysis) -> "Figure | None":

@@ -9,8 +9,8 @@ from typing import Final
 class Citation:
     """One entry of a list of references."""
 
-    short: str  # how the text cites it
-    full: str  # how the list gives it
+    short: str  # citation in a text
+    full: str  # entry in the list of references
 
 
 #: Key -> entry, in the order of the list.

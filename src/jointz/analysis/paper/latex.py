@@ -89,12 +89,12 @@ def latex_table(
 class _Parts:
     """Parts of a table, escaped."""
 
-    layout: str
-    title: str
+    layout: str  # column specification of the tabular
+    title: str  # caption and label
     head: tuple[str, ...]
     body: tuple[str, ...]
     notes: tuple[str, ...]
-    width: int
+    width: int  # number of columns
 
 
 def _short(parts: _Parts) -> list[str]:

@@ -29,7 +29,7 @@ from jointz.core.errors import DataError, EntryError
 class CheckedEntry:
     """An entry with its tables, as far as they could be read, and the findings about it."""
 
-    name: str  # its folder
+    name: str  # name of its folder
     entry: EntryFolder | None  # None if ``entry.toml`` could not be read
     tables: tuple[ConditionTables, ...] = ()  # of the conditions that could be read
     findings: tuple[Finding, ...] = ()

@@ -19,10 +19,10 @@ class Finding:
     """A problem that ``collect check`` found."""
 
     entry: str  # folder of the entry
-    code: str  # stable; docs/collections.md lists them
+    code: str  # stable code; docs/collections.md lists all
     where: str  # key of ``entry.toml``, or file and column
-    expected: str  # what there should be, and what there is; ``found`` is empty if nothing is
-    found: str = ""
+    expected: str  # expected value or state
+    found: str = ""  # value or state that was found; "" if there is none
 
     def __str__(self) -> str:
         """Return one sentence."""
@@ -37,9 +37,9 @@ class CollectionCheck(Result):
     SCHEMA: ClassVar[str] = "jointz.CollectionCheck/1"
 
     entries: tuple[str, ...]  # folders that were checked
-    findings: tuple[Finding, ...]  # by entry
+    findings: tuple[Finding, ...]  # in the order of the entries
     accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
-    # entries with the joint and parameters whose size could not be checked: no range is known
+    # a line for each entry with parameters whose values could not be checked, as no range is known
     not_sized: tuple[str, ...] = ()
 
     @property
@@ -76,11 +76,11 @@ class CatalogBuild(Result):
     SCHEMA: ClassVar[str] = "jointz.CatalogBuild/1"
     JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("skipped_entries",)
 
-    catalog: str  # the file
+    catalog: str  # path of the file
     entries: tuple[str, ...]  # folders of the entries in it
-    skipped: tuple[Finding, ...]  # why other entries are not in it
-    rows: int  # estimates and printed values; participants of all entries
-    people: int
+    skipped: tuple[Finding, ...]  # findings that keep other entries out of it
+    rows: int  # number of estimates and printed values
+    people: int  # number of participants of all entries
     accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
 
     @property

@@ -37,9 +37,10 @@ class RowCheck:
     """A check of every row: all rows that fail make one finding."""
 
     code: str
-    column: str  # of the cell that the finding names and shows
+    column: str  # column of the cell that the finding names and shows
     expected: str
-    fails: Callable[[pd.DataFrame], pd.Series]  # of the columns of :func:`_described`
+    # which rows fail, given the columns of :func:`_described`
+    fails: Callable[[pd.DataFrame], pd.Series]
     found: str = ""  # shown instead of the cell
 
     def __call__(self, spec: Entry, tables: ConditionTables) -> Iterator[Violation]:

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 class StepRules:
     """Conditions, torque and loads of a calibration step."""
 
-    # names that its conditions must have, each once: the analysis tells them apart by these
-    conditions: tuple[str, ...]
-    # what the actuator does: nothing, pulses of both signs, a reference
+    conditions: tuple[str, ...]  # required names of conditions, each used once
+    # actuator torque: none, pulses of both signs, or a reference
     torque: Literal["none", "pulses", "torque_nm"]
-    # condition -> keys that its known load must give
+    # condition -> required keys of its known load
     loads: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
