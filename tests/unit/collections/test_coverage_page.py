@@ -112,9 +112,6 @@ def test_an_activity_has_its_own_places_along_the_cycle(tables: CollectionPool) 
     columns = [re.findall(r'<th class="at">([^<]*)<', head) for head in heads]
     assert ["rest"] in columns
     assert not any("rest" in line and "LRE" in line for line in columns)
-    assert "knee: nothing while seated." in page
-    assert "elbow: nothing while walking." in page
-    assert "elbow, seated: nothing" not in page
 
 
 def test_a_forest_is_to_scale_and_stays_inside(tables: CollectionPool) -> None:
@@ -141,5 +138,5 @@ def test_printed_and_left_out_studies_have_tables_of_their_own(tables: Collectio
     assert "thesis" in printed
     assert "lab-a" not in printed
     left = page[page.index('<section id="left-out">') : page.index('<section id="rules">')]
-    assert "one person: the mean has no error of its own" in left
+    assert "lab-c &amp; sons" in left
     assert "lab-b" not in left

@@ -10,7 +10,6 @@ from jointz.core.errors import (
     DeviceError,
     EntryError,
     EstimationError,
-    JointzError,
     OutputError,
     ProtocolError,
     SafetyStop,
@@ -28,38 +27,18 @@ def test_bad_input_alone_can_be_caught_as_a_value_error():
 
 
 @pytest.mark.parametrize(
-    ("error", "text", "fields"),
+    ("error", "fields"),
     [
-        (JointzError("told"), "told", {}),
-        (DataError("told", path="a.csv", row=3), "told", {"path": "a.csv", "row": 3}),
-        (DataError("told"), "told", {"path": None, "channel": None, "row": None}),
-        (
-            StudyError("study.toml", ["one"]),
-            "study.toml: 1 problem\n  - one",
-            {"path": "study.toml", "problems": ("one",)},
-        ),
-        (
-            EntryError("entry.toml", ["one", "two"]),
-            "entry.toml: 2 problems\n  - one\n  - two",
-            {"path": "entry.toml", "problems": ("one", "two")},
-        ),
-        (EstimationError("ill_conditioned", "Add."), "Add.", {"code": "ill_conditioned"}),
-        (DeviceError("motor", "is gone"), "motor: is gone", {"device": "motor"}),
-        (
-            SafetyStop("posture", "angle 2.1 rad."),
-            "safety: posture: angle 2.1 rad.",
-            {"device": "safety", "code": "posture"},
-        ),
-        (
-            WriteError("a.nc", OSError(28, "No space left on device")),
-            "a.nc: cannot be written (No space left on device).",
-            {},
-        ),
+        (DataError("told", path="a.csv", row=3), {"path": "a.csv", "row": 3, "channel": None}),
+        (StudyError("study.toml", ["one"]), {"path": "study.toml", "problems": ("one",)}),
+        (EstimationError("ill_conditioned", "Add."), {"code": "ill_conditioned"}),
+        (DeviceError("motor", "is gone"), {"device": "motor"}),
+        (SafetyStop("posture", "angle 2.1 rad."), {"device": "safety", "code": "posture"}),
+        (WriteError("a.nc", OSError(28, "No space left on device")), {}),
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_an_error_has_text_and_fields_and_comes_whole_out_of_another_process(error, text, fields):
-    assert str(error).startswith(text)
+def test_an_error_has_fields_and_comes_whole_out_of_another_process(error, fields):
     assert {name: getattr(error, name) for name in fields} == fields
     error.add_note("and how to go on")
     again = pickle.loads(pickle.dumps(error))

@@ -87,21 +87,6 @@ def test_a_time_stamp_that_is_no_number_is_named_by_its_row(bad):
     assert problem(time, first_row=2).startswith("row 4: ")
 
 
-@pytest.mark.parametrize(
-    ("at", "value", "told"),
-    [
-        (3, 0.02, "row 5: time repeats"),
-        (3, 0.01, "row 5: time goes back"),
-        (0, 9.0, "row 3: time goes back"),
-    ],
-)
-def test_time_must_increase(at, value, told):
-    time = TIME.copy()
-    time[at] = value
-
-    assert problem(time, first_row=2).startswith(told)
-
-
 @given(
     st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20, unique=True),
     st.integers(min_value=1, max_value=100),

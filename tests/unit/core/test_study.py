@@ -21,8 +21,6 @@ MINIMAL = {
     "participants": [{"id": "S01"}],
     "recordings": [{"participant": "S01", "file": "a.csv"}],
 }
-
-
 ENTRY = MINIMAL["recordings"][0]
 
 # --- words ---------------------------------------------------------------------------------------

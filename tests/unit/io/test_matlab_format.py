@@ -97,27 +97,6 @@ def test_octave_sees_the_same_numbers_and_words(tmp_path):
     assert lines[7] == "2.02 0.1 pulse"
 
 
-def test_what_octave_writes_is_read(tmp_path):
-    lines = octave(
-        tmp_path,
-        """\
-        data.time = (0:4)' / 100; data.knee.angle = [1; 2; 4; 8; 16];
-        data.force = rand(5, 2); data.force(:, 2) = 7; data.side = "left"; data.short = [1 2 3];
-        save("-v7", "b.mat", "data"); printf("saved\\n");
-        """,
-    )
-    assert lines == ["saved"]
-
-    found = read_acquisition(tmp_path / "b.mat")
-
-    longer, shorter = found.groups
-    names = {signal.name: signal.values for signal in longer.signals}
-    np.testing.assert_array_equal(names["data.knee.angle"], [1, 2, 4, 8, 16])
-    np.testing.assert_array_equal(names["data.force.2"], [7] * 5)
-    np.testing.assert_array_equal(shorter.signals[0].values, [1, 2, 3])
-    assert found.metadata["data.side"] == "left"
-
-
 def test_series_of_one_length_make_a_group(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"time_s": np.arange(4.0), "x": np.ones(4), "y": [1, 2]})
 
