@@ -22,6 +22,7 @@ STEPS = {
     "spring": ("spring",),
 }
 CHANNELS = {"angle", "motor_angle", "motor_velocity", "current", "command", "reference"}
+SECONDS = {"footswitch": 20.0}
 SEED = 3
 PULSES = 6
 
@@ -54,7 +55,7 @@ def studies(tmp_path_factory):
     root = tmp_path_factory.mktemp("calibration")
     return {
         step: run(
-            shortened(step, seconds=20.0),
+            shortened(step, seconds=SECONDS.get(step, 4.0)),
             out=root / step,
             seed=SEED,
             preset="anthropometric",
@@ -72,7 +73,7 @@ class TestEveryStep:
         for _, recording in made.values():
             wanted = CHANNELS | ({"contact"} if step == "footswitch" else set())
             assert set(recording.data_vars) == wanted
-            duration = 3.0 * PULSES + 3.0 if step in ("frame", "leg") else 20.0
+            duration = 3.0 * PULSES + 3.0 if step in ("frame", "leg") else SECONDS.get(step, 4.0)
             assert recording["time"][-1] == pytest.approx(duration, abs=0.1)
             assert all(np.isfinite(recording[name]).all() for name in wanted)
         assert jointz.open_study(studies[step]).spec.torque_model.gear_ratio == 9.0

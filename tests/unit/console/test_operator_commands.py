@@ -8,7 +8,6 @@ from jointz.console import operator_commands
 from jointz.console.operator_commands import Heartbeat, OperatorCommands
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import ControlBox, Order
-from jointz.experiment.files.journal import Journal
 
 
 class Process:
@@ -174,50 +173,6 @@ def test_nothing_is_left_for_a_session_that_is_gone(room):
     room.process.lives = False
     with pytest.raises(DataError, match="no session runs"):
         room.ask(order="start", condition="perturbed")
-
-
-class OwnProcess(Process):
-    """A session that ends by its stop, when it has made its box."""
-
-    def __init__(self, box, *, loads=3):
-        super().__init__()
-        self._box, self._loads = box, loads
-
-    @property
-    def is_own(self):
-        self._loads -= 1
-        self.lives = self.lives and not (self._loads < 0 and self._box.stop_asked)
-        return self.lives
-
-    @is_own.setter
-    def is_own(self, value):
-        pass
-
-
-def leaving(room, *events, own=True):
-    """Close the page of a session whose journal holds these events."""
-    with Journal(room.folder / "journal.jsonl") as journal:
-        for event in events:
-            journal.write(event, condition="perturbed", time_ns=1)
-    room.process = OwnProcess(room.box) if own else Process()
-    return OperatorCommands(room.folder.parents[1], room.process, lambda: dict(room.status)).leave()
-
-
-@pytest.mark.parametrize("events", [(), ("prompted",), ("prompted", "stop_asked", "prompted")])
-def test_a_session_that_nobody_started_ends_with_its_page(room, events):
-    leaving(room, *events)
-    assert room.box.stop_asked
-    assert not room.process.lives
-
-
-@pytest.mark.parametrize(
-    ("events", "own"),
-    [(("prompted", "started", "segment_started"), True), (("prompted",), False)],
-    ids=["started", "another page's"],
-)
-def test_a_session_that_was_started_or_is_anothers_outlives_the_page(room, events, own):
-    assert "4711" in leaving(room, *events, own=own)
-    assert not room.box.stop_asked
 
 
 def test_a_session_that_does_not_end_is_told(room, monkeypatch):

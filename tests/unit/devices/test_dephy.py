@@ -264,13 +264,12 @@ def test_heat_that_was_never_measured_is_not_handed_on(made) -> None:
     assert again._winding.temperature_c == 55.0
 
 
-@pytest.mark.parametrize(("rate_hz", "samples"), [(500.0, 51), (1000.0, 101)])
-def test_all_queued_samples_are_read_at_either_rate(begun, rate_hz, samples) -> None:
-    device, library, clock = begun(sample_rate_hz=rate_hz)
+def test_all_queued_samples_are_read_at_1_khz_too(begun) -> None:
+    device, library, clock = begun(sample_rate_hz=1000.0)
     wait(clock, 0.1)
-    assert len(device.read()) == samples - 1  # the first was dropped with what stood there before
+    assert len(device.read()) == 100  # the first was dropped with what stood there before
     assert device.read() == []
-    assert ("start with safety", int(rate_hz), 50) in library.calls
+    assert ("start with safety", 1000, 50) in library.calls
 
 
 def test_values_are_si_after_the_gear_and_turn_together_on_the_left(made) -> None:

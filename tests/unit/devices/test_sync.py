@@ -117,10 +117,21 @@ class TestContractOfAnInput(SensorContract):
         self.wire.gone = True
 
 
-def test_levels_stand_on_the_grid_by_the_stamps_of_the_edges(wire: Wire) -> None:
-    clock = VirtualClock(1_000_000_000)
+def begun_input(start_ns: int = 0) -> tuple[SyncInput, VirtualClock]:
+    clock = VirtualClock(start_ns)
     line = SyncInput("/dev/gpiochip0", 17, clock=clock)
     begin(line)
+    return line, clock
+
+
+def begun_output() -> SyncOutput:
+    line = SyncOutput("/dev/gpiochip0", 27)
+    begin(line)
+    return line
+
+
+def test_levels_stand_on_the_grid_by_the_stamps_of_the_edges(wire: Wire) -> None:
+    line, clock = begun_input(1_000_000_000)
     wire.edges = [(1_002_500_000, True), (1_004_000_000, False), (1_006_100_000, True)]
     clock.wait_until_ns(1_007_000_000)
     samples = line.read()
@@ -133,24 +144,19 @@ def test_levels_stand_on_the_grid_by_the_stamps_of_the_edges(wire: Wire) -> None
 
 def test_a_line_that_is_high_at_first_is_high(wire: Wire) -> None:
     wire.high = True
-    clock = VirtualClock()
-    line = SyncInput("/dev/gpiochip0", 17, clock=clock)
-    begin(line)
+    line, clock = begun_input()
     clock.wait_until_ns(2_000_000)
     assert [sample.value for sample in line.read()] == [1.0, 1.0]
 
 
 def test_what_nobody_read_for_long_is_not_all_made_up(wire: Wire) -> None:
-    clock = VirtualClock()
-    line = SyncInput("/dev/gpiochip0", 17, clock=clock)
-    begin(line)
+    line, clock = begun_input()
     clock.wait_until_ns(3600 * 10**9)
     assert len(line.read()) == 2001
 
 
 def test_an_output_is_low_after_a_stop(wire: Wire) -> None:
-    line = SyncOutput("/dev/gpiochip0", 27)
-    begin(line)
+    line = begun_output()
     line.set_high(True)
     line.stop()
     assert wire.levels == [True, False]
@@ -162,8 +168,7 @@ def test_an_output_is_low_after_a_stop(wire: Wire) -> None:
 
 def test_a_pulse_is_marked_by_the_time_at_which_it_rose(wire: Wire) -> None:
     clock = VirtualClock(5_000)
-    line = SyncOutput("/dev/gpiochip0", 27)
-    begin(line)
+    line = begun_output()
     marks: list[tuple[str, int]] = []
     send_pulse(line, lambda text, at_ns: marks.append((text, at_ns)), clock=clock, width_s=0.01)
     assert wire.levels == [True, False]
@@ -172,8 +177,7 @@ def test_a_pulse_is_marked_by_the_time_at_which_it_rose(wire: Wire) -> None:
 
 
 def test_a_line_stays_low_when_its_marker_cannot_be_sent(wire: Wire) -> None:
-    line = SyncOutput("/dev/gpiochip0", 27)
-    begin(line)
+    line = begun_output()
 
     def fail(_: str, __: int) -> None:
         raise RuntimeError("no network")

@@ -118,18 +118,6 @@ def test_a_footswitch_that_falls_silent_makes_the_phase_none():
     assert watch.last_stride_ns == 6 * STRIDE
 
 
-def test_the_knee_tells_a_phase_of_its_own():
-    def knee(time):
-        at = (time / STRIDE) % 1
-        return 0.1 + max(0.0, 1.0 - abs(at - 0.722) / 0.15)
-
-    watch = Walk().until(6 * STRIDE + 330 * MS, knee=knee)
-    assert watch.shadow_phase_pct == pytest.approx(30.0, abs=0.5)
-    still = Walk().until(6 * STRIDE + 330 * MS)
-    assert isnan(still.shadow_phase_pct)
-    assert still.steady
-
-
 def test_a_switch_that_gives_volts_strikes_at_its_calibrated_levels():
     def volts(time_ns):
         return 0.8 + 1.6 * on(time_ns)  # never off for one that is 0 or 1

@@ -1,6 +1,6 @@
 """Phase in real time: which strides are believed, when it is none, and the knee's opinion."""
 
-from math import isnan, nan
+from math import nan
 
 import numpy as np
 import pytest
@@ -221,22 +221,13 @@ def test_a_clean_knee_tells_the_phase_to_a_sample(rate_hz):
     assert np.abs(error).max() < 100.0 / (1.1 * rate_hz) + 0.1
 
 
-@pytest.mark.parametrize("noise_deg", [0.3, 0.5, 1.0])
-def test_noise_of_a_goniometer_does_not_end_a_swing_early(noise_deg):
+def test_noise_of_a_goniometer_does_not_end_a_swing_early():
     rng = np.random.default_rng(3)
     cycles = np.arange(round(100 * 1.1 * 500)) / (1.1 * 500)
-    noisy = knee_rad(cycles) + np.deg2rad(noise_deg) * rng.standard_normal(cycles.size)
+    noisy = knee_rad(cycles) + np.deg2rad(1.0) * rng.standard_normal(cycles.size)
     error = knee_error_pct(noisy, strides=cycles, rate_hz=500.0)
     assert abs(error.mean()) < 1.0
     assert np.abs(error).max() < 4.0
-
-
-def test_the_knee_knows_nothing_before_two_swings():
-    phase = KneePhase(GAIT)
-    cycles = np.arange(round(1.9 * 550)) / 550
-    for i, value in enumerate(knee_rad(cycles[: round(1.7 * 550)]).tolist()):
-        phase.update(i * 2_000_000, value)
-        assert isnan(phase.phase_pct(i * 2_000_000))
 
 
 def test_missing_samples_of_the_knee_change_nothing():
@@ -246,14 +237,6 @@ def test_missing_samples_of_the_knee_change_nothing():
     holed[np.arange(whole.size) % 11 == 5] = nan
     error = knee_error_pct(holed, strides=cycles, rate_hz=500.0)
     assert np.abs(error).max() < 0.5
-
-
-def test_a_knee_that_stays_straight_or_bent_tells_no_phase():
-    for value in (0.1, 1.2):
-        phase = KneePhase(GAIT)
-        for i in range(5000):
-            phase.update(i * 2_000_000, value)
-        assert isnan(phase.phase_pct(10**10))
 
 
 def test_a_pause_of_walking_is_no_stride():

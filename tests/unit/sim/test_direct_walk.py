@@ -188,13 +188,6 @@ class TestPulses:
         assert set(held.tolist()) == {0.0, 17.0}
         assert np.count_nonzero(held) == 6 * 125
 
-    def test_a_stumble_is_walked(self):
-        rig, usual = simulated_rig(4, preset="clean"), simulated_rig(4, preset="clean")
-        rig.inject.stumbles[4] = 1.5
-        longer, shorter = (walk_directly(one, "perturbed", plan=FEW) for one in (rig, usual))
-        gain = 0.5 * rig.person.stride_time_s
-        assert longer.end_s - shorter.end_s == pytest.approx(gain, abs=2 * PERIOD_S)
-
 
 class TestWhatCannotBe:
     @pytest.mark.parametrize(

@@ -47,11 +47,15 @@ def pulses_at(rig, share, *, offset_s=0.0, strides=(3, 7), segment=0, amplitude_
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def truth_of(rig, pulses, *, stretches=WHOLE, **more):
+    return rig.truth("perturbed", worn=True, stretches=stretches, pulses=pulses, **more)
+
+
 def test_heel_strikes_are_those_that_were_walked_with_the_offset_added():
     rig = simulated_rig(0)
     nothing = pd.DataFrame(columns=COLUMNS)
     stretches = (Stretch(0, 5.0, 20.0),)
-    truth = rig.truth("perturbed", worn=True, stretches=stretches, pulses=nothing)
+    truth = truth_of(rig, nothing, stretches=stretches)
     motion = rig.motion("perturbed", 0)
     starts = np.array([motion.next().start_s for _ in range(40)])
     expected = starts[(starts >= 0) & (starts <= 20.0)] + 5.0
@@ -63,7 +67,7 @@ def test_a_pulse_that_was_broken_off_is_no_truth():
     rig = simulated_rig(2)
     pulses = pulses_at(rig, 0.07)
     pulses.loc[0, "completed"] = False
-    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses)
+    truth = truth_of(rig, pulses)
     assert [row["pulse"] for row in truth["pulses"]] == [2]
 
 
@@ -72,10 +76,7 @@ def test_ramps_delay_the_response_that_weighs():
     shape = PulseSpec(
         amplitude_nm=17.0, duration_s=0.25, ramp_up_s=0.075, hold_s=0.1, ramp_down_s=0.075
     )
-    step, ramp = (
-        rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.73), shape=s)
-        for s in (None, shape)
-    )
+    step, ramp = (truth_of(rig, pulses_at(rig, 0.73), shape=s) for s in (None, shape))
     for a, b in zip(step["pulses"], ramp["pulses"], strict=True):
         assert abs(b["displacement_rad"]) < 0.8 * abs(a["displacement_rad"])
         assert b["stiffness"] != pytest.approx(a["stiffness"], rel=1e-3)
@@ -83,7 +84,7 @@ def test_ramps_delay_the_response_that_weighs():
 
 def test_truth_on_a_plateau_is_the_persons_value():
     rig = simulated_rig(2)
-    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
+    truth = truth_of(rig, pulses_at(rig, 0.07))
     person = rig.person
     assert len(truth["pulses"]) == 2
     for row in truth["pulses"]:
@@ -200,7 +201,7 @@ def test_the_truth_of_a_pulse_is_what_a_fit_of_the_angle_finds():
     )
     rig = SimulatedRig(person, preset("hard"))
     pulses = pulses_at(rig, 0.14, strides=(3,))
-    row = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses)["pulses"][0]
+    row = truth_of(rig, pulses)["pulses"][0]
     motion = rig.motion("perturbed", 0)
     stride = [motion.next() for _ in range(4)][3]
     fine = np.linspace(0.0, TIMES[-1], 1001)
@@ -224,12 +225,7 @@ def test_the_truth_of_a_pulse_is_what_a_fit_of_the_angle_finds():
 
 def test_truth_does_not_depend_on_the_sign_or_the_size_of_a_pulse():
     rig = simulated_rig(2, preset="hard")
-    rows = [
-        rig.truth(
-            "perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.5, amplitude_nm=a)
-        )
-        for a in (17.0, -5.0)
-    ]
+    rows = [truth_of(rig, pulses_at(rig, 0.5, amplitude_nm=a)) for a in (17.0, -5.0)]
     for name in PARAMETERS:
         one, two = (r["pulses"][0][name] for r in rows)
         assert one == pytest.approx(two, rel=1e-9)
@@ -238,12 +234,7 @@ def test_truth_does_not_depend_on_the_sign_or_the_size_of_a_pulse():
 def test_a_softening_joint_is_truly_softer_for_larger_pulses():
     soft = replace(preset("nominal"), joint=JointSettings(softening_rad=0.3))
     rig = SimulatedRig(draw_person(2, seed=1), soft)
-    small, large = (
-        rig.truth(
-            "perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07, amplitude_nm=a)
-        )
-        for a in (0.1, 17.0)
-    )
+    small, large = (truth_of(rig, pulses_at(rig, 0.07, amplitude_nm=a)) for a in (0.1, 17.0))
     stiff = rig.person.mass_kg * rig.person.stiffness_per_mass["LRE"]
     assert small["pulses"][0]["stiffness"] == pytest.approx(stiff, rel=1e-4)
     assert large["pulses"][0]["stiffness"] < 0.97 * stiff
@@ -259,7 +250,7 @@ def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them(
             pulses_at(rig, 0.07, strides=(4,), segment=1, offset_s=60.0),
         ]
     )
-    truth = rig.truth("perturbed", worn=True, stretches=stretches, pulses=pulses)
+    truth = truth_of(rig, pulses, stretches=stretches)
     strikes = np.array(truth["heel_strike_s"])
     assert [row["onset_gait_pct"] for row in truth["pulses"]] == pytest.approx([7.0, 7.0], abs=1e-4)
     for segment, offset in enumerate(offsets):
@@ -271,11 +262,11 @@ def test_stretches_have_strides_of_their_own_also_when_another_process_ran_them(
 
 def test_gravity_adds_to_the_stiffness_of_an_anthropometric_leg_only():
     rig = simulated_rig(0, preset="anthropometric")
-    truth = rig.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rig, 0.07))
+    truth = truth_of(rig, pulses_at(rig, 0.07))
     # SCIENCE 3.8: about 11 N*m/rad for shank and exoskeleton.
     assert truth["pulses"][0]["gravity_stiffness"] == pytest.approx(11.0, rel=0.35)
     gravities = [row["gravity_stiffness"] for row in truth["pulses"]]
     assert truth["timing_points"]["LRE"]["gravity_stiffness"] == pytest.approx(np.mean(gravities))
     rigid = simulated_rig(0)
-    truth = rigid.truth("perturbed", worn=True, stretches=WHOLE, pulses=pulses_at(rigid, 0.07))
+    truth = truth_of(rigid, pulses_at(rigid, 0.07))
     assert truth["pulses"][0]["gravity_stiffness"] == 0.0

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from jointz.sim.benches.bench_load import BenchLoad
-from jointz.sim.benches.sea import SeaControl, SeaErrors, draw_torque_gain, sea_preset
+from jointz.sim.benches.sea import SeaControl, SeaErrors, sea_preset
 from jointz.sim.benches.sea_plant import SeaPlant
 
 RATE_HZ = 900.0
@@ -33,6 +33,10 @@ def pulsed(time_s):
     """Return the reference A with one pulse, N*m."""
     pulse = np.interp(time_s, (0.3, 0.375, 0.475, 0.55), (0.0, 7.0, 7.0, 0.0))
     return 5.0 * np.sin(2.0 * pi * 1.4 * time_s) + 32.0 + pulse
+
+
+def plant_of(settings, load):
+    return SeaPlant(settings, load, sample_rate_hz=RATE_HZ, noise=np.random.default_rng(0))
 
 
 def run(settings, load, torque, *, angle=None, rate_hz=RATE_HZ, seed=0):
@@ -148,7 +152,7 @@ class Mechanics:
 def test_plant_solves_the_equations_of_motion(load, errors, position):
     settings = erring(**errors)
     slow = Mechanics(settings, load, RATE_HZ)
-    plant = SeaPlant(settings, load, sample_rate_hz=RATE_HZ, noise=np.random.default_rng(0))
+    plant = plant_of(settings, load)
     plant.advance(0.0, nan)
     rng = np.random.default_rng(3)
     wanted = signal.lfilter(*signal.butter(3, 20.0, fs=RATE_HZ), rng.standard_normal(120))
@@ -254,7 +258,7 @@ def test_true_stamps_tell_when_the_jittered_samples_were():
 
 def test_beam_error_and_gain_scale_the_recorded_torque():
     settings = replace(erring(beam_error=-0.02), torque_gain=1.01)
-    plant = SeaPlant(settings, CASE_1, sample_rate_hz=RATE_HZ, noise=np.random.default_rng(0))
+    plant = plant_of(settings, CASE_1)
     for wanted in pulsed(np.arange(300) / RATE_HZ):
         row = plant.advance(wanted, nan)
         assert row[TORQUE] == pytest.approx(0.98 * 1.01 * plant.spring_torque, abs=1e-12)
@@ -262,12 +266,7 @@ def test_beam_error_and_gain_scale_the_recorded_torque():
 
 
 def test_stiffening_beam_gives_more_torque_than_the_lab_thinks():
-    plant = SeaPlant(
-        erring(beam_cubic_per_m2=2400.0),
-        LOCKED,
-        sample_rate_hz=RATE_HZ,
-        noise=np.random.default_rng(0),
-    )
+    plant = plant_of(erring(beam_cubic_per_m2=2400.0), LOCKED)
     rows = [plant.advance(40.0, nan) for _ in range(900)]
     deflection = rows[-1][TORQUE] / 0.05 / 274e3
     expected = 1.0 + 2400.0 * deflection**2
@@ -276,9 +275,7 @@ def test_stiffening_beam_gives_more_torque_than_the_lab_thinks():
 
 def test_encoders_round_to_their_resolution():
     steps = {"linear_step_m": 1e-6, "rotary_step_rad": 1e-4}
-    plant = SeaPlant(
-        erring(**steps), CASE_1, sample_rate_hz=RATE_HZ, noise=np.random.default_rng(0)
-    )
+    plant = plant_of(erring(**steps), CASE_1)
     worst = 0.0
     for wanted in pulsed(np.arange(900) / RATE_HZ):
         row = plant.advance(wanted, nan)
@@ -317,13 +314,3 @@ def test_hot_winding_is_a_fault_that_takes_the_current_away():
     tripped = np.flatnonzero(record[:, FAULTS])[0]
     assert record[tripped, WARM] > 25.2 >= record[tripped - 1, WARM]
     assert not record[tripped + 1 :, CURRENT].any()
-
-
-def test_drawn_gain_does_not_disturb_a_clean_bench():
-    gains = [
-        draw_torque_gain(sea_preset("nominal"), np.random.default_rng(seed)).torque_gain
-        for seed in range(400)
-    ]
-    assert np.std(gains) == pytest.approx(0.01, rel=0.1)
-    assert np.mean(gains) == pytest.approx(1.0, abs=0.002)
-    assert draw_torque_gain(sea_preset("clean"), np.random.default_rng(0)) == sea_preset("clean")

@@ -1,12 +1,9 @@
 """Tasks on a Dask cluster: started here, or a lab's own."""
 
 import os
-import random
 import re
-import signal
 import subprocess
 import sys
-import threading
 import time
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
@@ -276,36 +273,3 @@ def test_a_cluster_of_this_machine_is_not_started_in_the_clear(monkeypatch):
         open_engine("local", workers=1, tasks=1, needs="json"),
     ):
         pass
-
-
-@pytest.mark.slow
-def test_workers_killed_at_random_cost_little(tmp_path):
-    rng = random.Random(4)
-    kills, count = 10, 300
-    killed = []
-
-    def kill(of):
-        while len(killed) < kills:
-            time.sleep(rng.uniform(1.0, 3.0))
-            words = ["pgrep", "-P", str(of), "-f", "spawn_main"]
-            found = subprocess.run(words, capture_output=True, text=True, check=False).stdout
-            if found:
-                killed.append(rng.choice(found.split()))
-                os.kill(int(killed[-1]), signal.SIGKILL)
-
-    def task(k):
-        return Task(str(k), partial(subprocess.run, ["sh", "-c", noted(k)], check=True))
-
-    def noted(k):
-        return f"echo >> '{tmp_path}/{k}.begun'; sleep 0.1"
-
-    with open_engine("local", workers=2, tasks=count, needs="subprocess") as engine:
-        killer = threading.Thread(target=kill, args=(os.getpid(),), daemon=True)
-        killer.start()
-        done = list(done_in_turn(engine, [task(k) for k in range(count)]))
-        killer.join()
-
-    assert [d.result().args[-1] for d in done] == [noted(k) for k in range(count)]
-    begun = sum(file.read_text().count("\n") for file in tmp_path.glob("*.begun"))
-    # A cluster keeps results on its workers until they are fetched: those go with the worker.
-    assert begun - count <= 4 * len(killed)

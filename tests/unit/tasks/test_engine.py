@@ -213,7 +213,7 @@ def test_a_call_of_processes_is_lost_with_any_of_them():
     assert [engine.has_lost(future) for future in (made, lost, Future())] == [False, True, True]
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [1, pytest.param(10, marks=pytest.mark.slow)])
 def test_workers_killed_at_random_cost_little_and_nothing_is_counted_twice(
     processes, tmp_path, kills
 ):
