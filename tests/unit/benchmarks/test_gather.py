@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from benchmarks import gather, machine
@@ -96,15 +95,11 @@ def test_growth_and_efficiency_of_engines_are_told(parts):
     page = page_of(parts, image="images/growth.svg", quick=False)
 
     assert "| 1,000 | 1,000 | 1 | 2 | 5.0 | 252 | 540 |" in page  # of the part with all engines
-    assert ("From 10 participants to 1,000, 100 times as many, time grows 100 times and the "
-            "client's memory 1.05 times.") in page  # fmt: skip
-    assert "](images/growth.svg)" in page
+    assert "time grows 100 times and the client's memory 1.05 times" in page
     assert "| 100 | serial | 1 | 200 | - | 5.0 | 240 | - | `abc100` |" in page
     assert "| 100 | processes | 2 | 104 | 0.96 | 5.0 | 240 | 540 | `abc100` |" in page
     quick = page_of(parts, image="", quick=True)  # little work is not judged
-    assert "{warning}" in quick
     assert rows(quick)["query"] == ["12.3 ms", "-", "-"]
-    assert "Nothing has been measured yet." in page_of([], image="", quick=False)
 
 
 def test_engines_are_held_to_what_is_asked(parts):
@@ -126,18 +121,6 @@ def test_engines_are_held_to_what_is_asked(parts):
     ]
 
 
-def test_machine_versions_and_what_is_missing_are_named(parts):
-    page = page_of(parts, image="", quick=False)
-
-    assert "Some CPU, 2 core(s), 16 GB of memory, Linux, x86_64; 1 thread(s)" in page
-    assert rows(page)["tests"] == ["2026-11-22", "`0123456789ab`", "1.5"]
-    assert "- tests, growth, engines: Python 3.11.7, jointz 0.1.0, numpy 2.4.6.\n" in page
-    assert "- physics, beside MuJoCo's: mujoco is not installed\n" in page
-    assert "- part `fits`: its process ended with status 1\n" in page
-    assert "- `test_analysis.py::test_whole_analysis`\n" in page
-    assert "{warning}" not in page
-
-
 def test_what_is_not_met_and_what_broke_is_listed(parts):
     spoilt = copy.deepcopy(parts)
     spoilt[2]["found"]["measured"][1]["digest"] = "other"
@@ -150,14 +133,6 @@ def test_what_is_not_met_and_what_broke_is_listed(parts):
         "test_analysis.py::test_whole_analysis: did not pass",
     ]
     assert "engines: engines differ" in broken(spoilt)
-
-
-def test_the_page_and_its_figure_are_written(parts, tmp_path):
-    gather.write_page(parts, tmp_path / "docs" / "benchmarks.md", quick=False)
-
-    drawn = (tmp_path / "docs" / "images" / "benchmarks-growth.svg").read_text()
-    assert ElementTree.fromstring(drawn).tag.endswith("svg")
-    assert "](images/benchmarks-growth.svg)" in (tmp_path / "docs" / "benchmarks.md").read_text()
 
 
 def test_what_a_part_writes_is_kept_and_taken_again_on_the_same_machine_only(tmp_path, monkeypatch):
@@ -182,16 +157,6 @@ def test_a_part_that_breaks_leaves_no_older_figures(tmp_path):
 
     assert (made["found"], made["why"]) == (None, "its process ended with status 3")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_environment_with_opensourceleg_takes_the_loop(tmp_path):
-    alone = gather.all_parts(quick=False, osl=None)
-    both = gather.all_parts(quick=False, osl=tmp_path / "python")
-
-    assert [one.name for one in alone] == ["tests", "growth", "engines", "fits"]
-    assert "--ignore=benchmarks/test_loop.py" not in alone[0].command
-    assert "--ignore=benchmarks/test_loop.py" in both[0].command
-    assert both[1].command[0] == str(tmp_path / "python")
 
 
 BENCHMARK = """

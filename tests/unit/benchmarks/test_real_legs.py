@@ -11,11 +11,8 @@ from benchmarks.real_legs.scores import (
     MISSING,
     Row,
     Share,
-    row_table,
     rows_of,
     score,
-    score_table,
-    scores,
 )
 
 from jointz.results.estimates import CellEstimate, ParameterEstimate
@@ -83,29 +80,12 @@ def test_limits_count_only_in_undecided_rows_that_have_them():
     assert entry.decided == Share(1, 5)
 
 
-def test_a_limit_that_equals_the_truth_is_not_true():
-    only = row("undecided", low=10.0, high=10.0)
-
-    assert only.upper_limit_true is False
-    assert only.lower_limit_true is False
-
-
 def test_a_value_without_interval_has_an_error_and_no_coverage():
     entry = score("stiffness", [row(value=12.0)])
 
     assert entry.bias_pct == pytest.approx(20.0)
     assert entry.coverage == Share(0, 0)
     assert math.isnan(entry.half_width_pct)
-
-
-def test_failed_rows_are_counted_by_code_and_the_table_still_prints():
-    rows = [row("failed:window_too_long"), row("failed:window_too_long"), row("failed:no_pulses")]
-
-    (line,) = score_table(scores(rows)).to_dict("records")
-
-    assert line["failed"] == "no_pulses 1, window_too_long 2"
-    assert line["decided"] == "0.00±0.00 (0/3)"
-    assert line["coverage"] == line["RMSE %"] == line["upper limit true"] == "-"
 
 
 def test_a_share_has_its_monte_carlo_error():
@@ -137,13 +117,6 @@ def test_a_cell_without_a_parameter_of_the_others_has_a_row():
     found = {(r.timing_point, r.parameter): r.status for r in rows}
     assert found["TST", "stiffness_onset"] == found["MST", "stiffness"] == MISSING
     assert score("stiffness_onset", rows[1::2]).decided == Share(1, 2)
-
-
-def test_every_row_is_listed_with_its_error():
-    table = row_table([row(value=12.0, low=11.0, high=13.0), row("undecided")])
-
-    assert table["error_pct"].iloc[0] == pytest.approx(20.0)
-    assert table["covered"].tolist() == [False, None]
 
 
 def test_the_truth_of_a_point_is_that_of_the_window():
