@@ -44,7 +44,7 @@ class Driver:
 
     settings: type[DriverSettings]
     open: Callable[..., Any]
-    package: str = ""  # that must be installed beside jointz
+    package: str = ""  # required package besides jointz; "" for none
 
 
 @cache

@@ -34,41 +34,38 @@ class Lifecycle(Enum):
 class ActuatorSample(NamedTuple):
     """One sample of an actuator."""
 
-    # ns: by the device's clock when measured, and by the host's when it arrived
-    device_time_ns: int
-    host_time_ns: int
+    device_time_ns: int  # time of the measurement, by the device's clock
+    host_time_ns: int  # time of arrival, by the host's clock
     angle: float  # rad, of the output, after the gear
     velocity: float  # rad/s, of the output
-    current: float  # A, motor current (q axis)
-    voltage: float  # V, supply
-    temperature_c: float  # degrees Celsius: of the winding, or the nearest to it that is measured
-    faults: int  # bits set by the device itself, 0 when all is well
+    current: float  # A, current of the motor (q axis)
+    voltage: float  # V, supply voltage
+    temperature_c: float  # temperature of the winding, or the nearest measured one
+    faults: int  # fault bits set by the device; 0 for none
 
 
 class SensorSample(NamedTuple):
     """One sample of a sensor."""
 
-    # ns: by the device's clock when measured, and by the host's when it arrived
-    device_time_ns: int
-    host_time_ns: int
-    value: float  # in the unit that the sensor declares
+    device_time_ns: int  # time of the measurement, by the device's clock
+    host_time_ns: int  # time of arrival, by the host's clock
+    value: float  # in the unit of the sensor's description
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorDescription:
     """Description of an actuator."""
 
-    name: str  # which device it is
+    name: str  # name of the device
     model: str
     serial: str
     firmware: str
-    sample_rate_hz: float  # Hz: how many samples it queues a second
-    command_timeout_s: float  # s: without a command for so long it goes to zero torque by itself
-    # what it may be asked for, and what it must not reach; a protocol can only tighten them
-    limits: SafetyLimits
-    # equation 4.1, as calibrated: torque on the joint out of current, velocity, acceleration
+    sample_rate_hz: float  # samples queued per second
+    command_timeout_s: float  # time without a command after which the torque goes to zero
+    limits: SafetyLimits  # limits on commands and measurements; a protocol can only tighten them
+    # torque on the joint from current, velocity and acceleration (equation 4.1), as calibrated
     torque_model: TorqueModelSpec
-    fault_names: Mapping[int, str]  # bit -> what it means
+    fault_names: Mapping[int, str]  # value of the fault bit (1, 2, 4, ...) -> name of the fault
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -84,13 +81,14 @@ class ActuatorDescription:
 class SensorDescription:
     """Description of a sensor."""
 
-    name: str  # which device it is
+    name: str  # name of the device
     model: str
     serial: str
-    channel: str  # the canonical channel it measures: ``angle``, ``contact``, ...
-    unit: str  # SI unit of its samples, ``1`` for a contact
-    sample_rate_hz: float  # Hz: how many samples it queues a second
-    kind: str = ""  # for a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``
+    channel: str  # measured canonical channel: ``angle``, ``contact``, ...
+    unit: str  # SI unit of its samples; of a contact ``V`` for the kind ``voltage``, else ``1``
+    sample_rate_hz: float  # samples queued per second
+    # kind of a contact: ``contact`` (0 or 1), ``voltage`` or ``pulse``; "" for other channels
+    kind: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -163,18 +161,17 @@ class Sensor(Device, Protocol):
 class PositionerDescription:
     """Description of a motor that moves the far side of a bench."""
 
-    name: str  # which device it is
+    name: str  # name of the device
     model: str
     serial: str
-    # what its angle is: ``position`` of the far side, or ``motor_angle`` of a series-elastic
+    # meaning of its angle: ``position`` of the far side, or ``motor_angle`` of a series-elastic
     # actuator, before its spring
     channel: str
-    sample_rate_hz: float  # Hz: how many samples it queues a second
-    command_timeout_s: float  # s: without a command for so long it stops moving by itself
-    # where it may be sent; infinite where it may turn for ever
-    angle_min_rad: float
-    angle_max_rad: float
-    velocity_rad_s: float  # how fast
+    sample_rate_hz: float  # samples queued per second
+    command_timeout_s: float  # time without a command after which it stops moving
+    angle_min_rad: float  # smallest angle that can be commanded; -inf without an end
+    angle_max_rad: float  # largest angle that can be commanded; inf without an end
+    velocity_rad_s: float  # largest velocity
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain values."""
@@ -205,15 +202,15 @@ class Positioner(Device, Protocol):
 class Devices:
     """The devices of one condition of an experiment; None for what there is not."""
 
-    # goniometer of a wearer, encoder at the output of a bench. Without it the actuator's own angle
-    # is the joint's
+    # goniometer of a wearer, or encoder at the output of a bench; None: the actuator's angle is
+    # that of the joint
     angle: Sensor | None = None
     contact: Sensor | None = None  # footswitch
-    actuator: Actuator | None = None  # none where the participant does not wear the device
-    # of a bench: torque sensor, or the deflection of a spring read as torque
+    actuator: Actuator | None = None  # None if the participant does not wear the device
+    # torque sensor of a bench, or the deflection of a spring read as torque
     torque: Sensor | None = None
-    # of a bench: what moves the far side. A series-elastic actuator under position control is its
-    # own
+    # motor that moves the far side of a bench; a series-elastic actuator under position control is
+    # its own
     positioner: Positioner | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -239,8 +236,8 @@ class Wearer:
     """The participant."""
 
     id: str  # name in the study
-    mass_kg: float | None = None  # body
-    height_m: float | None = None
+    mass_kg: float | None = None  # body mass
+    height_m: float | None = None  # body height
 
 
 class Stretch(NamedTuple):
@@ -249,11 +246,11 @@ class Stretch(NamedTuple):
     Parameters
     ----------
     segment : int
-        Its number in the session.
+        Number of the stretch in the session.
     offset_s : float, s
-        What was added to the devices' time.
+        Offset added to the devices' time.
     end_s : float, s
-        Of its last sample, by the devices' clock.
+        Time of its last sample, by the devices' clock, without the offset.
     """
 
     segment: int

@@ -16,10 +16,9 @@ _MOST_MARKERS = 256
 class Marker(NamedTuple):
     """A marker and its time."""
 
-    # ns: by LSL's clock of this computer, which on Linux is that of
-    # :class:`jointz.core.clock.RealClock`
+    # by LSL's clock of this computer; on Linux that of :class:`jointz.core.clock.RealClock`
     time_ns: int
-    text: str  # what was sent
+    text: str  # text of the marker
 
 
 class LslMarkers(DriverBase):

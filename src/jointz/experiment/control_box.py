@@ -44,8 +44,8 @@ class Order(IntEnum):
 class Command(NamedTuple):
     """One command."""
 
-    order: Order  # what is asked for
-    text: str = ""  # of a note
+    order: Order  # requested action
+    text: str = ""  # text of a note; "" for other orders
 
 
 class ControlBox:

@@ -15,8 +15,8 @@ _PRIORITY = 49  # of 1..99 under SCHED_FIFO: just below the threads of interrupt
 class LoopCounts:
     """Counts of a loop."""
 
-    ticks: int  # slots that were served
-    missed_slots: int  # slots that were skipped because a tick took too long
+    ticks: int  # number of slots with a tick
+    missed_slots: int  # number of slots skipped because a tick took too long
 
 
 class ControlLoop:

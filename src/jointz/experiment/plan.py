@@ -15,11 +15,11 @@ from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
 class PlannedPulse:
     """A pulse of the plan."""
 
-    number: int  # its place in the plan, from 1
-    timing_point: str  # where in the gait cycle
-    gait_pct: float  # % of the gait cycle: the same as a number
-    amplitude_nm: float  # N*m: signed height; 0 for a sham
-    gap_strides: int  # strides since the pulse before it
+    number: int  # position in the plan, from 1
+    timing_point: str  # name of the timing point
+    gait_pct: float  # onset of the timing point, % of the gait cycle
+    amplitude_nm: float  # signed height; 0 for a sham
+    gap_strides: int  # accepted strides to wait after the previous pulse
 
     @property
     def sham(self) -> bool:

@@ -75,9 +75,9 @@ class Operator(Protocol):
 class SessionPlan:
     """Protocol, seed and folder of a session."""
 
-    protocol: ProtocolSpec  # of the experiment
-    seed: int  # of the plan
-    folder: Path  # where the session is kept
+    protocol: ProtocolSpec  # protocol of the experiment
+    seed: int  # seed of the plan
+    folder: Path  # folder of the session
 
     @property
     def period_ns(self) -> int:

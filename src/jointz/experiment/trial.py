@@ -31,10 +31,12 @@ StrideCallback = Callable[[int, int], None]
 class Course:
     """Settings of a walking trial."""
 
-    gait: GaitSpec  # of the protocol
-    period_ns: int  # ns: of the loop
-    strides: int  # accepted strides; with pulses, the last pulse and a few more decide
-    # of the footswitch, off and on, in its own unit
+    gait: GaitSpec  # gait settings of the protocol
+    period_ns: int  # period of the loop
+    # accepted strides of a trial without pulses; with pulses, it ends ``COOL_DOWN_STRIDES`` after
+    # the last one
+    strides: int
+    # levels of the footswitch in its own unit: off, on
     contact_levels: tuple[float, float] = CONTACT_LEVELS
 
 

@@ -55,17 +55,17 @@ class TrialSetup:
 
     protocol: ProtocolSpec
     condition: ConditionSpec
-    name: str  # of the trial
-    segment: int  # number of this stretch of it
+    name: str  # name of the trial
+    segment: int  # number of this stretch of the trial
     devices: Devices  # not yet active
     gate: SafetyGate | None  # None without an actuator
     recorder: Recorder
     clock: Clock
     journal: Journal
-    pulses: Sequence[Any]  # the plan of the trial, of the kind's own pulses
-    done: Mapping[int, Any]  # pulses that are completed, by their number
-    rng: np.random.Generator  # for the references of a bench
-    # V: calibrated levels of a footswitch that gives volts, off and on
+    pulses: Sequence[Any]  # planned pulses of the trial
+    done: Mapping[int, Any]  # number of a completed pulse -> its event in the journal
+    rng: np.random.Generator  # random numbers for the references of a bench
+    # calibrated levels of a footswitch of kind ``voltage``: off, on; None if not calibrated
     contact_levels_v: tuple[float, float] | None = None
 
     @property
@@ -146,11 +146,11 @@ def _walking_plan(
 class TrialKind:
     """Differences between trials of walking and those of a bench."""
 
-    pulse: type[PlannedPulse] | type[TimedPulse]
+    pulse: type[PlannedPulse] | type[TimedPulse]  # class of its planned pulses
     make_plan: Callable[[ConditionSpec, PulseSpec, np.random.Generator], Sequence[Any]]
-    layout: Callable[[Devices], Layout]  # of the records of a log
+    layout: Callable[[Devices], Layout]  # layout of the records of a log, given the devices
     trial: Callable[[TrialSetup, ProgressCallback], AnyTrial]
-    # whether an interrupted trial goes on in a new stretch; else it is done again as a whole
+    # whether an interrupted trial continues in a new stretch; otherwise it is repeated as a whole
     resumes: bool
 
     def read_plan(self, folder: Path) -> dict[str, tuple[Any, ...]]:

@@ -54,15 +54,16 @@ def cycle_figure(
 class Curve:
     """Estimates over the gait cycle."""
 
-    name: str  # in the legend
+    name: str  # name in the legend
     x: tuple[float | str, ...]  # % of the gait cycle, or names of timing points
     values: tuple[float | None, ...]  # SI
-    lows: tuple[float | None, ...]
-    highs: tuple[float | None, ...]
-    bounds: tuple[bool, ...]  # whether a value is at its bound: only an upper limit is known
-    colour: str  # of line and marks
-    faint: bool = False  # one of many in the background
-    symbol: str = "circle"  # of the marks
+    lows: tuple[float | None, ...]  # lower ends of the intervals, SI
+    highs: tuple[float | None, ...]  # upper ends of the intervals, SI
+    # whether each value is at its bound, so that only its upper limit is known
+    bounds: tuple[bool, ...]
+    colour: str  # colour of line and marks
+    faint: bool = False  # whether it is one of many in the background
+    symbol: str = "circle"  # symbol of the marks
 
 
 def curve_of(

@@ -13,16 +13,16 @@ class ReferencePoint:
 
     gait_pct: float  # % of the gait cycle
     value: float | None  # SI; None if only a range is stated
-    low: float  # ends of the range, SI
-    high: float
+    low: float  # lower end of the range, SI
+    high: float  # upper end of the range, SI
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCurve:
     """Published values of one parameter."""
 
-    name: str  # of the study
-    meaning: str  # of value and range
+    name: str  # name of the study
+    meaning: str  # meaning of value and range
     points: tuple[ReferencePoint, ...]  # in the order of the cycle
 
 

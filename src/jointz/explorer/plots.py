@@ -32,7 +32,7 @@ class Overlaid:
     """A pulse among the others of its timing point."""
 
     number: int  # position in the list, from 0
-    window: Window  # by the selected method
+    window: Window  # its window by the selected method
     used: bool  # whether it is part of the average
 
 

@@ -30,7 +30,7 @@ class ReestimatedParticipant:
     participant: str  # the id
     # estimates of every method, without evidence and without single pulses of a bench
     result: ParticipantResult
-    traces: Mapping[PulseKey, PulseTrace]  # signals that each pulse was estimated from
+    traces: Mapping[PulseKey, PulseTrace]  # pulse -> its signals
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,10 @@ class EstimationRequest:
     """Settings of a new estimation."""
 
     method: str  # name of the method
-    resamples: int  # of the bootstrap
+    resamples: int  # number of resamples of the bootstrap
     seed: int
-    sha256: Mapping[str, str]  # file -> hash when the study was analysed; others are refused
+    # file -> hash at the time of the analysis; other contents are refused
+    sha256: Mapping[str, str]
 
     @classmethod
     def of(cls, analysis: StudyAnalysis) -> "EstimationRequest":

@@ -26,6 +26,7 @@ class Exploration:
     folder: Path  # the results folder; nothing in it is changed
     analysed: StudyAnalysis  # content of the folder
     study: Study | None  # the analysed study with its current exclusions; None if not found
+    # participant -> new estimates
     reestimated: Mapping[str, ParticipantResult] = field(default_factory=dict)
     # (method, participant) -> cells by methods that the results do not hold
     others: Mapping[tuple[str, str], tuple[CellEstimate, ...]] = field(default_factory=dict)

@@ -49,7 +49,7 @@ class PulseKey:
 
     participant: str
     recording: str
-    onset_s: float  # commanded
+    onset_s: float  # commanded onset
 
     @classmethod
     def of(cls, pulse: PulseRecord) -> "PulseKey":
@@ -61,14 +61,14 @@ class PulseKey:
 class Window:
     """A pulse in the window of a method."""
 
-    time_s: np.ndarray  # from the commanded onset
-    angle: np.ndarray  # as the method uses them: raw, or filtered
-    torque: np.ndarray
-    baseline_angle: np.ndarray  # predicted without the pulse
-    baseline_torque: np.ndarray
-    sign: float  # +1 or -1; responses are multiplied by it
-    # angle (rad) or torque (N*m) of the model fitted to the average of the timing point; None if
-    # there is no fit
+    time_s: np.ndarray  # time since the commanded onset, (n,)
+    angle: np.ndarray  # rad: measured angle, raw or filtered, as the method uses it
+    torque: np.ndarray  # N*m: measured torque, raw or filtered, as the method uses it
+    baseline_angle: np.ndarray  # rad: predicted angle without the pulse
+    baseline_torque: np.ndarray  # N*m: predicted torque without the pulse
+    sign: float  # sign of the pulse, +1 or -1; factor of the responses
+    # fit to the average response of the timing point: angle, rad, or torque, N*m; None without a
+    # fit
     fitted: np.ndarray | None
     fits: str  # the fitted quantity: ``angle`` or ``torque``
 
@@ -103,11 +103,11 @@ class Window:
 class PulseTrace:
     """Signals of one pulse."""
 
-    time_s: np.ndarray  # from the commanded onset, longer than the window
-    angle: np.ndarray  # as recorded; NaN if missing
-    torque: np.ndarray
-    windows: Mapping[str, Window]  # by method, of methods that use the pulse
-    if_restored: bool  # whether the user excluded it, and windows show it as if restored
+    time_s: np.ndarray  # time since the commanded onset; from before the window to after it
+    angle: np.ndarray  # rad: recorded angle; NaN if missing
+    torque: np.ndarray  # N*m: recorded torque; NaN if missing
+    windows: Mapping[str, Window]  # method -> window, for methods that use the pulse
+    if_restored: bool  # whether the user excluded the pulse, so that windows show it as if restored
 
 
 def pulse_traces(

@@ -50,15 +50,17 @@ _BLOCK_S = 5.0
 class HeelStrikes:
     """Heel strikes of one foot."""
 
-    time_s: np.ndarray  # heel strikes, increasing
-    # rises that are no strikes: bounces, drop-outs of the contact, brief false contacts, and rises
-    # inside the refractory time
+    time_s: np.ndarray  # times of the strikes, increasing
+    # times of rises that are no strikes: bounces, drop-outs, brief false contacts, and rises inside
+    # the refractory time
     rejected_s: np.ndarray
-    # thresholds of the trigger, in units of the signal; of a voltage, at the middle of its drift.
-    # NaN where the signal never switches and for a stride counter
+    # lower threshold of the trigger, in the unit of the signal, at the middle of the drift of a
+    # voltage; NaN for a stride counter or a signal that never switches
     low: float
+    # upper threshold of the trigger, in the unit of the signal, at the middle of the drift of a
+    # voltage; NaN for a stride counter or a signal that never switches
     high: float
-    method: str  # ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``
+    method: str  # kind of the signal: ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``
 
 
 def find_heel_strikes(

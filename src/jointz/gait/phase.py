@@ -16,12 +16,13 @@ _OLDEST = 10.0
 class Phase:
     """Predicted phase of the gait cycle at given times."""
 
-    # 0 at heel strike; NaN where nothing is known. It is also given where ``code`` says that it
-    # must not be trusted, so that what is left out can still be counted at its timing point
+    # % of the gait cycle, 0 at heel strike; NaN if unknown. Also given with a ``code``, so that
+    # excluded pulses can be counted at their timing point
     pct: np.ndarray
-    elapsed_s: np.ndarray  # time since the last heel strike that is not a false one
+    elapsed_s: np.ndarray  # time since the last true heel strike
     mean_stride_s: np.ndarray  # mean of the last three accepted strides
-    # ``""``, ``no_recent_strides``, ``spurious_strike`` or ``missing_strike``
+    # reason not to trust the phase: ``no_recent_strides``, ``spurious_strike`` or
+    # ``missing_strike``; "" for none
     code: tuple[str, ...]
 
 

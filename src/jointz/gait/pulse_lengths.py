@@ -26,8 +26,8 @@ class LikelyRate:
     """A sampling rate at which pulses last as long as stated."""
 
     rate_hz: float
-    ratio: float  # measured over stated length at the rate of the recording
-    n_pulses: int  # from which it was measured
+    ratio: float  # measured over stated duration, at the rate of the recording
+    n_pulses: int  # number of pulses behind ``ratio``
 
 
 def rate_of_lengths(

@@ -23,12 +23,14 @@ _GAP_SHARE = 0.15
 class Strides:
     """Consecutive strides, each from one heel strike to the next."""
 
-    start_s: np.ndarray  # the heel strike that begins each stride, and its length
-    duration_s: np.ndarray
-    accepted: np.ndarray  # strides that can be believed; ``code`` is ``""`` there
-    touches_gap: np.ndarray  # a hole in the time stamps, of any length, lies inside
-    code: tuple[str, ...]  # ``""``, or a code of :class:`jointz.core.codes.Exclusion`
-    detail: tuple[str, ...]  # more about the code, and about holes in accepted strides
+    start_s: np.ndarray  # heel strike at the start of each stride, (n,)
+    duration_s: np.ndarray  # time to the next heel strike, (n,)
+    accepted: np.ndarray  # whether each stride is accepted: its ``code`` is ""
+    # whether a hole in the time stamps, of any length, overlaps each stride
+    touches_gap: np.ndarray
+    # reason for exclusion, a code of :class:`jointz.core.codes.Exclusion`; "" if accepted
+    code: tuple[str, ...]
+    detail: tuple[str, ...]  # details of the code, and of holes in accepted strides
 
     @property
     def strike_s(self) -> np.ndarray:

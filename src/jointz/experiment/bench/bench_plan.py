@@ -24,10 +24,10 @@ REST_S = 1.0
 class TimedPulse:
     """A pulse of the plan of a trial."""
 
-    number: int  # its place in the plan, from 1
-    timing_point: str  # where in the cycle of the reference; "" where there is none
-    onset_s: float  # s: since the reference began
-    amplitude_nm: float  # N*m: signed height; 0 for a sham
+    number: int  # position in the plan, from 1
+    timing_point: str  # timing point in the cycle of the reference; "" without timing points
+    onset_s: float  # time since the start of the reference
+    amplitude_nm: float  # signed height; 0 for a sham
 
 
 def make_bench_plan(
@@ -63,16 +63,14 @@ def _onsets_s(
 class BenchCourse:
     """Torque and position that a trial requests, tick by tick."""
 
-    torque: list[float]  # N*m: reference and pulses
-    command: list[float]  # N*m
-    position: list[float]  # rad: of the far side
-    pulse: list[int]  # number of the pulse that is on, 0 for none
-    # ticks from which and up to which the reference counts: before it the bench is led there,
-    # afterwards it is led back
-    first: int
-    stop: int
-    torque_controlled: bool  # which of the two is commanded at all
-    position_controlled: bool
+    torque: list[float]  # N*m: reference, without pulses
+    command: list[float]  # N*m: pulses, added to ``torque``
+    position: list[float]  # rad: position of the far side
+    pulse: list[int]  # number of the pulse in progress, 0 for none
+    first: int  # first tick of the reference; ticks before it lead the bench there
+    stop: int  # tick after the last one of the reference; ticks from it on lead the bench back
+    torque_controlled: bool  # whether torque is commanded
+    position_controlled: bool  # whether position is commanded
 
 
 def bench_course(
