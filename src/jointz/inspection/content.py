@@ -33,11 +33,11 @@ _TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 class Column:
     """A column of a file."""
 
-    group: str  # signals that were sampled together; "" for the only group
+    group: str  # group of signals that were sampled together; "" for the only one
     key: str | int  # name in a study, or number from 1
     title: str  # name in the file, "" if there is none
     values: np.ndarray  # float64, or str objects
-    unit: str = ""  # as the file states it
+    unit: str = ""  # as in the file; "" if not stated
     stray: str = ""  # message about a cell that is not a number, "" if there is none
     unit_why: str = ""  # source of the unit, "" if the file states it
 
@@ -52,10 +52,10 @@ class GroupClock:
     """The clock that a file states for a group."""
 
     group: str
-    n: int  # samples
-    rate_hz: float | None = None  # of a uniform clock
+    n: int  # number of samples
+    rate_hz: float | None = None  # rate of a uniform clock; None without
     start_s: float = 0.0  # time of the first sample on a uniform clock
-    time_s: np.ndarray | None = None  # stamps
+    time_s: np.ndarray | None = None  # time stamps, (n,); None without
     unit_stated: bool = True  # whether the file states the unit of the stamps
 
 
@@ -64,9 +64,9 @@ class Content:
     """Content of a file."""
 
     columns: tuple[Column, ...]  # in the order of the file
-    clocks: tuple[GroupClock, ...]  # one a group
+    clocks: tuple[GroupClock, ...]  # one for each group
     n_events: int = 0
-    files: FilesSpec | None = None  # layout of a text file
+    files: FilesSpec | None = None  # layout of a text file; None for other formats
     notes: tuple[str, ...] = ()  # decisions of the reader
 
 

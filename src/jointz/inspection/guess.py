@@ -44,7 +44,7 @@ class InspectedColumn:
     """A column with the words of its name and a summary of its samples."""
 
     column: Column
-    words: Words  # of its name, with the unit that the file states, if any
+    words: Words  # words of its name, with the stated unit if there is one
     course: Course  # summary of its samples
 
     @property
@@ -63,7 +63,7 @@ class Assignment:
     """Assignment of a column to a channel of a study."""
 
     channel: str
-    why: str  # reason, in words
+    why: str  # reason for the assignment, in words
     unit: str = ""  # "" for a label or a switch
     unit_why: str = ""  # reason for the unit, "" if the file states it
 

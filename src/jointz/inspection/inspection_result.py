@@ -28,21 +28,22 @@ _COLUMNS = (
 class SeenChannel:
     """One column of a file."""
 
-    group: str  # signals that were sampled together, as the file calls them; "" for the only group
+    # group of signals that were sampled together, named as in the file; "" for the only one
+    group: str
     column: str  # name in a study, or number if the file has no names
     title: str = ""  # name in the file, if ``column`` is a number
     channel: str = ""  # the assigned channel of a study, "" for none
-    guess: str = ""  # reason of the assignment
+    guess: str = ""  # reason for the assignment
     unit: str = ""  # stated by the file or guessed, "" for neither
     unit_is: str = ""  # ``stated``, ``guessed`` or ""
-    n: int = 0  # samples, and those without a number (of text: empty ones)
-    n_missing: int = 0
-    low: float | None = None  # smallest and largest number
-    high: float | None = None
-    levels: tuple[str, ...] = ()  # the values of a text, or a few numbers
+    n: int = 0  # number of samples
+    n_missing: int = 0  # number of samples without a number; for text, of empty ones
+    low: float | None = None  # smallest number, in the unit of the file
+    high: float | None = None  # largest number, in the unit of the file
+    levels: tuple[str, ...] = ()  # different values of a text, or of few different numbers
     # remarks for the user: constant, saturated, impossibly large
     notes: tuple[str, ...] = ()
-    # means of parts of the column, None if there is no number
+    # means of equal parts of the column, in the unit of the file; None without a number
     outline: tuple[float | None, ...] = ()
 
     @property
@@ -75,18 +76,19 @@ class SeenClock:
     """The clock of signals that were sampled together."""
 
     group: str  # "" for the only group
-    # column of time stamps, ``rate`` if the file states a rate, "" without a clock
+    # name of the column of time stamps; ``rate`` if the file states a rate; "" without a clock
     source: str
-    n: int  # samples
-    rate_hz: float | None = None  # stated, or found from the stamps
-    start_s: float | None = None  # first and last stamp
-    end_s: float | None = None
+    n: int  # number of samples
+    rate_hz: float | None = None  # stated rate, or rate of the stamps
+    start_s: float | None = None  # first stamp
+    end_s: float | None = None  # last stamp
     uniform: bool = False  # whether the stamps are equally spaced, without gaps
-    jitter_ms: float | None = None  # standard deviation of the steps outside the gaps
-    # last stamp before and first stamp after each gap, s
+    jitter_ms: float | None = None  # standard deviation of the time steps, without gaps
+    # s: last stamp before and first stamp after each gap
     gaps: tuple[tuple[float, float], ...] = ()
-    restarts: tuple[int, ...] = ()  # samples, from 0, at which time restarts: trials
-    n_back: int = 0  # stamps that are missing, repeated or out of order, without restarts
+    # index of each sample at which time starts again, as of a new trial
+    restarts: tuple[int, ...] = ()
+    n_back: int = 0  # number of missing, repeated or unordered stamps, without restarts
 
     def text(self) -> str:
         """Return a description of the clock."""
@@ -119,15 +121,15 @@ class Inspection(Result):
 
     SCHEMA: ClassVar[str] = "jointz.Inspection/1"
 
-    file: str  # its name
-    # layout of a text file, as under ``[files]`` of a study; empty for other formats
+    file: str  # name of the file
+    # keys of ``[files]`` of a study for a text file; empty for other formats
     layout: Mapping[str, Any] = field(default_factory=dict)
-    channels: tuple[SeenChannel, ...] = ()  # its columns
-    clocks: tuple[SeenClock, ...] = ()  # one a group of signals
-    n_events: int = 0  # events that the file holds
+    channels: tuple[SeenChannel, ...] = ()  # columns of the file
+    clocks: tuple[SeenClock, ...] = ()  # one for each group of signals
+    n_events: int = 0  # number of events in the file
     notes: tuple[str, ...] = ()  # remarks for the user
     obstacles: tuple[str, ...] = ()  # reasons why this file alone cannot be analysed
-    advice: tuple[str, ...] = ()  # commands that take it
+    advice: tuple[str, ...] = ()  # commands that can use the file
     toml: str = ""  # a ``study.toml`` with its guesses marked
 
     @property

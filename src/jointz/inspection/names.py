@@ -46,11 +46,12 @@ GAIT_WORDS = word_set(
 class Words:
     """Words of a name, and their meaning; "" for none."""
 
-    found: frozenset[str] = field(default_factory=frozenset)  # its words, in small letters
+    # single words and pairs of adjacent ones, in small letters
+    found: frozenset[str] = field(default_factory=frozenset)
     joint: str = ""
     side: str = ""
     direction: str = ""
-    unit: str = ""  # as :mod:`jointz.core.units` reads it
+    unit: str = ""  # in a spelling that :mod:`jointz.core.units` reads
 
 
 def words_of(name: str) -> Words:
@@ -106,7 +107,7 @@ class _Rule:
     channel: str
     any_of: frozenset[str]
     none_of: frozenset[str] = frozenset()
-    and_of: frozenset[str] = frozenset()  # also one of these
+    and_of: frozenset[str] = frozenset()  # one of these is needed, too; empty: none
     score: int = 2
 
     def fits(self, words: frozenset[str]) -> bool:

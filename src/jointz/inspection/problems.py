@@ -40,9 +40,9 @@ _CYCLE_POINTS = (2, 1001)
 class Pulses:
     """Pulses of a recording."""
 
-    source: str = ""  # ``command``, ``angle``, or "" for none
-    n: int = 0
-    why: str = ""  # reason, in words
+    source: str = ""  # channel that shows the pulses, ``command`` or ``angle``; "" for none
+    n: int = 0  # number of pulses
+    why: str = ""  # reason for the source, in words
 
 
 def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:

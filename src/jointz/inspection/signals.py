@@ -28,15 +28,16 @@ _LARGEST: Mapping[str, float] = {
 class Course:
     """Summary of the samples of a column."""
 
-    n: int  # samples, and those without a number (of text: empty ones)
-    n_missing: int
-    low: float | None  # smallest and largest finite number
-    high: float | None
-    levels: tuple[str, ...]  # the values of a text, or a few numbers
+    n: int  # number of samples
+    n_missing: int  # number of samples without a finite number; for text, of empty ones
+    low: float | None  # smallest finite number, in the unit of the file
+    high: float | None  # largest finite number, in the unit of the file
+    levels: tuple[str, ...]  # different values of a text, or of few different numbers
     rises: bool  # whether it never decreases and mostly increases
     whole: bool  # whether all numbers are whole
     notes: tuple[str, ...]  # remarks for the user
-    outline: tuple[float | None, ...]  # means of equal parts
+    # means of equal parts, in the unit of the file; None without a finite number
+    outline: tuple[float | None, ...]
 
 
 def course_of(column: Column) -> Course:

@@ -31,19 +31,19 @@ class Guess:
 class Proposal:
     """Content of a ``study.toml``."""
 
-    file: str  # its name in the study
+    file: str  # name of the file in the study
     assigned: Assignments  # channel -> column
-    joint: Guess  # keys of the study; an empty condition is that of a column
-    kind: Guess
-    acts_on: Guess
-    side: Guess
-    condition: Guess
+    joint: Guess  # key ``joint``
+    kind: Guess  # key ``kind``
+    acts_on: Guess  # key ``torque_acts_on``
+    side: Guess  # key ``side`` of the recording; "" if unknown
+    condition: Guess  # key ``condition`` of the recording; "" if a column holds conditions
     pulses: Pulses = field(default_factory=Pulses)
-    files: FilesSpec | None = None  # layout of a text file
-    rate_hz: float | None = None  # of a file that states a rate
-    # rate to ask about if the file states none; an analysis does not use it
+    files: FilesSpec | None = None  # layout of a text file; None for other formats
+    rate_hz: float | None = None  # rate stated by the file; None if not stated
+    # Hz, as text: proposed rate if the file states none; not used by an analysis
     rate_guess: Guess = Guess("1000.0")
-    obstacles: tuple[str, ...] = ()  # to an analysis
+    obstacles: tuple[str, ...] = ()  # reasons why the file cannot be analysed
     free: tuple[InspectedColumn, ...] = ()  # columns without a channel
     # level of the column of conditions -> condition
     levels: Mapping[str, str] = field(default_factory=dict)

@@ -41,7 +41,7 @@ class _File(CheckedModel):
 class CalibrationFile:
     """Content of a calibration file."""
 
-    common: CalibrationSpec  # entries for everybody
+    common: CalibrationSpec  # entries for all participants
     participants: Mapping[str, CalibrationSpec]  # participant -> entries of their own
 
     def of(self, participant: str) -> CalibrationSpec:

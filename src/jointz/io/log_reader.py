@@ -20,25 +20,21 @@ class Damage(NamedTuple):
     """A stretch of a log that was left out: damaged records."""
 
     at: int  # number of intact records before it
-    n_bytes: int  # its size
+    n_bytes: int  # size of the stretch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SessionLog:
     """A log as read."""
 
-    header: dict[str, Any]  # what stands in its header
-    # fields of the layout of :mod:`jointz.core.session_log` that the header names
+    header: dict[str, Any]  # content of the header's JSON line
+    # (n,), with the fields of the header's layout in :mod:`jointz.core.session_log`
     records: np.ndarray
-    # of the header and all up to the last whole record, and of what follows: a record that was cut
-    # off, or an end that the disk never got right
-    whole_bytes: int
-    torn_bytes: int
-    # stretches that were left out, in order; empty unless they were to be. Of a torn end, one too
-    # long for what a crash leaves
+    whole_bytes: int  # size of the header and all up to the end of the last whole record
+    torn_bytes: int  # size of the rest: a record cut off, or an end that was never fully written
+    # damaged stretches that were left out, in order; empty unless the log was read to salvage it
     damage: tuple[Damage, ...] = ()
-    # copy of the header that is damaged, ``first`` or ``second``; "" where none is
-    damaged_copy: str = ""
+    damaged_copy: str = ""  # damaged copy of the header: ``first`` or ``second``; "" for none
 
 
 def read_log(path: Path, *, salvage: bool = False) -> SessionLog:

@@ -12,9 +12,9 @@ _QUOTES = ('"""', "'''", '"', "'")
 class Statement:
     """A header or a key with its value, as it stands in a text."""
 
-    start: int  # of its characters, blanks, comment and end of line left out
-    end: int
-    text: str  # what stands there
+    start: int  # index of its first character in the text
+    end: int  # index after its last character; a comment and the line end come after it
+    text: str  # its characters, from ``start`` to ``end``
 
     @property
     def is_header(self) -> bool:

@@ -57,10 +57,10 @@ class _Channel:
     """A row of ``channels.tsv``."""
 
     name: str
-    kind: str
-    unit: str
+    kind: str  # type in BIDS, in capitals, such as ``JNTANG``
+    unit: str  # as in the table, with ``*`` for a product
     description: str
-    positive: str | None  # "" where the table says that there is none, None where it says nothing
+    positive: str | None  # positive direction; "" for ``n/a``, None without this column
 
 
 def read_bids(

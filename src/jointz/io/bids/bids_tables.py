@@ -47,8 +47,8 @@ def read_json(path: Path) -> dict[str, Any]:
 class Table:
     """A table with a header."""
 
-    rows: list[dict[str, str]]  # a mapping a row, ``""`` for ``n/a``
-    end_note: str  # a note where the last line has no end, "" elsewhere
+    rows: list[dict[str, str]]  # column -> cell, for each row; "" for ``n/a``
+    end_note: str  # note on a last line without a line end; "" otherwise
 
 
 def read_tsv(path: Path, required: Sequence[str], *, whole: bool = False) -> Table:

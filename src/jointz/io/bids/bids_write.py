@@ -46,31 +46,31 @@ class MotionChannel:
     """One channel of a recording."""
 
     name: str
-    values: np.ndarray  # SI; NaN where a sample is missing
+    values: np.ndarray  # SI, (n,); NaN if missing
     kind: str  # type in BIDS, such as ``JNTANG``
-    unit: str  # SI unit as jointz writes it
-    tracked_point: str  # what it belongs to
-    description: str  # what it holds
-    positive: str = ""  # its positive direction, "" where it has none
+    unit: str  # SI unit in the spelling of jointz
+    tracked_point: str  # joint with side, or ``device``
+    description: str  # meaning, for people
+    positive: str = ""  # positive direction; "" for none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionRecording:
     """A recording as Motion-BIDS has it."""
 
-    # ``sub``, ``ses``, ``task``, ``tracksys``, ``acq``, ``run`` -> label, in this order; those that
-    # it has
+    # entity -> label, in the order of BIDS: ``sub``, ``ses``, ``task``, ``tracksys``, ``acq``,
+    # ``run``
     entities: Mapping[str, str]
-    time_s: np.ndarray  # its clock, increasing
-    nominal_hz: float  # its rate
+    time_s: np.ndarray  # time stamps, (n,), increasing
+    nominal_hz: float  # sampling rate, used if the time stamps are not uniform
     channels: tuple[MotionChannel, ...]
-    # what else its sidecar says, in keys of BIDS
-    sidecar: Mapping[str, Any] = field(default_factory=dict)
-    # what BIDS has no keys for: joint, side, condition, directions
+    sidecar: Mapping[str, Any] = field(default_factory=dict)  # further keys of its sidecar in BIDS
+    # further keys, unknown to BIDS: joint, side, condition, directions
     told: Mapping[str, Any] = field(default_factory=dict)
-    # ``onset_s`` on its clock, ``duration_s``, ``amplitude``, ``timing_point`` of each pulse
+    # ``onset_s`` in the time of ``time_s``, ``duration_s``, ``amplitude``, ``timing_point`` of each
+    # pulse
     events: Sequence[Mapping[str, Any]] = ()
-    # of the pulses: ``N*m``, or ``rad`` where they are steps of the angle
+    # unit of the pulses' amplitudes: ``N*m``, or ``rad`` for steps of the angle
     amplitude_unit: str = "N*m"
 
     @property

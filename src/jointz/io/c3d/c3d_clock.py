@@ -17,11 +17,11 @@ _WHOLE = 1e-6
 class Clock:
     """When the frames of a file were taken."""
 
-    rate_hz: float  # of the frames; 0 where nothing is written
+    rate_hz: float  # rate of the frames; 0 without content
     first_frame: int  # number of the first frame, counted from 0
-    n_frames: int  # how many
-    times: Mapping[str, int]  # samples in a frame, by role
-    rates_hz: Mapping[str, float]  # rates as stated, by role
+    n_frames: int  # number of frames
+    times: Mapping[str, int]  # role -> samples in a frame
+    rates_hz: Mapping[str, float]  # role -> stated rate
 
 
 def single(rate_hz: float) -> float:

@@ -28,12 +28,13 @@ _COPY = "Copy or export it again."
 class Source:
     """Content, header and parameters of a file."""
 
-    path: Path  # the file
-    content: bytes  # all of it
-    machine: Machine  # how it orders bytes
-    header: Header  # its first block
-    parameters: Parameters  # its parameter section
-    notes: dict[str, str] = field(default_factory=dict)  # takes what looks odd, by what it is about
+    path: Path
+    content: bytes  # all bytes of the file
+    machine: Machine  # byte order of the file
+    header: Header  # first block of the file
+    parameters: Parameters  # parameter section of the file
+    # subject -> remark about it, added while the file is read
+    notes: dict[str, str] = field(default_factory=dict)
 
     @property
     def scale(self) -> float:
@@ -85,8 +86,8 @@ class Source:
 class Frames:
     """The frames as they stand in the file."""
 
-    points: np.ndarray  # coordinates and residual
-    analogs: np.ndarray  # samples before scale and offset
+    points: np.ndarray  # coordinates and residual as stored, before scale, (frames, points, 4)
+    analogs: np.ndarray  # samples as stored, before scale and offset, (samples, channels)
     first: int  # number of the first frame, counted from 0
 
 

@@ -30,7 +30,7 @@ class Machine:
     """Byte order of the computer that wrote a file."""
 
     order: str  # ``<`` or ``>``, as in :mod:`struct`
-    vax: bool = False  # whether its floats are those of a VAX
+    vax: bool = False  # whether floats have the format of a VAX
 
     def ints(self, content: bytes, *, signed: bool = True) -> np.ndarray:
         """Return words of two bytes as an (n,) int64 array."""
@@ -58,24 +58,24 @@ MACHINES: Mapping[int, Machine] = {
 class Header:
     """The words of the first block that are needed."""
 
-    n_points: int  # points, and analog values, of a frame
-    n_analog_values: int
-    first_frame: int  # as the file counts them, from 1
-    last_frame: int
-    scale: float  # negative in files of floats
+    n_points: int  # number of points in a frame
+    n_analog_values: int  # number of analog values in a frame: channels times ``per_frame``
+    first_frame: int  # number of the first frame, counted from 1
+    last_frame: int  # number of the last frame, counted from 1
+    scale: float  # scale of the points; negative in files of floats
     data_block: int  # block where the frames start, counted from 1
     per_frame: int  # samples of an analog channel in a frame
-    rate_hz: float  # of the frames
-    events: tuple[tuple[float, str], ...]  # times and labels of the events of the header
+    rate_hz: float  # rate of the frames
+    events: tuple[tuple[float, str], ...]  # time, s, and label of each event of the header
 
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
     """Values by ``GROUP.NAME``, in upper case."""
 
-    values: Mapping[str, Values]  # texts, or numbers in the shape that the file gives them
-    unread: int  # bytes other than zero between the last parameter and the frames
-    span: tuple[int, int]  # byte where the section starts, and the byte after its last parameter
+    values: Mapping[str, Values]  # ``GROUP.NAME`` -> texts, or numbers in the shape of the file
+    unread: int  # number of bytes other than zero between the last parameter and the frames
+    span: tuple[int, int]  # offset of the section, and of the byte after its last parameter
 
     def texts(self, name: str) -> list[str]:
         """Return the texts of a parameter and of those that continue it (``LABELS2`` ...)."""

@@ -48,10 +48,10 @@ _MOST_GROUPS = 127 - 5  # beside POINT, ANALOG, EVENT, ROTATION and TRIAL
 class Columns:
     """Points, channels or rotations that are to be written."""
 
-    labels: tuple[str, ...] = ()  # one each
-    units: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    # samples: three cells a point, one a channel, sixteen a rotation
+    labels: tuple[str, ...] = ()  # one for each point, channel or rotation
+    units: tuple[str, ...] = ()  # one for each label
+    notes: tuple[str, ...] = ()  # description of each label
+    # (samples, labels, cells): three cells for a point, one for a channel, sixteen for a rotation
     values: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 1)))
 
 
@@ -59,12 +59,12 @@ class Columns:
 class C3dContent:
     """Content to be written."""
 
-    columns: Mapping[str, Columns]  # by ``points``, ``analogs`` and ``rotations``
-    clock: Clock  # of the frames
+    columns: Mapping[str, Columns]  # ``points``, ``analogs``, ``rotations`` -> their columns
+    clock: Clock  # clock of the frames
     # kind of points that are no trajectories -> its unit and labels
     kinds: Mapping[str, tuple[str, list[str]]]
-    events: tuple[Event, ...]  # their times as they are
-    parameters: Mapping[str, Values]  # all else, by ``GROUP.NAME``
+    events: tuple[Event, ...]  # with unrounded times
+    parameters: Mapping[str, Values]  # other parameters, by ``GROUP.NAME``
 
 
 def is_in_layout(name: str) -> bool:

@@ -24,15 +24,14 @@ _FLOAT_TEXT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][+-]?\d+)?")
 class TableRequest:
     """Columns requested of a file."""
 
-    numeric: tuple[str | int, ...]  # columns that hold numbers, and columns that hold text
-    labels: tuple[str | int, ...] = ()
-    # how text files are laid out; other formats ignore it
+    numeric: tuple[str | int, ...]  # columns of numbers
+    labels: tuple[str | int, ...] = ()  # columns of text
+    # layout of a text file; other formats ignore it
     files: FilesSpec = field(default_factory=FilesSpec)
-    # whether a text file stands for itself, without a study: its labels are not rewritten, only an
-    # empty cell is missing, and nothing is advised that a study would have to say
+    # whether a text file is read without a study: labels are not rewritten, only an empty cell is
+    # missing, and messages advise nothing about a study
     as_written: bool = False
-    # whether numbers of columns count from 0, as where one that is not wanted here is 0
-    from_zero: bool = False
+    from_zero: bool = False  # whether column numbers count from 0, because one of the study's is 0
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -44,15 +43,15 @@ class TableRequest:
 class RawTable:
     """Columns as they stand in a file, before units and signs are looked at."""
 
-    # column, spelled as asked for, -> float64 (NaN: missing), or str objects for label columns ("":
-    # missing)
+    # column, spelled as requested -> float64, NaN if missing; of labels str objects, "" if missing
     columns: Mapping[str, np.ndarray]
-    units: Mapping[str, str]  # the units that the file itself states
+    units: Mapping[str, str]  # column -> unit stated by the file
     sha256: str  # hash of the file's bytes
-    # row of a text file that holds the first sample, counted from 1 with header and skipped rows; 1
-    # for other formats
+    # row of the first sample in a text file, from 1 with header and skipped rows; 1 for other
+    # formats
     first_row: int = 1
-    history: tuple[dict[str, Any], ...] = ()  # what was done before, as a recording of jointz says
+    # processing steps before, as stored in a recording of jointz
+    history: tuple[dict[str, Any], ...] = ()
 
 
 def make_table(

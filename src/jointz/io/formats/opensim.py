@@ -51,10 +51,10 @@ _PIECES = re.compile(r"(?:vec|quaternion|spatialvec|unitvec|rotation)\d*", re.IG
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    metadata: dict[str, str]
-    counts: dict[str, int]
-    beside: str
-    n_lines: int  # with endheader
+    metadata: dict[str, str]  # key -> value
+    counts: dict[str, int]  # ``rows`` or ``columns`` -> number stated by the header
+    beside: str  # line of JSON by jointz; "" without
+    n_lines: int  # number of lines of the header, ``endheader`` included
 
 
 class OpenSimFormat(GroupFormat):

@@ -15,8 +15,8 @@ _QUANTITIES = {"rotor-inertia": "kg*m^2", "smooth-velocity": "rad/s"}
 class Column:
     """A column of a file and its unit."""
 
-    name: str  # the column
-    unit: str  # as written; SI where nothing was
+    name: str  # name of the column
+    unit: str  # as written; the SI unit of the channel if none was
 
 
 def parse_column(text: str, channel: str, columns: list[str] | None = None) -> Column:

@@ -59,10 +59,10 @@ class _Layout:
     delimiter: str
     decimal: str
     head: tuple[bytes, ...]  # the lines before the first sample
-    start_byte: int  # where the first sample stands, byte order mark included
-    names: tuple[str, ...]  # one a column; its number from 1 without a header
-    named: bool
-    as_written: bool = False  # see TableRequest
+    start_byte: int  # offset of the first sample, after a byte order mark
+    names: tuple[str, ...]  # one for each column; numbers from 1 without a header
+    named: bool  # whether the file has a header
+    as_written: bool = False  # as in :class:`TableRequest`
 
     @property
     def first_row(self) -> int:
@@ -79,10 +79,10 @@ class _Scan:
     """Result of the pass over the bytes."""
 
     sha256: str
-    regular: bool  # every row has as many delimiters as the header
-    n_rows: int  # without empty lines at the end; holds where regular
-    terminated: bool
-    last_lines: tuple[str, ...]
+    regular: bool  # whether every row has as many delimiters as the header
+    n_rows: int  # number of rows, without empty ones at the end; valid only if ``regular``
+    terminated: bool  # whether the last line has a line end
+    last_lines: tuple[str, ...]  # last whole lines of the file
 
 
 def read_delimited(path: Path, request: TableRequest) -> RawTable:

@@ -18,8 +18,8 @@ _OF_A_SAMPLE = 1e-3  # how far a time may be from that of the rate: as it was ro
 class SideInformation:
     """Everything of an acquisition of one group but its samples."""
 
-    group: SignalGroup  # its signals have names, units and descriptions, and no samples
-    stamped: bool  # whether time stamps are the clock; else the group's rate, or nothing
+    group: SignalGroup  # with names, units and descriptions of its signals, but no samples
+    stamped: bool  # whether time stamps are its clock, instead of a rate or none
     events: tuple[Event, ...]
     metadata: dict[str, str]
 

@@ -65,11 +65,12 @@ _UNIT_WORDS = frozenset(
 class TextLayout:
     """The layout of a text file as it was found."""
 
-    files: FilesSpec  # as under ``[files]`` of a study
-    names: tuple[str, ...]  # what the file calls its columns, "" for a column that it does not name
-    units: tuple[str, ...] = ()  # a row of units under the names; empty where there is none
-    notes: tuple[str, ...] = ()  # what had to be decided
-    rate_hz: float | None = None  # the sampling rate that a line above the table states
+    files: FilesSpec  # keys of ``[files]`` of a study
+    names: tuple[str, ...]  # names of the columns in the file; "" for a column without one
+    units: tuple[str, ...] = ()  # row of units below the names; empty without
+    notes: tuple[str, ...] = ()  # decisions about the layout
+    # sampling rate stated in a line above the table; None if not stated
+    rate_hz: float | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -152,8 +153,8 @@ class _Candidate:
 
     delimiter: str
     decimal: str
-    rows: tuple[tuple[str, ...], ...]
-    start: int | None
+    rows: tuple[tuple[str, ...], ...]  # cells of each line
+    start: int | None  # index of the first row of the table; None without a table
 
     @classmethod
     def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Candidate":

@@ -165,10 +165,10 @@ class _OwnTable:
     """A group's sheet, and what the sheet ``jointz`` says of its clock."""
 
     sheet: Sheet
-    n: int
-    kind: str
-    rate_hz: float
-    start_s: float
+    n: int  # number of samples
+    kind: str  # kind of its clock: ``none``, ``stamps`` or ``rate``
+    rate_hz: float  # 0 without a rate
+    start_s: float  # time of the first sample on a clock of kind ``rate``
 
     @property
     def shift(self) -> int:

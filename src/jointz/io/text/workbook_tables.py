@@ -36,12 +36,11 @@ _MISSING = ("NA", "NaN", "nan", "N/A", "n/a")
 class Sheet:
     """A sheet as openpyxl read it, and how to speak of its cells."""
 
-    file: str  # names, for messages
-    title: str
-    rows: list[tuple[Any, ...]]  # the values of the cells, rows of one width
-    # row and column, from 0, of formulas without a stored value
-    formulas: frozenset[tuple[int, int]]
-    # first row, first column, last row, last column of merged cells, from 0
+    file: str  # name of the file, for messages
+    title: str  # title of the sheet, for messages and names of groups
+    rows: list[tuple[Any, ...]]  # values of the cells, in rows of equal width
+    formulas: frozenset[tuple[int, int]]  # (row, column) of formulas without a stored value, from 0
+    # (first row, first column, last row, last column) of merged cells, from 0
     merged: tuple[tuple[int, int, int, int], ...]
 
     def refuse(self, row: int, column: int, message: str) -> NoReturn:

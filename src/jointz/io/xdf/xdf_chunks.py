@@ -40,16 +40,16 @@ _MOST_CHANNELS = 65_536
 class Stream:
     """Summary of the chunks of one stream."""
 
-    name: str  # as its header has it
-    n_channels: int  # values of a sample
+    name: str  # as in its header
+    n_channels: int  # number of values in a sample
     value_bytes: int  # bytes of a value, 0 for texts
-    n_samples: int = 0  # samples found
-    stamped: int = 0  # how many of them carry a time stamp
-    first_stamped: bool = False  # whether the first one does
-    n_offsets: int = 0  # measured offsets of its clock
-    # samples that its footer counts, -1 where it counts none, None without a footer
+    n_samples: int = 0  # number of samples in the chunks
+    stamped: int = 0  # number of samples with a time stamp
+    first_stamped: bool = False  # whether the first sample has a time stamp
+    n_offsets: int = 0  # number of measured offsets of its clock
+    # number of samples by its footer; -1 if not stated, None without a footer
     footer_count: int | None = None
-    n_garbled: int = 0  # texts that are no UTF-8
+    n_garbled: int = 0  # number of texts that are no UTF-8
 
 
 @dataclass(slots=True)
@@ -58,8 +58,8 @@ class _Walk:
 
     path: Path
     content: bytes
-    streams: dict[int, Stream] = field(default_factory=dict)
-    has_header: bool = False
+    streams: dict[int, Stream] = field(default_factory=dict)  # number -> stream
+    has_header: bool = False  # whether a file header was found
 
     def refuse(self, at: int, expected: str, found: object) -> DataError:
         return DataError(

@@ -93,9 +93,9 @@ class XdfFormat(GroupFormat):
 class _Loaded:
     """Result of pyxdf: streams by number, header, and how often offsets led to no correction."""
 
-    streams: dict[int, dict[str, Any]]
+    streams: dict[int, dict[str, Any]]  # number -> stream
     header: Mapping[str, Any]
-    unused: Counter[int]
+    unused: Counter[int]  # number of a stream -> parts whose clock offsets led to no correction
 
 
 def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> Acquisition:

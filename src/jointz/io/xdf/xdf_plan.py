@@ -36,17 +36,17 @@ class Clock(StrEnum):
 class XdfStream:
     """A stream that is to be written."""
 
-    header: Tree  # its description, a tree
-    group: SignalGroup  # its samples, all of them numbers or all of them texts
-    clock: Clock  # how they are timed
+    header: Tree  # its description as a tree
+    group: SignalGroup  # its signals: all of numbers, or all of text
+    clock: Clock  # kind of its clock
 
 
 @dataclass(frozen=True, slots=True)
 class XdfContent:
     """Content to be written."""
 
-    header: Tree  # the description of the file, a tree
-    streams: tuple[XdfStream, ...]  # in order
+    header: Tree  # description of the file as a tree
+    streams: tuple[XdfStream, ...]  # in the order of the file
 
 
 def events_of(group: SignalGroup) -> list[Event]:
