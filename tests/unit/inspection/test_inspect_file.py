@@ -285,19 +285,6 @@ def test_times_of_the_day_stand_in_the_way(tmp_path):
     assert "'Time'" in reason
 
 
-def test_a_stray_cell_among_decimal_commas_leaves_the_other_numbers(tmp_path):
-    frame = walking()
-    frame["Knee angle"] = [f"{v:.4f}".replace(".", ",") for v in frame["Knee angle"]]
-    frame.loc[5, "Knee angle"] = "#NV"
-
-    found = inspected(tmp_path, frame, sep=";", decimal=",")
-
-    angle = found.channel("angle")
-    assert angle.n_missing == 1
-    assert angle.high == pytest.approx(30.0, abs=0.1)
-    assert len(found.obstacles) == 1
-
-
 def test_units_of_a_known_log_are_guesses_and_that_is_a_sentence(tmp_path):
     s = np.arange(500) / RATE_HZ
     log = {"output_position": np.sin(s), "output_torque": np.cos(s), "motor_current": 1e3 * s}

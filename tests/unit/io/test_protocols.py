@@ -54,15 +54,6 @@ def test_walking_is_the_experiment_of_chapter_four():
     assert made.rates.control_hz == made.rates.sample_hz == 500.0
 
 
-def test_the_pilot_has_two_people_and_no_walk_without_the_device():
-    pilot, whole = load_protocol("walking-pilot"), load_protocol("walking")
-
-    assert (pilot.section, pilot.participants) == ("3.2.4", 2)
-    assert [c.condition for c in pilot.conditions] == ["unperturbed", "perturbed"]
-    assert (pilot.pulse, pilot.gait) == (whole.pulse, whole.gait)
-    assert pilot.conditions[1].perturbations == whole.conditions[2].perturbations
-
-
 def test_three_hundred_pulses_take_twenty_seven_and_a_half_minutes():
     made = load_protocol("walking")
 

@@ -1,13 +1,10 @@
-"""Properties of every format: what was written is read back, and damage never crashes."""
+"""Properties of csv of other programs: read exactly, and damage never crashes."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-import scipy.io
-import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from packaging.version import Version
@@ -51,43 +48,17 @@ def damaged(draw: st.DrawFn, content: bytes) -> bytes:
     return content
 
 
-def write_csv(table: Table, path: Path) -> None:
-    pd.DataFrame(table).map(repr).to_csv(path, index=False)
-
-
-def write_parquet(table: Table, path: Path) -> None:
-    pytest.importorskip("pyarrow")
-    pd.DataFrame(table).to_parquet(path)
-
-
-def write_netcdf(table: Table, path: Path) -> None:
-    xr.Dataset({k: ("t", v) for k, v in table.items()}).to_netcdf(path, engine="h5netcdf")
-
-
-def write_mat(table: Table, path: Path) -> None:
-    scipy.io.savemat(path, table, oned_as="column")
-
-
-WRITERS = {
-    "a.csv": write_csv,
-    "a.csv.gz": write_csv,
-    "a.parquet": write_parquet,
-    "a.nc": write_netcdf,
-    "a.mat": write_mat,
-}
-
-
-@pytest.mark.parametrize(("name", "write"), WRITERS.items())
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz"])
 @given(table=tables())
 @in_tmp_path
-def test_what_was_written_is_read_back_exactly(
-    tmp_path: Path, name: str, write: Callable[[Table, Path], None], table: Table
+def test_numbers_of_another_program_are_read_exactly(
+    tmp_path: Path, name: str, table: Table
 ) -> None:
     path = tmp_path / name
-    write(table, path)
+    pd.DataFrame(table).map(repr).to_csv(path, index=False)
     back = read_table(path, numeric=list(table), files=PLAIN).columns
     # Before 3.1 pandas reads text to within one unit in the last place.
-    exact = not name.startswith("a.csv") or Version(pd.__version__) >= Version("3.1")
+    exact = Version(pd.__version__) >= Version("3.1")
     for column, values in table.items():
         np.testing.assert_allclose(back[column], values, rtol=0 if exact else 5e-16, atol=0)
 

@@ -256,13 +256,6 @@ def test_the_unit_of_a_contact_is_that_of_its_kind(study, kind, unit, si):
 # --- names that nothing stands behind -------------------------------------------------------------
 
 
-def test_groups_by_a_channel_of_labels_are_refused(study):
-    study.channel("trial", column="footswitch")
-    study.edit('channel = "ankle_position"', 'channel = "trial"')
-
-    study.refused("perturbations.group.channel: ")
-
-
 def test_time_or_a_sample_rate_is_needed(study):
     study.text = without(study.text, "channels.time")
     study.open()
@@ -286,14 +279,6 @@ def test_a_session_or_side_of_its_own_makes_a_cell(study, own):
     assert len(study.open().spec.recordings) == 3
 
 
-def test_two_recordings_of_one_session_are_refused_by_its_name(study):
-    study.edit('condition = "unperturbed" ', 'session = "a"\ncondition = "unperturbed" ')
-    again = SECOND.format(condition="ENP") + 'session = "a"\n[perturbations] '
-    study.edit("[perturbations] ", again)
-
-    assert "session 'a'" in study.sole_problem()
-
-
 @pytest.mark.parametrize("side", ["", 'side = "right"\n'])
 def test_pulses_of_an_unknown_side_beside_both_unperturbed_legs_are_refused(study, side):
     study.edit('condition = "unperturbed" ', 'side = "left"\ncondition = "unperturbed" ')
@@ -307,28 +292,29 @@ def test_pulses_of_an_unknown_side_beside_both_unperturbed_legs_are_refused(stud
         assert study.sole_problem().startswith("recordings[2].side: ")
 
 
-def test_every_perturbed_recording_needs_its_table_where_tables_are_the_source(study):
-    study.edit('source = "command"', 'source = "table"')
-    study.open()
-
-    study.edit('perturbations = "S01_pulses.csv"', "#")
-
-    assert study.sole_problem().startswith("recordings[2].perturbations: ")
+GROUP_OF_LABELS = ('channel = "ankle_position"', 'channel = "trial"')
+NO_TABLE = ('perturbations = "S01_pulses.csv"', "#")
+IN_SESSION = ('condition = "unperturbed" ', 'session = "a"\ncondition = "unperturbed" ')
+AGAIN = ("[perturbations] ", SECOND.format(condition="ENP") + 'session = "a"\n[perturbations] ')
 
 
-@pytest.mark.parametrize("condition", ["perturbed", " E-APC "])
-def test_something_must_say_when_the_pulses_are(study, condition):
-    study.text = without(study.text, "channels.command")
-    study.edit('source = "command"', "").edit('perturbations = "S01_pulses.csv"', "#")
-    study.edit('condition = "perturbed"', f'condition = "{condition}"')
+@pytest.mark.parametrize(
+    ("left_out", "edits", "key"),
+    [
+        ("", [GROUP_OF_LABELS], "perturbations.group.channel"),
+        ("", [IN_SESSION, AGAIN], "recordings"),
+        ("", [('source = "command"', 'source = "table"'), NO_TABLE], "recordings[2].perturbations"),
+        ("channels.command", [('source = "command"', ""), NO_TABLE], "recordings[2]"),
+        ("channels.command", [], "perturbations.source"),
+    ],
+)
+def test_what_stands_for_nothing_is_refused_at_its_key(study, left_out, edits, key):
+    study.channel("trial", column="footswitch")
+    study.text = without(study.text, left_out) if left_out else study.text
+    for edit in edits:
+        study.edit(*edit)
 
-    assert study.sole_problem().startswith("recordings[2]: ")
-
-
-def test_a_source_without_its_channel_is_refused(study):
-    study.text = without(study.text, "channels.command")
-
-    assert study.sole_problem().startswith("perturbations.source: ")
+    study.refused(f"  - {key}: ")
 
 
 def test_all_problems_stand_in_one_message(study):
