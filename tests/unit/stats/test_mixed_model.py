@@ -334,13 +334,6 @@ def test_false_positives_are_five_percent_with_replicates(missing):
 
 
 @pytest.mark.slow
-def test_no_variance_of_people_is_found_in_five_percent_of_studies():
-    rejected = rejections(2000, person_sd=0.0)
-
-    assert_calibrated(rejected, 2000, exact=("person",), cautious=("mixture",))
-
-
-@pytest.mark.slow
 def test_intervals_of_the_intraclass_correlation_hold_in_95_percent():
     rng = np.random.default_rng(12)
     inside = 0

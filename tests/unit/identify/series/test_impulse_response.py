@@ -1,7 +1,6 @@
 from functools import partial
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from jointz.identify.series.joint import identify_joint
@@ -83,23 +82,3 @@ def test_the_bounds_hold_the_joint_s_response_along_the_same_directions(perturbe
         assert np.all(low < high)
 
     assert np.mean(held) > 0.88
-
-
-@pytest.mark.real_data
-@pytest.mark.parametrize(("name", "least_pct"), [("z_df", 84.0), ("z_pf", 60.0), ("z_df3", 84.0)])
-@pytest.mark.parametrize("cutoff_hz", [None, 30.0])
-def test_the_linear_impulse_response_of_a_real_ankle(real_data, name, least_pct, cutoff_hz):
-    record = pd.read_csv(real_data / "reklab_ankle" / f"{name}.csv.gz")
-
-    fit = identify_irf(
-        angle=record["position_rad"],
-        torque=record["torque_Nm"],
-        time=record["time_s"],
-        input="angle",
-        torque_acts_on="device",
-        cutoff_hz=cutoff_hz,
-    )
-
-    assert fit.vaf_pct > least_pct
-    assert all(low < high for low, high in zip(fit.curve.low, fit.curve.high, strict=True))
-    assert (fit.status, fit.check.finding) == ("undecided", "reflex")

@@ -196,21 +196,6 @@ def test_a_parameter_at_its_bound_is_exactly_zero_with_a_one_sided_interval() ->
     assert fit.parameter("stiffness").value == pytest.approx(50.0, abs=1.0)
 
 
-def test_a_free_joint_has_no_stiffness_in_the_admittance() -> None:
-    rng = np.random.default_rng(6)
-    torque = band_noise(20_000, 1000.0, 8.0, 1.0, rng)
-    system = StateSpace([[0.0, 1.0], [0.0, -40.0]], [[0.0], [20.0]], [[1.0, 0.0]], [[0.0]])
-    t = np.arange(20_000) / 1000.0
-    _, angle, _ = lsim(system, torque, t)
-    angle = angle + band_noise(20_000, 1000.0, 10.0, 1e-4, rng)
-    fit = identify_joint(angle=angle, torque=torque, rate_hz=1000.0)
-    stiffness = fit.parameter("stiffness")
-    assert stiffness.ci_low == 0.0
-    assert stiffness.ci_high < 0.02
-    assert fit.parameter("damping").value == pytest.approx(2.0, rel=0.01)
-    assert fit.parameter("inertia").value == pytest.approx(0.05, rel=0.02)
-
-
 def coverage(seeds: range, estimator: str) -> np.ndarray:
     fits = [
         identify_joint(

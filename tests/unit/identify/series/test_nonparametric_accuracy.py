@@ -113,8 +113,8 @@ def check(found: dict[str, Any], *, coverage: float, ratio: float) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_few_records_come_as_close_as_the_bound_allows(model):
-    # 12 records: a ratio of 1.3 is exceeded by chance in one of ten runs, 1.6 in none.
-    check(calibrate(model, 12), coverage=0.7, ratio=1.6)
+    # Few records: a ratio of 1.3 is exceeded by chance now and then, 1.6 hardly.
+    check(calibrate(model, 6), coverage=0.7, ratio=1.6)
 
 
 @pytest.mark.slow
@@ -154,7 +154,7 @@ def test_torque_noise_of_half_the_torque_makes_no_bias(model, n_seeds):
 @pytest.mark.parametrize("model", MODELS)
 def test_noise_that_cannot_be_told_from_the_input_is_said(model):
     """At 200 Hz the signal reaches half the rate: K is 2 % too large, and no interval knows."""
-    for seed in range(3):
+    for seed in range(2):
         seen, _ = make_record(seed, torque_noise=1.0)
         thinned = {name: values[::5] for name, values in seen.items()}
         fit = identify_joint(**thinned, rate_hz=RATE / 5, model=model)
