@@ -19,25 +19,24 @@ Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "
 class Printed:
     """One printed number."""
 
-    value: float  # as printed, in ``unit``
-    sd: float | None = None  # what stands after the plus-minus sign
-    # as :mod:`jointz` writes units, ``%`` among them; empty for a count or a p-value
-    unit: str = ""
+    value: float  # printed value, in ``unit``
+    sd: float | None = None  # printed standard deviation, in ``unit``
+    unit: str = ""  # in the notation of :mod:`jointz`, or ``%``; empty for a count or a p-value
     source: str = ""  # table, section or figure of the dissertation
-    note: str = ""  # what the text says around the number, or what our audit found
+    note: str = ""  # context in the text, or a finding of our audit
 
 
 @dataclass(frozen=True, slots=True)
 class OtherDevice:
     """What the dissertation prints about another device."""
 
-    quantity: str  # what was estimated
-    low: float  # range of the printed error; equal for a single number
-    high: float
-    unit: str  # of both
+    quantity: str  # estimated quantity, or its error
+    low: float  # lower end of the printed error, in ``unit``
+    high: float  # upper end of the printed error, in ``unit``; equal to ``low`` for a single number
+    unit: str  # unit of ``low`` and ``high``
     citations: tuple[int, ...]  # the dissertation's own citation numbers
     source: str  # section of the dissertation
-    note: str = ""  # what the text says around the number
+    note: str = ""  # context in the text
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +44,15 @@ class Finding:
     """One printed statement beside what the printed numbers give."""
 
     where: str  # table, section or figure of the dissertation
-    what: str  # what the statement is about
-    printed: str  # the statement, with its unit
-    # what the printed tables and numbers give, with its unit; empty where nothing can be computed
+    what: str  # subject of the statement
+    printed: str  # statement with its unit
+    # value by the printed tables and numbers, with its unit; empty where none can be computed
     recomputed: str
     # ``contradiction``: two printed numbers exclude each other; ``not possible``: no data give the
     # number; ``ambiguous``: it can be read in several ways; ``not reproduced``: one value a
     # participant and timing point does not give it; ``worth knowing``
     kind: Kind
-    remark: str  # what follows, and how it is settled here
+    remark: str  # consequence, and how it is settled here
 
 
 def row_mean(row: Mapping[str, Printed]) -> float:

@@ -21,17 +21,17 @@ Relation = Literal["similar", "higher", "lower", "different"]
 class Study:
     """A device or study that the dissertation compares with."""
 
-    name: str  # as the dissertation names it
+    name: str  # name in the dissertation
     citations: tuple[int, ...]  # the dissertation's own citation numbers
     joint: str  # ``knee``, ``ankle`` or both, with commas
     # ``perturbation`` or ``model`` (muscle activity and inverse dynamics, no perturbation)
     approach: Approach
-    conditions: str  # when and how impedance was estimated, as the text says
+    conditions: str  # task and moment of the estimate, in the words of the text
     source: str  # sections of the dissertation
     errors: tuple[OtherDevice, ...] = ()  # printed errors of the device on known loads
-    window: Printed | None = None  # time window of the analysis
-    vaf: Printed | None = None  # model fit
-    note: str = ""  # what the text leaves open
+    window: Printed | None = None  # time window of the analysis, with its unit
+    vaf: Printed | None = None  # fit of the model, with its unit
+    note: str = ""  # points that the text leaves open
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,14 @@ class StatedComparison:
     study: str  # key of :data:`STUDIES`
     # ``stiffness``, ``damping`` or ``inertia``
     quantity: Literal["stiffness", "damping", "inertia"]
-    timing_points: tuple[str, ...]  # where; empty for everywhere the study has values
-    # the study's values beside the dissertation's: ``similar``, ``higher``, ``lower``,
-    # ``different``
+    # compared timing points; empty for all where the study has values
+    timing_points: tuple[str, ...]
+    # of the study's values to the dissertation's: ``similar``, ``higher``, ``lower``, ``different``
     relation: Relation
-    factor_low: float | None  # printed range of the study's value over the dissertation's
-    factor_high: float | None
+    factor_low: float | None  # printed lower end of the study's value over the dissertation's
+    factor_high: float | None  # printed upper end of the study's value over the dissertation's
     source: str  # section of the dissertation
-    words: str  # how the text says it
+    words: str  # statement in the words of the text
 
 
 _ROUSE, _TUCKER_STIFFNESS, _TUCKER_INERTIA = chapter2.OTHER_DEVICES

@@ -21,8 +21,8 @@ class Subjects:
     many: str = "participants"
     point: str = "timing point"
     points: str = "timing points"
-    bench: bool = False  # measured on a bench: there is no gait cycle
-    loads: bool = False  # loads instead of people: there is no joint either
+    bench: bool = False  # whether it is a bench, without a gait cycle
+    loads: bool = False  # whether the participants are loads, without a joint
 
     def counted(self, count: int) -> str:
         """Return a number of participants in words."""

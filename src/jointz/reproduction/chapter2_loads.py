@@ -34,10 +34,10 @@ class Pair(NamedTuple):
     case: str
     trajectory: str
     parameter: str
-    truth: float
-    dissertation: float
-    dissertation_sd: float
-    recommended: float | None
+    truth: float  # SI, as the following values
+    dissertation: float  # mean by the method of the dissertation
+    dissertation_sd: float  # sd over the pulses
+    recommended: float | None  # value by the recommended method
     ci_low: float | None
     ci_high: float | None
 
@@ -46,10 +46,10 @@ class LoadStudy(NamedTuple):
     """Estimates of one load by both methods, and the gain of its torque record."""
 
     pairs: list[Pair]
-    vaf_pct: dict[str, float]
-    single: list[PulseEstimate]
-    recommended_single: list[PulseEstimate]
-    torque_gain: float
+    vaf_pct: dict[str, float]  # trajectory -> VAF by the method of the dissertation, %
+    single: list[PulseEstimate]  # pulse estimates by the method of the dissertation
+    recommended_single: list[PulseEstimate]  # pulse estimates by the recommended method
+    torque_gain: float  # recorded over true torque
 
 
 def analyze_load(study: Path, load: str, truth: Mapping[str, Any], seed: int) -> LoadStudy:
@@ -211,7 +211,7 @@ class Share:
     """How many of how many."""
 
     count: int
-    of: int
+    of: int  # total
 
     @property
     def pct(self) -> float | None:

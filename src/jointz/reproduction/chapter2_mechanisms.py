@@ -45,10 +45,10 @@ _NEAR_PCT = 2.0
 class Mechanism:
     """One way to be wrong."""
 
-    name: str  # for people
-    # fields of :class:`jointz.sim.benches.sea.SeaErrors`
+    name: str  # name in tables and figures
+    # field of :class:`jointz.sim.benches.sea.SeaErrors` -> value
     errors: Mapping[str, Any] = field(default_factory=dict)
-    window_filter_hz: float = 0.0  # zero-phase low-pass applied inside the cut window; 0: none
+    window_filter_hz: float = 0.0  # zero-phase low-pass inside the cut window; 0: none
 
 
 def mechanisms() -> tuple[Mechanism, ...]:

@@ -34,8 +34,8 @@ CHAPTERS = (2, 3, 4)
 class Chapter:
     """A chapter that was written."""
 
-    page: Path  # the page to open
-    reproduction: Reproduction  # its numbers
+    page: Path  # main page
+    reproduction: Reproduction  # numbers of the chapter
 
 
 def reproduce(

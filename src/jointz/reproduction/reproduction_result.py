@@ -21,11 +21,12 @@ class Reproduction(Result):
 
     SCHEMA: ClassVar[str] = "jointz.Reproduction/2"
 
-    chapter: int  # its number
-    title: str  # in short
+    chapter: int  # number of the chapter
+    title: str  # short title
     tables: tuple[Table, ...]  # in the order of the page
-    curves: Mapping[str, Any] = field(default_factory=dict)  # what the figures draw, plain values
-    notes: tuple[str, ...] = ()  # what a reader must know
+    # name -> data of the figures, as plain values
+    curves: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # remarks for the reader
     provenance: Mapping[str, Any] = field(default_factory=dict)  # versions, seed, settings
 
     @classmethod

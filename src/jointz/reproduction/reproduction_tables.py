@@ -27,19 +27,19 @@ Verdict = Literal[
 class Compared:
     """One quantity: as printed, by the dissertation's method, by the recommended one."""
 
-    quantity: str  # what is compared; the unit of all numbers, empty for a count
-    unit: str = ""
-    # as printed; by the dissertation's method and by the recommended one on the simulated bench;
-    # the simulation's truth. None where there is none
-    printed: float | None = None
+    quantity: str  # compared quantity
+    unit: str = ""  # unit of all numbers of the row; empty for a count
+    printed: float | None = None  # printed value; None where there is none
+    # value by the dissertation's method on the simulated bench; None where there is none
     dissertation: float | None = None
+    # value by the recommended method on the simulated bench; None where there is none
     recommended: float | None = None
-    truth: float | None = None
-    printed_sd: float | None = None  # what stands after the plus-minus sign
-    dissertation_sd: float | None = None
-    recommended_low: float | None = None  # 95 % interval
-    recommended_high: float | None = None
-    note: str = ""  # what a reader should know
+    truth: float | None = None  # true value in the simulation; None where there is none
+    printed_sd: float | None = None  # printed standard deviation
+    dissertation_sd: float | None = None  # standard deviation of ``dissertation``
+    recommended_low: float | None = None  # lower end of the 95 % interval
+    recommended_high: float | None = None  # upper end of the 95 % interval
+    note: str = ""  # remark for the reader
 
     @property
     def holds_truth(self) -> bool | None:
@@ -91,7 +91,7 @@ def compare(
 class ComparedTable:
     """A table that sets number beside number."""
 
-    name: str  # for files: letters, digits and ``_``
+    name: str  # name for files: letters, digits and ``_``
     title: str
     caption: str
     rows: tuple[Compared, ...]
@@ -107,13 +107,11 @@ class Claim:
     """One printed statement beside what comes out here."""
 
     where: str  # table, section or figure of the dissertation
-    claim: str  # what the statement is about
-    # the statement, and what comes out, each with its unit; ``ours`` is empty where nothing can be
-    # computed
-    printed: str
-    ours: str
+    claim: str  # subject of the statement
+    printed: str  # statement with its unit
+    ours: str  # result here with its unit; empty where none can be computed
     verdict: Verdict
-    remark: str = ""  # what follows
+    remark: str = ""  # consequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +133,10 @@ class ClaimTable:
 class GridBlock:
     """Values of all participants from one source."""
 
-    label: str  # the source, such as ``printed``
-    # timing point -> a value of every participant, None where undecided
+    label: str  # name of the source, such as ``printed``
+    # timing point -> one value for each participant, None where undecided
     cells: Mapping[str, tuple[float | None, ...]]
-    # timing point -> the mean over participants with a value; as printed where it is printed
+    # timing point -> mean over the participants with a value; the printed mean for ``printed``
     average: Mapping[str, float | None]
 
 
@@ -150,8 +148,8 @@ class ParticipantGrid:
     title: str
     caption: str
     unit: str  # of all values
-    participants: tuple[str, ...]  # heads of the columns
-    blocks: tuple[GridBlock, ...]  # one below the other
+    participants: tuple[str, ...]  # headings of the columns
+    blocks: tuple[GridBlock, ...]  # from top to bottom
     kind: Literal["ParticipantGrid"] = "ParticipantGrid"
 
     def frame(self) -> pd.DataFrame:

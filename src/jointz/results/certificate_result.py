@@ -27,18 +27,17 @@ _SMALL = 0.1
 class VirtualEstimate:
     """One parameter of an injected response, and its estimate."""
 
-    participant: str  # whose strides it was injected into
-    replicate: int  # which of the injections; those of one replicate share sensor and inertia
-    timing_point: str  # what was estimated
-    parameter: str
-    # what was injected, SI; mean over the window, weighted as the response tells of it
-    truth: float
-    value: float | None  # the estimate and its interval; None where undecided
-    ci_low: float | None
-    ci_high: float | None
+    participant: str  # owner of the strides
+    replicate: int  # number of the injection; all of one replicate share sensor and inertia
+    timing_point: str  # timing point of the injection
+    parameter: str  # estimated parameter
+    truth: float  # injected value, SI; mean over the window, weighted by the effect on the response
+    value: float | None  # estimate, SI; None where undecided
+    ci_low: float | None  # lower end of the interval, SI; None where undecided
+    ci_high: float | None  # upper end of the interval, SI; None where undecided
     status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
-    session: str = ""  # whose strides; "" where the study does not state them
-    side: str = ""
+    session: str = ""  # session of the strides; "" where the study does not state it
+    side: str = ""  # side of the strides; "" where the study does not state it
 
     @property
     def decided(self) -> bool:
@@ -50,24 +49,23 @@ class VirtualEstimate:
 class ExpectedError:
     """Error to expect of one parameter, at a timing point or over all."""
 
-    parameter: str  # of what; timing point ``all`` is every one
-    timing_point: str
-    n: int  # virtual estimates
-    undecided_pct: float  # share of them without a value
-    # mean, and root mean square, of estimate / truth - 1, decided ones whose truth is not small;
-    # None where none is left
+    parameter: str
+    timing_point: str  # ``all`` for all timing points together
+    n: int  # number of virtual estimates
+    undecided_pct: float  # share of the virtual estimates without a value
+    # mean of estimate / truth - 1 over decided estimates whose truth is not small; None without any
     bias_pct: float | None
+    # root mean square of estimate / truth - 1 over the same estimates; None without any
     rmse_pct: float | None
-    # how well the RMSE is known from so many injections, standard deviation
-    rmse_sd_pct: float | None
-    rmse: float | None  # root mean square error, SI, of all that are decided
-    # share of the 95 % intervals that hold the truth, and how well it is known; of all that are
-    # decided
+    rmse_sd_pct: float | None  # standard deviation of ``rmse_pct`` from so many injections
+    rmse: float | None  # root mean square error over all decided estimates, SI
+    # share of the 95 % intervals that contain the truth, over all decided estimates
     coverage: float | None
-    coverage_sd: float | None
-    # median width of the intervals, % of the truth, where this is not small
+    coverage_sd: float | None  # standard deviation of ``coverage`` from so many injections
+    # median width of the intervals, % of the truth, where the truth is not small
     width_pct: float | None
-    # decided ones whose truth is too small for an error in %; see :func:`expected_errors`
+    # number of decided estimates whose truth is too small for an error in %; see
+    # :func:`expected_errors`
     n_small: int = 0
 
     @property

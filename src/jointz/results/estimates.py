@@ -93,11 +93,11 @@ class Response(Result):
     """The average response of a cell to its pulses, baseline removed."""
 
     time_s: Array  # time from the onset
-    angle: Array  # average angle response
-    torque: Array  # average torque response
-    # torque of the fitted model; the measured one where the angle was fitted
+    angle: Array  # average angle response, rad
+    torque: Array  # average torque response, N*m
+    # torque of the fitted model, N*m; the measured one where the angle was fitted
     fitted_torque: Array
-    fitted_angle: Array | None = None  # angle of the fitted model, where the angle was fitted
+    fitted_angle: Array | None = None  # angle of the fitted model, rad, where the angle was fitted
 
     def __eq__(self, other: object) -> bool:
         # The one of dataclasses compares tuples of arrays, which have no single truth.

@@ -11,22 +11,24 @@ class ParticipantModel(Result):
     """Lag, friction and probabilities of the hypotheses of one participant."""
 
     participant: str  # the id
-    lag_s: float  # s: of the angle behind the torque: delay and first-order lag together
-    lag_sd_s: float  # s
-    # true over stated friction of the actuator; the prior's where torque was measured
+    lag_s: float  # s: total lag of the angle behind the torque, delay included
+    lag_sd_s: float  # s: sd of ``lag_s``
+    # true over stated friction of the actuator; the prior mean where torque was measured
     friction_gain: float
     friction_gain_sd: float
-    # that soft tissue resonates between joint and sensor, against a mere lag
+    # probability that soft tissue resonates between joint and sensor, rather than only lags
     resonance_probability: float
-    # that one inertia serves all timing points, against one of each
+    # probability of one inertia for all timing points, rather than one for each
     constant_inertia_probability: float
-    # that stiffness and damping change inside the window along the curve through the points
+    # probability that stiffness and damping change inside the window along the curve through the
+    # timing points
     curve_probability: float
-    n_strides: int  # unperturbed strides that the prediction was learned from; fewest of the points
-    # codes of :class:`~jointz.core.codes.Doubt`: what speaks against a linear joint
+    # unperturbed strides behind the prediction; smallest number over the timing points
+    n_strides: int
+    # evidence against a linear joint, codes of :class:`~jointz.core.codes.Doubt`
     doubts: tuple[str, ...] = ()
-    session: str = ""  # of the perturbed recordings; "" where the study does not state them
-    side: str = ""
+    session: str = ""  # session of the perturbed recordings; "" where the study does not state it
+    side: str = ""  # side of the perturbed recordings; "" where the study does not state it
 
     @property
     def label(self) -> str:

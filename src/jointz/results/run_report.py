@@ -40,8 +40,8 @@ class RunReport(PlottedResult):
     SCHEMA: ClassVar[str] = "jointz.RunReport/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.4, 4.8)
 
-    protocol: str  # its name
-    seed: int  # of plan and simulation
+    protocol: str  # name of the protocol
+    seed: int  # seed of plan and simulation
     # ``participant, condition, timing_point, planned_pct, planned, completed, missed, aborted,
     # lost`` (completed, but the log lost them) and the error of the onsets, broken-off pulses
     # included, as the time since the heel strike over the duration of the same stride: ``n,
@@ -51,9 +51,9 @@ class RunReport(PlottedResult):
     onsets: tuple[Mapping[str, Any], ...]
     # ``participant, condition, fewest, most, planned_fewest, planned_most``: strides between pulses
     gaps: tuple[Mapping[str, Any], ...]
-    # ``participant, condition, segment`` and the loop's timing
+    # ``participant, condition, segment`` and timing statistics of the control loop
     timing: tuple[Mapping[str, Any], ...]
-    salvaged: tuple[str, ...] = ()  # sentences about damaged files, what they cost included
+    salvaged: tuple[str, ...] = ()  # sentences about damaged files and the data lost with them
 
     def to_frame(self) -> pd.DataFrame:
         """Return the onsets as a table, one row a participant, condition and timing point."""

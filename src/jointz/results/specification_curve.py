@@ -26,17 +26,18 @@ _FAILED = "failed:"
 class SpecificationEstimate:
     """One parameter under one set of choices."""
 
-    timing_point: str  # what was estimated
-    parameter: str
-    method: str  # how, and what was subtracted
-    baseline: str
-    window_s: float  # s: from the onset
-    cutoff_hz: float | None  # of the low-pass filter; None for methods without one
-    # ``one`` for all timing points, ``free`` at each, or ``pooled``: the data decide
+    timing_point: str  # estimated timing point
+    parameter: str  # estimated parameter
+    method: str  # name of the method
+    baseline: str  # subtracted baseline
+    window_s: float  # s: length of the window from the onset
+    cutoff_hz: float | None  # low-pass of the filtering method; None for others
+    # ``one`` inertia for all timing points, ``free``: one for each, ``pooled``: weighted by the
+    # data
     inertia_model: str
-    value: float | None  # the estimate and its interval, SI
-    ci_low: float | None
-    ci_high: float | None
+    value: float | None  # estimate, SI; None where there is none
+    ci_low: float | None  # lower end of the interval, SI; None where there is none
+    ci_high: float | None  # upper end of the interval, SI; None where there is none
     status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
 
     @property

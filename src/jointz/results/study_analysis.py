@@ -41,16 +41,18 @@ EXCLUDED_COLUMNS = (
 class PopulationEstimate:
     """Mean of one parameter over people, with an interval over people."""
 
-    timing_point: str  # what it is the mean of
+    timing_point: str
     onset_gait_pct: float | None  # mean measured onset, % of the gait cycle
     parameter: str
-    value: float | None  # mean, standard deviation between people, and Student's interval
+    value: float | None  # mean over people, in ``unit``
     unit: str
-    sd: float | None
-    ci_low: float | None
-    ci_high: float | None
+    sd: float | None  # standard deviation between people, in ``unit``
+    ci_low: float | None  # lower end of Student's interval, in ``unit``
+    ci_high: float | None  # upper end of Student's interval, in ``unit``
     n_participants: int  # people with a value
-    method: str  # as in :class:`CellEstimate`; a mean without a value is ``undecided`` or failed
+    method: str  # as in :class:`CellEstimate`
+    # as in :class:`jointz.results.estimates.ParameterEstimate`; ``undecided`` or failed without a
+    # value
     status: str
     ci_level: float = 0.95  # level of the interval
 

@@ -32,12 +32,11 @@ _QUANTILES: Final = np.linspace(0.0, 1.0, 101)
 class MeanSquares:
     """Mean squares of complete tables of participants by timing points, one value a cell."""
 
-    # of timing points, participants, and the rest, in the unit of the cells squared
-    point: np.ndarray
-    participant: np.ndarray
-    error: np.ndarray
-    n_participants: int  # size of a table
-    n_points: int
+    point: np.ndarray  # mean square of the timing points, unit of the cells squared
+    participant: np.ndarray  # mean square of the participants, unit of the cells squared
+    error: np.ndarray  # residual mean square, unit of the cells squared
+    n_participants: int  # participants of a table
+    n_points: int  # timing points of a table
 
     @property
     def df(self) -> tuple[int, int, int]:
@@ -199,8 +198,8 @@ def replicates_published() -> ClaimTable:
 class _Studies:
     """Simulated studies: p of timing point and of participant, by either analysis."""
 
-    cells: tuple[np.ndarray, np.ndarray]
-    rows: tuple[np.ndarray, np.ndarray]
+    cells: tuple[np.ndarray, np.ndarray]  # p of timing point, p of participant; one value a cell
+    rows: tuple[np.ndarray, np.ndarray]  # p of timing point, p of participant; replicates as rows
 
 
 def replicates_as_people(

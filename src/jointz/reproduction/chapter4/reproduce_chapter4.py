@@ -282,7 +282,7 @@ class PilotStudy:
     """A simulated pilot."""
 
     people: tuple[str, ...]  # ids
-    # as ``WalkedStudy`` has them, of the sources ``pilot``, ``recommended`` and ``truth``
+    # columns of ``WalkedStudy.estimates``, for the sources ``pilot``, ``recommended`` and ``truth``
     estimates: pd.DataFrame
 
     def mean(self, source: str, parameter: str) -> dict[str, float]:

@@ -47,11 +47,11 @@ _DIGITS = 5
 class PersonGait:
     """Unperturbed strides of a person."""
 
-    # angle over the gait cycle without and with the device (NWC and ENP); no rows where the
-    # condition was not recorded
+    # (stride, node) angle without the device (NWC), rad; no rows if not recorded
     no_device: np.ndarray
-    device: np.ndarray
-    # of the device on the joint while it should be zero, by its current; rows as ``device``
+    device: np.ndarray  # (stride, node) angle with the device (ENP), rad; no rows if not recorded
+    # (stride, node) torque of the device on the joint by its current, nominally zero, N*m; rows as
+    # ``device``
     torque: np.ndarray
 
 
@@ -161,15 +161,14 @@ class WalkedStudy:
     """A simulated study of chapter IV."""
 
     people: tuple[str, ...]  # ids, in the order of the columns of tables 4.1 to 4.4
-    # one row a source (``dissertation``, ``recommended``, ``truth``), participant, timing point and
-    # parameter: value, interval, status, VAF. No value where the estimate was
-    # refused
+    # one row for each source (``dissertation``, ``recommended``, ``truth``), participant, timing
+    # point and parameter, with value, interval, status and VAF; without a value where the estimate
+    # was refused
     estimates: pd.DataFrame
-    # means over people by the recommended method, as of
+    # means over people by the recommended method, columns of
     # :meth:`jointz.results.study_analysis.StudyAnalysis.population_frame`
     population: pd.DataFrame
-    # every person's unperturbed strides, without and with the device
-    gait: Mapping[str, PersonGait]
+    gait: Mapping[str, PersonGait]  # participant -> unperturbed strides
 
     def of(self, source: str, parameter: str) -> pd.DataFrame:
         """Return the rows of a source and parameter."""

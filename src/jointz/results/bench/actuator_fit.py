@@ -26,11 +26,10 @@ _REGIME_SHARES = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)
 class ActuatorSeries:
     """Samples of a record, thinned to what a figure can show."""
 
-    # time, s; the number of the sample where the record has no rate
-    position: tuple[float, ...] = ()
-    measured: tuple[float, ...] = ()  # torque of the sensor and of the model, N*m, bias included
-    modelled: tuple[float, ...] = ()
-    velocity: tuple[float, ...] = ()  # at the output, rad/s; empty where none was given
+    position: tuple[float, ...] = ()  # time, s; sample numbers if the record has no rate
+    measured: tuple[float, ...] = ()  # torque by the sensor, N*m
+    modelled: tuple[float, ...] = ()  # torque of the model, bias included, N*m
+    velocity: tuple[float, ...] = ()  # velocity of the output, rad/s; empty where none was given
     in_seconds: bool = True  # whether ``position`` is a time
 
 

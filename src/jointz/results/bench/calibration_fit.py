@@ -61,10 +61,10 @@ class CalibrationEntry(Result):
 
     name: str  # a key of :data:`ENTRY_UNITS`
     value: float | None  # SI; None where there is none
-    sd: float | None
+    sd: float | None  # SI; None where there is none
     status: str = "ok"  # ``ok``, ``undecided`` or ``failed:CODE`` (:class:`CalibrationFailure`)
-    reason: str = ""  # why it is not ``ok``
-    # source of error -> its sd, in the unit of the value; their squares add up to that of ``sd``
+    reason: str = ""  # reason for another status than ``ok``
+    # source of error -> sd in the unit of the value; the squares add up to that of ``sd``
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -109,11 +109,11 @@ def failed(
 class CalibrationSeries:
     """Data of the figure of a step."""
 
-    x: tuple[float, ...] = ()  # in the units of the labels
-    measured: tuple[float, ...] = ()
-    modelled: tuple[float, ...] = ()
-    x_label: str = ""  # of the axes, with their units
-    y_label: str = ""
+    x: tuple[float, ...] = ()  # in the unit of ``x_label``
+    measured: tuple[float, ...] = ()  # in the unit of ``y_label``
+    modelled: tuple[float, ...] = ()  # in the unit of ``y_label``
+    x_label: str = ""  # label of the x axis, with its unit
+    y_label: str = ""  # label of the y axis, with its unit
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -124,13 +124,13 @@ class CalibrationFit(PlottedResult):
     JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("status",)
 
     step: str  # one of :data:`STEPS`
-    entries: tuple[CalibrationEntry, ...]  # what goes into ``[calibration]``, also where it failed
-    reported: tuple[CalibrationEntry, ...] = ()  # what was found beside, which no analysis uses
-    method: str = ""  # how values and sd were made
-    n_samples: int = 0  # samples that were used
-    notes: tuple[str, ...] = ()  # what a reader must know
-    settings: Mapping[str, Any] = field(default_factory=dict)  # what was chosen or known before
-    series: CalibrationSeries = field(default_factory=CalibrationSeries)  # for the figure
+    entries: tuple[CalibrationEntry, ...]  # values for ``[calibration]``, failed ones included
+    reported: tuple[CalibrationEntry, ...] = ()  # further values, which no analysis uses
+    method: str = ""  # way of making values and sds
+    n_samples: int = 0  # number of samples used
+    notes: tuple[str, ...] = ()  # remarks for the reader
+    settings: Mapping[str, Any] = field(default_factory=dict)  # chosen settings and prior knowledge
+    series: CalibrationSeries = field(default_factory=CalibrationSeries)  # data of the figure
 
     @property
     def status(self) -> str:

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 class PairedPulse:
     """One pulse by itself, by least squares without bounds (2.2.3)."""
 
-    pair: int  # which pair of runs, from 1
-    onset_s: float  # s: on the clock of the perturbed run
-    sign: int  # +1 or -1, of its torque
-    stiffness: float  # N*m/rad, N*m*s/rad, kg*m^2
-    damping: float
-    inertia: float
+    pair: int  # number of the pair of runs, from 1
+    onset_s: float  # s: onset on the clock of the perturbed run
+    sign: int  # +1 or -1: sign of the pulse's torque
+    stiffness: float  # N*m/rad
+    damping: float  # N*m*s/rad
+    inertia: float  # kg*m^2
     vaf_pct: float  # variance of the torque accounted for (2.7), %
 
 
@@ -30,9 +30,9 @@ class PairedPulse:
 class MeanResponse:
     """Response to a positive pulse: the mean, negative ones turned."""
 
-    time_s: tuple[float, ...] = ()  # from the onset
-    measured: tuple[float, ...] = ()  # torque, perturbed less unperturbed, and the model's, N*m
-    modelled: tuple[float, ...] = ()
+    time_s: tuple[float, ...] = ()  # time from the onset
+    measured: tuple[float, ...] = ()  # measured torque, perturbed minus unperturbed, N*m
+    modelled: tuple[float, ...] = ()  # torque of the model, N*m
 
 
 @dataclass(frozen=True, slots=True, repr=False)

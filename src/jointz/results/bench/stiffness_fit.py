@@ -22,8 +22,8 @@ class LoopSeries:
     """Torque over angle, thinned to what a figure can show, offsets removed."""
 
     angle: tuple[float, ...] = ()  # rad
-    measured: tuple[float, ...] = ()  # torque and what the fit makes of it, N*m
-    modelled: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()  # measured torque, N*m
+    modelled: tuple[float, ...] = ()  # torque of the fit, N*m
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -23,12 +23,13 @@ MEAN = "mean over people"
 class CurvePoint:
     """An estimate that a curve goes by."""
 
-    timing_point: str  # the timing point, or the group of measured phases
-    gait_pct: float  # where the response tells of the stiffness on average, % of the gait cycle
-    value: float  # estimate without bounds and its interval, SI
-    ci_low: float
-    ci_high: float
-    decided: bool  # whether it stands by itself; a curve uses undecided ones too, with their errors
+    timing_point: str  # name of the timing point, or of the group of measured phases
+    # mean phase at which the response depends on the stiffness, % of the gait cycle
+    gait_pct: float
+    value: float  # estimate without bounds, SI
+    ci_low: float  # lower end of the interval, SI
+    ci_high: float  # upper end of the interval, SI
+    decided: bool  # whether the estimate alone is decided; a curve uses undecided ones too
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +38,12 @@ class ParameterBand:
 
     participant: str  # the id, or ``mean over people``
     parameter: str  # such as ``stiffness``
-    value: tuple[float, ...]  # median of the curve and pointwise interval at each phase, SI
-    ci_low: tuple[float, ...]
-    ci_high: tuple[float, ...]
-    scale: str  # ``logarithmic`` or ``linear``: in which the curve is smooth
-    length_pct: float  # over which part of the cycle the curve stays alike: posterior median, %
-    points: tuple[CurvePoint, ...]  # the estimates it was made from
+    value: tuple[float, ...]  # median of the curve at each phase, SI
+    ci_low: tuple[float, ...]  # lower end of the pointwise interval at each phase, SI
+    ci_high: tuple[float, ...]  # upper end of the pointwise interval at each phase, SI
+    scale: str  # ``logarithmic`` or ``linear``: scale on which the curve is smooth
+    length_pct: float  # posterior median of the curve's correlation length, % of the gait cycle
+    points: tuple[CurvePoint, ...]  # estimates behind the curve
 
     @property
     def unit(self) -> str:

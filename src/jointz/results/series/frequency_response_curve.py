@@ -19,15 +19,15 @@ INK, BAND, MODEL = "#0072b2", "#7fb2d3", "#d55e00"
 class ResponseCurve(Result):
     """A frequency response with its confidence band."""
 
-    frequency_hz: tuple[float, ...] = ()  # frequencies
-    gain: tuple[float, ...] = ()  # size and angle of output over input
-    phase_rad: tuple[float, ...] = ()
-    gain_low: tuple[float, ...] = ()  # ends of the pointwise interval of the gain
-    gain_high: tuple[float, ...] = ()
+    frequency_hz: tuple[float, ...] = ()
+    gain: tuple[float, ...] = ()  # absolute value of output over input, output unit over input unit
+    phase_rad: tuple[float, ...] = ()  # phase of output over input
+    gain_low: tuple[float, ...] = ()  # lower end of the pointwise interval of the gain
+    gain_high: tuple[float, ...] = ()  # upper end of the pointwise interval of the gain
     phase_sd_rad: tuple[float, ...] = ()
     coherence: tuple[float, ...] = ()  # 0 to 1
-    fitted_gain: tuple[float, ...] = ()  # of the fitted model; empty where there is none
-    fitted_phase_rad: tuple[float, ...] = ()
+    fitted_gain: tuple[float, ...] = ()  # gain of the fitted model; empty without one
+    fitted_phase_rad: tuple[float, ...] = ()  # phase of the fitted model; empty without one
 
     def table(self) -> pd.DataFrame:
         """Return one row a frequency; the columns of a missing model are left out."""

@@ -24,11 +24,14 @@ RESPONSE_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
 class ImpulseCurve:
     """An impulse response with its bounds."""
 
-    lag_s: tuple[float, ...] = ()  # lags; below zero the output comes before the input
+    lag_s: tuple[float, ...] = ()  # lags; negative where the output comes before the input
     response: tuple[float, ...] = ()  # rad/(N*m*s) or N*m/(rad*s)
-    low: tuple[float, ...] = ()  # pointwise interval, of noise alone
+    # lower end of the pointwise interval by noise alone, unit of ``response``
+    low: tuple[float, ...] = ()
+    # upper end of the pointwise interval by noise alone, unit of ``response``
     high: tuple[float, ...] = ()
-    fitted: tuple[float, ...] = ()  # the second-order joint's, along the same directions
+    # response of the second-order joint along the same directions, unit of ``response``
+    fitted: tuple[float, ...] = ()
 
     def table(self) -> pd.DataFrame:
         """Return one row a lag."""

@@ -20,9 +20,8 @@ class FitSeries:
     """A readable stretch of the record beside the model, offsets removed."""
 
     time_s: tuple[float, ...] = ()  # time of the record
-    # low-passed measurement and model; N*m or rad, see ``JointFit.vaf_of``
-    measured: tuple[float, ...] = ()
-    modelled: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()  # low-passed measurement, N*m or rad, see ``JointFit.vaf_of``
+    modelled: tuple[float, ...] = ()  # model, N*m or rad, see ``JointFit.vaf_of``
 
     def draw(self, axes: "Axes") -> None:
         """Draw measurement and model over time."""

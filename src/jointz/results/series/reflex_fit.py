@@ -21,10 +21,10 @@ class ReflexSeries:
     """A readable stretch of the record beside both paths, slow torque removed."""
 
     time_s: tuple[float, ...] = ()  # time of the record
-    measured: tuple[float, ...] = ()  # torque, N*m; ``modelled`` is the sum of the paths
-    modelled: tuple[float, ...] = ()
-    intrinsic: tuple[float, ...] = ()
-    reflex: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()  # measured torque, N*m
+    modelled: tuple[float, ...] = ()  # torque of both paths together, N*m
+    intrinsic: tuple[float, ...] = ()  # torque of the intrinsic path, N*m
+    reflex: tuple[float, ...] = ()  # torque of the reflex path, N*m
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,10 @@ class ReflexPath:
     """The shape of the reflex path; numbers are None where no reflex was found."""
 
     stretch: str = ""  # direction of the angle that stretches: ``positive``, ``negative`` or ``""``
-    threshold_rad_s: float | None = None  # velocity above which the path answers
-    frequency_hz: float | None = None  # of its second-order low-pass
-    damping_ratio: float | None = None
-    p_value: float = 1.0  # that records without a reflex answer as much
+    threshold_rad_s: float | None = None  # velocity above which the path responds
+    frequency_hz: float | None = None  # natural frequency of its second-order low-pass
+    damping_ratio: float | None = None  # of its second-order low-pass
+    p_value: float = 1.0  # probability of as large a response in records without a reflex
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -10,13 +10,13 @@ class SecondOrderCheck(Result):
     """Tests of the residual of K, B, J for a stretch reflex and for further dynamics."""
 
     # ``none``; ``reflex``: torque that follows rectified velocity after a latency;
-    # ``higher_order``: linear dynamics of more than second order, a lag too; ``not_tested``: the
-    # record is too short, or there is no fit
+    # ``higher_order``: linear dynamics above second order, or a lag; ``not_tested``: the record is
+    # too short, or there is no fit
     finding: str = "not_tested"
-    reflex_p_value: float | None = None  # of the two tests, each at the level 0.005
+    reflex_p_value: float | None = None  # of the test for a reflex, at the level 0.005
+    # of the test for further linear dynamics, at the level 0.005
     higher_order_p_value: float | None = None
-    # how much later than the angle the torque is, s, if a lag alone explains the finding
-    # ``higher_order``
+    # s: lag of the torque behind the angle, if a lag alone explains the finding ``higher_order``
     lag_s: float | None = None
 
     @property

@@ -22,10 +22,10 @@ class ParameterCurve:
 
     name: str  # ``stiffness``, ``damping`` or ``inertia``
     value: tuple[float | None, ...]  # estimates, SI; None where there is none
-    ci_low: tuple[float | None, ...]  # pointwise intervals
-    ci_high: tuple[float | None, ...]
+    ci_low: tuple[float | None, ...]  # lower ends of the pointwise intervals, SI
+    ci_high: tuple[float | None, ...]  # upper ends of the pointwise intervals, SI
     status: tuple[str, ...]  # ``ok``, ``undecided`` or ``failed:CODE``
-    # the estimate also where it is undecided: for inspection, not for use
+    # estimates, SI, undecided ones included: for inspection, not for use
     raw: tuple[float | None, ...]
 
     @property
@@ -48,11 +48,12 @@ class ParameterCurve:
 class PhaseResponses:
     """Impulse responses over the cycle."""
 
-    lag_s: tuple[float, ...] = ()  # lags; below zero the output comes before the input
-    # a row a phase, rad/(N*m*s) or N*m/(rad*s); empty rows where there is none
+    lag_s: tuple[float, ...] = ()  # lags; negative where the output comes before the input
+    # one row for each phase, rad/(N*m*s) or N*m/(rad*s); empty rows where there is none
     response: tuple[tuple[float, ...], ...] = ()
+    # sds of ``response`` by the scatter between strides, in its unit
     sd: tuple[tuple[float, ...], ...] = ()
-    n_kept: tuple[int, ...] = ()  # directions of the input that were inverted at each phase
+    n_kept: tuple[int, ...] = ()  # number of inverted directions of the input, for each phase
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -12,30 +12,28 @@ PAIRED, GROUPS, POOLED = "paired", "groups", "pooled"
 class Source:
     """One of the compared results."""
 
-    name: str  # as tables and figures call it
-    participants: tuple[str, ...]  # everybody in it, with a value or without
-    methods: tuple[str, ...] = ()  # that made its estimates
-    published: bool = False  # whether it is the dissertation's tables 4.1 to 4.3
+    name: str  # name in tables and figures
+    participants: tuple[str, ...]  # all participants, with a value or without
+    methods: tuple[str, ...] = ()  # methods of its estimates
+    published: bool = False  # whether the source is tables 4.1 to 4.3 of the dissertation
 
 
 @dataclass(frozen=True, slots=True)
 class PersonValue:
     """One participant's compared value."""
 
-    source: str  # whose, and of what
+    source: str  # name of the source
     participant: str
     parameter: str
     timing_point: str
-    value: float | None  # estimate and its own interval, SI; None where there is none
-    ci_low: float | None = None
-    ci_high: float | None = None
-    # as in ``estimates.csv``; ``absent`` where there is no row; ``mean_over_points``
+    value: float | None  # estimate, SI; None where there is none
+    ci_low: float | None = None  # lower end of the participant's own interval, SI
+    ci_high: float | None = None  # upper end of the participant's own interval, SI
+    # as in ``estimates.csv``; ``absent`` without a row there; ``mean_over_points`` for a mean
     status: str = "ok"
-    # of a mean over timing points: how many it is of, how many have no value and are not in it, how
-    # many of those in it stand at their bound
-    n_points: int = 1
-    n_lacking: int = 0
-    n_bounded: int = 0
+    n_points: int = 1  # number of timing points of a mean over them
+    n_lacking: int = 0  # number of timing points without a value, not in the mean
+    n_bounded: int = 0  # number of values in the mean that are at their bound
 
     @property
     def at_bound(self) -> bool:
@@ -51,16 +49,15 @@ class SourceMean:
     parameter: str
     unit: str
     timing_point: str
-    n: int  # people with a value; those at a bound count with it
-    n_missing: int  # people without a value, and people whose value stands at its bound
-    n_at_bound: int
-    # mean, standard deviation between people and Student's interval; None below two people
-    mean: float | None
-    sd: float | None
-    ci_low: float | None
-    ci_high: float | None
-    # root mean square of the people's own standard errors, where their estimates have two-sided
-    # intervals
+    n: int  # people with a value, values at a bound included
+    n_missing: int  # people without a value
+    n_at_bound: int  # people whose value is at its bound
+    mean: float | None  # over people, in ``unit``; None below two people
+    sd: float | None  # standard deviation between people, in ``unit``; None below two people
+    ci_low: float | None  # lower end of Student's interval, in ``unit``; None below two people
+    ci_high: float | None  # upper end of Student's interval, in ``unit``; None below two people
+    # root mean square of the standard errors of the people's estimates, where their intervals are
+    # two-sided, in ``unit``
     error_sd: float | None = None
 
 
@@ -68,41 +65,42 @@ class SourceMean:
 class Difference:
     """Two sets of values compared: first minus second."""
 
-    parameter: str  # of what; timing_point is empty where timing points themselves are compared
+    parameter: str  # compared parameter
     unit: str
-    timing_point: str
-    first: str  # names of the sources, or of the timing points
-    second: str
-    # ``paired``: the same people, or timing points of one source; ``groups``: different people,
-    # Welch; ``pooled``: timing points of one source, by the error of its mixed model
+    timing_point: str  # empty where timing points are compared with each other
+    first: str  # name of the first source or timing point
+    second: str  # name of the second source or timing point
+    # ``paired``: the same people, or timing points of one source; ``groups``: different people, by
+    # Welch's test; ``pooled``: timing points of one source, by the error of its mixed model
     design: str
-    # people with a value; both are the number of pairs where these are the same people
-    n_first: int
+    n_first: int  # people of ``first`` with a value; the number of pairs where people are the same
+    # people of ``second`` with a value; the number of pairs where people are the same
     n_second: int
-    n_at_bound: int  # values among them that stand at their bound
-    mean_first: float | None = None  # means and their difference, with an interval that holds alone
-    mean_second: float | None = None
-    difference: float | None = None
+    n_at_bound: int  # values at their bound, of ``first`` and ``second`` together
+    mean_first: float | None = None  # mean of ``first``, in ``unit``
+    mean_second: float | None = None  # mean of ``second``, in ``unit``
+    difference: float | None = None  # mean difference, in ``unit``
+    # lower end of the interval of ``difference``, not adjusted for other comparisons
     ci_low: float | None = None
+    # upper end of the interval of ``difference``, not adjusted for other comparisons
     ci_high: float | None = None
-    # Student's or Welch's test, and p adjusted over the differences of the parameter, as
-    # ``Comparison.adjust`` says
-    t: float | None = None
-    df: float | None = None
-    p: float | None = None
+    t: float | None = None  # statistic of Student's or Welch's test
+    df: float | None = None  # degrees of freedom of ``t``
+    p: float | None = None  # p of ``t``, not adjusted
+    # p adjusted over the differences of the parameter, by ``Comparison.adjust``
     p_adjusted: float | None = None
     # ``g_z``: mean over standard deviation of the differences; ``g``: mean difference over the
-    # pooled standard deviation; both without bias (Hedges). Empty where there is none
+    # pooled standard deviation; both with Hedges' correction of bias. Empty where there is none
     effect: str = ""
-    effect_size: float | None = None  # with the interval of the noncentral t distribution
-    effect_low: float | None = None
-    effect_high: float | None = None
-    margin: float | None = None  # of equivalence, in ``unit``, where one was asked for
-    p_equivalence: float | None = None  # the larger one of the two one-sided tests
-    # of the test over all timing points that the pair belongs to, where everybody has a value at
-    # each: Greenhouse and Geisser's epsilon, and p with it
+    effect_size: float | None = None  # value of ``effect``
+    effect_low: float | None = None  # lower end of its interval by the noncentral t distribution
+    effect_high: float | None = None  # upper end of its interval by the noncentral t distribution
+    margin: float | None = None  # margin of equivalence, in ``unit``, if requested
+    p_equivalence: float | None = None  # larger p of the two one-sided tests
+    # Greenhouse and Geisser's epsilon of the test over all timing points, where everybody has a
+    # value at each
     epsilon: float | None = None
-    p_epsilon: float | None = None
+    p_epsilon: float | None = None  # p of that test with ``epsilon``
     # ``ok``; ``failed:too_few_participants``; ``no_spread`` where nothing varies
     status: str = "ok"
 
@@ -119,9 +117,10 @@ class FactorTest:
     parameter: str
     unit: str
     factor: str  # ``timing_point`` or ``condition``
-    where: str  # the source whose timing points, or the timing point whose sources are compared
-    fit: MixedModelFit | None  # the model; None where there is none
-    reason: str = ""  # why there is none
+    # source whose timing points are compared, or timing point at which sources are compared
+    where: str
+    fit: MixedModelFit | None  # mixed model; None where there is none
+    reason: str = ""  # reason for a missing ``fit``
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,23 +130,23 @@ class Repeatability:
     parameter: str
     unit: str
     timing_point: str
-    n: int  # people with all values, and values of each
-    k: int
+    n: int  # people with all values
+    k: int  # values of each person
     icc_agreement: float | None = None  # ICC(A,1): shifts between days count as error
     icc_agreement_low: float | None = None
     icc_agreement_high: float | None = None
-    icc_consistency: float | None = None  # ICC(C,1): they do not
+    icc_consistency: float | None = None  # ICC(C,1): shifts between days do not count as error
     icc_consistency_low: float | None = None
     icc_consistency_high: float | None = None
-    # standard error of measurement, shifts between days left out, in ``unit``
+    # standard error of measurement without shifts between days, in ``unit``
     sem: float | None = None
-    sem_low: float | None = None
-    sem_high: float | None = None
-    # minimal detectable change of one person, 95 %: t sqrt(2) sem, with Student's t for the degrees
-    # of freedom of the SEM. Its interval is the SEM's times the same t sqrt(2)
+    sem_low: float | None = None  # lower end of its interval, in ``unit``
+    sem_high: float | None = None  # upper end of its interval, in ``unit``
+    # minimal detectable change of one person, 95 %, in ``unit``: t * sqrt(2) * ``sem``, with
+    # Student's t for the degrees of freedom of ``sem``
     mdc: float | None = None
-    mdc_low: float | None = None
-    mdc_high: float | None = None
+    mdc_low: float | None = None  # ``sem_low`` times the same t * sqrt(2), in ``unit``
+    mdc_high: float | None = None  # ``sem_high`` times the same t * sqrt(2), in ``unit``
     status: str = "ok"  # ``ok``; ``failed:too_few_participants``; ``no_spread``
 
 
@@ -155,13 +154,13 @@ class Repeatability:
 class ReferenceRange:
     """A published value shown beside a mean; nothing is tested against it."""
 
-    name: str  # whose, and of what
+    name: str  # name of the publication
     parameter: str
     timing_point: str
-    value: float | None  # mean, where there is one
-    low: float  # its interval over people, or the stated range
-    high: float
-    words: str  # what the numbers are
+    value: float | None  # published mean, where there is one, SI
+    low: float  # lower end of the interval over people or of the stated range, SI
+    high: float  # upper end of the interval over people or of the stated range, SI
+    words: str  # description of the numbers
 
 
 def difference_text(row: Difference) -> str:

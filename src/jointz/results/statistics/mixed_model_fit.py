@@ -23,32 +23,31 @@ _METHODS = {"kenward-roger": "Kenward-Roger", "satterthwaite": "Satterthwaite"}
 class EffectTest:
     """An F test."""
 
-    F: float  # statistic, degrees of freedom and probability; F of Kenward and Roger is scaled
-    df_num: float
-    df_den: float
-    p: float
+    F: float  # F statistic, scaled by the method of Kenward and Roger
+    df_num: float  # numerator degrees of freedom
+    df_den: float  # denominator degrees of freedom
+    p: float  # probability of as large an F under the null
 
 
 @dataclass(frozen=True, slots=True)
 class Variances:
     """Variances of the random parts, in the unit of the response squared."""
 
-    participant: float  # between participants, and of the rows
-    residual: float
-    # of a participant's cells about participant and level; None without replicates
-    cell: float | None = None
+    participant: float  # between participants
+    residual: float  # of the rows
+    cell: float | None = None  # of the cells about participant and level; None without replicates
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatedMeasuresTest:
     """The analysis of variance of a complete table; exact under sphericity."""
 
-    F: float  # the F test
-    df_num: float
-    df_den: float
-    p: float
-    epsilon: float  # greenhouse and Geisser's epsilon, and the probability with it
-    p_epsilon: float
+    F: float  # F statistic
+    df_num: float  # numerator degrees of freedom
+    df_den: float  # denominator degrees of freedom
+    p: float  # exact under sphericity
+    epsilon: float  # Greenhouse and Geisser's epsilon
+    p_epsilon: float  # p with both degrees of freedom multiplied by ``epsilon``
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +55,16 @@ class RandomEffectTest:
     """The test that a variance is above 0."""
 
     effect: str  # ``participant`` or ``cell``
-    likelihood_ratio: float  # of restricted likelihoods, -2 log
-    # by chi-squared with 1 degree of freedom (cautious: 0 is at the bound), and by the 50:50
-    # mixture with a point at 0
+    # -2 log of the ratio of the restricted likelihoods, without and with the variance
+    likelihood_ratio: float
+    # by chi-squared with 1 degree of freedom; conservative, because 0 is at the bound
     p_chi2: float
+    # by the 50:50 mixture of chi-squared with 1 degree of freedom and a point at 0
     p_mixture: float
-    F: float | None = None  # the exact F test; None where there is none
-    df_num: float | None = None
-    df_den: float | None = None
-    p: float | None = None
+    F: float | None = None  # statistic of the exact F test; None where there is none
+    df_num: float | None = None  # numerator degrees of freedom of the exact F test
+    df_den: float | None = None  # denominator degrees of freedom of the exact F test
+    p: float | None = None  # of the exact F test
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,9 @@ class IntraclassCorrelation:
     """The share of participants in the variance of one value of a cell."""
 
     value: float  # from the REML variances, 0..1
-    ci_low: float  # interval from the F distribution
-    ci_high: float
-    exact: bool  # false where cells have different numbers of replicates
+    ci_low: float  # lower end of the interval from the F distribution
+    ci_high: float  # upper end of the interval from the F distribution
+    exact: bool  # whether the interval is exact: not with different numbers of replicates a cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,29 +82,29 @@ class LevelMean:
     """The estimated mean of a level over participants."""
 
     level: str
-    mean: float  # estimate and interval, by the model
-    se: float
-    df: float
-    ci_low: float
-    ci_high: float
-    n_participants: int  # with a value at the level
+    mean: float  # estimate by the model
+    se: float  # standard error by the model
+    df: float  # degrees of freedom by the model
+    ci_low: float  # lower end of the interval by the model
+    ci_high: float  # upper end of the interval by the model
+    n_participants: int  # participants with a value at the level
 
 
 @dataclass(frozen=True, slots=True)
 class LevelPair:
     """Two levels compared, not adjusted."""
 
-    first: str  # the levels
-    second: str
-    # ``pooled``: the model's error; ``paired``: a paired t test of these two levels alone
+    first: str  # first level
+    second: str  # second level
+    # ``pooled``: error of the model; ``paired``: error of a paired t test of these two levels alone
     error: str
     difference: float | None  # first minus second; by the model, or over complete pairs
-    # standard error and t test. None where the differences do not vary or there are fewer than two
+    # standard error of ``difference``; None below two differences or without their variation
     se: float | None
-    df: float | None
-    t: float | None
-    p: float | None
-    n_participants: int  # with a value at both levels
+    df: float | None  # degrees of freedom of ``t``; None likewise
+    t: float | None  # ``difference`` over ``se``; None likewise
+    p: float | None  # two-sided p of ``t``, not adjusted; None likewise
+    n_participants: int  # participants with a value at both levels
 
 
 @dataclass(frozen=True, slots=True, repr=False)

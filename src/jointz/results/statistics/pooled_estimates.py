@@ -19,10 +19,9 @@ class UnboundedEstimate:
     """An estimate without bounds, whether or not its cell was decided."""
 
     value: float  # the estimate, SI
-    # of errors that are another one at every timing point: they average out between them
-    noise_sd: float
-    # of errors that timing points share or that are alike at neighbouring ones: lag, gains,
-    # friction, what K and B do inside the window, the model
+    noise_sd: float  # sd of the errors that are independent between timing points, SI
+    # sd of the errors that timing points share or that are similar at neighbouring ones (lag,
+    # gains, friction, changes of K and B inside the window, the model), SI
     systematic_sd: float
 
     @property

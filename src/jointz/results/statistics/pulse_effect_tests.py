@@ -38,48 +38,52 @@ class Undecided(Code):
 class PulseTest:
     """One test of one effect on one parameter, in one case and trajectory."""
 
-    case: str  # the load and the reference
-    trajectory: str
+    case: str  # name of the load
+    trajectory: str  # name of the reference trajectory
     response: str  # ``stiffness`` or ``inertia``
     # ``type`` (sign of the pulse), ``direction`` (with or against the trajectory),
-    # ``type:direction``, or ``joint``: any of them, where they cannot be told apart
+    # ``type:direction``, or ``joint``: any of them, where they are confounded
     effect: str
-    # ``one_way``: as printed, pulses taken as independent; ``mixed``: trial as a random factor
+    # ``one_way``: the printed analysis, with pulses as independent; ``mixed``: trial as a random
+    # factor
     analysis: str
-    # the F test; None where undecided. An infinite F is given as None beside p = 0
-    statistic: float | None
-    df_num: float | None
-    df_den: float | None
-    p: float | None
-    p_holm: float | None  # adjusted over the family of the analysis, see :class:`PulseEffects`
-    # positive minus negative, with minus against; N*m/rad or kg*m^2. None for effects that are not
-    # one difference. The interval is of the mixed model, at ``1 - PulseEffects.alpha``
+    statistic: float | None  # F; None where undecided, or where F is infinite (then p = 0)
+    df_num: float | None  # numerator degrees of freedom; None where undecided
+    df_den: float | None  # denominator degrees of freedom; None where undecided
+    p: float | None  # p of F; None where undecided
+    # p by Holm's correction over the family of the analysis, see :class:`PulseEffects`
+    p_holm: float | None
+    # positive minus negative, or with minus against, N*m/rad or kg*m^2; None for effects that are
+    # not one difference
     difference: float | None
+    # lower end of the interval of ``difference`` by the mixed model, level 1 - ``alpha``
     ci_low: float | None
+    # upper end of the interval of ``difference`` by the mixed model, level 1 - ``alpha``
     ci_high: float | None
-    n_pulses: int  # what entered
-    n_trials: int
+    n_pulses: int  # pulses of the test
+    n_trials: int  # trials of the test
     status: str = "ok"  # ``ok`` or ``undecided``
-    code: str = ""  # why undecided, see :class:`Undecided`; empty where ``ok``
+    code: str = ""  # code of :class:`Undecided`; empty where ``ok``
 
 
 @dataclass(frozen=True, slots=True)
 class PulseMeans:
     """Means of one parameter in one case and trajectory."""
 
-    case: str  # as in :class:`PulseTest`
-    trajectory: str
-    response: str
-    # mean over the pulses of that type or direction; None where there is none
-    positive: float | None
-    negative: float | None
-    along: float | None
+    case: str  # name of the load
+    trajectory: str  # name of the reference trajectory
+    response: str  # ``stiffness`` or ``inertia``
+    positive: float | None  # mean over positive pulses, N*m/rad or kg*m^2; None without any
+    negative: float | None  # mean over negative pulses, N*m/rad or kg*m^2; None without any
+    along: float | None  # mean over pulses with the trajectory, N*m/rad or kg*m^2; None without any
+    # mean over pulses against the trajectory, N*m/rad or kg*m^2; None without any
     against: float | None
-    n_used: int  # pulses; those without a finite estimate, a sign or a direction are excluded
-    n_excluded: int
-    trial_sd: float | None  # between and inside trials, of the mixed model
-    residual_sd: float | None
-    # correlation of type and direction over the pulses, -1..1; None where one of them does not vary
+    n_used: int  # number of pulses used
+    n_excluded: int  # number of pulses without a finite estimate, a sign or a direction
+    trial_sd: float | None  # sd between trials by the mixed model, N*m/rad or kg*m^2
+    residual_sd: float | None  # sd inside trials by the mixed model, N*m/rad or kg*m^2
+    # correlation of type and direction over the pulses, -1..1; None without variation of one of
+    # them
     confounding: float | None
 
 

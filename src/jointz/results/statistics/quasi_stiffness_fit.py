@@ -34,17 +34,17 @@ class QuasiStiffnessEstimate:
     """One quasi-stiffness at one timing point."""
 
     timing_point: str  # such as ``LRE``
-    onset_gait_pct: float  # the timing point, % of the gait cycle
+    onset_gait_pct: float  # onset of the timing point, % of the gait cycle
     measure: str  # one of :data:`MEASURES`
-    value: float | None  # moment over angle; None where there is none
-    start_gait_pct: float  # what entered, % of the gait cycle; equal for the secant
+    value: float | None  # moment over angle, in ``QuasiStiffness.unit``; None where there is none
+    start_gait_pct: float  # start of the range used, % of the gait cycle
+    # end of the range used, % of the gait cycle; equal to the start for the secant
     end_gait_pct: float
-    # share of the moment's variance on the line; None for the secant, and where the moment does not
-    # vary
+    # share of the moment's variance explained by the line; None for the secant and for a constant
+    # moment
     r_squared: float | None
-    # range of the angle that the line was drawn over; None for the secant
-    angle_range_rad: float | None
-    # share of the angle's travel that goes back, 0 (monotone) to 0.5; None for the secant
+    angle_range_rad: float | None  # range of the angle under the line; None for the secant
+    # share of the angle's travel in the minor direction, 0 (monotone) to 0.5; None for the secant
     backtrack: float | None
     # ``ok``, ``ill_conditioned`` (a value with doubts) or ``undecided`` (no value)
     status: str = "ok"
@@ -175,7 +175,7 @@ class ComparedPoint:
 
     timing_point: str  # such as ``LRE``
     quasi_stiffness: float  # in the unit of the comparison
-    stiffness: float
+    stiffness: float  # in the unit of the comparison
     difference_pct: float | None  # 100 (Q - K) / K, as published; None where K is 0
 
 

@@ -37,11 +37,11 @@ _MultivariateFit = Annotated[
 class StudyMean:
     """The mean over the people of a study."""
 
-    study: str  # as tables and figures call it
-    value: float  # mean and its standard error, SI
-    se: float
-    n_people: int  # people it is of
-    ci_level: float = 0.95  # of its own interval
+    study: str  # name in tables and figures
+    value: float  # mean over the people, SI
+    se: float  # standard error of the mean, SI
+    n_people: int  # number of people behind the mean
+    ci_level: float = 0.95  # level of the interval
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -58,7 +58,7 @@ class RandomEffects(Result):
 
     parameter: str
     unit: str
-    studies: tuple[StudyMean, ...]  # what was pooled
+    studies: tuple[StudyMean, ...]  # pooled studies
     fit: _UnivariateFit  # mean, intervals, spread between studies, weights
     ci_level: float = 0.95  # of all intervals
 
@@ -103,10 +103,10 @@ class JointRandomEffects(PlottedResult):
     SCHEMA: ClassVar[str] = "jointz.JointRandomEffects/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 3.0)
 
-    parameters: tuple[str, ...]  # of what, in the order of all arrays
-    units: tuple[str, ...]
-    studies: tuple[str, ...]  # what was pooled
-    values: Array  # means over people; NaN where a study has none
+    parameters: tuple[str, ...]  # names of the parameters, in the order of all arrays
+    units: tuple[str, ...]  # units of the parameters, in the same order
+    studies: tuple[str, ...]  # names of the pooled studies
+    values: Array  # (study, parameter) means over people, in ``units``; NaN where a study has none
     fit: _MultivariateFit  # means, intervals, covariance between studies
     ci_level: float = 0.95  # of all intervals
 

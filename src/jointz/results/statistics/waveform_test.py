@@ -20,14 +20,14 @@ _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-
 class WaveformCluster:
     """Neighbouring nodes where the curves differ, all in one direction."""
 
-    # ends, counted from 0; between nodes where the line between them crosses the threshold
+    # start, counted from 0; between nodes where the line between them crosses the threshold
     start_node: float
-    end_node: float
-    extent_resels: float | None  # width over the field's; None of sign flips
-    peak_node: int  # where t is farthest from zero
-    peak_t: float  # the t there; positive where the first curves are larger
-    # two-tailed. Of random fields: of a cluster as wide anywhere on the curve. Of sign flips: of a
-    # t as far from zero anywhere on it
+    end_node: float  # end, counted likewise
+    extent_resels: float | None  # width in resolution elements of the field; None for sign flips
+    peak_node: int  # node of the t farthest from zero
+    peak_t: float  # t at ``peak_node``; positive where the first curves are larger
+    # two-tailed. Random fields: probability of a cluster as wide anywhere on the curve. Sign flips:
+    # probability of a t as far from zero anywhere on the curve
     p: float
 
     @property
