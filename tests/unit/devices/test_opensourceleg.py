@@ -264,7 +264,7 @@ def test_a_link_lost_between_two_samples_is_told_and_zero_was_tried():
     fake.error = OSError("no such device")
     wait(clock, 0.003)
     assert fake.calls[-1] == ("current", 0.0)
-    with pytest.raises(NotConnectedError, match=r"knee: is lost.*OSError: no such device"):
+    with pytest.raises(NotConnectedError, match=r"knee.*no such device"):
         actuator.read()
     actuator.stop()
     actuator.close()
@@ -343,7 +343,7 @@ def test_a_device_that_does_not_start_says_why_and_is_let_go():
     fake = DephyActuator()
     fake.error = RuntimeError("no answer")
     actuator = adapted(fake, HeldClock())
-    with pytest.raises(NotConnectedError, match=r"could not start it: RuntimeError: no answer"):
+    with pytest.raises(NotConnectedError, match="no answer"):
         actuator.configure()
     assert actuator.state is Lifecycle.UNCONFIGURED
     assert fake.calls == [("start",), ("stop",)]
@@ -576,7 +576,7 @@ def test_a_stop_that_the_library_holds_up_is_reported_and_sent_as_soon_as_it_can
         _stop("actuator", actuator, {"actuator"}, None, None, None)
     assert time.perf_counter() - since_s < 0.2
     time.sleep(0.2)
-    assert "did not confirm zero torque. Use the emergency stop" in caplog.text
+    assert "emergency stop" in caplog.text
     threads = threading.active_count()
     time.sleep(0.1)
     assert threading.active_count() == threads  # attempts that hang do not pile up

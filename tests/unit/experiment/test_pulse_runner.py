@@ -159,7 +159,7 @@ def test_after_ten_pulses_broken_off_in_a_row_the_trial_ends(walk):
     broken_off(one, *range(9))
     one.until(9 * STRIDE + 300 * MS)
     one.runner.abort("too much of the time under pulses")
-    with pytest.raises(SafetyStop, match=r"10 pulses in a row.*too much of the time under pulses"):
+    with pytest.raises(SafetyStop, match="too much of the time under pulses"):
         one.until(10 * STRIDE)
     assert one.slot == (9 * 550 + 110) + 125  # when the last one's time is over: torque is faded
     assert len(one.events("pulse_aborted")) == 10

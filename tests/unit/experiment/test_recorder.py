@@ -57,7 +57,7 @@ def test_the_records_of_a_tick_are_one_write(path, monkeypatch):
 def test_a_log_is_never_written_over(path):
     with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(1))
-    with pytest.raises(OutputError, match=r"journal knows nothing of.*move the log away"):
+    with pytest.raises(OutputError, match=r"walk-0\.jzlog"):
         Recorder(path, HEADER, WALKING)
     assert slots(path) == [1]
 
@@ -69,7 +69,7 @@ def test_a_disk_that_takes_a_part_of_a_record_is_an_error_and_the_rest_can_be_re
     with Recorder(path, HEADER, WALKING) as recorder:
         recorder.write(record(1))
         monkeypatch.setattr(os, "write", lambda fd, data: real(fd, data[:40]))
-        with pytest.raises(WriteError, match=r"walk-0.jzlog: cannot be written \(No space"):
+        with pytest.raises(WriteError, match=r"walk-0.jzlog.*No space"):
             recorder.write(record(2))
     assert slots(path) == [1]
     assert read_log(path).torn_bytes == 40

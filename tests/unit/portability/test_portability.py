@@ -133,9 +133,9 @@ def test_real_devices_are_refused_elsewhere_before_anything_begins(system, monke
 def test_a_session_is_followed_only_where_the_system_tells_who_holds_it(monkeypatch, tmp_path):
     refuse_where_unseen()
     monkeypatch.setattr(live_session, "_LOCKS", tmp_path / "locks")
-    with pytest.raises(DataError, match=r"nothing else tells whether a session runs.*Linux"):
+    with pytest.raises(DataError, match="Linux"):
         refuse_where_unseen()
-    with pytest.raises(DataError, match="nothing else tells"):
+    with pytest.raises(DataError, match="Linux"):
         open_console(tmp_path, ["walking"], resume=False, host="", port=0, announce=print)
     assert list(tmp_path.iterdir()) == []
 

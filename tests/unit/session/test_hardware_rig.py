@@ -162,7 +162,7 @@ def test_a_library_that_is_missing_is_told_before_anybody_is_prompted(monkeypatc
 
 def test_the_limits_of_the_file_hold_against_the_protocol(file, tmp_path):
     low = WHOLE.replace("torque_nm = 20", "torque_nm = 12")
-    with pytest.raises(ProtocolError, match=r"walking with the limits of this device"):
+    with pytest.raises(ProtocolError, match="walking"):
         jointz.run(walking(), config=file(low), out=tmp_path / "s", operator=Operator())
     assert not (tmp_path / "s").exists()
 
@@ -186,7 +186,7 @@ def test_a_study_has_one_torque_model(laboratory, file, tmp_path):
     before = json.loads(report.read_text())
     before["torque_model"]["torque_constant"] *= 1.01
     report.write_text(json.dumps(before))
-    with pytest.raises(DataError, match="P07 was measured with another torque_model"):
+    with pytest.raises(DataError, match=r"P07.*torque_model"):
         jointz.run(protocol, config=file(), out=out, operator=Operator(), resume=True)
 
 

@@ -35,20 +35,20 @@ def test_a_clean_bench_holds_the_load_as_stated(bench):
 
 
 def test_an_unknown_bench_is_refused():
-    with pytest.raises(DataError, match="expected series-elastic or quasi-direct-drive; got 'x'"):
+    with pytest.raises(DataError, match="'x'"):
         simulated_bench("x", LOADS[0], sample_rate_hz=500.0)
 
 
 @pytest.mark.parametrize("preset", [sea_preset, qdd_preset])
 def test_an_unknown_preset_is_refused_with_those_known(preset):
-    with pytest.raises(DataError, match="one of clean, nominal, hard; got 'easy'"):
+    with pytest.raises(DataError, match="'easy'"):
         preset("easy")
 
 
 @pytest.mark.parametrize(("pack", "preset"), [(pack_sea, sea_preset), (pack_qdd, qdd_preset)])
 @pytest.mark.parametrize("rate_hz", [99.0, 20_001.0, float("nan")])
 def test_a_rate_out_of_range_is_refused(pack, preset, rate_hz):
-    with pytest.raises(DataError, match=r"bench: expected sample_rate_hz in 100\.\.20000 Hz"):
+    with pytest.raises(DataError, match="sample_rate_hz"):
         pack(preset("clean"), SPRING, sample_rate_hz=rate_hz)
 
 

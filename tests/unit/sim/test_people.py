@@ -65,13 +65,13 @@ def test_a_strap_and_tissue_of_their_own_lie_in_their_ranges(people):
 
 
 def test_settings_that_do_not_exist_are_refused():
-    with pytest.raises(DataError, match="expected one of clean, nominal, hard, anthropometric"):
+    with pytest.raises(DataError, match="easy"):
         preset("easy")
     for wrong in ({"lag_range_s": (0.001, 0.001)}, {"lag_range_s": (0.012, 0.004)}):
-        with pytest.raises(DataError, match=r"expected 0 <= delay_s <= lag_range_s"):
+        with pytest.raises(DataError, match="lag_range_s"):
             GoniometerSettings(**wrong)
     for wrong in ({"tissue_range_hz": (40.0, 20.0)}, {"tissue_range_hz": (0.0, 20.0)}):
-        with pytest.raises(DataError, match=r"expected 0 < tissue_range_hz"):
+        with pytest.raises(DataError, match="tissue_range_hz"):
             GoniometerSettings(**wrong)
-    with pytest.raises(DataError, match=r"latency_s in 0\.03\.\.0\.06 s, got 0\.2"):
+    with pytest.raises(DataError, match="latency_s"):
         ReflexSettings(latency_s=0.2)

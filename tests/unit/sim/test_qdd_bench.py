@@ -67,8 +67,8 @@ def test_the_drives_delay_is_that_of_the_settings(rate_hz):
 
 
 def test_a_delay_too_long_to_be_kept_is_refused():
-    with pytest.raises(DataError, match=r"delay_s of 0\.\.0\.0212 s at 500 Hz, got 0\.05"):
+    with pytest.raises(DataError, match="delay_s"):
         packed(QddMachine(delay_s=0.05))
-    with pytest.raises(DataError, match=r"got -0\.001"):
+    with pytest.raises(DataError, match="delay_s"):
         packed(QddMachine(delay_s=-0.001))
     assert packed(QddMachine(delay_s=0.021))[QddParam.COMMAND_DELAY] < COMMANDS
