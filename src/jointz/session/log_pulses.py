@@ -17,12 +17,12 @@ from jointz.session.stream_alignment import fresh
 class PulseOfLog:
     """A pulse that began in a log."""
 
-    number: int  # in the plan
-    onset_slot: int  # its first tick
-    # the first tick without it; None where the log ends with it or does not tell
+    number: int  # number in the plan
+    onset_slot: int  # first tick of the pulse
+    # first tick after the pulse; None where the log ends before or leaves it open
     end_slot: int | None
-    touched: bool  # whether damaged records lie in it, or next to it
-    faded: bool  # whether the safety gate broke it off
+    touched: bool  # whether damaged records lie in the pulse or next to it
+    faded: bool  # whether the safety gate aborted the pulse
 
 
 def ticks_of(records: np.ndarray) -> np.ndarray:

@@ -14,13 +14,12 @@ SESSIONS = "sessions"
 class RunSettings:
     """Settings of a run."""
 
-    protocol: Protocol  # what to do
-    seed: int  # of plan and simulation
-    clock: Literal["fast", "real"]  # virtual or the machine's
-    study: Path  # the study's folder
-    attended: bool = False  # whether an operator's page starts, pauses and stops
-    # whether damaged parts of what was recorded are left out instead of refused
-    salvage: bool = False
+    protocol: Protocol
+    seed: int  # seed of plan and simulation
+    clock: Literal["fast", "real"]  # ``fast``: virtual time; ``real``: clock of the machine
+    study: Path  # folder of the study
+    attended: bool = False  # whether the run is controlled from an operator's page
+    salvage: bool = False  # whether damaged records are left out instead of refused
 
     def session_folder(self, participant: str) -> Path:
         """Return where a participant's session is kept."""

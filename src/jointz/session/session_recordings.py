@@ -72,11 +72,11 @@ class ConditionRecord:
     """Recording of a condition, all its stretches one after the other."""
 
     recording: xr.Dataset
-    # one row a pulse that began, shams left out: ``onset_s, duration_s, amplitude_nm``, of walking
-    # ``pulse, timing_point, completed, damaged`` too
+    # one row for each pulse that began, without shams: ``onset_s, duration_s, amplitude_nm``, in
+    # walking also ``pulse, timing_point, completed, damaged``
     pulses: pd.DataFrame
     stretches: tuple[Stretch, ...]  # number, offset and end of each log
-    logs: tuple[SessionLog, ...]  # the logs of the stretches
+    logs: tuple[SessionLog, ...]  # logs of the stretches
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +84,8 @@ class _Piece:
     """One log on the time of the recording."""
 
     log: SessionLog
-    time_s: np.ndarray  # of all samples of the master
-    counted: np.ndarray  # which of them are recorded
+    time_s: np.ndarray  # times of all samples of the master device
+    counted: np.ndarray  # bool: whether each sample is recorded
     channels: dict[str, np.ndarray]
 
 
@@ -98,7 +98,7 @@ class SessionRecordings(ABC):
     folder: Path
     participant: str
     protocol: Protocol
-    events: Sequence[Event]  # of the journal
+    events: Sequence[Event]  # events of the journal
     plans: Mapping[str, Sequence[Any]]  # pulses of every trial
     salvage: bool = False  # whether damaged records are left out instead of refused
 

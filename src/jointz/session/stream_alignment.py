@@ -24,9 +24,9 @@ class ClockFit:
     """A device's clock against the host's."""
 
     start_ns: int  # ns: device time of the first sample
-    way_ns: int  # ns: host time less device time there
-    drift: float  # how much faster the host's clock runs, share; 0 for a short record
-    residual_ms: float  # ms: farthest of the blocks' fastest samples from the line
+    way_ns: int  # ns: host time minus device time at the first sample
+    drift: float  # relative excess of the host's clock rate; 0 for a short record
+    residual_ms: float  # ms: largest distance of a block's fastest sample from the line
 
     def place(self, device_ns: np.ndarray, master: "ClockFit") -> np.ndarray:
         """Return device times by another device's clock, since its start, ns."""

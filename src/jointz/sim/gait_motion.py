@@ -29,9 +29,9 @@ _KNEE_GROWTH_S_M = 0.15  # share of the knee curve per m/s
 class ConditionShift:
     """Difference between the knee of one condition and the person's."""
 
-    offset_rad: float = 0.0  # added to the angle
-    amplitude: float = 0.0  # share added to the curve
-    phase_cycles: float = 0.0  # by which the curve is early
+    offset_rad: float = 0.0  # offset of the angle
+    amplitude: float = 0.0  # relative change of the size of the curve
+    phase_cycles: float = 0.0  # advance of the curve, cycles
 
 
 def draw_shift(settings: GaitSettings, rng: np.random.Generator) -> ConditionShift:

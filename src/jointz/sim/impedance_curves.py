@@ -34,9 +34,9 @@ _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
 class Leg:
     """Shank and foot of a person."""
 
-    mass_kg: float
-    centre_m: float  # distance of its centre from the knee
-    inertia: float  # kg*m^2, about the knee
+    mass_kg: float  # mass of shank and foot
+    centre_m: float  # distance of the centre of shank and foot from the knee
+    inertia: float  # kg*m^2, of shank and foot about the knee
     thigh_inertia: float  # kg*m^2, of the thigh alone, about the hip
     thigh_length_m: float
 

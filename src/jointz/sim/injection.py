@@ -14,24 +14,22 @@ class Misbehaviour:
     """One misbehaviour of a device."""
 
     device: DeviceName
-    # ``freeze``: samples come, their values stand still. ``silence``: no samples come. ``nan``:
-    # angles or values are NaN. ``disconnect``: every call but stop and close raises. ``fault``:
-    # fault bits of ``value``, and the actuator goes into fault. ``heat``: ``value`` degrees are
-    # added to the temperature. ``double``: the contact opens in mid-stance, between 25 and 35 % of
-    # the stride
+    # ``freeze``: samples arrive with constant values. ``silence``: no samples. ``nan``: angles or
+    # values are NaN. ``disconnect``: every call but stop and close raises. ``fault``: fault bits of
+    # ``value``, and the actuator faults. ``heat``: temperature raised by ``value``, degrees
+    # Celsius. ``double``: the contact opens in mid-stance, between 25 and 35 % of the stride
     kind: Kind
-    from_s: float = 0.0  # s: when, on the device's clock
-    until_s: float = inf  # s
-    value: float = 0.0  # of what needs one
+    from_s: float = 0.0  # s: begin, on the device's clock
+    until_s: float = inf  # s: end, on the device's clock
+    value: float = 0.0  # fault bits of ``fault``, or degrees Celsius of ``heat``
 
 
 @dataclass(slots=True)
 class Injection:
     """Misbehaviour ordered from a rig; orders may be given at any time."""
 
-    # everything ordered; see :meth:`order`
-    orders: list[Misbehaviour] = field(default_factory=list)
-    # number of a stride -> factor of its duration; ordered before the devices are opened
+    orders: list[Misbehaviour] = field(default_factory=list)  # all orders; see :meth:`order`
+    # number of a stride -> factor on its duration; to be set before the devices are opened
     stumbles: dict[int, float] = field(default_factory=dict)
 
     def order(

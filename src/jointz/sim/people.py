@@ -21,14 +21,14 @@ _LARGEST_ERROR = 3.0  # sd
 class Person:
     """A simulated person and the truth about the knee."""
 
-    number: int  # place in the population, from 0
-    seed: int  # of the population
+    number: int  # index in the population, from 0
+    seed: int  # seed of the population
     mass_kg: float
     height_m: float
-    stride_time_s: float  # mean at 1.2 m/s
+    stride_time_s: float  # mean duration of a stride at 1.2 m/s
     stiffness_per_mass: Mapping[str, float]  # timing point -> N*m/rad/kg
     damping_per_mass: Mapping[str, float]  # timing point -> N*m*s/rad/kg
-    inertia: float  # kg*m^2: of joint, limb and frame; the anthropometric preset has its own
+    inertia: float  # kg*m^2: joint, limb and frame together; not used by the anthropometric preset
 
     @property
     def id(self) -> str:
@@ -86,12 +86,12 @@ def draw_person(number: int, *, seed: int) -> Person:
 class Instruments:
     """True properties of one person's instruments; the same in all conditions."""
 
-    torque_gain: float  # measured over true
-    angle_gain: float
+    torque_gain: float  # measured over true torque
+    angle_gain: float  # measured over true angle
     friction_gain: float  # true over stated friction
     angle_lag_s: float  # s: total lag of the goniometer behind the joint, without tissue
-    strap_stiffness: float  # N*m/rad: between frame and leg; 0 for a rigid strap
-    tissue_hz: float  # Hz: resonance of the tissue between joint and goniometer; 0 for none
+    strap_stiffness: float  # N*m/rad: stiffness between frame and leg; 0: rigid strap
+    tissue_hz: float  # Hz: resonance of the tissue between joint and goniometer; 0: rigid tissue
 
 
 def draw_instruments(person: Person, preset: Preset) -> Instruments:

@@ -64,8 +64,8 @@ class PlantBuild:
     instruments: Instruments
     grid: Grid
     worn: bool  # whether the exoskeleton is worn
-    params: np.ndarray  # as :func:`jointz.sim.plant.advance` takes them
-    curves: np.ndarray
+    params: np.ndarray  # argument of :func:`jointz.sim.plant.advance`
+    curves: np.ndarray  # argument of :func:`jointz.sim.plant.advance`
 
 
 def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:

@@ -21,19 +21,18 @@ PresetT = TypeVar("PresetT")
 class GaitSettings:
     """Variation between strides."""
 
-    duration_sd: float = 0.025  # stride time, share of the mean: from stride to stride, and slowly
-    duration_drift_sd: float = 0.01
-    amplitude_sd: float = 0.03  # size of the knee curve, share
-    # rad: level of the knee curve: autoregressive from stride to stride, and slowly
+    duration_sd: float = 0.025  # stride time from stride to stride, share of the mean
+    duration_drift_sd: float = 0.01  # slow drift of the stride time, share of the mean
+    amplitude_sd: float = 0.03  # size of the knee curve from stride to stride, share
+    # rad: offset of the knee curve from stride to stride, autoregressive
     offset_sd_rad: float = radians(1.0)
-    offset_drift_sd_rad: float = radians(1.5)  # rad
-    shape_sd_rad: float = radians(0.8)  # rad: RMS over the cycle of a random change of shape
+    offset_drift_sd_rad: float = radians(1.5)  # rad: slow drift of the offset of the knee curve
+    shape_sd_rad: float = radians(0.8)  # rad: RMS over the cycle of the random change of shape
     memory: float = 0.5  # correlation of amplitude and offset between neighbouring strides
-    drift_strides: float = 150.0  # strides after which a drift has forgotten 63 %
-    # difference between two conditions: rad, share, cycles
-    condition_offset_sd_rad: float = radians(1.5)
-    condition_amplitude_sd: float = 0.02
-    condition_phase_sd: float = 0.005
+    drift_strides: float = 150.0  # strides after which a drift has lost 63 % of its memory
+    condition_offset_sd_rad: float = radians(1.5)  # rad: offset between two conditions
+    condition_amplitude_sd: float = 0.02  # size of the knee curve between two conditions, share
+    condition_phase_sd: float = 0.005  # phase between two conditions, cycles
     contact_share: float = 0.62  # share of the stride with the foot on the ground
 
 
@@ -100,31 +99,30 @@ class JointSettings:
 class ActuatorSettings:
     """A quasi-direct-drive actuator; nominal values of table 3.1, model 3."""
 
-    # of equation 4.1, as the device states them
-    gear_ratio: float = 9.0
-    torque_constant: float = 0.11  # N*m/A
-    coulomb_friction: float = 0.38  # N*m
-    gear_friction: float = 0.09  # N*m/A
+    gear_ratio: float = 9.0  # of equation 4.1, as stated by the device
+    torque_constant: float = 0.11  # N*m/A, stated by the device
+    coulomb_friction: float = 0.38  # N*m, stated by the device
+    gear_friction: float = 0.09  # N*m/A, stated by the device
     rotor_inertia: float = 92e-4  # kg*m^2
-    delay_s: float = 0.006  # from command to current
-    time_constant_s: float = 0.012  # of the current
-    gain_error_sd: float = 0.02  # of torque per ampere and of both frictions, share
-    friction_error_sd: float = 0.1
-    torque_error_sd_nm: float = 0.25  # of an Ornstein-Uhlenbeck error of the torque
-    torque_error_time_s: float = 0.25
-    sign_velocity_rad_s: float = 0.05  # friction goes as tanh(velocity / this)
-    current_max_a: float = 30.0  # where the driver saturates
-    # quanta of what is reported; 0 for none
+    delay_s: float = 0.006  # delay of the current behind the command
+    time_constant_s: float = 0.012  # time constant of the current
+    gain_error_sd: float = 0.02  # torque per ampere, share
+    friction_error_sd: float = 0.1  # both frictions, share
+    torque_error_sd_nm: float = 0.25  # sd of an Ornstein-Uhlenbeck error of the torque
+    torque_error_time_s: float = 0.25  # correlation time of that error
+    sign_velocity_rad_s: float = 0.05  # velocity scale v of the friction's sign, tanh(velocity / v)
+    current_max_a: float = 30.0  # limit of the driver
+    # resolution of the reported angle; 0: none
     angle_step_rad: float = 6.283185307179586 / (9 * 16384)
-    velocity_step_rad_s: float = 0.005
-    current_step_a: float = 0.01
-    supply_v: float = 48.0  # of the battery
-    supply_ohm: float = 0.05  # of the battery
-    ambient_c: float = 25.0  # winding: ambient temperature, final rise per A^2, time constant
-    heating_c_a2: float = 0.3
-    thermal_s: float = 90.0
-    temperature_max_c: float = 110.0  # above it the device goes into fault
-    command_timeout_s: float = 0.05  # without a command for so long it goes to zero current
+    velocity_step_rad_s: float = 0.005  # resolution of the reported velocity; 0: none
+    current_step_a: float = 0.01  # resolution of the reported current; 0: none
+    supply_v: float = 48.0  # voltage of the battery
+    supply_ohm: float = 0.05  # resistance of the battery
+    ambient_c: float = 25.0  # ambient temperature
+    heating_c_a2: float = 0.3  # final rise of the winding's temperature per A^2
+    thermal_s: float = 90.0  # time constant of the winding's temperature
+    temperature_max_c: float = 110.0  # winding temperature above which the device faults
+    command_timeout_s: float = 0.05  # time without a command after which the current is zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,18 +130,19 @@ class GoniometerSettings:
     """An electrogoniometer on soft tissue."""
 
     delay_s: float = 0.002  # s: pure delay
-    lag_range_s: Range = (0.004, 0.012)  # s: range of the total lag: the delay and a first order
-    # Hz: resonance between joint and goniometer, before its lag; None: the tissue is rigid
+    # s: range of the total lag, pure delay plus first-order lag
+    lag_range_s: Range = (0.004, 0.012)
+    # Hz: range of the resonance between joint and goniometer; None: rigid tissue
     tissue_range_hz: Range | None = None
     tissue_damping: float = 0.3  # damping ratio of that resonance
-    gain_error_sd: float = 0.02  # share; also what a lab believes of its instrument
-    # the error that every wearer's instrument has, share; None: drawn
+    gain_error_sd: float = 0.02  # relative sd of the gain, also as known to the lab
+    # relative error of the gain of every wearer's instrument; None: drawn
     gain_error: float | None = None
-    white_sd_rad: float = radians(0.3)  # noise
-    coloured_sd_rad: float = radians(0.15)  # noise
-    coloured_time_s: float = 0.1
+    white_sd_rad: float = radians(0.3)  # white noise
+    coloured_sd_rad: float = radians(0.15)  # coloured noise
+    coloured_time_s: float = 0.1  # correlation time of the coloured noise
     drift_sd_rad: float = 0.0  # slow drift
-    drift_time_s: float = 300.0
+    drift_time_s: float = 300.0  # correlation time of the drift
     torsion_rad_nm: float = 0.0  # rad/(N*m): angle shown per torque on the joint
 
     def __post_init__(self) -> None:
@@ -167,11 +166,10 @@ class GoniometerSettings:
 class FootswitchSettings:
     """A switch under the heel."""
 
-    jitter_sd_s: float = 0.005  # s: of the moment of contact
-    bounce_s: float = 0.004  # s: how long it chatters after closing; 0 for none
-    # probability, a stride, of a contact that does not show and of a short one in swing
-    missed: float = 0.001
-    false: float = 0.001
+    jitter_sd_s: float = 0.005  # s: jitter of the moment of contact
+    bounce_s: float = 0.004  # s: duration of chatter after closing; 0: none
+    missed: float = 0.001  # probability per stride of a contact that is not shown
+    false: float = 0.001  # probability per stride of a short false contact in swing
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +178,8 @@ class BodySettings:
 
     strap_range_nm_rad: Range = (300.0, 1000.0)  # N*m/rad: stiffness between frame and leg
     strap_damping_time_s: float = 0.005  # s: strap damping over strap stiffness
-    frame_mass_kg: float = 1.0  # of the frame on the shank
-    frame_distance_m: float = 0.18  # of its centre below the knee
+    frame_mass_kg: float = 1.0  # mass of the frame on the shank
+    frame_distance_m: float = 0.18  # distance of the frame's centre below the knee
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,9 +30,9 @@ _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40
 class Wiring:
     """Plant, clock and misbehaviour that the devices of one stretch share."""
 
-    plant: SampledTime  # the physics
-    clock: Clock  # the host's
-    inject: Injection  # what is to go wrong
+    plant: SampledTime  # simulated physics
+    clock: Clock  # clock of the host
+    inject: Injection  # ordered misbehaviour
 
 
 class _SimulatedDevice:

@@ -19,15 +19,15 @@ class NoSpreadError(ValueError):
 class MeanDifference:
     """A mean difference with its t test and effect size."""
 
-    difference: float  # of first minus second
+    difference: float  # mean of the first values minus mean of the second
     se: float
     df: float
     t: float
     p: float
     ci_low: float
     ci_high: float
-    # hedges' g_z of pairs, g of groups; None for two pairs, which leave no degree of freedom to
-    # correct it by
+    # Hedges' g_z of pairs, or g of groups; None for two pairs, which leave no degree of freedom for
+    # the correction
     effect_size: float | None
     effect_low: float | None
     effect_high: float | None
@@ -143,10 +143,13 @@ def _noncentrality(t: float, df: float, ci_level: float) -> tuple[float, float]:
 class RepeatedMeasurements:
     """Intraclass correlations of single values, with their error."""
 
-    icc_agreement: tuple[float, float, float]  # value and ends of the interval
+    # ICC(A,1): value, lower and upper end of the interval
+    icc_agreement: tuple[float, float, float]
+    # ICC(C,1): value, lower and upper end of the interval
     icc_consistency: tuple[float, float, float]
-    sem: tuple[float, float, float]  # standard error of measurement and ends of its interval
-    # minimal detectable change of one person at 95 %, and ends of its interval
+    # standard error of measurement: value, lower and upper end of the interval
+    sem: tuple[float, float, float]
+    # minimal detectable change of one person at 95 %: value, lower and upper end of the interval
     mdc: tuple[float, float, float]
 
 

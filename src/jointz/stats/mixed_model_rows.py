@@ -18,11 +18,11 @@ class Rows:
     """The values of a table, participants and levels as numbers."""
 
     y: np.ndarray  # finite values
-    person: np.ndarray  # of every row, into ``persons`` and ``levels``
-    level: np.ndarray
-    persons: tuple[str, ...]  # labels, in order
-    levels: tuple[str, ...]
-    notes: tuple[str, ...] = ()  # what a reader must know of the table
+    person: np.ndarray  # index of each row into ``persons``
+    level: np.ndarray  # index of each row into ``levels``
+    persons: tuple[str, ...]  # labels of the participants, in order
+    levels: tuple[str, ...]  # labels of the levels, in order
+    notes: tuple[str, ...] = ()  # remarks on the table for the reader
 
     @property
     def cell(self) -> np.ndarray:

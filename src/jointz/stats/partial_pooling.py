@@ -22,10 +22,9 @@ _MADE = "normal model of people over the estimates of all participants, Jeffreys
 class PooledPeople:
     """The pooled estimates of a study."""
 
-    # mean and spread over people, of every timing point and parameter
+    # mean and spread over people for every timing point and parameter
     population: tuple[PopulationEstimate, ...]
-    # every participant's estimates given the others', in the order they came in
-    cells: tuple[CellEstimate, ...]
+    cells: tuple[CellEstimate, ...]  # pooled estimates of every participant, in the order given
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,13 @@ _ROUNDING_UNITS = 16.0
 class ComparedCurves:
     """Mean difference of two sets of curves, its standard error, and the residuals."""
 
-    difference: np.ndarray  # first minus second
-    se: np.ndarray  # standard error; 0 where not tested
-    residuals: np.ndarray  # about the means
-    tested: np.ndarray  # where curves vary over participants
+    difference: np.ndarray  # mean of the first curves minus mean of the second, in their unit
+    se: np.ndarray  # standard error of ``difference``, in the same unit; 0 where not tested
+    residuals: np.ndarray  # curves minus their means, in the same unit
+    tested: np.ndarray  # bool: nodes where curves vary over participants
     df: float  # degrees of freedom
-    n_a: int  # participants
-    n_b: int
+    n_a: int  # participants of the first curves
+    n_b: int  # participants of the second curves
 
     @property
     def t(self) -> np.ndarray:

@@ -54,9 +54,9 @@ class Task(Generic[Result]):
 class Done(Generic[Result]):
     """Outcome of a task."""
 
-    name: str  # of the task
-    value: Result | None = None  # its result
-    error: Exception | None = None  # what it raised
+    name: str  # name of the task
+    value: Result | None = None  # result of the task
+    error: Exception | None = None  # exception of the task
 
     def result(self) -> Result:
         """Return the result, or raise what the task raised."""

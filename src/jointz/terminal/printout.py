@@ -43,11 +43,11 @@ class Fit(Protocol):
 class Output:
     """Options of a command that say how it answers."""
 
-    model: str  # that was fitted, for a failure's JSON
-    figure: Path | None  # where a figure goes
+    model: str  # fitted model, for the JSON of a failure
+    figure: Path | None  # path of the figure
     as_json: bool  # ``--json``
     quiet: bool  # ``--quiet``
-    size: tuple[float, float] = (7.1, 3.5)  # inches, of the figure
+    size: tuple[float, float] = (7.1, 3.5)  # inches: size of the figure
 
     def __post_init__(self) -> None:
         """Refuse a figure that could not be written, before the work is done."""

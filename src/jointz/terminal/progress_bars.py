@@ -80,10 +80,10 @@ def _rate(done: int, seconds: float | None) -> str:
 class Bars:
     """Callbacks of progress bars, None where nothing is shown."""
 
-    # called with participant, condition, strides, pulses done, pulses planned
+    # arguments: participant, condition, strides, pulses done, pulses planned
     experiment: RunProgress | None = None
-    analysis: Progress | None = None  # called with done, of how many, what comes next
-    # makes a context in which nothing is drawn; after an error the bars are not drawn again
+    analysis: Progress | None = None  # arguments: number done, total number, name of the next step
+    # factory of a context without drawing; after an error the bars stay away
     paused: Callable[[], AbstractContextManager[None]] = nullcontext
 
 

@@ -23,7 +23,7 @@ _METHODS = {"kenward-roger": "Kenward-Roger", "satterthwaite": "Satterthwaite"}
 class EffectTest:
     """An F test."""
 
-    F: float  # F statistic, scaled by the method of Kenward and Roger
+    F: float  # F statistic; scaled if by the method of Kenward and Roger
     df_num: float  # numerator degrees of freedom
     df_den: float  # denominator degrees of freedom
     p: float  # probability of as large an F under the null

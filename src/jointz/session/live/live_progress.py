@@ -41,9 +41,9 @@ _DEVICES_STOPPED = frozenset({"devices_stopped", "condition_completed"})
 class TrialProgress:
     """Progress of a trial."""
 
-    planned: Sequence[Mapping[str, Any]]  # its pulses, in order
-    done: set[int] = field(default_factory=set)  # numbers of those that are completed
-    # numbers of those still to be done, in the order in which they are due
+    planned: Sequence[Mapping[str, Any]]  # planned pulses of the trial, in order
+    done: set[int] = field(default_factory=set)  # numbers of the completed pulses
+    # numbers of the pulses still to be done, in the order in which they are due
     queue: deque[int] = field(default_factory=deque)
     missed: int = 0  # pulses to be done again, so far
     aborted: int = 0

@@ -44,8 +44,8 @@ _POSITIONS = ("position_rad", "velocity_rad_s")
 class Hardware:
     """The devices that a file names, and whom they are put on."""
 
-    where: str  # the file
-    file: DeviceFile  # what it says, but for sensors that the protocol has no use for
+    where: str  # name of the file
+    file: DeviceFile  # devices of the file, without sensors that the protocol does not use
     wearers: tuple[Wearer, ...]  # participants, or the loads of a bench, in their order
 
 

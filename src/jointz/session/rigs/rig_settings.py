@@ -24,20 +24,20 @@ _FRAME_PRESETS = ("anthropometric",)
 class RigSettings:
     """The devices, and for simulated ones how well they and people behave."""
 
-    # ``sim``: the simulated walking human with an exoskeleton, or a simulated bench; or a rig of
-    # another package
+    # ``sim``: simulated walking human with an exoskeleton, or simulated bench; otherwise name of a
+    # rig of another package
     device: str = "sim"
-    # of the simulation: ``clean``, ``nominal``, ``hard`` or, for people, ``anthropometric``
+    # preset of the simulation: ``clean``, ``nominal``, ``hard`` or, for people, ``anthropometric``
     preset: str = "nominal"
-    seed: int = 1  # of the simulation
-    sample_rate_hz: float = 500.0  # Hz: of all simulated devices
-    bench: str | None = None  # which bench, for a protocol of one; None for walking
-    loads: tuple[LoadSpec, ...] = ()  # of the bench, or of the calibration's step
-    speed_m_s: float = REFERENCE_SPEED_M_S  # m/s: at which simulated people walk
-    # real devices instead of simulated ones; ``device`` and ``preset`` say ``hardware`` then
+    seed: int = 1  # seed of the simulation
+    sample_rate_hz: float = 500.0  # Hz: sampling rate of all simulated devices
+    bench: str | None = None  # name of the bench, for a protocol of a bench; None for walking
+    loads: tuple[LoadSpec, ...] = ()  # loads of the bench, or of the calibration's step
+    speed_m_s: float = REFERENCE_SPEED_M_S  # m/s: walking speed of simulated people
+    # real devices instead of simulated ones; ``device`` and ``preset`` are ``hardware`` then
     hardware: Hardware | None = None
-    step: CalibrationStep | None = None  # of a calibration, for a protocol of one
-    # what a calibration knows of the instruments: it stands over what the rig knows
+    step: CalibrationStep | None = None  # step of a calibration, for a protocol of a calibration
+    # calibration of the instruments; takes precedence over the values of the rig
     known: CalibrationFile | None = None
 
     def __post_init__(self) -> None:

@@ -13,11 +13,11 @@ from jointz.core.study import Calibrated
 class BenchLoad:
     """A known load."""
 
-    name: str  # as the protocol calls it
-    stiffness: float = 0.0  # N*m/rad: of the spring, about the angle 0
-    damping: float = 0.0  # N*m*s/rad: of a damper
-    inertia: float = 0.0  # kg*m^2: of the mass, about the output
-    locked: bool = False  # whether the output is held; the rest is then without effect
+    name: str  # name in the protocol
+    stiffness: float = 0.0  # N*m/rad: stiffness of the spring, with its rest at the angle 0
+    damping: float = 0.0  # N*m*s/rad: damping of the damper
+    inertia: float = 0.0  # kg*m^2: inertia of the mass about the output
+    locked: bool = False  # whether the output is held; then the other fields have no effect
 
 
 def draw_load(spec: LoadSpec, *, seed: int, spread: bool) -> BenchLoad:

@@ -40,13 +40,13 @@ SettingsT = TypeVar("SettingsT", SeaSettings, QddSettings)
 class BenchLabels:
     """Names, models and limits of the devices of a bench."""
 
-    kind: str  # the bench, as :meth:`LoadedBench.notes` names it
+    kind: str  # name of the bench in :meth:`LoadedBench.notes`
     one_motor: bool  # whether the motor under test also moves the output
-    actuator_model: str  # of the motor under test
-    limits: SafetyLimits  # of the same
+    actuator_model: str  # model of the motor under test
+    limits: SafetyLimits  # limits of the motor under test
     torque_sensor: tuple[str, str, str]  # name, model and channel
-    positioner: tuple[str, str, str]
-    positioner_rad_s: float  # how fast the positioner turns
+    positioner: tuple[str, str, str]  # name, model and channel
+    positioner_rad_s: float  # largest speed of the positioner
 
 
 class LoadedBench(ABC, Generic[SettingsT]):

@@ -27,43 +27,42 @@ COMMANDS = 128
 class QddMachine:
     """The machine; values that tables 3.1 and 3.2 do not state are assumed, see the docs."""
 
-    # of the torque motor, at the output (table 3.1)
-    gear_ratio: float = 9.0
-    torque_constant: float = 0.11  # N*m/A
-    coulomb_friction: float = 0.38  # N*m
-    gear_friction: float = 0.09  # N*m/A
-    sign_velocity_rad_s: float = 0.02  # where the sign of friction bends
-    rotor_inertia: float = 92e-4  # kg*m^2
-    current_max_a: float = 25.0  # of the drive
-    supply_v: float = 36.0  # of the drive
-    delay_s: float = 0.002  # of the current behind its command
-    time_constant_s: float = 0.002  # of the current
-    spring_damping: float = 0.1  # N*m*s/rad, inside the spring
-    # of the position side, at its output
-    far_inertia: float = 0.25  # kg*m^2
-    far_hz: float = 30.0  # servo frequency
-    far_damping: float = 1.0  # damping ratio
+    gear_ratio: float = 9.0  # turns of the motor per turn of the output (table 3.1)
+    torque_constant: float = 0.11  # N*m/A, before the gear
+    coulomb_friction: float = 0.38  # N*m, at the output
+    gear_friction: float = 0.09  # N*m/A, at the output
+    sign_velocity_rad_s: float = 0.02  # velocity over which the sign of friction changes smoothly
+    rotor_inertia: float = 92e-4  # kg*m^2, at the output
+    current_max_a: float = 25.0  # limit of the drive
+    supply_v: float = 36.0  # supply of the drive
+    delay_s: float = 0.002  # delay of the current behind its command
+    time_constant_s: float = 0.002  # time constant of the current
+    spring_damping: float = 0.1  # N*m*s/rad, internal damping of the spring
+    far_inertia: float = 0.25  # kg*m^2, of the position side at its output
+    far_hz: float = 30.0  # natural frequency of the position servo
+    far_damping: float = 1.0  # damping ratio of the position servo
 
 
 @dataclass(frozen=True, slots=True)
 class QddErrors:
     """Errors of the bench that model 3.3 does not contain; none by default."""
 
-    torque_constant_error: float = 0.0  # true constant over the stated one, less 1
-    # share by which friction against positive motion is larger, against negative smaller
+    torque_constant_error: float = 0.0  # true over stated constant, minus 1
+    # share by which friction is larger against positive motion and smaller against negative motion
     friction_asymmetry: float = 0.0
-    cogging_nm: float = 0.0
-    cogging_periods: float = 378.0  # in a turn of the output: 42 in a turn of the motor
-    sensor_bias_nm: float = 0.0  # of the torque sensor
-    sensor_noise_nm: float = 0.0
-    sensor_gain_sd: float = 0.0  # of its calibration; :func:`draw_mounting` draws it
+    cogging_nm: float = 0.0  # amplitude of the cogging torque at the output
+    cogging_periods: float = 378.0  # periods per turn of the output (42 per turn of the motor)
+    sensor_bias_nm: float = 0.0  # offset of the torque sensor
+    sensor_noise_nm: float = 0.0  # SD of white noise of the torque sensor
+    # relative SD of the sensor's calibration; drawn by :func:`draw_mounting`
+    sensor_gain_sd: float = 0.0
     sensor_lag_s: float = 0.0  # time constant of the torque sensor's amplifier
     spring_hysteresis_nm: float = 0.0  # half width of the loop of torque over deflection
-    hysteresis_rad: float = 0.005  # deflection over which that loop turns
-    encoder_step_rad: float = 0.0  # of the motor's own measurements
-    velocity_noise_rad_s: float = 0.0
-    current_noise_a: float = 0.0
-    # SD of the true sample times about the even ones; commands change with them
+    hysteresis_rad: float = 0.005  # deflection over which the hysteresis reverses
+    encoder_step_rad: float = 0.0  # resolution of the motor's encoder
+    velocity_noise_rad_s: float = 0.0  # SD of white noise of the motor's velocity
+    current_noise_a: float = 0.0  # SD of white noise of the motor's current
+    # SD of the true sample times about the even grid; commands change at the true times
     clock_jitter_s: float = 0.0
 
 
@@ -71,11 +70,12 @@ class QddErrors:
 class QddSettings:
     """A quasi-direct-drive bench."""
 
-    name: str  # of the preset
+    name: str  # name of the preset
     machine: QddMachine = field(default_factory=QddMachine)
     errors: QddErrors = field(default_factory=QddErrors)
     sensor_gain: float = 1.0  # reading of the torque sensor over the true torque
-    ripple_phase_rad: float = 0.0  # of the cogging at angle 0: how the motor was mounted
+    # phase of the cogging at the angle 0, by the mounting of the motor
+    ripple_phase_rad: float = 0.0
 
 
 _NOMINAL = QddErrors(

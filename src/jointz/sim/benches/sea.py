@@ -32,29 +32,28 @@ class SeaMachine:
     torque_constant: float = 0.0276  # N*m/A, of the motor
     resistance_ohm: float = 0.386
     rotor_inertia: float = 4.5e-6  # kg*m^2, with pulleys and screw, at the rotor
-    supply_v: float = 15.5  # of the drive
-    current_max_a: float = 13.0  # of the drive
+    supply_v: float = 15.5  # supply of the drive
+    current_max_a: float = 13.0  # limit of the drive
     drive_friction_nm: float = 0.004  # Coulomb friction of motor, belt and screw, at the rotor
     drive_damping: float = 2e-6  # N*m*s/rad, at the rotor
-    drive_velocity_rad_s: float = 2.0  # where the smooth sign of the friction bends
+    # velocity over which the sign of the friction changes smoothly
+    drive_velocity_rad_s: float = 2.0
     belt_ratio: float = 2.0  # turns of the motor per turn of the screw
     screw_lead_m: float = 0.0025  # travel of the nut per turn of the screw
-    beam_stiffness: float = 274e3  # N/m, of the beam's tip, across it
-    # L, h and l; at the angle 0 the two-force member is square to the beam
-    lever_m: float = 0.05
-    bracket_m: float = 0.01
-    member_m: float = 0.1
-    # intrinsic impedance between the beam and the load: N*m/rad, N*m*s/rad, kg*m^2
-    stiffness: float = 0.388
-    damping: float = 0.163
-    inertia: float = 0.001
-    stop_rad: float = 0.6  # end stops of the output
+    beam_stiffness: float = 274e3  # N/m, stiffness of the beam's tip against transverse motion
+    lever_m: float = 0.05  # L
+    bracket_m: float = 0.01  # h
+    member_m: float = 0.1  # l; at the angle 0 the two-force member is perpendicular to the beam
+    stiffness: float = 0.388  # intrinsic stiffness between beam and load, N*m/rad
+    damping: float = 0.163  # intrinsic damping between beam and load, N*m*s/rad
+    inertia: float = 0.001  # intrinsic inertia between beam and load, kg*m^2
+    stop_rad: float = 0.6  # angle of the end stops of the output
     stop_stiffness: float = 3000.0  # N*m/rad
     stop_damping: float = 2.0  # N*m*s/rad
     ambient_c: float = 25.0
     heating_c_a2: float = 0.3  # final rise of the winding's temperature per A^2
     thermal_s: float = 30.0  # time constant of the winding
-    temperature_max_c: float = 120.0  # above it the device goes into fault
+    temperature_max_c: float = 120.0  # winding temperature above which the device faults
 
     @property
     def nut_travel_m(self) -> float:
@@ -72,10 +71,10 @@ class SeaControl:
     through the transmission.
     """
 
-    torque_gain: float = 9.0  # on the error of the torque
-    torque_rate_gain_s: float = 0.06  # on the rate of the torque
-    position_gain: float = 1000.0  # N*m/rad, on the error of the angle
-    position_rate_gain: float = 25.0  # N*m*s/rad, on the rate of the angle
+    torque_gain: float = 9.0  # gain on the error of the torque
+    torque_rate_gain_s: float = 0.06  # gain on the rate of the torque
+    position_gain: float = 1000.0  # N*m/rad, gain on the error of the angle
+    position_rate_gain: float = 25.0  # N*m*s/rad, gain on the rate of the angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +86,16 @@ class SeaErrors:
     clock_stretch: float = 1.0  # true sample period over the nominal one
     clock_jitter_s: float = 0.0  # SD of the sample times about their grid
     true_stamps: bool = True  # whether the recorded times are the true ones, not the nominal grid
-    coulomb_friction_nm: float = 0.0  # of the bearing that carries a load
-    friction_velocity_rad_s: float = 0.02  # where the smooth sign of that friction bends
-    beam_error: float = 0.0  # stiffness of the beam that the lab uses over the true one, less 1
-    # ``k3 / k``: times the squared deflection, the share by which the beam is stiffer than linear
+    coulomb_friction_nm: float = 0.0  # Coulomb friction of the bearing that carries a load
+    # velocity over which the sign of that friction changes smoothly
+    friction_velocity_rad_s: float = 0.02
+    beam_error: float = 0.0  # assumed over true stiffness of the beam, minus 1
+    # ``k3 / k``: relative excess of the beam's stiffness per squared deflection
     beam_cubic_per_m2: float = 0.0
-    torque_gain_sd: float = 0.0  # of the torque's calibration; :func:`draw_torque_gain` draws it
-    torque_noise_nm: float = 0.0  # SD of white noise in the record
-    angle_noise_rad: float = 0.0  # SD of white noise in the record
+    # relative SD of the torque's calibration; drawn by :func:`draw_torque_gain`
+    torque_gain_sd: float = 0.0
+    torque_noise_nm: float = 0.0  # SD of white noise in the recorded torque
+    angle_noise_rad: float = 0.0  # SD of white noise in the recorded angle
     linear_step_m: float = 0.0  # resolution of the encoder before the beam; 0: none
     rotary_step_rad: float = 0.0  # resolution of the encoder after the beam; 0: none
 
@@ -114,11 +115,11 @@ class SeaErrors:
 class SeaSettings:
     """A series-elastic bench."""
 
-    name: str  # of the preset
+    name: str  # name of the preset
     machine: SeaMachine = field(default_factory=SeaMachine)
     control: SeaControl = field(default_factory=SeaControl)
     errors: SeaErrors = field(default_factory=SeaErrors)
-    # measured torque over the true one by calibration alone (without the beam's error)
+    # measured over true torque by the calibration alone, without the beam's error
     torque_gain: float = 1.0
 
     @property

@@ -31,10 +31,10 @@ def draw_angle_zero(person: Person, preset: Preset) -> float:
 class ContactLevels:
     """Voltages of a footswitch."""
 
-    open_v: float  # V: mean with the heel off the ground, and on it
-    closed_v: float  # V
-    noise_sd_v: float  # V: white
-    creep_sd: float  # share, of both levels: slow, an Ornstein-Uhlenbeck process
+    open_v: float  # V: mean with the heel off the ground
+    closed_v: float  # V: mean with the heel on the ground
+    noise_sd_v: float  # V: sd of white noise
+    creep_sd: float  # relative sd of the slow creep of both levels, an Ornstein-Uhlenbeck process
 
 
 def draw_contact_levels(person: Person, preset: Preset) -> ContactLevels:

@@ -49,12 +49,11 @@ _PASSIVE_STIFFNESS, _PASSIVE_RATIO, _PASSIVE_SPREAD = 4.0, 0.08, 0.2
 class CalibratedBody:
     """The body that the actuator moves in one condition of a calibration."""
 
-    # beyond the place where torque is measured; on a leg, beyond the strap
-    stiffness: float  # N*m/rad
-    damping: float  # N*m*s/rad
-    inertia: float  # kg*m^2
-    gravity_nm: float  # weight times distance of a body that hangs; 0 if it is held or lies
-    posture_rad: float  # angle of the joint about which it moves
+    stiffness: float  # N*m/rad, beyond the torque sensor; on a leg, beyond the strap
+    damping: float  # N*m*s/rad, likewise
+    inertia: float  # kg*m^2, likewise
+    gravity_nm: float  # weight times distance of a hanging body; 0 for a held or lying one
+    posture_rad: float  # joint angle about which the body moves
     # whether strap and goniometer are on the leg, with tissue and torsion; otherwise both are rigid
     on_leg: bool
 
