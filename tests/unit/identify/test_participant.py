@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jointz.core.recording import build_recording
-from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, UserExclusion
+from jointz.core.study import CalibrationSpec, PerturbationsSpec, UserExclusion
 from jointz.identify import participant
 from jointz.identify.estimators import Estimates
 from jointz.identify.participant import analyze_participant
@@ -68,17 +68,6 @@ def analyzed(*recordings, methods=("dissertation",), exclusions=()):
 
 def estimates(result, method="dissertation"):
     return result.cells[method][0].parameters
-
-
-@pytest.mark.parametrize("lag_s", [0.0065, 0.012])
-def test_a_known_lag_of_the_angle_is_taken_out(lag_s):
-    known = CalibrationSpec(angle_lag_s=Calibrated(value=lag_s, sd=0.0))
-    pair = [
-        given(c, pulses=p, lag_s=lag_s, calibration=known)
-        for c, p in (("unperturbed", ()), ("perturbed", ONSETS))
-    ]
-    found = [p.value for p in estimates(analyzed(*pair))[:3]]
-    np.testing.assert_allclose(found, TRUTH, rtol=5e-3)
 
 
 def test_every_method_has_its_cells_and_the_first_one_codes_the_pulses():

@@ -62,21 +62,6 @@ def test_the_command_as_the_instrument_opens_a_loop():
     assert abs(np.mean(without, axis=0)[0] / 80.0 - 1.0) > 0.05
 
 
-def test_the_covariance_is_the_scatter():
-    found, sds = [], []
-    for seed in range(60):
-        angle, torque = make_motion(0, n=5000)
-        noise = np.random.default_rng(seed).standard_normal(angle.size)
-        spectra = record_spectra(
-            angle + 0.02 * angle.std() * noise, torque, rate_hz=RATE, highest_hz=30.0
-        )
-        fit = fit_second_order(spectra, perturbed="torque")
-        found.append(fit.values)
-        sds.append(np.sqrt(np.diag(fit.covariance)))
-
-    assert np.mean(sds, axis=0) == pytest.approx(np.std(found, axis=0), rel=0.3)
-
-
 def test_a_single_sine_is_called_ill_conditioned():
     t = np.arange(10_000) / RATE
     angle = np.sin(2 * np.pi * 3.0 * t)

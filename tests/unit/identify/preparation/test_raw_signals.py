@@ -149,14 +149,6 @@ def test_intrinsic_stiffness_is_taken_out_where_the_angle_of_the_motor_was_recor
     assert stretch.signals[DRIVING] == pytest.approx(-taken_out * moved["motor_angle"])
 
 
-def test_without_the_motor_the_intrinsic_impedance_is_left_in():
-    known = CalibrationSpec(intrinsic_damping=Calibrated(value=0.5, sd=0.0))
-    made = plain(500.0, calibration=known)
-    stretch = raw_signals(made).stretches[0]
-    assert intrinsic_left_in(made.given.recording) == ("stiffness", "damping", "inertia")
-    assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * stretch.time))
-
-
 def test_missing_samples_and_holes_part_the_stretches():
     time = np.arange(3000) / 500.0
     angle = np.sin(time)

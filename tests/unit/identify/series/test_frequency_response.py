@@ -3,44 +3,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
+from tests.unit.identify.series.steady_joint import KBJ, RATE, make_record
 
 from jointz.core.errors import EstimationError
 from jointz.identify.series.joint import identify_joint
 
 identify_frf = partial(identify_joint, model="frf")
-RATE = 500.0
-KBJ = np.array([80.0, 1.2, 0.03])
-
-
-def make_record(
-    perturbed: str = "torque", *, seed: int = 0, n: int = 15_000, muscle: float = 0.0
-) -> dict[str, np.ndarray]:
-    """Exact steady motion of a joint (a sum of sines) with sensor noise of 0.1 N*m and 1 mrad.
-
-    ``perturbed`` is a flat spectrum to 20 Hz; ``muscle`` N*m RMS below 2 Hz act inside the joint,
-    beside the measured torque.
-    """
-    rng = np.random.default_rng(seed)
-    s = 2j * np.pi * np.fft.rfftfreq(n, 1.0 / RATE)
-    joint = KBJ @ np.stack([np.ones_like(s), s, s**2])
-
-    def noise(below_hz: float, rms: float) -> np.ndarray:
-        x = np.fft.rfft(rng.standard_normal(n)) * (np.abs(s) < 2 * np.pi * below_hz)
-        return x * (rms / np.fft.irfft(x, n).std())
-
-    inside = noise(2.0, muscle) if muscle else 0.0
-    if perturbed == "torque":
-        torque = noise(20.0, 4.0)
-        angle = (torque + inside) / joint
-    else:
-        angle = noise(20.0, 0.03)
-        torque = joint * angle - inside
-    cut = slice(n // 10, -n // 10)  # no whole period: the ends are as they come
-    angle, torque = (np.fft.irfft(z, n)[cut] for z in (angle, torque))
-    return {
-        "angle": angle + 1e-3 * rng.standard_normal(angle.size),
-        "torque": torque + 0.1 * rng.standard_normal(angle.size),
-    }
 
 
 def relative_error(fit) -> np.ndarray:

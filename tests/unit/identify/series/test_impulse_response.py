@@ -2,38 +2,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from tests.unit.identify.series.steady_joint import KBJ, RATE, make_record
 
 from jointz.identify.series.joint import identify_joint
 
 identify_irf = partial(identify_joint, model="irf")
-RATE = 500.0
-KBJ = np.array([80.0, 1.2, 0.03])
-
-
-def make_record(
-    perturbed: str = "torque",
-    *,
-    kbj: np.ndarray = KBJ,
-    seed: int = 0,
-    n: int = 15_000,
-    noise: tuple[float, float] = (1e-4, 0.05),
-) -> dict[str, np.ndarray]:
-    """Exact steady motion of a joint under a flat spectrum to 20 Hz, and sensor noise.
-
-    ``noise`` is of angle (rad) and torque (N*m).
-    """
-    rng = np.random.default_rng(seed)
-    s = 2j * np.pi * np.fft.rfftfreq(n, 1.0 / RATE)
-    joint = kbj @ np.stack([np.ones_like(s), s, s**2])
-    drive = np.fft.rfft(rng.standard_normal(n)) * (np.abs(s) < 2 * np.pi * 20.0)
-    angle, torque = (drive / joint, drive) if perturbed == "torque" else (drive, drive * joint)
-    size = np.fft.irfft(angle, n).std() / 0.04
-    cut = slice(n // 10, -n // 10)
-    angle, torque = (np.fft.irfft(z, n)[cut] / size for z in (angle, torque))
-    return {
-        "angle": angle + noise[0] * rng.standard_normal(angle.size),
-        "torque": torque + noise[1] * rng.standard_normal(angle.size),
-    }
+QUIET = (1e-4, 0.05)
 
 
 def true_admittance(t: np.ndarray, kbj: np.ndarray) -> np.ndarray:
@@ -44,7 +18,7 @@ def true_admittance(t: np.ndarray, kbj: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kbj", [KBJ, np.array([80.0, 6.0, 0.03])], ids=["under", "over"])
 def test_the_admittance_is_the_joint_s_seen_through_its_directions(kbj):
-    fit = identify_irf(**make_record(kbj=kbj), rate_hz=RATE)
+    fit = identify_irf(**make_record(kbj=kbj, noise=QUIET), rate_hz=RATE)
 
     table = fit.curve.table()
     true = true_admittance(table["lag_s"].to_numpy(), kbj)
@@ -60,7 +34,7 @@ def test_the_admittance_is_the_joint_s_seen_through_its_directions(kbj):
 
 
 def test_the_impedance_is_two_sided_and_sums_to_the_stiffness():
-    fit = identify_irf(**make_record("angle"), rate_hz=RATE, input="angle")
+    fit = identify_irf(**make_record("angle", noise=QUIET), rate_hz=RATE, input="angle")
 
     lags = np.array(fit.curve.lag_s)
     assert fit.response_of == "impedance"

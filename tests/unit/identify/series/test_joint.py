@@ -74,17 +74,6 @@ def test_offsets_and_a_torque_on_the_device_change_nothing(model: str, long_reco
     np.testing.assert_allclose(*zip(*same, strict=True), rtol=1e-6)
 
 
-def test_jitter_of_the_clock_is_resampled() -> None:
-    data = record()
-    rng = np.random.default_rng(12)
-    jittered = data["time"] + rng.uniform(-1e-4, 1e-4, data["time"].size)
-    moved = {"time": jittered} | {
-        name: np.interp(jittered, data["time"], data[name]) for name in ("angle", "torque")
-    }
-    found = identify_joint(moved, input="angle")
-    assert found.parameter("stiffness").value == pytest.approx(80.0, rel=0.01)
-
-
 @pytest.mark.parametrize("level", [0.95, 0.99])
 def test_the_interval_follows_from_the_covariance_and_its_level(level: float) -> None:
     fit = identify_joint(record(), input="angle", ci_level=level)
