@@ -23,38 +23,24 @@ def test_a_sum_of_sines_repeats_after_the_shortest_time_all_terms_share(frequenc
     assert made.bounds == (40.0 - 2.0 * len(terms), 40.0 + 2.0 * len(terms))
 
 
+SWEEPS = [
+    {"amplitude": [5, 3], "frequency_hz": [10.1, 1.1], "duration_s": 10},
+    {"amplitude": [0, 0], "frequency_hz": [1, 2], "duration_s": 5},
+]
+SINE = reference("sine", amplitude=5, frequency_hz=0.8, offset=32)
+NOISE = reference("noise", sd=10.0, cutoff_hz=40.0, order=3, offset=1.0)
+STEPS = reference("steps", levels=[-5, 0, 4], hold_s=2.0)
+TRAJECTORY = reference("trajectory", samples=[0.1, 0.3, 0.2, 0.0], duration_s=1.1)
+
+
 @pytest.mark.parametrize(
     ("made", "cycle_s", "bounds", "fastest_hz", "runs_out"),
     [
-        (reference("sine", amplitude=5, frequency_hz=0.8, offset=32), 1.25, (27, 37), 0.8, False),
-        (
-            reference("noise", sd=10.0, cutoff_hz=40.0, order=3, offset=1.0),
-            None,
-            (-29, 31),
-            40.0,
-            False,
-        ),
-        (reference("steps", levels=[-5, 0, 4], hold_s=2.0), 6.0, (-5, 4), 0.0, True),
-        (
-            reference("trajectory", samples=[0.1, 0.3, 0.2, 0.0], duration_s=1.1),
-            1.1,
-            (0.0, 0.3),
-            0.0,
-            False,
-        ),
-        (
-            reference(
-                "chirps",
-                sweeps=[
-                    {"amplitude": [5, 3], "frequency_hz": [10.1, 1.1], "duration_s": 10},
-                    {"amplitude": [0, 0], "frequency_hz": [1, 2], "duration_s": 5},
-                ],
-            ),
-            15.0,
-            (-5, 5),
-            10.1,
-            True,
-        ),
+        (SINE, 1.25, (27, 37), 0.8, False),
+        (NOISE, None, (-29, 31), 40.0, False),
+        (STEPS, 6.0, (-5, 4), 0.0, True),
+        (TRAJECTORY, 1.1, (0.0, 0.3), 0.0, False),
+        (reference("chirps", sweeps=SWEEPS), 15.0, (-5, 5), 10.1, True),
     ],
     ids=lambda value: getattr(value, "kind", None),
 )

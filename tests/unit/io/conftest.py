@@ -17,55 +17,8 @@ from jointz.io.formats.registry import read_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 
-# The example of the study format, letter by letter.
-EXAMPLE = """\
-jointz = 1                                   # schema version
-joint = "knee"
-kind = "walking"                             # walking | bench
-positive = "flexion"
-torque_acts_on = "joint"                     # "device": the sign is flipped on reading
-sample_rate_hz = 1000.0                      # only where a recording has no time column
-
-[channels.time]        # canonical name -> column and unit
-column = "time_s"
-unit = "s"
-[channels.angle]
-column = "knee_angle_deg"
-unit = "deg"
-[channels.torque]
-column = "torque_nm"
-unit = "N*m"
-[channels.command]                           # optional: commanded perturbation torque, 0 outside
-column = "commanded_torque_nm"
-unit = "N*m"
-[channels.contact]                           # optional: footswitch
-column = "footswitch"
-kind = "contact"
-
-[[participants]]
-id = "S01"
-mass_kg = 72.4                               # needed only for values per kg; also height_m, group
-
-[[recordings]]
-participant = "S01"
-condition = "unperturbed"                    # unperturbed (NPC, E-NPC, ENP) | perturbed | no_device
-file = "S01_enp.csv"                         # csv, csv.gz, parquet, nc, mat, c3d, xdf ...
-[[recordings]]
-participant = "S01"
-condition = "perturbed"
-file = "S01_ewp.csv"
-perturbations = "S01_pulses.csv"             # optional: onset_s, duration_s, amplitude_nm, ...
-
-[perturbations]                              # optional
-timing_points = { LRE = 7.0, MST = 21.5, TST = 40.5, PSW = 56.0, ISW = 68.5, MSW = 81.0 }
-source = "command"                           # command | table | reference | angle
-baseline = "pre_pulse"                       # unperturbed_mean | pre_pulse | matched_strides
-window_s = 0.1
-cutoff_hz = 20.0
-group = { channel = "ankle_position", edges = [-0.45, -0.15, -0.03], unit = "rad" }
-
-[files]                                      # optional: delimiter, decimal, skip_rows, header
-"""
+# An example of the study format with every kind of key.
+EXAMPLE = (Path(__file__).parent / "example_study.toml").read_text(encoding="utf-8")
 
 # The example's group is one of a channel that its [channels] does not name; this adds it.
 GROUP_CHANNEL = """\
