@@ -162,7 +162,8 @@ def overflow_note(course: Course, si_unit: str, factor: float) -> str:
 
 def clock_of(group: str, n: int, source: str, time_s: np.ndarray) -> SeenClock:
     """Summarise the stamps of a clock."""
-    finite = time_s[np.isfinite(time_s)]
+    samples = np.flatnonzero(np.isfinite(time_s))
+    finite = time_s[samples]
     steps = np.diff(finite)
     if not steps.size or not (steps > 0).any():
         return SeenClock(group, source, n)
@@ -187,7 +188,7 @@ def clock_of(group: str, n: int, source: str, time_s: np.ndarray) -> SeenClock:
         uniform=ordered and not gaps and is_uniform(longest),
         jitter_ms=float(f"{1e3 * inside.std():.4g}") if inside.size else None,
         gaps=tuple(gaps),
-        restarts=tuple(restarts),
+        restarts=tuple(map(int, samples[restarts])),
         n_back=n_back,
     )
 

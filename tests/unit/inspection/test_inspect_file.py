@@ -89,6 +89,13 @@ def test_trials_whose_time_begins_again_are_taken_by_their_column(tmp_path):
     assert len(opened(tmp_path, found)[1]) == 3
 
 
+def test_a_missing_stamp_moves_no_restart(tmp_path):
+    frame = pd.concat([walking(600, trial=k) for k in (1, 2)], ignore_index=True)
+    frame.loc[3, "Time (s)"] = np.nan
+
+    assert inspected(tmp_path, frame).clocks[0].restarts == (600,)
+
+
 def test_time_that_begins_again_without_a_column_of_trials_is_an_obstacle(tmp_path):
     found = inspected(tmp_path, pd.concat([walking(600)] * 2, ignore_index=True))
 
