@@ -20,6 +20,9 @@ def content(tmp_path):
     return tomllib.loads((tmp_path / "lab" / "entry.toml").read_text())
 
 
+EMPTY = {name: "" if kind == "text" else math.nan for name, kind in CATALOG_COLUMNS.items()}
+
+
 def problems(content):
     with pytest.raises(ValidationError) as raised:
         Entry.model_validate(content)
@@ -56,8 +59,7 @@ def test_two_conditions_may_not_share_a_name_or_a_file(content):
 
 
 def test_the_median_onset_is_one_on_the_cycle():
-    empty = {name: "" if kind == "text" else float("nan") for name, kind in CATALOG_COLUMNS.items()}
-    row = empty | {"study": "a", "status": "ok", "value": 1.0}
+    row = EMPTY | {"study": "a", "status": "ok", "value": 1.0}
     onsets = {"TSW": [99.0, 1.0, 98.5], "LRE": [7.0, 8.5], "strike": [99.5, 0.5], "all": [math.nan]}
     onsets["near"] = [99.6, 0.4]  # whose median is a hair before heel strike
     table = pd.DataFrame(
@@ -73,8 +75,7 @@ def test_the_median_onset_is_one_on_the_cycle():
 
 
 def test_an_infinite_value_is_told_in_json_and_comes_back():
-    empty = {name: "" if kind == "text" else float("nan") for name, kind in CATALOG_COLUMNS.items()}
-    table = pd.DataFrame([empty | {"value": math.inf, "ci_low": -math.inf, "ci_high": 2.0}])
+    table = pd.DataFrame([EMPTY | {"value": math.inf, "ci_low": -math.inf, "ci_high": 2.0}])
     made = QueryResult(table, CatalogFilter())
 
     text = json.dumps(made.to_dict(), allow_nan=False)
@@ -92,26 +93,18 @@ def test_what_is_accepted_somewhere_must_be_a_condition_of_the_entry(content):
 
 
 def test_a_query_counts_people_not_rows():
-    empty = {name: "" if kind == "text" else None for name, kind in CATALOG_COLUMNS.items()}
-    person = empty | {"study": "a", "joint": "knee", "parameter": "stiffness", "status": "ok"}
+    person = EMPTY | {"study": "a", "joint": "knee", "parameter": "stiffness", "status": "ok"}
+    first = person | {"participant": "S1", "timing_point": "LRE", "onset_gait_pct": 7.0}
     rows = [
-        person
-        | {
-            "participant": "S1",
-            "timing_point": point,
-            "value": value,
-            "onset_gait_pct": {"LRE": 7.0, "MSW": 81.0}[point],
-        }
-        for point, value in (("LRE", 50.0), ("MSW", 20.0))
+        first | {"value": 50.0},
+        first | {"timing_point": "MSW", "onset_gait_pct": 81.0, "value": 20.0},
+        first | {"study": "b", "value": 70.0},
+        first | {"participant": "S2", "status": "undecided"},
     ]
-    rows.append(rows[0] | {"study": "b", "value": 70.0})
-    rows.append(rows[0] | {"participant": "S2", "value": None, "status": "undecided"})
-    table = pd.DataFrame(rows)
-    table["value"] = table["value"].astype(float)
 
-    made = QueryResult(table, CatalogFilter(), also=3, cites={"a": "A. Fictional"})
+    made = QueryResult(pd.DataFrame(rows), CatalogFilter())
 
     groups = made.groups().set_index("timing_point")
     assert groups.loc["LRE", ["studies", "people", "estimates", "median"]].tolist() == [2, 2, 2, 60]
-    assert made.summary().startswith("4 estimates of 3 people in 2 studies; 3 printed values")
+    assert made.summary().startswith("4 estimates of 3 people in 2 studies")
     assert made.to_dict()["rows"][3]["value"] is None

@@ -286,10 +286,7 @@ def test_people_of_two_studies_are_named() -> None:
 def test_a_pool_comes_back_whole_and_can_be_drawn() -> None:
     table = pd.concat([catalog(), printed_rows(), rows("lab-d", [9.0])], ignore_index=True)
     pool = pool_catalog(table, with_printed=True)
-    again = CollectionPool.from_dict(json.loads(json.dumps(pool.to_dict())))
-    assert again == pool
-    pd.testing.assert_frame_equal(again.studies, pool.studies)
-    assert again.to_frame().columns.tolist() == pool.to_frame().columns.tolist()
+    assert CollectionPool.from_dict(json.loads(json.dumps(pool.to_dict()))) == pool
     labels = [text.get_text() for text in pool_catalog(catalog()).plot().get_yticklabels()]
     assert labels == ["lab-a (4)", "lab-b (3)", "lab-c (5)", "mean over studies"]
     nothing = pool_catalog(rows("lab-a", LABS["lab-a"])).plot()

@@ -346,6 +346,11 @@ WRONG = [
 ]
 
 
+@pytest.mark.parametrize("content", [walking(), bench()])
+def test_what_the_wrong_ones_are_made_of_is_accepted(content):
+    assert problems(content) == {}
+
+
 @pytest.mark.parametrize(("content", "place"), WRONG, ids=[place for _, place in WRONG])
 def test_what_does_not_go_together_is_a_problem_at_its_key(content, place):
     assert place in problems(content)
