@@ -12,9 +12,9 @@ _PENALTIES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 class BlockedRidge:
     """A linear prediction and how far it was off on rows it had not seen.
 
-    ``centre``, ``scale`` (p,): of the features; ``coefficients`` (p + 1, q): the constant first;
-    ``left_out`` (n, q): targets minus their prediction from the other blocks; ``penalty``: the one
-    that predicted best.
+    ``centre``, ``scale`` (p,): mean and sd of the features; ``coefficients`` (p + 1, q): the
+    constant first; ``left_out`` (n, q): targets minus their prediction from the other blocks;
+    ``penalty``: in units of the features' variance, the one with the best prediction.
     """
 
     centre: np.ndarray

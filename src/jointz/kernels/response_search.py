@@ -44,8 +44,9 @@ class Responses(NamedTuple):
     """Average responses of m timing points, in arrays of one width.
 
     ``angle`` (m, N) rad; ``torque`` (m, 2, N) N*m: without friction, and friction; ``weights`` (m,
-    N, N): inverse covariance of the error of the angle; ``samples`` (m,): length of each;
-    ``period_s`` (m,): between samples; ``substeps`` (m,): steps of the simulation to a sample.
+    N, N): inverse covariance of the error of the angle, 1/rad^2; ``samples`` (m,): number of
+    samples of each point; ``period_s`` (m,): between samples; ``substeps`` (m,): steps of the
+    simulation per sample.
     """
 
     angle: np.ndarray
@@ -59,11 +60,12 @@ class Responses(NamedTuple):
 class Frame(NamedTuple):
     """What a search holds fixed.
 
-    ``mean``, ``sd``, ``low``, ``high`` (p,): priors and range of every parameter; ``late_s`` (2,):
-    mean and sd of lag and delay together before the data; ``middle_s`` (m, 3): when K, B and J of
-    each point have their values; ``size_per_s`` (m, 2): what a drift of 1 of K and of B is;
-    ``slope_map`` (m, m) 1/s: from logarithms at all points to relative slopes at each; ``curves``,
-    ``resonance``: whether K and B follow the curve, and the tissue resonates.
+    ``mean``, ``sd`` (p,): prior of every parameter; ``low``, ``high`` (p,): its range; ``late_s``
+    (2,): prior mean and sd of the sum of lag and delay; ``middle_s`` (m, 3): times from the first
+    sample at which K, B and J of each point apply; ``size_per_s`` (m, 2): rate of change of K
+    (N*m/rad/s) and of B (N*m*s/rad/s) for a drift parameter of 1; ``slope_map`` (m, m) 1/s: from
+    logarithms at all points to relative slopes at each; ``curves``: whether K and B follow the
+    curve; ``resonance``: whether the tissue resonates.
     """
 
     mean: np.ndarray

@@ -28,8 +28,9 @@ _PASSES = 4
 class TestFunctions:
     """Smooth functions on a window that are zero, with their slopes, at its ends.
 
-    ``value``, ``slope`` (1/s), ``curvature`` (1/s^2) (m, n): a row a function, a column a sample,
-    times the step, so that a product with samples is an integral.
+    (m, n), a row for each function, a column for each sample. ``value``: values; ``slope``: first
+    derivatives, 1/s; ``curvature``: second derivatives, 1/s^2. All are multiplied by the step (s),
+    so that the product with samples is an integral.
     """
 
     __test__ = False  # not a test of pytest's

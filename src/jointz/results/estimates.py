@@ -141,21 +141,21 @@ class CellEstimate(Result):
     nuisance : tuple of ParameterEstimate
         What had to be estimated beside the impedance: friction, lag of a record.
     centre_gait_pct : float or None
-        Where in the cycle the response tells of the stiffness, on average, %.
+        Mean phase at which the response depends on the stiffness, % of the gait cycle.
     gravity_corrected : ParameterEstimate or None
-        The stiffness without what gravity adds to it, where that is known.
+        The stiffness without the part by gravity, where that part is known.
     budget : mapping of str to mapping
         Parameter -> source of error -> standard deviation, SI.
     through_instruments : mapping of str to mapping
-        Parameter -> what may be measured of the instruments, ``lag`` say -> the part of the
-        error that would go were that known exactly: standard deviation, SI. It cuts across the
-        sources of the budget.
+        Parameter -> property of the instruments, such as ``lag`` -> standard deviation, SI, of the
+        part of the error that would vanish if the property were known exactly. These parts overlap
+        with the sources of the budget.
     covariance : tuple of tuple of float, or None
-        (3, 3), SI: of the errors of K, B and J as they would be without bounds, calibration
-        included; None where a method does not tell.
+        (3, 3), SI: of the errors of K, B and J without bounds, calibration included; None for
+        methods without it.
     prior_effects : mapping of str to tuple of float
-        Parameter -> by how much its prior, and those of the other two, shifted the value, and
-        the variance that they took off its error, SI; empty where a method has no priors.
+        Parameter -> shift of the value, and reduction of the variance of its error, by the priors
+        of K, B and J, SI; empty for methods without priors.
     session, side : str
         Of the perturbed recordings; "" where the study does not state them, and on a bench.
     """

@@ -103,7 +103,7 @@ class ActuatorSettings:
     torque_constant: float = 0.11  # N*m/A, stated by the device
     coulomb_friction: float = 0.38  # N*m, stated by the device
     gear_friction: float = 0.09  # N*m/A, stated by the device
-    rotor_inertia: float = 92e-4  # kg*m^2
+    rotor_inertia: float = 92e-4  # kg*m^2, at the output
     delay_s: float = 0.006  # delay of the current behind the command
     time_constant_s: float = 0.012  # time constant of the current
     gain_error_sd: float = 0.02  # torque per ampere, share

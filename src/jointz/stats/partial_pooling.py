@@ -34,8 +34,8 @@ class _Group:
     timing_point: str
     name: str
     places: tuple[int, ...]
-    values: np.ndarray
-    sds: np.ndarray
+    values: np.ndarray  # SI, or natural logarithms of values in SI; NaN for missing ones
+    sds: np.ndarray  # sds of the errors of ``values``
     logarithmic: bool
 
     def back(self, value: float) -> float:

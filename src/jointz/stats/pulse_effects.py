@@ -45,7 +45,7 @@ class _Pulses:
     case: str
     trajectory: str
     response: str
-    estimates: np.ndarray
+    estimates: np.ndarray  # N*m/rad or kg*m^2, by ``response``
     sign: np.ndarray
     along: np.ndarray
     trial: np.ndarray

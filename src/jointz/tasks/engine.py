@@ -37,7 +37,7 @@ class Task(Generic[Result]):
     Parameters
     ----------
     name : str
-        What it is, for people: participant, seed.
+        Name for the user, such as a participant or a seed.
     call : callable
         Does it; without arguments (:func:`functools.partial` puts them in), fit for pickling.
     key : callable, optional

@@ -86,7 +86,7 @@ class _Swing:
 class _Candidate:
     share: float  # share of the lag that is a first-order filter
     values: np.ndarray  # lag (s), gain, offset (rad)
-    derivatives: np.ndarray
+    derivatives: np.ndarray  # of the modelled angle by lag (rad/s), gain (rad) and offset
     residual: np.ndarray  # measured minus modelled angle, rad
 
 

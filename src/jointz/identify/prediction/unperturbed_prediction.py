@@ -223,8 +223,8 @@ class _Lesson:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moments:
     onsets_s: np.ndarray
-    features: np.ndarray
-    windows: np.ndarray
+    features: np.ndarray  # past angles (rad), then the timing of the stride (s)
+    windows: np.ndarray  # (m, channel, n) angle (rad) and torques (N*m)
     ratio: np.ndarray  # time since the heel strike over the expected duration of the stride
     codes: np.ndarray
     strides: np.ndarray  # number of the stride before each onset

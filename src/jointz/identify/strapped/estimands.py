@@ -21,7 +21,7 @@ _DERIVATIVE_SD = 0.05
 class LogMoments:
     """Mean and covariance of all logarithms, estimand by estimand, and those of the prior."""
 
-    mean: np.ndarray  # (estimand * point,)
+    mean: np.ndarray  # (estimand * point,) natural logarithms of values in SI
     covariance: np.ndarray
     prior_mean: np.ndarray
     prior_covariance: np.ndarray

@@ -25,9 +25,9 @@ _TINY = float(np.finfo(float).tiny)
 class EnsembleResponse:
     """An impulse response over an ensemble of segments.
 
-    ``response`` (m,): output unit over input unit, for one lag step; ``sd`` (m,): sd from
-    realisation to realisation; ``n_kept``: directions of the input that were inverted; ``vaf_pct``:
-    variance accounted for (2.7), ensemble mean removed, %.
+    ``response`` (m,): output unit over input unit, for one lag step; ``sd`` (m,): sd of
+    ``response`` by the scatter between realisations; ``n_kept``: number of inverted directions of
+    the input; ``vaf_pct``: variance accounted for (2.7), ensemble mean removed, %.
     """
 
     response: np.ndarray
@@ -40,8 +40,9 @@ class EnsembleResponse:
 class SegmentFit:
     """Coefficients of a linear model over an ensemble of segments.
 
-    ``values`` (p,): coefficients; ``replicates`` (R, p): of resampled realisations; ``vaf_pct``: of
-    the weighted target, %; ``condition_number``: of the equations, scaled to a diagonal of one.
+    ``values`` (p,): coefficients; ``replicates`` (R, p): coefficients of resampled realisations;
+    ``vaf_pct``: of the weighted target, %; ``condition_number``: of the equations, scaled to a
+    diagonal of one.
     """
 
     values: np.ndarray

@@ -19,10 +19,10 @@ class ImpulseEstimate:
     """An impulse response and the equations it came from.
 
     ``lags`` (m,) samples: lags of the response; ``response`` (m,): output unit over input unit, for
-    one sample; ``sd`` (m,): sd by noise alone; ``basis`` (m, r): the directions that were inverted;
-    ``singular`` (r,): their singular values; ``projected`` (r,): cross-correlation along them;
-    ``projected_covariance`` (r, r): its covariance; ``residual`` (k,): output minus prediction;
-    ``measured`` (k,): the output predicted, without its mean.
+    one sample; ``sd`` (m,): sd of ``response`` by noise alone; ``basis`` (m, r): the directions
+    that were inverted; ``singular`` (r,): their singular values; ``projected`` (r,):
+    cross-correlation along them; ``projected_covariance`` (r, r): its covariance; ``residual``
+    (k,): output minus prediction; ``measured`` (k,): the output, mean removed.
     """
 
     lags: np.ndarray

@@ -31,8 +31,8 @@ _FLIPS = 999
 class Shape(NamedTuple):
     """The four nonlinear numbers of the rectified path.
 
-    ``delay_s``: delay; ``threshold``: index into the thresholds, fractions between them;
-    ``log_frequency``: logarithm of the natural frequency of the filter, rad/s; ``log_ratio``:
+    ``delay_s``: delay; ``threshold``: index into the thresholds, with a fraction between two of
+    them; ``log_frequency``: logarithm of the natural frequency of the filter, rad/s; ``log_ratio``:
     logarithm of its damping ratio.
     """
 
@@ -56,11 +56,11 @@ _SCALE = Shape(0.01, 2.0, 0.3, 0.3)
 class RectifiedPath:
     """Spectra of the rectified velocity at all thresholds, thinned to the rate of the fit.
 
-    ``spectra`` (n_threshold, n_frequency): of ``max(velocity - threshold, 0)``, low-passed as the
-    other signals are; ``thresholds`` (n_threshold,) rad/s: evenly spaced; ``s`` (n_frequency,):
-    laplace variable on the imaginary axis, rad/s; ``n``: samples of the thinned record; ``kept``:
-    those that enter the fit; ``drift`` (n_kept, n_drift): orthonormal slow functions, taken off
-    every signal.
+    ``spectra`` (n_threshold, n_frequency): of ``max(velocity - threshold, 0)``, rad/s, low-passed
+    as the other signals are; ``thresholds`` (n_threshold,) rad/s: evenly spaced; ``s``
+    (n_frequency,): Laplace variable on the imaginary axis, rad/s; ``n``: number of samples of the
+    thinned record; ``kept``: thinned samples in the fit; ``drift`` (n_kept, n_drift): orthonormal
+    slow functions, removed from every signal.
     """
 
     spectra: np.ndarray
@@ -154,9 +154,9 @@ class CascadeFit:
     """The two paths at their best.
 
     ``shape``: of the rectified path; ``linear`` (p,): coefficients of the linear path; ``gain``: of
-    the rectified path; ``jacobian`` (n, p + 5): derivatives of the output; ``residual`` (n,):
-    measured minus modelled; ``at_edge`` (4,): which numbers of the shape stand at the end of their
-    range.
+    the rectified path, output unit per rad/s; ``jacobian`` (n, p + 5): derivatives of the output;
+    ``residual`` (n,): measured minus modelled; ``at_edge`` (4,): whether each number of the shape
+    is at an end of its range.
     """
 
     shape: Shape

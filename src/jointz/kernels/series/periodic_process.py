@@ -24,8 +24,8 @@ _UNLIKELY = 1e-4
 class PeriodicCurve:
     """A curve with its pointwise band.
 
-    ``value``, ``low``, ``high`` (k,): median, and ends of the interval; ``length``: cycles: over
-    which part of the cycle the curve stays alike.
+    ``value`` (k,): median; ``low``, ``high`` (k,): ends of the interval; ``length``: posterior
+    median of the correlation length, cycles.
     """
 
     value: np.ndarray

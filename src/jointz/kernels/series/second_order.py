@@ -60,9 +60,10 @@ class PulseRecord:
 class LikelihoodFit:
     """Where the errors-in-variables likelihood is largest.
 
-    ``values`` (5,): K, B, J, lag in s, torque offset in N*m; ``covariance`` (5, 5): inverse
-    information; ``chi_square``: whitened sum of squares of ``n_residuals``, prior included;
-    ``condition_number``: of the scaled Jacobian of the free parameters.
+    ``values`` (5,): K, B, J (SI), lag (s), torque offset (N*m); ``covariance`` (5, 5): inverse
+    information; ``chi_square``: whitened sum of squares, prior included; ``n_residuals``: number of
+    its terms; ``condition_number``: of the scaled Jacobian of the free parameters; ``converged``:
+    whether the search ended.
     """
 
     values: np.ndarray

@@ -42,7 +42,7 @@ class Drive:
 
     ``lead``: samples of torque before the first angle, to shift by a negative lag; ``step_s``: time
     between samples; ``noise_sd`` (float, float): sd of the white noise of angle (rad) and torque
-    (N*m); ``lag_sd_s``: what is known of the lag around zero.
+    (N*m); ``lag_sd_s``: prior sd of the lag about zero; 0: no lag, None: unknown.
     """
 
     lead: int
@@ -65,10 +65,11 @@ class Drive:
 class DrivenFit:
     """A joint fitted to one average.
 
-    ``values`` (4,): K, B, J, lag of the torque in s; ``sensitivity`` (n, 4): of the whitened errors
-    of the smoothed records to them; ``bread`` (4, 4): its product with the sensitivity of the
-    records as they are, prior included; ``cost``: sum of the whitened errors squared, prior
-    included; ``converged``: whether the steps became small.
+    ``values`` (4,): K, B, J (SI), lag of the torque (s); ``sensitivity`` (n, 4): derivatives of the
+    whitened errors of the smoothed records by ``values``; ``bread`` (4, 4): product of
+    ``sensitivity`` and the derivatives for the unsmoothed records, prior included; ``cost``: sum of
+    the whitened errors squared, prior included; ``converged``: whether the steps became small and
+    the equations are regular.
     """
 
     values: np.ndarray

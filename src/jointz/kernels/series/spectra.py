@@ -21,8 +21,8 @@ class CrossSpectra:
 
     ``frequency_hz`` (f,): frequencies, evenly spaced from zero; ``auto_in``, ``auto_out`` (f,):
     densities of input and output, unit^2/Hz; ``cross`` (f,): density of conj(input) * output;
-    ``n_averages``: independent averages in each density; ``resolution_hz``: equivalent noise
-    bandwidth of the smoothing.
+    ``n_averages``: number of independent averages behind each density; ``resolution_hz``:
+    equivalent noise bandwidth of the smoothing.
     """
 
     frequency_hz: np.ndarray

@@ -33,11 +33,12 @@ _FEWEST_BINS = 12
 class RecordSpectra:
     """Windowed spectra of one record, offsets removed.
 
-    ``s`` (f,) rad/s: imaginary unit times angular frequency; ``motion`` (3, f): of angle, velocity
-    and acceleration; ``torque``, ``instrument`` (f,): of the torque, and of what the command
-    explains of it; ``noise``: power of the measurement noise of angle and torque at each frequency;
-    ``untold_share``: of angle and torque; ``window_power``: what white noise of variance one would
-    have.
+    ``s`` (f,) rad/s: imaginary unit times angular frequency; ``motion`` (3, f): spectra of angle
+    (rad), velocity (rad/s) and acceleration (rad/s^2); ``torque`` (f,): spectrum of the torque,
+    N*m; ``instrument`` (f,): spectrum of its part explained by the command, N*m; ``noise``: power
+    of the white noise of angle (rad^2) and torque (N^2*m^2), the same at every frequency;
+    ``untold_share``: largest share of possible, but undetermined white noise in the power of angle
+    and torque; ``window_power``: power of windowed white noise of unit variance.
     """
 
     s: np.ndarray
@@ -58,10 +59,11 @@ class RecordSpectra:
 class SpectrumFit:
     """Second-order impedance found from spectra.
 
-    ``values`` (3,): K, B, J; ``covariance`` (3, 3): their covariance, sandwich over frequencies;
-    ``vaf_pct``: of the output (angle where the torque was perturbed, else torque) inside the band,
-    by Parseval; ``condition_number``: of the scaled equations; ``error_power``, ``output_power``
-    (f,): of the output, at every frequency; ``converged``: whether the passes settled.
+    ``values`` (3,): K, B, J, SI; ``covariance`` (3, 3): their covariance, sandwich over
+    frequencies; ``vaf_pct``: of the output (angle where the torque was perturbed, else torque)
+    inside the band, by Parseval; ``condition_number``: of the scaled equations; ``error_power``
+    (f,): power of the error of the output at every frequency; ``output_power`` (f,): power of the
+    output; ``converged``: whether the passes settled.
     """
 
     values: np.ndarray

@@ -21,11 +21,13 @@ _XTOL, _RTOL = 1e-300, 8.9e-16
 class RandomEffectsFit:
     """Mean and spread over studies of one outcome.
 
-    ``mean``, ``se``, ``df``, ``low``, ``high``: over studies, standard error with the scale of
-    Knapp and Hartung; ``prediction_low``, ``prediction_high``: the true value of one more study;
-    ``tau2`` and its ``_se``, ``_low``, ``_high`` (Q-profile): variance between studies; ``i2_pct``
-    (Higgins and Thompson); ``q``, ``q_p``: Cochran's Q; ``scale``: of Knapp and Hartung;
-    ``log_likelihood``: restricted; ``weights`` (k,): shares of the studies.
+    ``mean``, ``se``, ``df``, ``low``, ``high``: mean over studies, its standard error with the
+    scale of Knapp and Hartung, degrees of freedom and ends of the interval; ``prediction_low``,
+    ``prediction_high``: ends of the interval of the true value of one more study; ``tau2``,
+    ``tau2_se``, ``tau2_low``, ``tau2_high``: variance between studies, its standard error and ends
+    of its interval (Q-profile); ``i2_pct``: I^2 of Higgins and Thompson, %; ``q``, ``q_p``:
+    Cochran's Q and its p; ``scale``: of Knapp and Hartung; ``log_likelihood``: restricted;
+    ``weights`` (k,): shares of the studies in the mean.
     """
 
     mean: float

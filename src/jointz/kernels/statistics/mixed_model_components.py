@@ -24,9 +24,10 @@ class CellBlocks:
     """The rows of a table by participant, one row a cell.
 
     ``X`` (b, m, p): fixed effects times the root of the cell's count; ``y`` (b, m): mean of the
-    cell times the root of its count; ``G`` (k, b, m, m): of participants, of cells where they are
-    in the model, and of the residual; ``missing`` (b, m): 1 where there is no cell; ``within_df``,
-    ``within_ss``: rows beyond one a cell, and the sum of their squares about the cells' means.
+    cell times the root of its count; ``G`` (k, b, m, m): covariance structure of each component:
+    participants, cells where they are in the model, residual; ``missing`` (b, m): 1 where there is
+    no cell; ``within_df``, ``within_ss``: number of rows beyond one per cell, and sum of squares
+    about the cells' means.
     """
 
     X: np.ndarray
@@ -54,11 +55,11 @@ class ComponentsFit:
 
     ``beta`` (p,): fixed effects; ``covariance`` (p, p): of the fixed effects, the variances taken
     as known; ``variances`` (k,): of participants, of cells where they are in the model, and of the
-    residual; ``information_gradient`` (k, p, p): of the inverse of ``covariance``: by the
+    residual; ``information_gradient`` (k, p, p): derivative of the inverse of ``covariance`` by the
     variances; ``information_products`` (k, k, p, p): Q of Kenward and Roger;
-    ``expected_information``, ``observed_information`` (k, k): of the variances, from the restricted
-    likelihood; ``score`` (k,): gradient of the restricted log-likelihood; ``deviance`` -2 times the
-    restricted log-likelihood, without its constant.
+    ``expected_information``, ``observed_information`` (k, k): information on the variances, from
+    the restricted likelihood; ``score`` (k,): gradient of the restricted log-likelihood;
+    ``deviance``: -2 times the restricted log-likelihood, without its constant.
     """
 
     beta: np.ndarray

@@ -25,8 +25,8 @@ class NoErrorLeftError(ValueError):
 class GroupVariance:
     """The exact test of a variance between groups, and the interval of its ratio.
 
-    ``test``: groups against the residual; ``ratio_low``, ``ratio_high``: of variance between groups
-    by residual variance.
+    ``test``: groups against the residual; ``ratio_low``, ``ratio_high``: ends of the interval of
+    variance between groups over residual variance.
     """
 
     test: FTest

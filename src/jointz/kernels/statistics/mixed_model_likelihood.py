@@ -44,10 +44,11 @@ class FixedEffects(Protocol):
 class RandomInterceptFit:
     """A fitted model with one random intercept.
 
-    ``beta`` (p,), ``covariance`` (p, p): of the fixed effects, the variances taken as known;
-    ``variance_group``, ``variance_residual``: REML estimates; ``covariance_gradient`` (2, p, p): of
-    ``covariance`` by residual variance and by the ratio of the variances; ``variance_covariance``
-    (2, 2): of these two, from the observed information.
+    ``beta`` (p,): fixed effects; ``covariance`` (p, p): of their errors, the variances taken as
+    known; ``variance_group``, ``variance_residual``: REML estimates; ``covariance_gradient`` (2, p,
+    p): derivatives of ``covariance`` by the residual variance and by the ratio of group to residual
+    variance; ``variance_covariance`` (2, 2): covariance of the errors of residual variance and
+    ratio, from the observed information.
     """
 
     beta: np.ndarray

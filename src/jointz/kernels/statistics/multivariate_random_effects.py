@@ -20,10 +20,11 @@ _FLAT = 1e-6
 class MultivariateFit:
     """Means and spread over studies of p outcomes together.
 
-    ``mean``, ``low``, ``high``, ``df`` (p,), ``covariance`` (p, p): means over studies and their
-    errors, model based; ``prediction_low``, ``prediction_high`` (p,): the true values of one more
-    study; ``between`` (p, p): covariance between studies; ``scale``: mean square of the weighted
-    residuals, before it is bounded; ``q``, ``q_p``: Cochran's Q of all outcomes;
+    ``mean``, ``low``, ``high``, ``df`` (p,): means over studies, ends of their intervals and
+    degrees of freedom; ``covariance`` (p, p): of the errors of the means, model based;
+    ``prediction_low``, ``prediction_high`` (p,): ends of the intervals of the true values of one
+    more study; ``between`` (p, p): covariance between studies; ``scale``: mean square of the
+    weighted residuals, before it is bounded; ``q``, ``q_p``: Cochran's Q of all outcomes and its p;
     ``log_likelihood``: restricted.
     """
 

@@ -22,10 +22,10 @@ _TINY = np.finfo(float).tiny
 class PartialPooling:
     """Means over people and the people's own values, of g groups of n people.
 
-    ``mean``, ``mean_low``, ``mean_high`` (g,): mean of the people that these are a sample of, and
-    its interval; ``spread``, ``spread_low``, ``spread_high`` (g,): median of tau, the sd between
-    people, and its interval; ``value``, ``low``, ``high`` (g, n): every person's own value given
-    all of them, and its interval; ``sd`` (g, n): of the own values' errors.
+    ``mean``, ``mean_low``, ``mean_high`` (g,): mean of the population and ends of its interval;
+    ``spread``, ``spread_low``, ``spread_high`` (g,): median of tau, the sd between people, and ends
+    of its interval; ``value``, ``low``, ``high`` (g, n): every person's value given the data of
+    all, and ends of its interval; ``sd`` (g, n): of the error of ``value``.
     """
 
     mean: np.ndarray

@@ -23,8 +23,8 @@ class SearchRegion:
     """Where a field is looked at, and how smooth it is there.
 
     ``fwhm_nodes``: full width at half maximum of the Gaussian kernel that makes white noise as
-    smooth; ``resels``: resolution elements; ``n_nodes``: nodes in the region; ``n_pieces``: runs of
-    neighbouring nodes.
+    smooth; ``resels``: resolution elements; ``n_nodes``: nodes in the region; ``n_pieces``: number
+    of runs of neighbouring nodes.
     """
 
     fwhm_nodes: float

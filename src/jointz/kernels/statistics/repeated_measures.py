@@ -13,8 +13,8 @@ class RepeatedMeasures:
     """Analysis of variance of participants by levels.
 
     ``test``: levels against the interaction with participants, exact under sphericity; ``epsilon``:
-    Greenhouse and Geisser's, 1 / (levels - 1) to 1; ``p_epsilon``: with both degrees of freedom
-    times ``epsilon``.
+    Greenhouse and Geisser's, 1 / (levels - 1) to 1; ``p_epsilon``: p with both degrees of freedom
+    multiplied by ``epsilon``.
     """
 
     test: FTest

@@ -9,8 +9,8 @@ import numpy as np
 class ThresholdCluster:
     """Neighbouring nodes beyond a threshold, all on one side of zero.
 
-    ``start_node``, ``end_node``: where the line between nodes crosses the threshold, or the curve
-    ends; ``peak_node``: farthest from zero; ``peak``: the statistic there, with its sign.
+    ``start_node``, ``end_node``: ends, where the line between nodes crosses the threshold, or the
+    curve ends; ``peak_node``: farthest from zero; ``peak``: the statistic there, with its sign.
     """
 
     start_node: float

@@ -31,7 +31,7 @@ class BandwidthFit(PlottedResult):
         Gain at low frequency from which the loss counts, N*m of torque a N*m
         of command.
     reference_hz : tuple of float
-        Band it was averaged over.
+        Band of the frequencies behind ``reference_gain``.
     resolution_hz : float
         Details closer than this are run together; the bandwidth is above it.
     coherence : float

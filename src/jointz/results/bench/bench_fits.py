@@ -27,7 +27,7 @@ class BenchFit(Fit):
     lag_model : str
         ``delay``, ``first_order``, ``mixed`` (a delay and a first-order filter) or ``given``.
     filter_time_s : float
-        Share of the lag that is a first-order filter; the rest is delay.
+        Time constant of the first-order filter within the lag; the rest is delay.
     vaf_pct : float
         Variance of the torque that the model accounts for (2.7), offsets removed, %.
     residual_sd_nm : float

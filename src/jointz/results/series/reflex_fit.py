@@ -60,7 +60,7 @@ class ReflexFit(Fit):
     linear_vaf_pct : float
         Of K, B, J fitted without a reflex to the same samples.
     linear_stiffness : float
-        K of that fit, N*m/rad: it holds the reflex.
+        K of that fit, N*m/rad; it includes the effect of the reflex.
     vaf_of : str
         ``torque``.
     status : str
