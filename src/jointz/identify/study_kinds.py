@@ -12,7 +12,7 @@ class StudyKind:
     by_gait: bool  # whether timing points are phases of the gait cycle; otherwise cases or trials
     by_side: bool  # whether every session and side is estimated by itself
     drifts: bool  # whether posture drifts, so that neighbouring strides are resampled together
-    # columns in which a recording and its unperturbed one should agree
+    # attributes that a recording should share with its unperturbed one
     reference_keys: tuple[str, ...]
     bounded: bool  # whether the dissertation asks for K, B, J >= 0
     per_mass: bool  # whether values per kg are expected even if the mass is missing
