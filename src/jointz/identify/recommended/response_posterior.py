@@ -52,7 +52,7 @@ _PRIOR_LEFT = 1e-6
 class Moments:
     """An estimate and its variance by source."""
 
-    mean: float  # SI
+    mean: float  # unit of the parameters that are combined
     # source of error (:data:`~jointz.results.estimates.FIT_SOURCES`) -> variance
     sources: dict[str, float]
 
