@@ -54,17 +54,17 @@ def test_a_bench_study_is_refused(small_study):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "place"),
     [
-        ({"stiffness": -1.0}, "stiffness: expected a finite, positive value, got -1.0"),
-        ({"damping": float("nan")}, "damping: expected a finite"),
-        ({"damping": {"XYZ": 1.0}}, "damping: expected timing points among LRE, got XYZ"),
-        ({"lag_s": 5.0}, "lag_s: expected 0 to 0.06 s, got 5.0"),
+        ({"stiffness": -1.0}, "stiffness: .*-1.0"),
+        ({"damping": float("nan")}, "damping: "),
+        ({"damping": {"XYZ": 1.0}}, "damping: .*XYZ"),
+        ({"lag_s": 5.0}, "lag_s: .*5.0"),
     ],
 )
-def test_values_that_make_no_sense_are_refused(given, message):
+def test_values_that_make_no_sense_are_refused(given, place):
     asked = {"stiffness": None, "damping": None, "inertia": None} | given
     lag_s = asked.pop("lag_s", None)
 
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=place):
         checked_injection(**asked, lag_s=lag_s, timing_points=["LRE"])

@@ -14,7 +14,6 @@ from jointz.analysis.page.figure_files import (
     FIGURES,
     draw_figures,
     draw_picture,
-    draw_truth_picture,
 )
 from jointz.analysis.page.impedance_figures import draw_impedance_over_gait
 from jointz.analysis.page.method_figures import draw_methods
@@ -72,13 +71,6 @@ def test_a_picture_has_a_pdf_of_its_size_with_its_fonts_and_without_a_date(recom
     for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator", b"/Type3"):
         assert word not in picture.pdf
     assert b"/FontFile2" in picture.pdf
-
-
-def test_the_truth_is_drawn_for_each_parameter(truth):
-    picture = draw_truth_picture(truth)
-    assert len(ET.fromstring(picture.svg).findall(".//*[@id='axes_3']")) == 1
-    assert picture.pdf.startswith(b"%PDF")
-    assert draw_truth_picture(truth.iloc[:0]) is None
 
 
 def texts(figure):
@@ -172,16 +164,6 @@ def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
     )
     assert "n 48" in labels(angle.texts)
     assert f"{one.cells[0].vaf_pct:.1f} %" in labels(torque.texts)
-
-
-def test_where_the_angle_was_fitted_its_fit_is_drawn_and_the_torque_has_none(recommended):
-    one = only_group(recommended, "S01", "LRE")
-    angle, torque = plot(draw_responses, one).axes
-    cell = one.cells[0]
-    _measured, fitted, _zero = angle.lines
-    np.testing.assert_allclose(fitted.get_ydata()[:-1], np.degrees(cell.response.fitted_angle))
-    assert len(torque.lines) == 2  # the measured one, and the level of zero
-    assert f"n 48\n{cell.vaf_pct:.1f} %" in labels(angle.texts)
 
 
 def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):

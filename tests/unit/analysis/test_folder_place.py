@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from jointz.analysis.folder_place import FolderState
 from jointz.analysis.results_folder import (
     ANALYSIS,
     MARKER,
@@ -121,15 +120,6 @@ def test_races_for_one_name_lose_nothing(tmp_path, overwrite):
         assert f"{out}-2" in refusals[0]
         assert sorted(map(text_of, (out, Path(f"{out}-2")))) == ["a", "b"]
     assert len(names(tmp_path)) == 2 * RACES
-
-
-def test_the_state_of_a_folder_tells_a_change(tmp_path):
-    assert FolderState.of(tmp_path / "out") == FolderState()
-    fill(tmp_path / "out", "1")
-    before = FolderState.of(tmp_path / "out")
-    assert FolderState.of(tmp_path / "out") == before
-    (tmp_path / "out" / "more").write_text("x")
-    assert FolderState.of(tmp_path / "out") != before
 
 
 def test_a_name_that_is_not_utf8_is_refused_before_the_work(tmp_path):

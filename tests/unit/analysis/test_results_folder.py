@@ -90,14 +90,6 @@ def old_folder(out, file):
     (out / MARKER).write_text(json.dumps({"files": [file]}))
 
 
-def test_a_folder_of_another_kind_is_kept(tmp_path):
-    fill(tmp_path / "out", "old")
-
-    with pytest.raises(OutputError, match="made it as analysis, not as comparison"):
-        fill(tmp_path / "out", "new", overwrite=True, made_by=COMPARISON)
-    assert text_of(tmp_path / "out") == "old"
-
-
 @pytest.mark.parametrize(
     ("file", "kind"),
     [("estimates.csv", ANALYSIS), ("comparison.json", COMPARISON), ("chapter4.json", REPRODUCTION)],

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from jointz.analysis.analyze import analyze
-from jointz.analysis.page.report_page import render_report
 from jointz.core.errors import StudyError
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 
@@ -213,8 +212,6 @@ def test_loads_of_a_bench_have_no_mean_and_the_results_say_so(tmp_path):
     assert {c.participant for c in found.cells} == {"S01", "S02"}
     assert found.population == ()
     assert NO_MEANS_ON_A_BENCH in found.statistics["notes"]
-    assert NO_MEANS_ON_A_BENCH in render_report(found, {}, title="Loads")
-    assert "Means over participants have" not in render_report(found, {}, title="Loads")
 
 
 def test_walking_without_a_contact_uses_the_names_of_the_table(tmp_path):

@@ -173,7 +173,7 @@ def test_the_study_of_the_readme_is_analysed_into_files_that_are_described(
         table.rename(columns=names).to_csv(small_study.root / f"S01_{theirs}.csv", index=False)
     (small_study.root / "study.toml").write_text(toml)
 
-    outcome = analyze(small_study, "--no-figures")
+    outcome = analyze(small_study)
 
     assert outcome.code == 0
     assert 0.5 * 6 * 5 < outcome.json["n_standing"] <= 6 * 5
