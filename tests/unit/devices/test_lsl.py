@@ -20,7 +20,7 @@ from jointz.devices.lsl import LslSensor
 from jointz.devices.lsl_markers import LslMarkers
 from jointz.testing import SensorContract
 
-from .fakes import begin, names_of, needs, wait
+from .fakes import begin, needs, wait
 
 pytestmark = pytest.mark.alone
 
@@ -197,15 +197,6 @@ def test_gain_and_offset_make_it_rad_and_no_number_stays_none(begun, raw, angle)
     sensor, _, clock = begun(**degrees, sender={"values": lambda _: [0.0, raw]})
     wait(clock, 0.01)
     assert sensor.read()[-1].value == pytest.approx(angle, nan_ok=True)
-
-
-@needs("pylsl")
-def test_the_stand_in_takes_no_argument_that_the_real_inlet_does_not():
-    real = importlib.import_module("pylsl").StreamInlet
-    for name in ("open_stream", "close_stream", "time_correction", "flush", "pull_chunk"):
-        ours, theirs = (names_of(getattr(one, name)) for one in (FakeInlet, real))
-        assert ours == theirs[: len(ours)], name
-    assert names_of(FakeInlet) == names_of(real)[: len(names_of(FakeInlet))]
 
 
 def test_stamps_are_moved_by_the_offset_of_the_clocks(begun) -> None:

@@ -78,23 +78,6 @@ def test_samples_that_come_in_bursts_are_placed_by_their_own_time():
     assert watch.strides.strides == 6
 
 
-def test_a_double_strike_that_hides_the_true_one_makes_the_phase_none_until_gait_is_steady():
-    walk = Walk()
-    watch = walk.until(6 * STRIDE + 810 * MS)
-
-    def double(time):
-        return 1.0 if 820 * MS <= time - 6 * STRIDE < 950 * MS else on(time)
-
-    walk.until(8 * STRIDE - PERIOD, double)
-    assert watch.strides.spurious == 1
-    assert not watch.steady
-    walk.until(11 * STRIDE - PERIOD)
-    assert not watch.steady
-    walk.until(11 * STRIDE)
-    assert watch.strides.missing == 1
-    assert watch.steady
-
-
 def test_a_brush_against_the_switch_costs_no_strike():
     walk = Walk()
 

@@ -90,11 +90,6 @@ def test_nobody_is_put_on_devices_or_called_by_an_operator_after_one_failed(run,
     assert "participant 2" in error.__notes__[0]
 
 
-def test_a_stop_at_the_prompt_is_no_participants_failure(run):
-    with pytest.raises(KeyboardInterrupt):
-        run({"S01": KeyboardInterrupt()}, operator="operator")
-
-
 def run_elsewhere(*, scheduler):
     """Run two people by others than this process."""
     return run_people(
