@@ -201,9 +201,8 @@ def test_a_sensor_that_never_gave_a_sample_is_missing_throughout(session):
     assert np.isnan(values(session.record(), "contact")).all()
 
 
-@pytest.mark.parametrize("ppm", [-100.0, 50.0])
-def test_a_clock_that_runs_at_another_rate_is_followed(session, ppm):
-    ticks = 60_000  # two minutes; 50 ppm are 6 ms by then
+def test_a_clock_that_runs_at_another_rate_is_followed(session):
+    ppm, ticks = -100.0, 30_000  # a minute; 100 ppm are 6 ms by then
     session.stretch(0, ticks, angle=Stream(fast=ppm * 1e-6, clock_ns=5 * 10**9, way_ns=300_000))
     record = session.record()
     true_ms = np.arange(ticks) * PERIOD / MS
