@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
@@ -251,6 +251,7 @@ numbers = st.floats(allow_nan=True, allow_infinity=False)
     rate=st.floats(1.0, 1e4),
     jitter=st.booleans(),
 )
+@settings(max_examples=30, deadline=None)
 def test_reading_gives_back_what_was_written_bit_for_bit(
     tmp_path_factory, values, start, rate, jitter
 ):

@@ -92,7 +92,7 @@ def test_a_cut_or_foreign_file_is_refused(path, tmp_path):
     participant=st.text(st.characters(codec="utf-8", exclude_characters="\x00")),
 )
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_a_recording_is_read_back_as_it_was_written(tmp_path, samples, participant):
     original = recording(angle=samples, emg=samples[::-1])

@@ -64,7 +64,7 @@ def test_numbers_of_another_program_are_read_exactly(
 
 
 @given(content=damaged(CSV), labels=st.booleans(), header=st.booleans())
-@settings(in_tmp_path, max_examples=400)
+@settings(in_tmp_path, max_examples=150)
 def test_a_damaged_csv_is_read_or_refused(tmp_path, content, labels, header):
     path = tmp_path / "a.csv"
     path.write_bytes(content)

@@ -16,7 +16,7 @@ from jointz.io.study_reader import open_study
 from jointz.io.toml_text import written_key, written_text
 
 fuzz = settings(
-    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80
 )
 
 # --- a TOML writer as small as the tests need ----------------------------------------------------
