@@ -217,6 +217,10 @@ def test_replicates_and_copied_rows_are_refused():
         fit_of(pd.concat([pulses, pulses.iloc[:1]]))
 
 
+def scaled(size):
+    return made_up(np.random.default_rng(9)).assign(y=lambda t: size * t["y"])
+
+
 def changed(rows, column, value):
     table = made_up(np.random.default_rng(8))
     table[column] = table[column].astype(object if isinstance(value, str) else table[column].dtype)
@@ -239,6 +243,12 @@ def changed(rows, column, value):
         (made_up(np.random.default_rng(8)).iloc[::5], "told apart"),
         (made_up(np.random.default_rng(8)).rename(columns={"y": "K"}), "'y'"),
         (made_up(np.random.default_rng(8)).iloc[:0], "found none"),
+        (scaled(1e300), "'y'"),
+        (scaled(1e-200), "'y'"),
+        (scaled(1j), "'y'"),
+        (scaled(1.0).assign(y=True), "'y'"),
+        (pd.concat([scaled(1.0), scaled(1.0)[["y"]]], axis=1), "'y'"),
+        (scaled(1.0).replace({"level": {"L0": 1, "L1": "1"}}), "'1'"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_tested_is_refused_by_name(table, message):
@@ -255,6 +265,14 @@ def test_nothing_left_beside_people_and_levels_is_refused():
     repeated = pd.concat([table, table])
     with pytest.raises(DataError, match="cells"):
         fit_of(repeated)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("df", "containment"), ("ci_level", 95), ("nested", True)]
+)
+def test_options_that_do_not_fit_are_refused(option, value):
+    with pytest.raises(DataError, match=option):
+        fit_of(oracle_table("balanced"), **{option: value})
 
 
 def test_too_few_people_for_kenward_roger_have_a_code():

@@ -78,6 +78,12 @@ def test_an_error_that_all_people_share_does_not_average_out() -> None:
     assert shared[1] - alone[1] == pytest.approx(0.0025 * np.outer(mean, mean))
 
 
+@pytest.mark.parametrize("values", [[[1.0]], [[1.0], [np.nan]]])
+def test_one_person_and_gaps_are_refused(values: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match=r"people|gaps"):
+        mean_over_people(np.array(values), np.zeros((len(values), 1, 1)))
+
+
 STUDIES = (
     StudyMean("lab-a", 62.1, 3.4, 8),
     StudyMean("lab-b", 55.4, 2.2, 12),

@@ -146,6 +146,7 @@ def test_a_pulse_into_which_another_falls_is_left_out():
         ([CLEAN], {"align": "position"}, "'position'"),
         ([(run(omega=2.7), CLEAN[1])], {}, "reference"),
         ([CLEAN], {"align": "command"}, "reference"),
+        ([({k: v[::2] for k, v in CLEAN[0].items()}, CLEAN[1])], {}, "pair 1: .*1000 Hz"),
     ],
 )
 def test_what_is_no_pair_is_refused(pairs, options, message):

@@ -62,7 +62,6 @@ def test_a_slow_small_swing_decides_nothing(make):
     fit = fit_hinge(*swing(make, size_deg=2.5, speed=0.15))
 
     assert fit.entry("angle_lag_s").status == "undecided"
-    assert "0.0005 s" in fit.entry("angle_lag_s").reason
 
 
 @pytest.fixture(scope="module")

@@ -40,20 +40,17 @@ def test_unsorted_time_is_an_error(make):
 
 
 @pytest.mark.parametrize(
-    ("moved", "code", "detail"),
+    ("moved", "code"),
     [
-        (lambda time: np.radians(2.0) * time / time[-1], "drift", "2 deg"),
-        (lambda time: np.radians(3.0) * (abs(time - 10.0) < 1.0), "not_still", "hold it still"),
-        (lambda time: np.where(time < 5.0, np.nan, 0.0), "not_finite", "most in angle"),
+        (lambda time: np.radians(2.0) * time / time[-1], "drift"),
+        (lambda time: np.radians(3.0) * (abs(time - 10.0) < 1.0), "not_still"),
+        (lambda time: np.where(time < 5.0, np.nan, 0.0), "not_finite"),
     ],
 )
-def test_a_record_of_no_rest_is_refused(make, moved, code, detail):
+def test_a_record_of_no_rest_is_refused(make, moved, code):
     time, angle = still(make)
 
-    (entry,) = fit_zero(time, angle + moved(time)).entries
-
-    assert entry.status == f"failed:{code}"
-    assert detail in entry.reason
+    assert fit_zero(time, angle + moved(time)).status == f"failed:{code}"
 
 
 def test_a_short_record_is_refused(make):

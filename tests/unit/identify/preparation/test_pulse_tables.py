@@ -37,13 +37,13 @@ def test_recordings_in_another_order_than_their_clock_take_the_same_pulses():
 
 @pytest.mark.parametrize("second_s", [0.0, 9.0, 10.0])
 def test_time_that_starts_again_in_a_perturbed_trial_is_refused(second_s):
-    with pytest.raises(DataError, match=r"walk.csv: time starts again .* a table of its own"):
+    with pytest.raises(DataError, match=r"walk.csv: time"):
         shared([1.0], run(0.0), run(second_s))
 
 
 def test_a_table_whose_onsets_all_lie_outside_is_refused():
     assert shared([], run(0.0)) == [[]]
-    with pytest.raises(DataError, match=r"all 2 onsets .* \(0 to 10 s, 20 to 30 s\)"):
+    with pytest.raises(DataError, match=r"0 to 10 s, 20 to 30 s"):
         shared([11.0, 99.0], run(0.0), run(20.0))
-    with pytest.raises(DataError, match=r"walk.csv: all 1 onsets .* \(there are none\)"):
+    with pytest.raises(DataError, match=r"walk.csv: all 1 onsets"):
         shared([1.0], run(0.0, condition="unperturbed"))

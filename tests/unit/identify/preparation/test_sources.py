@@ -79,6 +79,13 @@ def test_torque_comes_from_current_where_it_was_not_measured():
     np.testing.assert_allclose(source.given.recording["torque"], 0.9)
 
 
+@pytest.mark.parametrize("drop", [["torque"], ["torque", "current"]])
+def test_a_recording_without_any_torque_is_refused(drop):
+    model = MODEL if "current" in drop else None
+    with pytest.raises(DataError, match=r"perturbed.csv: .*channels.torque"):
+        prepare_sources([record(drop=drop)], settings(torque_model=model))
+
+
 def test_without_a_device_neither_torque_nor_pulses_are_expected():
     (source,) = prepare_sources([record("no_device", drop=["torque", "command"])], settings())
     assert source.pulses == ()
@@ -108,9 +115,9 @@ def test_the_study_may_name_another_source():
 
 
 def test_a_source_that_is_not_there_is_refused():
-    with pytest.raises(DataError, match='source is "table" but it has none'):
+    with pytest.raises(DataError, match="table"):
         prepare_sources([record()], settings(source="table"))
-    with pytest.raises(DataError, match="needs an unperturbed recording of the same participant"):
+    with pytest.raises(DataError, match="unperturbed recording"):
         prepare_sources([record(drop=["command"])], settings())
 
 
