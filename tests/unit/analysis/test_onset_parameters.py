@@ -109,17 +109,3 @@ def test_results_with_and_without_them_are_compared_in_what_both_have(folders):
 
     assert both.parameters == alone.parameters == ("stiffness", "damping", "inertia")
     assert {d.difference for d in both.differences} <= {0.0, None}
-
-
-def test_a_catalog_of_results_has_their_rows(folders, tmp_path):
-    pytest.importorskip("duckdb")
-    from jointz.collections.catalog import query_catalog
-    from jointz.collections.catalog_query import CatalogFilter
-    from jointz.collections.results_catalog import build_results_catalog
-
-    made = build_results_catalog([folders], out=tmp_path)
-    found = query_catalog(tmp_path, CatalogFilter(parameter=ONSET)).to_frame()
-
-    assert made.skipped == ()
-    assert set(found["entry"].str.rsplit("/").str[-1]) == {"onset"}
-    assert set(found["unit"]) == {"N*m/rad", "N*m*s/rad"}

@@ -165,21 +165,6 @@ def test_a_table_for_trials_whose_time_restarts_is_refused(tmp_path):
     assert_finds_the_joint(standing(found)[0], n_used=6)
 
 
-def test_sessions_of_one_participant_are_cells_with_baselines_of_their_own(tmp_path):
-    tables, entries = {}, ""
-    for session, level in (("a", 0.0), ("b", 0.3)):
-        for condition, pulses in (("unperturbed", ()), ("perturbed", PULSES)):
-            tables[f"{condition}_{session}"] = rows(level=level, pulses=pulses)
-            entries += entry(condition, f"{condition}_{session}.csv", session=session)
-    toml = HEAD.format(kind="walking") + CONTACT + COMMAND + PERSON + entries
-
-    cells = standing(analyzed(tmp_path, toml, **tables))
-
-    assert [cell.session for cell in cells] == ["a", "b"]
-    for cell in cells:
-        assert_finds_the_joint(cell, n_used=3)
-
-
 def test_a_bench_with_trials_takes_pulses_from_the_difference_of_references(tmp_path):
     def trial(name, condition, *, level, pulses=()):
         table = rows(level=level, pulses=pulses, trial=name, phase=condition)

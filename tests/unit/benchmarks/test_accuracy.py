@@ -63,13 +63,6 @@ def test_the_sensor_shows_the_response_delayed_filtered_and_scaled() -> None:
     assert np.allclose(shown, 1.03 * plain + 1e-3 * np.eye(N), rtol=0, atol=1e-15)
 
 
-def test_a_stiff_strap_and_stiff_tissue_are_the_rigid_joint() -> None:
-    rigid = joints.response_matrix(JOINT, N, STEP_S) @ np.ones(N)
-    stiff = replace(JOINT, strap=1e6, strap_time_s=0.005, tissue_hz=3000.0, tissue_damping=0.7)
-    shown = joints.response_matrix(stiff, N, STEP_S) @ np.ones(N)
-    assert np.abs(shown - rigid).max() < 5e-3 * rigid.max()
-
-
 def test_a_reflex_acts_only_after_its_latency_and_resists() -> None:
     reflex = replace(JOINT, reflex=0.5, latency_s=0.04)
     plain = joints.response_matrix(JOINT, N, STEP_S) @ np.ones(N)
@@ -129,13 +122,6 @@ def test_one_inertia_for_two_points_is_known_better_than_free_ones() -> None:
     assert one["MST"]["inertia"] < spread["MST"]["inertia"] < free["MST"]["inertia"]
 
 
-def test_pulses_that_decide_nothing_leave_the_bound_at_the_weak_prior() -> None:
-    point = information(1e6, ["stiffness", "damping", "inertia"], n_pulses=1)
-    found = bound.bound_of({"MST": point}, {}, inertia_spread=0.0, weak_sd=1.0)["MST"]
-    assert found["stiffness"] == pytest.approx(30.0, rel=1e-6)
-    assert found["damping"] == pytest.approx(2.0, rel=1e-6)
-
-
 def test_prediction_leaves_noise_and_takes_what_the_past_tells() -> None:
     rng = np.random.default_rng(3)
     strikes = np.arange(0.0, 600.0, 1.1)
@@ -149,20 +135,6 @@ def test_prediction_leaves_noise_and_takes_what_the_past_tells() -> None:
     # White noise of 0.01 and what 67 predictors cost in 540 strides, an eighth of its variance.
     assert found.virtual[0].std() == pytest.approx(0.0107, rel=0.05)
     assert np.abs(found.pulses[0]).max() < 0.02
-
-
-def test_what_never_changed_before_does_not_predict_when_it_does() -> None:
-    rng = np.random.default_rng(4)
-    strikes = np.arange(0.0, 600.0, 1.1)
-    time = np.arange(0.0, strikes[-1], STEP_S)
-    still = np.mod(time, 1.1) > 0.4  # the later half of the past of an onset at 0.55 s
-    torque = np.where(still, 1e-12, 1.0) * rng.normal(size=time.size)
-    torque[still & (time > 500.0)] += 1e-3  # where the pulses are
-    angle = rng.normal(scale=0.01, size=time.size)
-    walked = noise.Walked(np.stack([angle, torque]), STEP_S, strikes[strikes < 500.0], np.array([]))
-    asked = noise.Walked(walked.signals, STEP_S, strikes, np.array([]))
-    found = noise.surprises(walked, asked, strikes[-20:-5] + 0.55, 40)
-    assert np.abs(found.pulses[0]).max() < 0.05
 
 
 def test_too_few_unperturbed_strides_are_refused() -> None:
@@ -291,13 +263,3 @@ def test_a_line_that_was_cut_off_and_a_changed_row_are_done_again(tmp_path: Path
     assert store.load(replace(row, title="other words", target=None), 1, "truth")
     assert not store.load(replace(row, lag_sd_s=0.001), 1, "truth")
     assert not store.load(row, 2, "truth")
-
-
-def test_rows_that_differ_in_what_is_known_share_their_walks() -> None:
-    known = rows.all_rows()
-    jobs = [
-        runs.Job(known[name], number, 1, ("truth",))
-        for name in ("nominal-lag-unknown", "nominal-lag-0.5ms", "torsion")
-        for number in (0, 1)
-    ]
-    assert sorted(len(bundle) for bundle in runs._bundles(jobs)) == [1, 1, 2, 2]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from benchmarks import gather, machine
-from benchmarks.figures import Figure, Figures, Peer, at_least, at_most
+from benchmarks.figures import Figures, Peer, at_least, at_most
 from benchmarks.page import broken, missed, page_of
 
 ROOT = Path(__file__).parents[3]
@@ -82,13 +82,6 @@ def test_ratios_stand_beside_what_was_asked(parts):
                                "ours / peer", "at most 1.2", "yes"]  # fmt: skip
     assert found["query"] == ["12.3 ms", "at most 50 ms", "yes"]
     assert found["`test_x.py::test_y[a]`"] == ["2.5", "1", "0.2", "1,234"]
-
-
-def test_by_zero_there_is_no_ratio_and_a_limit_holds_all_the_same(parts):
-    assert rows(page_of(parts, image="", quick=False))["missed slots (p = 0.42)"] == [
-        "0", "without the page", "0.5", "-", "peer / ours", "-", "-"]  # fmt: skip
-    assert Figure("w", 0.0, "", Peer("p"), 0.0, at_most(1.0)).met is True
-    assert Figure("w", 0.5, "", Peer("p"), 0.0, at_most(1.0)).met is False
 
 
 def test_growth_and_efficiency_of_engines_are_told(parts):

@@ -80,22 +80,6 @@ def test_limits_count_only_in_undecided_rows_that_have_them():
     assert entry.decided == Share(1, 5)
 
 
-def test_a_value_without_interval_has_an_error_and_no_coverage():
-    entry = score("stiffness", [row(value=12.0)])
-
-    assert entry.bias_pct == pytest.approx(20.0)
-    assert entry.coverage == Share(0, 0)
-    assert math.isnan(entry.half_width_pct)
-
-
-def test_a_share_has_its_monte_carlo_error():
-    share = Share(9, 36)
-
-    assert share.error == pytest.approx(math.sqrt(0.25 * 0.75 / 36))
-    assert str(share) == "0.25±0.07 (9/36)"
-    assert str(Share(0, 0)) == "-"
-
-
 def test_rows_hold_the_parameters_that_have_a_truth():
     stiffness = ParameterEstimate("stiffness", 48.0, 40.0, 56.0, "ok")
     per_mass = ParameterEstimate("stiffness_per_mass", 0.7, 0.6, 0.8, "ok")
@@ -141,19 +125,6 @@ def test_the_truth_of_a_preset_includes_gravity_and_is_averaged_over_pulses(tmp_
     truths = studies.simulated_truths(tmp_path)
 
     assert truths == {"S01": {"LRE": {"stiffness": 54.0, "damping": 2.5, "inertia": 1.0}}}
-
-
-def test_a_copy_has_another_window_and_links_to_the_recordings(tmp_path):
-    study = tmp_path / "study"
-    study.mkdir()
-    (study / "study.toml").write_text('joint = "knee"\n[perturbations]\nwindow_s = 0.2\n')
-    (study / "P1.csv").write_text("time\n0\n")
-
-    copy = studies.copy_with_window(study, 0.1, tmp_path / "copy")
-
-    assert (copy / "study.toml").read_text().endswith("[perturbations]\nwindow_s = 0.1\n")
-    assert (copy / "P1.csv").is_symlink()
-    assert (copy / "P1.csv").read_text() == "time\n0\n"
 
 
 def test_recorded_worlds_are_skipped_where_their_folder_is_absent(monkeypatch, tmp_path, capsys):

@@ -18,7 +18,6 @@ from jointz.cli import main
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment.files import file_lock
 from jointz.tasks.task_store import TaskStore
-from jointz.terminal import exit_status
 
 FEW = ("--method", "pre_pulse", "--resamples", 2, "--no-figures")
 
@@ -108,12 +107,6 @@ def test_whatever_happens_there_is_no_traceback(
     assert outcome.json["message"] in outcome.err
     assert "Traceback" not in outcome.err
     assert [p.name for p in tmp_path.iterdir()] == ["study"]
-
-
-def test_a_stopped_run_says_what_is_kept_whatever_stands_before_it(jointz, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointz.session.run.run", Mock(side_effect=KeyboardInterrupt))
-    outcome = jointz("--memory-limit", "8GB", "run", "walking", "--out", tmp_path / "out")
-    assert (outcome.code, outcome.err) == (130, f"jointz: Stopped. {exit_status.STILL_THERE}\n")
 
 
 def test_results_are_absent_when_writing_fails_half_way(jointz, small_study, tmp_path, monkeypatch):

@@ -24,17 +24,6 @@ def test_shares_of_significant_anovas_follow_from_the_exceptions():
     assert int(total) == shares["all"].value
 
 
-def reference_e_slope(t):
-    """d/dt of (2.6), frequencies read as Hz."""
-    a, b = 2 * np.pi * 1.4, 2 * np.pi * 2.0
-    return 0.5 * (5 * a * np.cos(a * t) + 6 * b * np.cos(b * t))
-
-
-def test_reference_e_rises_at_all_onsets_so_that_type_is_direction_there():
-    onsets = 5.0 * np.array([0.1, 0.4, 0.6, 0.9])
-    assert (reference_e_slope(onsets) > 0).all()
-
-
 def test_underestimates_by_trajectory_follow_from_the_tables():
     for response, table in TABLES.items():
         over_loads = np.mean([means(row) for row in table.values()], axis=0)

@@ -2,8 +2,6 @@
 
 import dataclasses
 
-import pytest
-
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.joint_fit import FitSeries, JointFit
 
@@ -37,14 +35,3 @@ def test_a_notebook_shows_the_title_and_a_small_table_escaped():
     assert "&lt;b&gt;" in html
     assert "<td>stiffness</td>" in html
     assert "<b>" not in html
-
-
-@pytest.mark.parametrize(
-    ("signal", "label"), [("angle", "angle (rad)"), ("torque", "torque (N*m)")]
-)
-def test_the_figure_shows_measurement_and_model(signal, label):
-    ax = dataclasses.replace(FIT, vaf_of=signal).plot()
-    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
-
-    assert drawn == {"measured": [[0.0, 1.0], [0.1, 2.0]], "model": [[0.0, 1.1], [0.1, 1.9]]}
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time (s)", label)

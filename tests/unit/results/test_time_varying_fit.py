@@ -48,13 +48,6 @@ def test_the_table_has_a_row_a_parameter_and_phase():
     assert (row.unit, row.status, row.n_used) == ("N*m/rad", "ok", 100)
 
 
-def test_an_undecided_phase_has_no_number_in_the_table():
-    table = make_fit().to_frame().query("gait_pct == 90.0")
-
-    assert table[["value", "ci_low", "ci_high"]].isna().all(axis=None)
-    assert set(table.status) == {"undecided"}
-
-
 def test_a_phase_without_neighbours_keeps_its_interval_in_the_figure():
     fit = make_fit()
     lonely = dataclasses.replace(
