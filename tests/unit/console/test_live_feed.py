@@ -152,3 +152,9 @@ def test_a_damaged_file_is_told_and_the_page_goes_on(feed, live):
     live.problem = None
     feed.poll()
     assert json.loads(feed.frame((-1, 0, -1))[0])["status"]["problem"] == ""
+
+
+def test_a_page_that_fails_says_so(feed, live):
+    live.problem = KeyError("number")
+    feed.poll()
+    assert "has failed" in json.loads(feed.frame((-1, 0, -1))[0])["status"]["problem"]

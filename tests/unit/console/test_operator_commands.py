@@ -8,6 +8,7 @@ from jointz.console import operator_commands
 from jointz.console.operator_commands import Heartbeat, OperatorCommands
 from jointz.core.errors import DataError
 from jointz.experiment.control_box import ControlBox, Order
+from jointz.experiment.files.journal import Journal
 
 
 class Process:
@@ -196,3 +197,10 @@ def test_signs_of_life_follow_a_session_that_goes_on(room):
         beat.beat()
         assert newer.beat_ns > 0
     beat.close()
+
+
+def test_a_page_that_looks_on_ends_nobody_elses_session(room):
+    with Journal(room.folder / "journal.jsonl") as journal:
+        journal.write("prompted", condition="perturbed", time_ns=1)
+    assert "4711" in room.desk.leave()
+    assert not room.box.stop_asked

@@ -76,3 +76,9 @@ def test_a_session_that_lives_is_not_started_again(tmp_path, monkeypatch, made):
     finally:
         process._child.kill()
         process._child.wait()
+
+
+def test_who_only_looks_on_starts_nothing(made):
+    process = made()
+    with pytest.raises(DataError, match="can only watch"):
+        process.start(resume=True)

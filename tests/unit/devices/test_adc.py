@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from jointz.core.clock import Clock, RealClock
+from jointz.core.clock import Clock, RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.adc import Ads1115Sensor
 from jointz.devices.config import Ads1115Spec
@@ -238,3 +238,9 @@ def test_another_chip_at_the_address_is_refused(made, monkeypatch) -> None:
     with pytest.raises(DeviceError, match="no ADS1115"):
         sensor.configure()
     assert chip.registers[1] == b"\x85\x83"
+
+
+def test_it_states_how_old_its_values_are() -> None:
+    sensor = Ads1115Sensor(Ads1115Spec(), "angle", clock=VirtualClock())
+    assert sensor.lag_s == pytest.approx(1 / 860)
+    assert sensor.lag_sd_s == pytest.approx(0.34e-3, abs=0.01e-3)

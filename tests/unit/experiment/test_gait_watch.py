@@ -110,3 +110,15 @@ def test_a_switch_that_gives_volts_strikes_at_its_calibrated_levels():
     told.until(5 * STRIDE, switch=volts)
     assert blind.accepted == []
     assert told.accepted == [k * STRIDE for k in (2, 3, 4, 5)]
+
+
+def test_the_knee_tells_a_phase_of_its_own():
+    def knee(time):
+        at = (time / STRIDE) % 1
+        return 0.1 + max(0.0, 1.0 - abs(at - 0.722) / 0.15)
+
+    watch = Walk().until(6 * STRIDE + 330 * MS, knee=knee)
+    assert watch.shadow_phase_pct == pytest.approx(30.0, abs=0.5)
+    still = Walk().until(6 * STRIDE + 330 * MS)
+    assert isnan(still.shadow_phase_pct)
+    assert still.steady

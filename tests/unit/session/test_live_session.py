@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jointz
+from jointz.core.errors import DataError
 from jointz.core.session_log import NO_SAMPLE, WALKING
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.plan import PlannedPulse
@@ -135,6 +136,20 @@ def test_a_damaged_record_has_its_time_and_is_then_stepped_over(log):
     assert tail.damaged == 1
 
 
+def test_an_altered_line_is_told(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    path.write_bytes(b'{"event": "x"} 00000000\n')
+    with pytest.raises(DataError, match="checksum"):
+        JournalTail(path).poll()
+
+
+def test_another_file_is_no_log(tmp_path):
+    path = tmp_path / "x.jzlog"
+    path.write_text("[1, 2]\n")
+    with pytest.raises(DataError, match="not a log of this jointz"):
+        LogTail(path).poll()
+
+
 # ------------------------------------------------------------------ motion
 
 
@@ -164,6 +179,14 @@ def test_onsets_are_shares_of_the_strides_around_them(batch):
         None,
     ]
     assert list(motion.strikes_s) == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_a_strike_that_was_none_is_taken_back():
+    motion = Motion(HEADER)
+    strides = [0] * 10 + [1] * 10 + [0] * 10
+    motion.take(as_array(*(record(k, stride=s) for k, s in enumerate(strides))))
+    assert list(motion.strikes_s) == []
+    assert motion.strides == 0
 
 
 def test_missed_slots_are_counted_across_batches():
