@@ -47,6 +47,17 @@ def test_the_bandwidth_of_a_known_loop_is_found(method, bandwidth_hz, order):
     assert fits[0].reference_gain == pytest.approx(1.0, abs=0.03)
 
 
+def test_30_lags_are_refused_where_the_default_reads_right():
+    """SCIENCE 3, trap 13: at 1 kHz they read 10 Hz as about 27 Hz, below what they resolve."""
+    given = make_loop(10.0, order=1) | {"rate_hz": RATE, "method": "blackman_tukey"}
+
+    with pytest.raises(EstimationError) as caught:
+        identify_bandwidth(**given, window_s=0.03)
+
+    assert caught.value.code == "below_resolution"
+    assert identify_bandwidth(**given).bandwidth_hz == pytest.approx(10.0, rel=0.02)
+
+
 def first_order(bandwidth_hz: float, *, seconds: float, seed: int, noise: float = 0.0):
     """White noise through a first-order loop, noise in sd of its torque; and its bandwidth."""
     rng = np.random.default_rng(seed)
@@ -110,6 +121,19 @@ def test_a_lucky_dip_of_a_noisy_gain_is_not_taken_for_the_crossing(noise):
     assert abs(np.mean(errors)) < 3.0 * np.std(errors) / np.sqrt(len(errors))
     assert min(errors) > -0.3
     assert np.mean(held) >= 0.8
+
+
+@pytest.mark.parametrize("lowest_hz", [5.0, 12.0])
+def test_a_command_without_low_frequencies_is_refused(lowest_hz):
+    t = np.arange(60_000) / RATE
+    command = 10.0 * signal.chirp(t % 10.0, lowest_hz, 10.0, lowest_hz + 15.0)
+    b, a = signal.butter(1, 10.0, fs=RATE)
+    torque = signal.lfilter(b, a, command) + 0.1 * np.random.default_rng(0).standard_normal(t.size)
+
+    with pytest.raises(EstimationError) as caught:
+        identify_bandwidth(command=command, torque=torque, rate_hz=RATE)
+
+    assert caught.value.code == "above_band"
 
 
 def test_a_window_of_one_s_own_gives_its_resolution():

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from tests.unit.identify.series.steady_joint import KBJ, RATE, make_record
 
-from jointz.core.errors import EstimationError
+from jointz.core.errors import DataError, EstimationError
 from jointz.identify.series.joint import identify_joint
 
 identify_frf = partial(identify_joint, model="frf")
@@ -96,3 +96,9 @@ def test_angle_and_torque_of_two_records_are_not_coherent():
         identify_frf(**record, rate_hz=RATE)
 
     assert caught.value.code == "not_coherent"
+
+
+def test_a_band_of_few_frequencies_is_refused():
+    record = {name: x[:1000] for name, x in make_record().items()}
+    with pytest.raises(DataError, match="12 frequencies"):
+        identify_frf(**record, rate_hz=RATE, cutoff_hz=3.0)
