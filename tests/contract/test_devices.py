@@ -19,7 +19,6 @@ from jointz.testing import (
     ScriptedActuator,
     ScriptedSensor,
     SensorContract,
-    replay,
 )
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
 
@@ -293,17 +292,6 @@ def read_ms(device, clock, until_ms):
     return device.read()
 
 
-def test_samples_lie_on_multiples_of_the_period_of_the_clock(clock):
-    clock.wait_until_ns(3 * MS)
-    device = started(ScriptedSensor(clock, replay([0.0, 1.0, 2.0], 500.0)))
-    assert [s.device_time_ns // MS for s in device.read()] == [2]
-    assert read_ms(device, clock, 3) == []
-    samples = read_ms(device, clock, 9)
-    assert [s.device_time_ns // MS for s in samples] == [4, 6, 8]
-    assert {s.host_time_ns for s in samples} == {9 * MS}
-    assert [s.value for s in samples] == [1.0, 2.0, 2.0]  # a replay stays at its last value
-
-
 @pytest.mark.parametrize(
     ("deviation", "expected"),
     [
@@ -324,20 +312,6 @@ def test_samples_deviate_as_the_script_says(clock, deviation, expected):
     samples = read_ms(device, clock, 8)
     found = [(s.device_time_ns // MS, 1e3 * s.value) for s in samples]
     assert found == [pytest.approx(pair) for pair in expected]
-
-
-@pytest.mark.parametrize("steps", [1, 5])
-def test_how_often_it_is_read_changes_no_sample(steps):
-    clock = VirtualClock()
-    device = started(ScriptedActuator(clock, angle=math.sin))
-    found = []
-    for k in range(1, steps + 1):
-        found += read_ms(device, clock, 40 * k // steps)
-    values = [(s.device_time_ns, s.angle, s.velocity, s.current) for s in found]
-    assert [v[0] // MS for v in values] == list(range(0, 41, 2))
-    assert [v[2] for v in values] == pytest.approx(
-        [math.cos(v[0] * 1e-9) for v in values], abs=1e-6
-    )
 
 
 @pytest.mark.parametrize(

@@ -59,19 +59,6 @@ def test_an_empty_cell_is_missing_and_named(jointz, table):
     assert made["n_rows"] == 17
 
 
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [("t.csv", {"sep": ";", "decimal": ","}), ("t.txt", {"sep": "\t"})],
-)
-def test_a_table_may_have_other_delimiters(jointz, table, tmp_path, name, options):
-    other = tmp_path / name
-    long_table().to_csv(other, index=False, **options)
-
-    made, known = (jointz("compare", f, *COLUMNS, "--json").json for f in (other, table))
-
-    assert made["f_test"] == known["f_test"]
-
-
 def test_labels_are_kept_as_they_are_written(jointz, tmp_path):
     table = long_table()
     names = {"S0": "NA", "S1": "nan", "S2": "1", "S3": "1.0", "S4": "1e3", "S5": "None"}

@@ -8,8 +8,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import pytest
-
 import jointz
 from jointz.core import errors
 
@@ -135,13 +133,3 @@ def test_what_examples_import_is_in_the_reference():
 
 
 # --- scripts ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("script", SCRIPTS, ids=[s.stem for s in SCRIPTS])
-def test_a_script_needs_nobody_s_machine_and_no_private_name(script):
-    source = script.read_text(encoding="utf-8")
-
-    assert re.findall(r"(?<![\w.])/(?:work|tmp|root|home)\b", source) == []
-    assert re.findall(r"https?://", source) == []
-    private = [n for n in used_in(source) if any(p.startswith("_") for p in n.split("."))]
-    assert private == []
