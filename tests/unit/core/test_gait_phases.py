@@ -34,7 +34,7 @@ def test_a_phase_ends_before_its_end_in_every_cycle(pct, name):
 
 @pytest.mark.parametrize("pct", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_has_no_phase(pct):
-    with pytest.raises(ValueError, match=rf"^gait_pct: expected a number, got {pct}\.$"):
+    with pytest.raises(ValueError, match=r"^gait_pct: "):
         phase_name(pct)
 
 

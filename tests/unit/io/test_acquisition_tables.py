@@ -88,12 +88,12 @@ def test_groups_of_one_clock_may_be_read_together(tmp_path: Path) -> None:
     ]
     assert write_acquisition(Acquisition(tuple(groups)), path) == []
     assert set(columns(path, "a", "b").columns) == {"a", "b"}
-    with pytest.raises(DataError, match="a: 3 samples at time stamps of its own"):
+    with pytest.raises(DataError, match="a: 3 samples"):
         columns(path, "a", "late")
 
 
 def test_a_missing_column_is_named_with_those_there_are(c3d: Path) -> None:
-    with pytest.raises(DataError, match=r"no column 'kneee'.*Did you mean 'knee'"):
+    with pytest.raises(DataError, match=r"'kneee'.*'knee'"):
         columns(c3d, "kneee")
     path = c3d.with_name("points.c3d")
     write_acquisition(Acquisition(knee().groups[:1]), path)

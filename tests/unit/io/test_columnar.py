@@ -53,7 +53,7 @@ def test_columns_come_with_the_units_of_their_fields(path):
 
 @pytest.mark.parametrize(("column", "kind"), [("side", "text"), ("when", "dates")])
 def test_what_is_no_number_is_refused(path, column, kind):
-    with pytest.raises(DataError, match=f"column '{column}': expected numbers, found {kind}"):
+    with pytest.raises(DataError, match=f"column '{column}': .*{kind}"):
         read_table(path, numeric=[column], files=PLAIN)
 
 

@@ -23,7 +23,7 @@ def test_a_file_is_read_and_fits_its_model(tmp_path):
 def test_what_is_no_toml_is_told(tmp_path, content):
     path = tmp_path / "device.toml"
     path.write_bytes(content)
-    with pytest.raises(DeviceFileError, match=r"device\.toml: 1 problem\n  - not valid TOML"):
+    with pytest.raises(DeviceFileError, match=r"device\.toml: 1 problem"):
         read_device_file(path)
 
 

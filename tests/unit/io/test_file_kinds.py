@@ -37,7 +37,7 @@ def test_a_study_names_a_folder_in_place_of_a_recording(small_study):
     file = small_study.root / "S01_perturbed.csv"
     file.unlink()
     file.mkdir()
-    with pytest.raises(StudyError, match=r"S01_perturbed\.csv' is a folder; expected a file"):
+    with pytest.raises(StudyError, match=r"S01_perturbed\.csv' is a folder"):
         open_study(small_study.root)
 
 

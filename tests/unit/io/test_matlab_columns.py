@@ -91,7 +91,7 @@ def test_a_name_that_leads_nowhere_is_refused_with_those_there_are(path, column)
 
 
 def test_a_matrix_needs_the_number_of_a_column(path):
-    with pytest.raises(DataError, match=r"a matrix of 4 x 3. Choose .* data.signals.1 to"):
+    with pytest.raises(DataError, match=r"4 x 3.* data\.signals\.1 "):
         read_table(path, numeric=["data.signals"], files=PLAIN)
 
 
@@ -107,7 +107,7 @@ def test_an_element_of_a_struct_array_is_numbered(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"trial": trials})
     table = read_table(tmp_path / "a.mat", numeric=["trial.x.2"], files=PLAIN)
     np.testing.assert_array_equal(table.columns["trial.x.2"], 2 * ANGLE)
-    with pytest.raises(DataError, match=r"found 2 pieces. Choose one of them: trial.x.1 to"):
+    with pytest.raises(DataError, match=r"trial\.x\.1 "):
         read_table(tmp_path / "a.mat", numeric=["trial.x"], files=PLAIN)
 
 

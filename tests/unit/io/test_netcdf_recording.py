@@ -71,7 +71,7 @@ def test_variables_of_all_groups_are_listed(path):
 def test_a_missing_variable_or_a_matrix_is_refused(path):
     with pytest.raises(DataError, match=r"no column 'angle'.*knee/angle"):
         read_table(path, numeric=["angle"], files=PLAIN)
-    with pytest.raises(DataError, match=r"column 'grid': expected one series.*shape \(2, 3\)"):
+    with pytest.raises(DataError, match=r"column 'grid': .*\(2, 3\)"):
         read_table(path, numeric=["grid"], files=PLAIN)
 
 
@@ -83,7 +83,7 @@ def test_a_cut_or_foreign_file_is_refused(path, tmp_path):
     with netcdf_file(old, "w") as file:
         file.createDimension("t", 2)
     for call in (lambda: list_columns(old, PLAIN), lambda: read_recording(old)):
-        with pytest.raises(DataError, match=r"classic netCDF-3 format\. Convert it: nccopy"):
+        with pytest.raises(DataError, match="netCDF-3"):
             call()
 
 

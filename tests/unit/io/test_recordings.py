@@ -80,7 +80,7 @@ def test_the_unit_in_a_columns_name_holds_and_must_agree(study):
     study.edit('column = "knee_angle_deg"\nunit = "deg"', 'column = "knee (deg)"')
     np.testing.assert_array_equal(study.read()[0]["angle"], degrees)
     study.edit('column = "knee (deg)"', 'column = "knee (deg)"\nunit = "rad"')
-    with pytest.raises(UnitError, match=r"the file says 'deg', study\.toml says 'rad'"):
+    with pytest.raises(UnitError, match=r"'deg', .* 'rad'"):
         study.read()
 
 

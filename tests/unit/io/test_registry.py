@@ -83,9 +83,7 @@ def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
         lambda: read_table(path, numeric=["t"], files=PLAIN),
         lambda: read_acquisition(path),
     ):
-        with pytest.raises(
-            DataError, match=r"a.docx: no format .*\.csv, \.csv\.gz, \.gz, \.locked"
-        ):
+        with pytest.raises(DataError, match=r"a.docx: .*\.csv, \.csv\.gz, \.gz, \.locked"):
             call()
 
 
@@ -102,14 +100,14 @@ def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):
     ragged = tmp_path / "a.xyz.gz"
     ragged.touch()
     assert list_columns(ragged, PLAIN) is None
-    with pytest.raises(DataError, match=r"columns differ in length: \{'a': 2, 'b': 3\}"):
+    with pytest.raises(DataError, match=r"\{'a': 2, 'b': 3\}"):
         read_table(ragged, numeric=["a", "b"], files=PLAIN)
 
 
 def test_a_column_is_numbers_or_labels_not_both(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("t,x\n1,2\n")
-    with pytest.raises(DataError, match="'x' is asked for both as numbers and as labels"):
+    with pytest.raises(DataError, match=r"'x' .* both"):
         read_table(path, numeric=["t", "x"], labels=["x"], files=PLAIN)
 
 

@@ -53,7 +53,7 @@ def test_a_timing_point_of_a_pulse_table_is_refused_with_its_row(study):
     study.table("S01_pulses.csv", lambda t: t.assign(timing_point=FORMULA))
     opened = study.open()
 
-    with pytest.raises(DataError, match=r"S01_pulses.csv, row 2, column 'timing_point': .*begin"):
+    with pytest.raises(DataError, match=r"S01_pulses.csv, row 2, column 'timing_point': "):
         read_pulse_table(opened, opened.spec.recordings[1])
 
 
@@ -64,7 +64,7 @@ def test_a_trial_of_a_file_is_refused_unless_it_is_a_number(study, label, refuse
     study.edit("[[participants]]", '[channels.trial]\ncolumn = "trial"\n[[participants]]')
 
     if refused:
-        with pytest.raises(DataError, match=r"S01_enp.csv, column 'trial': .*begin with '='"):
+        with pytest.raises(DataError, match=r"S01_enp.csv, column 'trial': "):
             study.read()
     else:
         assert study.read()[0].attrs["trial"] == "-1"
@@ -112,5 +112,5 @@ def test_a_number_that_no_sensor_gives_is_bad_input_with_row_and_column(study, v
 
     study.table("S01_enp.csv", spoil)
 
-    with pytest.raises(DataError, match=rf"S01_enp.csv, row 51, column '{column}'.*no possible"):
+    with pytest.raises(DataError, match=f"S01_enp.csv, row 51, column '{column}'"):
         study.read()

@@ -117,7 +117,7 @@ def test_signs_between_columns_are_found_as_inspect_finds_them(tmp_path, delimit
 
 @pytest.mark.parametrize("text", ["Lab of gait\nt;knee\n0.0;1.5\n0.1;2.5\n", "a,b\nx,y\nz,w\n"])
 def test_a_table_without_a_column_of_numbers_is_refused(tmp_path, text):
-    with pytest.raises(DataError, match=r"a\.csv: no column holds numbers.*--skip-rows.*inspect"):
+    with pytest.raises(DataError, match=r"a\.csv: .*--skip-rows"):
         read(tmp_path, text)
 
 
