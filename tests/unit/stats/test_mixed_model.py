@@ -169,7 +169,7 @@ def test_missing_cells_are_named_and_the_others_of_the_person_used():
     assert by_nan.f_test.df_den > dropped.f_test.df_den
 
 
-def test_a_variance_at_the_bound_is_said():
+def test_a_variance_at_the_bound_is_zero():
     fit = fit_of(oracle_table("boundary"))
 
     assert fit.variances.participant == 0

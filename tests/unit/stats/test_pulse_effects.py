@@ -207,7 +207,7 @@ def test_differences_between_trials_that_the_type_takes_up_leave_it_undecided(rn
     assert found(pulse_effects(table), "type").code == Undecided.TOO_FEW_TRIALS
 
 
-def test_one_trial_is_tested_and_said(rng):
+def test_one_trial_is_tested(rng):
     effects = pulse_effects(cell(rng, n_trials=1))
     assert found(effects, "type").status == "ok"
     assert found(effects, "type").df_den == pytest.approx(4.0)

@@ -154,21 +154,17 @@ def test_the_printed_p_comes_back_from_the_printed_differences():
         assert point.difference_pct == pytest.approx(printed, rel=1e-12)
 
 
-def test_welch_is_scipys():
-    rng = np.random.default_rng(5)
-    for n in (2, 3, 6, 20):
-        names = [f"P{k}" for k in range(n)]
-        q, k = rng.normal(1.0, 2.0, n), rng.normal(0.5, 0.3, n)
-        found = compare_quasi_stiffness(
-            dict(zip(names, q, strict=True)), dict(zip(names, k, strict=True)), alpha=0.1
-        )
-        test = stats.ttest_ind(q, k, equal_var=False)
-        interval = test.confidence_interval(0.9)
-        assert found.p == pytest.approx(test.pvalue, rel=1e-10)
-        assert (found.statistic, found.df) == pytest.approx((test.statistic, test.df), rel=1e-10)
-        assert (found.ci_low, found.ci_high) == pytest.approx(
-            (interval.low, interval.high), rel=1e-9
-        )
+@pytest.mark.parametrize("n", [2, 6])
+def test_the_interval_is_welchs_as_in_scipy(n):
+    q, k = np.random.default_rng(5).normal(1.0, 2.0, (2, n))
+    names = [f"P{i}" for i in range(n)]
+    found = compare_quasi_stiffness(
+        dict(zip(names, q, strict=True)), dict(zip(names, k, strict=True)), alpha=0.1
+    )
+    test = stats.ttest_ind(q, k, equal_var=False)
+    interval = test.confidence_interval(0.9)
+    assert (found.p, found.df) == pytest.approx((test.pvalue, test.df), rel=1e-10)
+    assert (found.ci_low, found.ci_high) == pytest.approx((interval.low, interval.high), rel=1e-9)
 
 
 def test_a_stiffness_of_zero_has_no_percentage():

@@ -87,7 +87,7 @@ def test_swapping_the_sets_swaps_the_sign_and_the_unit_changes_nothing_else():
 # --- what is equal, and what is not found --------------------------------------------------------
 
 
-def test_nodes_where_nobody_differs_are_left_out_and_said():
+def test_nodes_where_nobody_differs_are_left_out():
     a, b = noise(2, 8, 10.0, seed=3)
     b[:, :4] = a[:, :4]
     b[:, 50] = a[:, 50]
@@ -113,7 +113,7 @@ def test_not_found_is_undecided_until_a_margin_holds_the_band():
     assert narrow.equivalent.count(False) >= 1
 
 
-def test_rough_curves_use_bonferroni_and_say_so():
+def test_rough_curves_use_bonferroni():
     rng = np.random.default_rng(0)
     test = spm_paired_t(rng.standard_normal((9, 101)), rng.standard_normal((9, 101)))
     assert test.threshold == pytest.approx(stats.t.isf(0.025 / 101, 8))

@@ -260,7 +260,7 @@ def test_a_motor_at_rest_has_no_friction():
     assert statuses == dict.fromkeys(TRUTH, "undecided") | {"bias": "ok", "torque_constant": "ok"}
 
 
-def test_a_record_too_short_for_an_interval_gives_values_without_one_and_the_reason():
+def test_a_record_too_short_for_an_interval_gives_values_without_one():
     channels = {name: x[:1500] for name, x in bench().items()}
     slow = channels["torque"] + np.linspace(-3, 3, 1500)
     fit = identify_actuator(**(channels | {"torque": slow}), gear_ratio=GEAR, model="current")

@@ -369,7 +369,7 @@ def test_one_sine_decides_nothing():
     assert fit.parameter("inertia").value is None
 
 
-def test_a_short_record_is_undecided_and_says_so(recorded):
+def test_a_short_record_is_undecided(recorded):
     short = [BenchTrial(*(getattr(recorded[0], n)[:200] for n in ("time_s", "angle", "torque")))]
 
     assert fit_full_record(short).status == "undecided"

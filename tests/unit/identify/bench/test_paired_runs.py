@@ -120,7 +120,7 @@ def test_intervals_cover_under_noise_of_the_torque():
         assert width == pytest.approx(spread, rel=0.3)
 
 
-def test_pulses_that_a_run_does_not_hold_are_left_out_and_said():
+def test_pulses_that_a_run_does_not_hold_are_left_out():
     fit = fitted([(run(length_s=10.0), CLEAN[1])])
 
     assert len(fit.pulses) == 6

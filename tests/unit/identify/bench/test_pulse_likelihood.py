@@ -100,13 +100,13 @@ def test_an_uncertain_lag_widens_damping_and_is_reported():
     assert sure.lag_model == "given"
 
 
-def test_a_window_on_the_ramp_says_that_it_decides_little():
+def test_a_window_on_the_ramp_decides_little():
     fit = fit_pulse(*record(3), onset_s=0.0, window_s=0.02, noise=NOISE)
 
     assert fit.status == "undecided"
 
 
-def test_slow_noise_widens_the_intervals_and_is_said():
+def test_slow_noise_widens_the_intervals():
     t, angle, torque = record(4, noise=NoiseLevels(1e-5, 0.01))
     drift = 0.3 * np.sin(60.0 * t)
     fit = fit_pulse(t, angle, torque + drift, onset_s=0.0, noise=NoiseLevels(1e-5, 0.01))

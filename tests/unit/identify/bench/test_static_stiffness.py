@@ -102,7 +102,7 @@ def test_levels_held_for_a_moment_are_not_taken_for_noise():
     assert fitted(K * angle, angle).parameter("stiffness").value == pytest.approx(K)
 
 
-def test_a_turned_sign_is_said():
+def test_a_turned_sign_has_no_value():
     fit = fitted(-K * ANGLE + slow_noise(4))
 
     assert fit.parameter("stiffness").value is None

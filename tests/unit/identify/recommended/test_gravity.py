@@ -162,7 +162,7 @@ def test_a_limb_weighs_what_its_segments_weigh_one_by_one(joint):
     assert whole.moment_nm == pytest.approx(one_by_one, rel=0.06)  # less than the sd claimed
 
 
-def test_without_a_height_the_average_is_taken_said_and_paid_for():
+def test_without_a_height_the_average_is_taken_and_paid_for():
     known = limb_gravity(MASS_KG, 1.70)
     guessed = limb_gravity(MASS_KG)
 

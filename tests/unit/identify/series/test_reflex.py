@@ -119,7 +119,7 @@ def test_without_a_reflex_gain_and_delay_are_undecided_and_the_rest_stands() -> 
     assert found.status == "undecided"
 
 
-def test_torque_that_drifts_over_a_minute_changes_little_and_is_told() -> None:
+def test_torque_that_drifts_over_a_minute_changes_little() -> None:
     still, drifting = fit(simulate(7)), fit(simulate(7, drift=1.0))
     for name in TRUTH:
         sd = (still.parameter(name).ci_high - still.parameter(name).ci_low) / 4.0

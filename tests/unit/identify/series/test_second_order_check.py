@@ -105,9 +105,7 @@ def findings(seeds: range, *, model: str = "kbj", **world: object) -> Counter[st
 
 @pytest.mark.parametrize("perturbed", ["angle", "torque"])
 @pytest.mark.parametrize("model", ["kbj", "irf"])
-def test_a_reflex_refuses_the_second_order_values_and_names_the_command(
-    model: str, perturbed: str
-) -> None:
+def test_a_reflex_refuses_the_second_order_values(model: str, perturbed: str) -> None:
     record = simulate(1, perturbed=perturbed, reflex_share=0.15)
     fit = identify_joint(**record, model=model, input=perturbed)
     assert (fit.status, fit.check.finding) == ("undecided", "reflex")
@@ -118,7 +116,7 @@ def test_a_reflex_refuses_the_second_order_values_and_names_the_command(
 
 
 @pytest.mark.parametrize("model", ["kbj", "irf"])
-def test_a_second_order_joint_passes_and_the_summary_says_so(model: str) -> None:
+def test_a_second_order_joint_passes(model: str) -> None:
     fit = identify_joint(**simulate(2, seconds=20.0), model=model, input="angle")
     assert (fit.status, fit.check.finding) == ("ok", "none")
 
