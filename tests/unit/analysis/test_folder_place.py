@@ -1,6 +1,5 @@
 """What appears at the place of a folder while it is written is kept, and so is the new folder."""
 
-import json
 import threading
 from pathlib import Path
 
@@ -10,28 +9,14 @@ from jointz.analysis.results_folder import (
     ANALYSIS,
     MARKER,
     check_free,
-    new_folder,
-    write_marker,
     write_results,
 )
 from jointz.core.errors import OutputError
 from jointz.results.study_analysis import StudyAnalysis
 
+from .folders import fill, names, text_of
+
 RACES = 20
-
-
-def names(folder):
-    return sorted(p.name for p in folder.iterdir())
-
-
-def fill(out, text, *, overwrite=False, meanwhile=lambda: None, **more):
-    with new_folder(out, marker=MARKER, overwrite=overwrite, **more) as folder:
-        write_marker(folder, MARKER, {"made_by": ANALYSIS, "text": text})
-        meanwhile()
-
-
-def text_of(out):
-    return json.loads((out / MARKER).read_text())["text"]
 
 
 def foreign_folder(out):

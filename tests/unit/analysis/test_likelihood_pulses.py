@@ -124,8 +124,3 @@ def statistics(cells, single, method="full_record"):
 def test_the_tests_of_pulses_name_the_method_of_their_estimates():
     given = [replace(pulse(0.1 * k, sign=1 if k % 2 else -1), method=METHOD) for k in range(8)]
     assert statistics([cell(n_used=8)], given)["pulse_effects"]["methods"] == [METHOD]
-
-
-def test_pulses_without_an_estimate_of_their_own_are_counted():
-    (note, *_) = statistics([cell(n_used=5)], [pulse(0.1)])["notes"]
-    assert note.startswith("single_pulses.csv: 4 of 5 pulses have no estimate of their own")

@@ -22,18 +22,7 @@ from jointz.analysis.results_folder import (
 from jointz.core.errors import OutputError
 from jointz.results.study_analysis import StudyAnalysis
 
-
-def names(folder):
-    return sorted(p.name for p in folder.iterdir())
-
-
-def fill(out, text, *, overwrite=False, **more):
-    with new_folder(out, marker=MARKER, overwrite=overwrite, **more) as folder:
-        write_marker(folder, MARKER, {"made_by": ANALYSIS, "text": text})
-
-
-def text_of(out):
-    return json.loads((out / MARKER).read_text())["text"]
+from .folders import fill, names, text_of
 
 
 def test_a_new_folder_takes_its_name_when_all_went_well(tmp_path):

@@ -81,23 +81,6 @@ def test_what_is_undecided_names_its_largest_source_and_what_would_decide_it(rec
     assert "angle_lag_s" in row["remedy"]
 
 
-@pytest.mark.parametrize(("part", "told"), [(0.8, True), (0.1, False)])
-def test_what_a_measured_lag_would_decide_says_so_before_pulses(recommended, part, told):
-    cell = recommended.cells[0]
-    open_ = replace(
-        cell.parameter("inertia"), value=None, ci_low=None, ci_high=None, status="undecided"
-    )
-    changed = replace(
-        cell,
-        parameters=tuple(open_ if p.name == "inertia" else p for p in cell.parameters),
-        budget={**cell.budget, "inertia": {"noise": 0.01}},
-        through_instruments={"inertia": {"lag": 0.01 * part, "friction": 0.0}},
-    )
-    (row,) = uncertainty_section(replace(recommended, cells=(changed,)))["undecided"]
-    assert row["remedy"].startswith("a measured lag") is told
-    assert ("± 0.0060" in row["remedy"]) is told
-
-
 def test_the_page_shows_both_sections_and_is_well_formed(recommended):
     page = Page(render_report(recommended, draw_figures(recommended), title="Knee"))
     assert page.open == []

@@ -84,17 +84,6 @@ def test_ratios_stand_beside_what_was_asked(parts):
     assert found["`test_x.py::test_y[a]`"] == ["2.5", "1", "0.2", "1,234"]
 
 
-def test_growth_and_efficiency_of_engines_are_told(parts):
-    page = page_of(parts, image="images/growth.svg", quick=False)
-
-    assert "| 1,000 | 1,000 | 1 | 2 | 5.0 | 252 | 540 |" in page  # of the part with all engines
-    assert "time grows 100 times and the client's memory 1.05 times" in page
-    assert "| 100 | serial | 1 | 200 | - | 5.0 | 240 | - | `abc100` |" in page
-    assert "| 100 | processes | 2 | 104 | 0.96 | 5.0 | 240 | 540 | `abc100` |" in page
-    quick = page_of(parts, image="", quick=True)  # little work is not judged
-    assert rows(quick)["query"] == ["12.3 ms", "-", "-"]
-
-
 def test_engines_are_held_to_what_is_asked(parts):
     engines = [measured(100, "serial"), measured(100, wall_s=104.0), measured(1000, "serial"),
                measured(1000, wall_s=1100.0, client_mb=310.0)]  # fmt: skip

@@ -62,8 +62,3 @@ def test_a_style_sheet_that_fetches_a_font_is_found(check_site, site):
     (site / "_static" / "own.css").write_text("@font-face { src: url(https://cdn.example/f) }")
 
     assert [p.split(":")[0] for p in check_site.problems(site)] == ["_static/own.css"]
-
-
-def test_a_folder_without_a_site_is_refused(check_site, tmp_path, capsys):
-    assert check_site.main([str(tmp_path)]) == 2
-    assert "index.html" in capsys.readouterr().err

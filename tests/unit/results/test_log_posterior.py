@@ -63,17 +63,6 @@ def test_arrays_of_other_sizes_are_refused():
             replace(one, **change)
 
 
-def test_the_figure_shows_each_value_relative_to_the_prior():
-    one = posterior()
-
-    axes = one.plot()
-
-    axes.figure.canvas.draw()
-    drawn = np.concatenate([line.get_ydata() for line in axes.lines[:3]])
-    np.testing.assert_allclose(drawn, np.exp(one.mean - one.prior_mean))
-    assert [line.get_label() for line in axes.lines[:3]] == list(PARAMETERS)
-
-
 def test_a_study_keeps_the_posteriors_of_its_people(tmp_path):
     posteriors = (posterior("S01"), posterior("S02", seed=1, side="left"))
     analysis = Analysis(cells=(), log_posteriors=posteriors)
