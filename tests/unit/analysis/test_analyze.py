@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import jointz
 from jointz.analysis import participant_jobs as participants
 from jointz.analysis.analyze import analyze
 from jointz.core.errors import DataError, EngineError, StudyError, WorkerLostError
+from jointz.io.study_reader import open_study
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore
@@ -231,6 +233,14 @@ def noted(call, calls):
         return call(first, *given)
 
     return made
+
+
+def test_a_file_is_hashed_as_a_stream(small_study, monkeypatch):
+    opened = open_study(small_study.root)
+    monkeypatch.setattr(Path, "read_bytes", None)  # a recording may be larger than memory
+    found = participants.hashed(opened, "S01_perturbed.csv")
+    with (small_study.root / "S01_perturbed.csv").open("rb") as file:
+        assert found["sha256"] == hashlib.sha256(file.read()).hexdigest()
 
 
 def test_a_baseline_named_by_the_study_leaves_nothing_to_compare(small_study):

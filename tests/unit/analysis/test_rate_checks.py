@@ -71,6 +71,13 @@ def test_small_people_may_step_faster(small_study):
     assert not problem_of(small_study)
 
 
+def test_stamps_of_slow_walking_are_no_problem(small_study):
+    for file in small_study.root.glob("*.csv"):
+        small_study.edit_table(file.name, lambda t: t.assign(time=2.0 * t["time"]))
+
+    assert not problem_of(small_study)
+
+
 def with_lengths(study, duration_s):
     for file in study.root.glob("*_pulses.csv"):
         study.edit_table(file.name, lambda t: t.assign(duration_s=duration_s))

@@ -1,6 +1,7 @@
 """A study that was walked directly: as a run's, with a truth, of any preset and any people."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,20 @@ def test_without_errors_the_estimates_are_the_truth(tmp_path):
 
     assert len(table) >= 12
     assert table["error_pct"].abs().median() < 5.0
+
+
+def test_people_and_settings_of_ones_own_are_taken(tmp_path):
+    people = [draw_person(n, seed=9) for n in (4, 7)]
+    mine = replace(preset("anthropometric"), name="mine")
+
+    study = simulate_study(
+        tmp_path / "study", preset=mine, participants=people, plan=FEW, unperturbed_strides=15
+    )
+
+    spec = jointz.open_study(study).spec
+    assert [p.id for p in spec.participants] == ["S05", "S08"]
+    assert spec.device.mass_kg == mine.body.frame_mass_kg
+    assert json.loads((study / "ground_truth.json").read_text())["preset"] == "mine"
 
 
 @pytest.mark.parametrize(

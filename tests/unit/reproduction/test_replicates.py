@@ -147,6 +147,11 @@ def test_one_value_a_cell_finds_it_as_often_as_stated(simulated):
         assert rate["cells_low"] <= rate["cells"] <= rate["cells_high"]
 
 
+def test_the_seed_decides_all(simulated):
+    assert replicates_as_people(11, 1000) == simulated
+    assert replicates_as_people(12, 1000) != simulated
+
+
 def test_more_scatter_of_rows_makes_false_findings_rarer_but_not_rare():
     """As one-way tests of a nested design do: scipy finds the same on drawn rows."""
     rate = next(null_rates(replicates_as_people(11, 400, scatter=4.0)[1]))

@@ -117,6 +117,12 @@ def test_the_printed_threshold_is_that_of_a_width_of_12_534_nodes():
     assert round(implied_fwhm(4.299), 3) == 12.534
 
 
+def test_a_threshold_that_no_smoothness_gives_is_refused():
+    for threshold in (1.0, 9.0):
+        with pytest.raises(ValueError, match="no width of 2 to 100 nodes"):
+            implied_fwhm(threshold)
+
+
 def test_the_printed_p_of_quasi_stiffness_is_welchs_over_timing_points(chapter):
     welch = claims(chapter, "quasi_stiffness")["unpaired t-test of Q against K"]
     assert welch.verdict == "reproduced"
