@@ -96,14 +96,6 @@ def test_every_curve_gives_its_figure_in_well_formed_svg(curves):
         assert len(svg) < 1e6
 
 
-def test_each_chirp_shows_a_stretch_and_the_error_of_the_whole(curves):
-    figure = drawn_figure(curves, "figure_3_4")
-    for axes, (start, end, _) in zip(figure.axes, curves["chirp"]["segments"], strict=True):
-        assert texts(axes)[1] == "RMS error 0.33 N·m"
-        low, high = axes.get_xlim()
-        assert start < low < high < end
-
-
 def test_the_lines_of_the_locked_output_have_the_slopes_found(curves):
     torques, remainders = drawn_figure(curves, "figure_3_5").axes
     slopes = [
