@@ -150,9 +150,8 @@ def _dask_cluster(folder: Path, *preloads: str) -> Iterator[str]:
         words = [*worker, "--preload", preload] if preload else worker
         running.append(subprocess.Popen(words, **quiet))
     yield json.loads(file.read_text())["address"]
-    for process in running:
+    for process in reversed(running):  # workers that lose their scheduler wait for it
         process.terminate()
-    for process in running:
         process.wait()
 
 

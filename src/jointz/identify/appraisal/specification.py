@@ -134,7 +134,7 @@ class _SpecifiedEstimator(WalkingEstimator):
     ) -> tuple[CellEstimate, ...]:
         """Return the timing points under two choices."""
         self._chosen = (baseline, inertia_model)
-        return self.run(candidates)[0]
+        return self.run(candidates).cells
 
     def _prepared(
         self, label: str, candidates: Sequence[Candidate]

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from jointz.core.codes import Doubt, Failure
-from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
@@ -84,16 +83,11 @@ class RecommendedMethod:
         pulses = assign_pulses(
             data.participant, data.sources, settings, baseline=BASELINE, alone=True
         )
-        cells, records = estimator.run(pulses)
-        return Estimates(cells, records, model=estimator.model, evidence=estimator.evidence)
+        return estimator.run(pulses)
 
 
 class WalkingEstimator:
-    """Estimates every timing point of a walking participant.
-
-    After a run, ``model`` describes the estimated joint and sensor, and ``evidence`` the
-    responses and what explains them; both are None if no response could be explained.
-    """
+    """Estimates every timing point of a walking participant."""
 
     baseline = BASELINE
 
@@ -107,13 +101,9 @@ class WalkingEstimator:
             sources, settings, reach_s=settings.perturbations.window_s + LONGEST_LAG_S
         )
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
-        self.model: ParticipantModel | None = None
-        self.evidence: Evidence | None = None
 
-    def run(
-        self, candidates: Sequence[Candidate]
-    ) -> tuple[tuple[CellEstimate, ...], list[PulseRecord]]:
-        """Return the cells and the pulses with their final codes."""
+    def run(self, candidates: Sequence[Candidate]) -> Estimates:
+        """Estimate; without model and evidence if no response could be explained."""
         records = [c.record for c in candidates]
         cells: dict[str, PredictedCell | CellEstimate] = {}
         counts: dict[str, int] = {}
@@ -123,11 +113,12 @@ class WalkingEstimator:
             for k, code in zip(indices, codes, strict=True):
                 records[k] = replace(records[k], code=code)
         predicted = [cell for cell in cells.values() if isinstance(cell, PredictedCell)]
-        estimates = self._estimated(predicted, counts) if predicted else {}
-        return tuple(
+        estimates, model, evidence = self._estimated(predicted, counts)
+        estimated = tuple(
             cell if isinstance(cell, CellEstimate) else estimates[label]
             for label, cell in cells.items()
-        ), records
+        )
+        return Estimates(estimated, records, model=model, evidence=evidence)
 
     def _prepared(
         self, label: str, candidates: Sequence[Candidate]
@@ -138,11 +129,14 @@ class WalkingEstimator:
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]
-    ) -> dict[str, CellEstimate]:
-        """Estimate the cells, or return why they cannot be estimated."""
+    ) -> tuple[dict[str, CellEstimate], ParticipantModel | None, Evidence | None]:
+        """Estimate the cells, or return why they cannot be estimated; with what explains them."""
+        if not cells:
+            return {}, None, None
         failures = self._failures_before(cells)
         evidence, odds = self._explained(cells, failures)
         estimates: dict[str, CellEstimate] = {}
+        model = None
         if evidence is not None:
             compared = contrasts(evidence.cells, evidence.responses, evidence.posterior)
             effects = prior_effects(evidence.posterior, len(evidence.cells))
@@ -150,9 +144,7 @@ class WalkingEstimator:
                 cell.label: doubted(self._estimate(i, evidence, counts, effects[i]), compared)
                 for i, cell in enumerate(evidence.cells)
             }
-            self.model = _model(evidence, compared, odds)
-            self.evidence = evidence
-        estimates = self._without_steep(estimates)
+            estimates, model = _without_steep(estimates, _model(evidence, compared, odds))
         for cell in cells:
             failure = failures[cell.label]
             if failure is not None:
@@ -163,7 +155,7 @@ class WalkingEstimator:
                     onset=mean_phase([c.record.measured_pct for c in used]),
                     counts=(len(used), counts[cell.label] - len(used)),
                 )
-        return estimates
+        return estimates, model, evidence
 
     def _failures_before(self, cells: Sequence[PredictedCell]) -> dict[str, Failure | None]:
         """Return why cells cannot be estimated, before anything is fitted."""
@@ -226,16 +218,6 @@ class WalkingEstimator:
                 return evidence, odds
             failures |= {c.label: failure for c, failure in zip(remaining, misfits, strict=True)}
         return None, 0.0
-
-    def _without_steep(self, estimates: dict[str, CellEstimate]) -> dict[str, CellEstimate]:
-        """Withhold values where K changes steeply inside the window, and add the doubt."""
-        if self.model is None:
-            return estimates
-        cells = undecided_where_steep(list(estimates.values()), self.model.curve_probability)
-        if any(cell is not e for cell, e in zip(cells, estimates.values(), strict=True)):
-            doubts = (*self.model.doubts, Doubt.STEEP_CHANGE.value)
-            self.model = replace(self.model, doubts=doubts)
-        return dict(zip(estimates, cells, strict=True))
 
     def _estimate(
         self,
@@ -326,6 +308,16 @@ class WalkingEstimator:
             baseline=BASELINE,
             onset_gait_pct=onset,
         )
+
+
+def _without_steep(
+    estimates: dict[str, CellEstimate], model: ParticipantModel
+) -> tuple[dict[str, CellEstimate], ParticipantModel]:
+    """Withhold values where K changes steeply inside the window, and add the doubt."""
+    cells = undecided_where_steep(list(estimates.values()), model.curve_probability)
+    if any(cell is not e for cell, e in zip(cells, estimates.values(), strict=True)):
+        model = replace(model, doubts=(*model.doubts, Doubt.STEEP_CHANGE.value))
+    return dict(zip(estimates, cells, strict=True)), model
 
 
 def _model(evidence: Evidence, compared: Sequence[Contrast], odds: float) -> ParticipantModel:
