@@ -52,7 +52,7 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Convert a file: csv, tsv, txt, parquet, nc, mat, xlsx, mot, sto, c3d, xdf.
+    """Convert a file to csv, tsv, txt, parquet, nc, mat, xlsx, mot or sto, from these, c3d or xdf.
 
     Samples, units and clocks stay unchanged. A study becomes one .mat file with every recording in
     SI and in the study's directions, or with --to bids a Motion-BIDS folder.

@@ -7,7 +7,7 @@ from pathlib import Path
 from jointz.core.acquisition import Acquisition, Event, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.study import FilesSpec, Study
-from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
+from jointz.io.formats.registry import format_to_write, read_acquisition, write_acquisition
 from jointz.io.study_files import data_file
 from jointz.io.study_reader import open_study
 from jointz.io.text.column_names import READING
@@ -77,7 +77,7 @@ def convert(
     origin, out = Path(source), Path(target)
     if to == "bids":
         return _to_bids(origin, out, overwrite=overwrite)
-    kind = format_of(out).name  # refuses an unknown format before anything is read
+    kind = format_to_write(out).name  # refuses other formats before anything is read
     _check_target(origin, out, overwrite=overwrite)
     if _is_study(origin):
         return _study_to_file(origin, out)

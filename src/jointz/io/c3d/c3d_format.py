@@ -10,15 +10,14 @@ import numpy as np
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.study import FilesSpec
-from jointz.io.c3d.c3d_clock import single
-from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, take_frames
+from jointz.io.c3d.c3d_frames import SAME, SATURATED, Source, single, take_frames
+from jointz.io.c3d.c3d_metadata import KINDS, metadata_of
 from jointz.io.c3d.c3d_parameters import BLOCK, Values, read_parameters
-from jointz.io.c3d.c3d_plan import AXES, CELLS, KINDS, is_in_layout, plan
-from jointz.io.c3d.c3d_values import text_of
-from jointz.io.c3d.c3d_write import c3d_bytes
 from jointz.io.formats.group_format import GroupFormat
 from jointz.io.text.column_names import READING, distinct_names, padded
 
+_AXES = ("x", "y", "z")
+_CELLS = tuple(f"r{i}{j}" for j in range(1, 5) for i in range(1, 5))  # column by column
 _LOWEST_WORD = -0x8000
 _FLOATS_OF_A_ROTATION = 17  # a matrix of 4 x 4, and how reliable it is
 
@@ -42,22 +41,8 @@ class C3dFormat(GroupFormat):
         groups = [_points(file, frames.points, start_s), _analogs(file, frames.analogs, start_s)]
         groups.append(_rotations(file, len(frames.points), start_s))
         events, event_notes = read_events(file)
-        values = {**file.parameters.values, **event_notes}
-        metadata = {
-            name.lower(): text
-            for name, values in values.items()
-            if not is_in_layout(name) and (text := text_of(values)) not in ("", "[]")
-        }
-        metadata |= _remarks(file)
+        metadata = metadata_of({**file.parameters.values, **event_notes}) | _remarks(file)
         return Acquisition(tuple(g for g in groups if g), events, metadata)
-
-    def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content a C3D file cannot hold."""
-        return plan(content)[1]
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return what a C3D file can hold, in single precision."""
-        return c3d_bytes(plan(content)[0], path)
 
 
 def _remarks(file: Source) -> dict[str, str]:
@@ -88,7 +73,7 @@ def _points(file: Source, frames: np.ndarray, start_s: float) -> SignalGroup | N
     signals = [
         Signal(f"{label}.{axis}", np.ascontiguousarray(values[:, i, j]), unit, note)
         for i, (label, unit, note) in enumerate(zip(labels, units, notes, strict=True))
-        for j, axis in enumerate(AXES)
+        for j, axis in enumerate(_AXES)
     ]
     return SignalGroup("points", tuple(signals), *_clock(file.rate_hz, start_s))
 
@@ -193,7 +178,7 @@ def _rotations(file: Source, n_frames: int, start_s: float) -> SignalGroup | Non
     signals = [
         Signal(f"{label}.{cell}", np.ascontiguousarray(cells[:, i, j]))
         for i, label in enumerate(labels)
-        for j, cell in enumerate(CELLS)
+        for j, cell in enumerate(_CELLS)
     ]
     return SignalGroup("rotations", tuple(signals), *_clock(file.rate_hz * ratio, start_s))
 

@@ -13,15 +13,22 @@ from pathlib import Path
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.io.c3d.c3d_clock import MOST_VALUES, single
 from jointz.io.c3d.c3d_parameters import BLOCK, Header, Machine, Parameters
 from jointz.io.formats.columns import file_error
 
 SATURATED = 0xFFFF
+#: Most points, and most analog values, of a frame.
+_MOST_VALUES = 0xFFFF
 #: Two floats that are to say the same; both are of single precision.
 SAME = 1e-5
 _SMALLEST_SCALE = float(np.finfo(np.float32).tiny)
 _COPY = "Copy or export it again."
+
+
+def single(rate_hz: float) -> float:
+    """Return a rate as single precision holds it, in as few digits as that needs."""
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(rate_hz)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +143,8 @@ def _check_counts(file: Source) -> None:
         "ROTATION:USED": file.n_rotations,
     }
     for name, count in counts.items():
-        if count > MOST_VALUES:
-            raise file.refuse(f"{name} is {count:.6g}; expected at most {MOST_VALUES}.")
+        if count > _MOST_VALUES:
+            raise file.refuse(f"{name} is {count:.6g}; expected at most {_MOST_VALUES}.")
     if not any(counts.values()):
         raise file.refuse("it states no points, no analog channels and no rotations.")
 

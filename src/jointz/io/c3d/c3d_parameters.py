@@ -1,9 +1,9 @@
 """Header and parameter section of a C3D file, as named values.
 
 C3D (https://www.c3d.org) was made for computers of three kinds, which differ in the order of
-bytes and in their floats; all three are read. jointz reads and writes the format itself: the
-library at hand (ezc3d) takes files of two kinds only, and a damaged parameter section can end
-the process that it runs in. The tests hold both against each other.
+bytes and in their floats; all three are read. jointz reads the format itself: the library at
+hand (ezc3d) takes files of two kinds only, and a damaged parameter section can end the process
+that it runs in. The tests hold both against each other.
 """
 
 import struct
@@ -16,10 +16,9 @@ import numpy as np
 from jointz.core.errors import DataError
 
 BLOCK = 512
-KEY = 0x50
+_KEY = 0x50
 _MOST_DIMENSIONS = 7
 _TEXT, _BYTE, _INT, _FLOAT = -1, 1, 2, 4
-_INTEL = 84
 _VAX_BIAS = 4.0  # a VAX float reads four times too large as an IEEE float
 
 Values = tuple[str, ...] | np.ndarray
@@ -48,7 +47,7 @@ class Machine:
 
 
 MACHINES: Mapping[int, Machine] = {
-    _INTEL: Machine("<"),
+    84: Machine("<"),
     85: Machine("<", vax=True),
     86: Machine(">"),
 }
@@ -109,7 +108,7 @@ class Parameters:
 
 def read_parameters(path: Path, content: bytes) -> tuple[Machine, Header, Parameters]:
     """Return what the header and the parameter section say."""
-    if len(content) < BLOCK or content[1] != KEY:
+    if len(content) < BLOCK or content[1] != _KEY:
         found = f"{len(content)} bytes" if len(content) < BLOCK else f"byte 1 = {content[1]:#04x}"
         raise _broken(path, 0, f"the header of a C3D file ({BLOCK} bytes, byte 1 = 0x50)", found)
     start = BLOCK * (content[0] - 1)
@@ -162,7 +161,7 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
         if number < 0:
             groups[-number] = name
         else:
-            values, tail = parameter_values(path, machine, content, step_at + 2)
+            values, tail = _parameter_values(path, machine, content, step_at + 2)
             if step and tail > step_at + step:
                 expected = f"parameter {name} to end before byte {step_at + step}"
                 raise _broken(path, step_at, expected, f"its end at {tail}")
@@ -174,7 +173,7 @@ def _section(path: Path, machine: Machine, content: bytes, blocks: tuple[int, in
     return Parameters(named, unread, (start, tail))
 
 
-def parameter_values(path: Path, machine: Machine, content: bytes, at: int) -> tuple[Values, int]:
+def _parameter_values(path: Path, machine: Machine, content: bytes, at: int) -> tuple[Values, int]:
     """Return the values of a parameter, and the byte after them."""
     kind, n_dimensions = struct.unpack("bB", _cut(path, content, at, 2))
     if kind not in (_TEXT, _BYTE, _INT, _FLOAT) or n_dimensions > _MOST_DIMENSIONS:

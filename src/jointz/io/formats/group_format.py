@@ -22,6 +22,8 @@ from jointz.io.formats.columns import (
 #: Column that holds the clock of a group, in seconds, where no signal has this name.
 TIME = "time"
 
+_WRITTEN = ".nc, .mat, .parquet, .xlsx, .sto or .csv"
+
 #: Group, and signal in it; None for its clock.
 Place = tuple[SignalGroup, Signal | None]
 
@@ -46,7 +48,7 @@ class GroupFormat(ABC):
 
     def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
         """Refuse to write, unless a format can."""
-        raise file_error(path, f"{self.name} is read only. Choose another format to write.")
+        raise file_error(path, f"{self.name} is read only. Write {_WRITTEN} instead.")
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested signals, which must have been sampled together."""

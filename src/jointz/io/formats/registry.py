@@ -17,6 +17,7 @@ from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
 from jointz.io.file_kinds import missing_file, special_kind
 from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_error
+from jointz.io.formats.group_format import GroupFormat
 
 GROUP = "jointz.formats"
 _TEXT = "jointz.io.text.text_format:TextFormat"
@@ -127,7 +128,7 @@ def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) 
 
     Losses are refused unless ``lossy`` allows them.
     """
-    file_format = format_of(path)
+    file_format = format_to_write(path)
     losses = file_format.losses(content)
     if losses and not lossy:
         raise file_error(
@@ -153,6 +154,14 @@ def format_of(path: Path) -> Format:
             f"{', '.join(sorted(formats))}. Convert the file, or correct its suffix.",
         )
     return _load_format(formats[max(matches, key=len)])
+
+
+def format_to_write(path: Path) -> Format:
+    """Return the format of a file to be written; one that is only read is refused."""
+    file_format = format_of(path)
+    if isinstance(file_format, GroupFormat) and type(file_format).encode is GroupFormat.encode:
+        file_format.encode(Acquisition(()), path)  # raises
+    return file_format
 
 
 def _format_of_existing(path: Path) -> Format:

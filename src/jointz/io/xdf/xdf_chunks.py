@@ -16,11 +16,11 @@ import numpy as np
 
 from jointz.core.errors import DataError
 
-MAGIC = b"XDF:"
-BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
-FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY_TAG, FOOTER = range(1, 7)
+_MAGIC = b"XDF:"
+_BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
+_FILE_HEADER, _STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET, _BOUNDARY_TAG, _FOOTER = range(1, 7)
 #: Bytes of a number in each format of channels; 0 where a value has a length of its own.
-VALUE_BYTES: Mapping[str, int] = {
+_VALUE_BYTES: Mapping[str, int] = {
     "double64": 8,
     "int64": 8,
     "float32": 4,
@@ -84,9 +84,9 @@ class _Walk:
 def walk(path: Path, content: bytes) -> dict[int, Stream]:
     """Return the streams of a file by number, every chunk of it found whole."""
     file = _Walk(path, content)
-    if not content.startswith(MAGIC):
+    if not content.startswith(_MAGIC):
         raise file.refuse(0, "'XDF:'", repr(content[:4].decode("latin-1")))
-    at, end = len(MAGIC), len(content)
+    at, end = len(_MAGIC), len(content)
     while at < end:
         size, start = file.length(at, end)
         if size < 2 or start + size > end:
@@ -94,7 +94,7 @@ def walk(path: Path, content: bytes) -> dict[int, Stream]:
         _chunk(file, start, start + size)
         at = start + size
     if not file.has_header:
-        raise file.refuse(len(MAGIC), "a file header", "the end of the file")
+        raise file.refuse(len(_MAGIC), "a file header", "the end of the file")
     return file.streams
 
 
@@ -112,13 +112,13 @@ def xml_of(path: Path, at: int, raw: bytes) -> ElementTree.Element:
 def _chunk(file: _Walk, at: int, end: int) -> None:
     (tag,) = struct.unpack("<H", file.content[at : at + 2])
     body = at + 2
-    if tag == FILE_HEADER:
+    if tag == _FILE_HEADER:
         xml_of(file.path, body, file.content[body:end])
         file.has_header = True
-    elif tag == BOUNDARY_TAG:
-        if file.content[body:end] != BOUNDARY:
+    elif tag == _BOUNDARY_TAG:
+        if file.content[body:end] != _BOUNDARY:
             raise file.refuse(body, "the signature of a boundary", "other bytes")
-    elif tag in (STREAM_HEADER, SAMPLES, CLOCK_OFFSET, FOOTER):
+    elif tag in (_STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET, _FOOTER):
         (number,) = struct.unpack("<I", file.cut(body, 4, end))
         _of_stream(file, tag, number, (body + 4, end))
     else:
@@ -127,7 +127,7 @@ def _chunk(file: _Walk, at: int, end: int) -> None:
 
 def _of_stream(file: _Walk, tag: int, number: int, span: tuple[int, int]) -> None:
     at, end = span
-    if tag == STREAM_HEADER:
+    if tag == _STREAM_HEADER:
         if number in file.streams:
             raise file.refuse(at, f"one header of stream {number}", "a second one")
         file.streams[number] = _header(file, at, end)
@@ -135,9 +135,9 @@ def _of_stream(file: _Walk, tag: int, number: int, span: tuple[int, int]) -> Non
     stream = file.streams.get(number)
     if stream is None:
         raise file.refuse(at, f"a header of stream {number} before its chunks", "none")
-    if tag == SAMPLES:
+    if tag == _SAMPLES:
         _samples(file, stream, at, end)
-    elif tag == FOOTER:
+    elif tag == _FOOTER:
         count = xml_of(file.path, at, file.content[at:end]).findtext("sample_count") or ""
         stream.footer_count = _whole(count, -1)
     else:
@@ -156,8 +156,8 @@ def _header(file: _Walk, at: int, end: int) -> Stream:
     )
     if not name:
         raise file.refuse(at, "the name of a stream", "none")
-    if kind not in VALUE_BYTES:
-        raise file.refuse(at, f"a channel_format among {', '.join(VALUE_BYTES)}", repr(kind))
+    if kind not in _VALUE_BYTES:
+        raise file.refuse(at, f"a channel_format among {', '.join(_VALUE_BYTES)}", repr(kind))
     n_channels = _whole(count, 0)
     if not 0 < n_channels <= _MOST_CHANNELS:
         found = repr(count[:40])
@@ -168,7 +168,7 @@ def _header(file: _Walk, at: int, end: int) -> Stream:
         nominal = np.nan
     if not 0 <= nominal < np.inf:
         raise file.refuse(at, "a nominal_srate from 0 on", repr(rate))
-    return Stream(name, n_channels, VALUE_BYTES[kind])
+    return Stream(name, n_channels, _VALUE_BYTES[kind])
 
 
 def _whole(text: str, default: int) -> int:

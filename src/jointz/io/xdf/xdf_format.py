@@ -7,9 +7,8 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,26 +21,7 @@ from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import text_array
 from jointz.io.text.column_names import READING, distinct_names
-from jointz.io.xdf.xdf_chunks import (
-    FILE_HEADER,
-    FOOTER,
-    MAGIC,
-    SAMPLES,
-    STREAM_HEADER,
-    Stream,
-    walk,
-)
-from jointz.io.xdf.xdf_plan import (
-    EVENTS,
-    OWN,
-    UNNAMED,
-    Clock,
-    XdfContent,
-    XdfStream,
-    events_of,
-    plan,
-)
-from jointz.io.xdf.xdf_tree import flat, xml_bytes
+from jointz.io.xdf.xdf_chunks import Stream, walk
 
 _LIBRARY_ERRORS = (
     *(ValueError, ArithmeticError, LookupError, TypeError, AttributeError, RuntimeError),
@@ -54,6 +34,8 @@ _TOLD = frozenset(
     ("name", "channel_count", "channel_format", "nominal_srate", "stream_id", "effective_srate")
 )
 _NOT_IN_HEADER = ("segments", "clock_segments")
+#: Second channel of markers that last, as earlier versions of jointz wrote them.
+_DURATION = "duration_s"
 _LARGEST_EXACT = 2**53
 
 
@@ -80,14 +62,6 @@ class XdfFormat(GroupFormat):
         except ValueError as exc:  # a number in a description that is none
             raise damaged(path, exc) from exc
 
-    def losses(self, content: Acquisition) -> list[str]:
-        """Return what of a content an XDF file cannot hold."""
-        return plan(content)[1]
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
-        """Return XDF 1.0: numbers in double precision, bit for bit, and texts as they are."""
-        return xdf_bytes(plan(content)[0])
-
 
 @dataclass(frozen=True, slots=True)
 class _Loaded:
@@ -103,21 +77,19 @@ def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> A
     groups: list[SignalGroup] = []
     events: list[Event] = []
     info = loaded.header.get("info")
-    metadata = flat(info) if isinstance(info, Mapping) else {}
+    metadata = _flat(info) if isinstance(info, Mapping) else {}
     metadata.pop("version", None)
     for number, stream in loaded.streams.items():
-        name, settings = names[number], _settings(stream)
-        group = _group(path, name, stream, _clock(path, walked[number], stream, settings))
+        name = names[number]
+        group = _group(path, name, stream, _clock(path, walked[number], stream))
         remarks = _remarks(walked[number], stream, group)
         remarks += _synchronised(path, walked[number], stream, loaded.unused[number])
-        if settings.get(EVENTS) != "only":
-            groups.append(group)
-            metadata |= _described(stream, name, settings)
-            metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
+        groups.append(group)
+        metadata |= _described(stream, name)
+        metadata |= {f"{READING}{name}": " ".join(remarks)} if remarks else {}
         irregular = float(_first(stream, "nominal_srate")) == 0
-        markers = irregular and _first(stream, "channel_format") == "string"
-        if settings.get(EVENTS, "yes" if markers else "no") != "no":
-            events += events_of(group)
+        if irregular and _first(stream, "channel_format") == "string":
+            events += _events_of(group)
     events.sort(key=lambda event: event.time_s)
     return Acquisition(tuple(groups), tuple(events), metadata)
 
@@ -179,10 +151,7 @@ def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
 
 def _names(streams: Mapping[int, dict[str, Any]]) -> dict[int, str]:
     """Return a name of its own for each stream."""
-    plain = {
-        number: "" if _settings(stream).get(UNNAMED) else _first(stream, "name")
-        for number, stream in streams.items()
-    }
+    plain = {number: _first(stream, "name") for number, stream in streams.items()}
     names: dict[int, str] = {}
     for number, name in plain.items():
         twins = [n for n, other in plain.items() if other == name]
@@ -199,30 +168,18 @@ def _first(stream: Mapping[str, Any], tag: str) -> str:
     return text if isinstance(text, str) else ""
 
 
-def _settings(stream: Mapping[str, Any]) -> dict[str, str]:
-    """Return what jointz wrote about a stream for itself."""
-    texts = flat({"desc": stream["info"].get("desc", [])})
-    return {k.removeprefix(OWN): text for k, text in texts.items() if k.startswith(OWN)}
-
-
-def _described(stream: Mapping[str, Any], name: str, settings: Mapping[str, str]) -> dict[str, str]:
-    """Return what a stream's header says besides what jointz wrote for itself, as metadata."""
+def _described(stream: Mapping[str, Any], name: str) -> dict[str, str]:
+    """Return what a stream's header says besides groups and signals, as metadata."""
     info = {tag: nodes for tag, nodes in stream["info"].items() if tag not in _NOT_IN_HEADER}
-    texts = flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
+    texts = _flat({tag: nodes for tag, nodes in info.items() if tag not in _TOLD})
     labelled = {
         f"{place}.{tag}"
         for place in _channel_places(stream)
         for tag in ("label", "unit", "description")
     }
-    metadata = {
-        f"{name}.{k}": text
-        for k, text in texts.items()
-        if k not in labelled and not k.startswith(OWN)
-    }
-    if settings.get("type"):  # said for other programs
-        metadata.pop(f"{name}.type", None)
+    metadata = {f"{name}.{k}": text for k, text in texts.items() if k not in labelled}
     nominal = _first(stream, "nominal_srate")
-    if float(nominal) > 0 and settings.get("clock") != Clock.UNIFORM:
+    if float(nominal) > 0:
         metadata[f"{name}.nominal_srate"] = nominal
     return metadata
 
@@ -232,19 +189,14 @@ def _channel_places(stream: Mapping[str, Any]) -> list[str]:
     return [f"desc.channels.channel{f'.{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 
-def _clock(
-    path: Path, walked: Stream, stream: Mapping[str, Any], settings: Mapping[str, str]
-) -> SignalGroup:
+def _clock(path: Path, walked: Stream, stream: Mapping[str, Any]) -> SignalGroup:
     """Return a stream's clock: its stamps, or first stamp and rate where it has no others."""
     stamps = np.array(stream["time_stamps"], dtype=np.float64)
     rate = float(_first(stream, "nominal_srate"))
     only_first = walked.stamped == 1 and walked.first_stamped and walked.n_offsets == 0
-    clock = settings.get("clock")
-    empty = walked.n_samples == 0 and clock == Clock.UNIFORM
-    if rate > 0 and clock != Clock.STAMPS and (empty or only_first):
-        start = float(settings.get("start_s", "0")) if empty else float(stamps[0])
-        return SignalGroup("", (), rate_hz=rate, start_s=start)
-    if clock == Clock.NONE or (clock is None and walked.n_samples and not walked.stamped + rate):
+    if rate > 0 and only_first:
+        return SignalGroup("", (), rate_hz=rate, start_s=float(stamps[0]))
+    if walked.n_samples and not walked.stamped + rate:
         return SignalGroup("", ())
     if walked.n_samples and not walked.first_stamped:
         raise _unstamped(path, walked, "its first sample has none to count from")
@@ -263,7 +215,7 @@ def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
 
 
 def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup) -> SignalGroup:
-    texts = flat({"desc": stream["info"].get("desc", [])})
+    texts = _flat({"desc": stream["info"].get("desc", [])})
     places = _channel_places(stream)
     labels = [texts.get(f"{place}.label", "") for place in places]
     names = distinct_names(labels, len(places), "channel")
@@ -284,6 +236,24 @@ def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup)
         for i, (label, place) in enumerate(zip(names, places, strict=True))
     )
     return SignalGroup(name, signals, clock.rate_hz, clock.start_s, clock.time_s)
+
+
+def _events_of(group: SignalGroup) -> list[Event]:
+    """Return an event for each text of a stream of markers."""
+    times = group.times_s()
+    texts = [signal for signal in group.signals if signal.is_text]
+    if times is None or not texts:
+        return []
+    if [signal.name for signal in texts[1:]] == [_DURATION]:
+        with suppress(ValueError):  # else they are texts like any other
+            durations = [float(text) for text in texts[1].values]
+            return list(map(Event, times.tolist(), texts[0].values, durations))
+    return [
+        Event(time, signal.values[row])
+        for row, time in enumerate(times.tolist())
+        for signal in texts
+        if signal.values[row]
+    ]
 
 
 def _column(series: Any, i: int) -> np.ndarray:
@@ -342,84 +312,14 @@ def _synchronised(
     ]
 
 
-_SAMPLES_OF_A_CHUNK = 1 << 16
-_STAMPED = 8
-_SHORT = 0xFF
-
-
-def xdf_bytes(content: XdfContent) -> bytes:
-    """Return a whole file."""
-    head = xml_bytes({"version": ["1.0"], **content.header})
-    chunks = [MAGIC, _chunk(FILE_HEADER, head)]
-    streams = list(enumerate(content.streams, start=1))
-    chunks += [_chunk(STREAM_HEADER, _number(n) + xml_bytes(s.header)) for n, s in streams]
-    for number, stream in streams:
-        chunks += [_chunk(SAMPLES, _number(number) + body) for body in _samples(stream)]
-        chunks.append(_chunk(FOOTER, _number(number) + xml_bytes(_footer(stream.group))))
-    return b"".join(chunks)
-
-
-def _samples(stream: XdfStream) -> Iterator[bytes]:
-    """Yield the samples of each chunk; on a uniform clock only the first one has a stamp."""
-    group, n = stream.group, stream.group.n_samples
-    cuts = [*range(0, n, _SAMPLES_OF_A_CHUNK), n]
-    if stream.clock is Clock.UNIFORM and n > 1:
-        cuts.insert(1, 1)
-    stamps = group.times_s()
-    for start, stop in pairwise(cuts):
-        stamped = stream.clock is Clock.STAMPS or (stream.clock is Clock.UNIFORM and start == 0)
-        part = stamps[start:stop] if stamped and stamps is not None else None
-        columns = [signal.values[start:stop] for signal in group.signals]
-        write = _texts if group.signals[0].is_text else _numbers
-        yield _length(stop - start, short=False) + write(columns, part)
-
-
-def _numbers(columns: list[np.ndarray], stamps: np.ndarray | None) -> bytes:
-    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [("flag", "u1")]
-    if stamps is not None:
-        fields.append(("stamp", "<f8"))
-    fields.append(("values", "<f8", (len(columns),)))
-    rows = np.zeros(len(columns[0]), dtype=fields)
-    if stamps is not None:
-        rows["flag"], rows["stamp"] = _STAMPED, stamps
-    rows["values"] = np.stack(columns, axis=1)
-    return rows.tobytes()
-
-
-def _texts(columns: list[np.ndarray], stamps: np.ndarray | None) -> bytes:
-    parts = []
-    for row in range(len(columns[0])):
-        if stamps is None:
-            parts.append(b"\0")
-        else:
-            parts.append(struct.pack("<Bd", _STAMPED, stamps[row]))
-        for column in columns:
-            raw = column[row].encode("utf-8")
-            parts += [_length(len(raw), short=True), raw]
-    return b"".join(parts)
-
-
-def _footer(group: SignalGroup) -> dict[str, list[str]]:
-    stamps = group.times_s()
-    content = {"sample_count": [str(group.n_samples)]}
-    if stamps is not None and len(stamps):
-        content["first_timestamp"] = [repr(float(stamps[0]))]
-        content["last_timestamp"] = [repr(float(stamps[-1]))]
-    return content
-
-
-def _chunk(tag: int, body: bytes) -> bytes:
-    return _length(len(body) + 2, short=False) + struct.pack("<H", tag) + body
-
-
-def _number(stream: int) -> bytes:
-    return struct.pack("<I", stream)
-
-
-def _length(value: int, *, short: bool) -> bytes:
-    """Return a number of variable length: one byte where that will do, else four, else eight."""
-    if short and value <= _SHORT:
-        return struct.pack("<BB", 1, value)
-    if value <= 0xFFFFFFFF:
-        return struct.pack("<BI", 4, value)
-    return struct.pack("<BQ", 8, value)
+def _flat(tree: Any, prefix: str = "") -> dict[str, str]:
+    """Return the texts of a tree; the second of two siblings of one name is ``name.2``."""
+    texts: dict[str, str] = {}
+    for tag, nodes in tree.items():
+        for i, node in enumerate(nodes, start=1):
+            name = f"{prefix}{tag}" + (f".{i}" if i > 1 else "")
+            if isinstance(node, Mapping):
+                texts |= _flat(node, f"{name}.")
+            elif node is not None and str(node) and str(node).strip():
+                texts[name] = str(node)
+    return texts
