@@ -30,6 +30,7 @@ from jointz.io.log_reader import read_log  # noqa: E402
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.alone,
     pytest.mark.skipif(not BROWSER, reason="no chromium on this machine"),
 ]

@@ -22,8 +22,8 @@ import pytest
 from jointz.cli.main import run
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
+from jointz.core.stop_signals import STOP_SIGNALS
 from jointz.experiment.files.journal import read_journal
-from jointz.experiment.stop_signals import STOP_SIGNALS
 
 REPOSITORY = Path(__file__).parent.parent
 

@@ -31,7 +31,17 @@ def study(tmp_path_factory, csv_study):
 
 
 def started(study, out, *options):
-    words = [*JOINTZ, "analyze", str(study), "--out", str(out), "--seed", "1", "--certify", *options]
+    words = [
+        *JOINTZ,
+        "analyze",
+        str(study),
+        "--out",
+        str(out),
+        "--seed",
+        "1",
+        "--certify",
+        *options,
+    ]
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 

@@ -14,7 +14,6 @@ from jointz.analysis.results_folder import write_results
 from jointz.report.wording import DASH
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
-pytestmark = pytest.mark.alone
 
 NASTY = '<img src=x onerror="document.title=1">&amp; S01'
 PATIENCE_MS = 30_000

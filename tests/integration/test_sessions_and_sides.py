@@ -15,7 +15,7 @@ from jointz.analysis.results_folder import write_results
 from jointz.analysis.simulate_study import simulate_study
 from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
-from jointz.explorer.reestimation import EstimationRequest, reestimate, with_new_estimates
+from jointz.explorer.reestimation import ReestimationRequest, reestimate, with_new_estimates
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
 from jointz.sim.direct_walk import WalkPlan
@@ -138,7 +138,7 @@ def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
 
     found = open_results(tmp_path / "results", study=study)
     assert found.labels == tuple(f"S0{k}, {s}" for k in (1, 2) for s in of_half.values())
-    again = reestimate(open_study(study), "S01", EstimationRequest.of(found.analysed))
+    again = reestimate(open_study(study), "S01", ReestimationRequest.of(found.analysed))
     assert len(again.traces) == sum(p.participant == "S01" for p in both.pulses)
     now = with_new_estimates(found.analysed, open_study(study), {"S01": again.result})
     pd.testing.assert_frame_equal(now.to_frame(), both.to_frame())

@@ -33,8 +33,7 @@ def analyze(
         typer.Option(
             "--method",
             help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
-            "instrumental_variable, output_error, errors_in_variables, weak_form, strapped or "
-            "full_record.",
+            "instrumental_variable, strapped or full_record.",
         ),
     ] = _RECOMMENDED,
     resamples: Annotated[
@@ -113,7 +112,7 @@ def analyze(
         before = check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with (
             progress_bar(shown=not (quiet or as_json)) as progress,
-            store.told_with_errors() if store else nullcontext(),
+            store.noting_kept_results() if store else nullcontext(),
             _salvage_advised(study),
         ):
             analysis = analyze_study(

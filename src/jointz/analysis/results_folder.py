@@ -17,7 +17,7 @@ from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.analysis.paper.paper_tables import captions_text, paper_tables
 from jointz.core.errors import OutputError, WriteError
-from jointz.experiment.stop_signals import signals_held
+from jointz.core.stop_signals import signals_held
 from jointz.io.formats.columns import file_sha256
 from jointz.report.subjects import report_title
 from jointz.results.run_report import RunReport

@@ -22,8 +22,8 @@ from jointz.core.errors import (
     WorkerLostError,
     WriteError,
 )
+from jointz.core.stop_signals import is_stop_noted
 from jointz.demo.command import demo
-from jointz.experiment.stop_signals import is_stop_noted
 from jointz.explorer.command import explore
 from jointz.identification.command import identify
 from jointz.inspection.command import inspect

@@ -3,7 +3,7 @@
 import os
 import sys
 
-from jointz.experiment.stop_signals import end_listening, listen_for_stops
+from jointz.core.stop_signals import end_listening, listen_for_stops
 from jointz.terminal.exit_status import EXIT_STOPPED, last_words
 
 

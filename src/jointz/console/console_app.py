@@ -20,7 +20,7 @@ from jointz.console.operator_commands import (
 )
 from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError, OutputError
-from jointz.experiment.stop_signals import end_listening
+from jointz.core.stop_signals import end_listening
 from jointz.session.live.live_session import LiveSession, refuse_where_unseen
 from jointz.session.run_claim import RUN_FILE
 from jointz.web.server import require_app, serve

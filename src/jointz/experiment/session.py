@@ -30,6 +30,7 @@ from jointz.core.protocols.device_limits import limits_on_device
 from jointz.core.protocols.protocol import ConditionSpec
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.provenance import software
+from jointz.core.stop_signals import signals_held
 from jointz.devices.interface import Device, Devices, Rig
 from jointz.experiment.console_link import ConsoleLink
 from jointz.experiment.control_box import ControlBox
@@ -55,7 +56,6 @@ from jointz.experiment.files.session_files import (
 from jointz.experiment.files.whole_files import make_folder
 from jointz.experiment.loop import ControlLoop, undisturbed
 from jointz.experiment.safety import SafetyGate
-from jointz.experiment.stop_signals import signals_held
 from jointz.experiment.trial_kinds import AnyTrial, TrialSetup, trial_kind
 
 #: Called with the trial and how far it is: of walking accepted strides, completed pulses and

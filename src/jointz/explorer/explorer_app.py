@@ -12,7 +12,7 @@ from jointz.core.errors import JointzError
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study, UserExclusion
 from jointz.explorer.exclusions import FILE, Action, decide
-from jointz.explorer.reestimation import EstimationRequest, estimate_by_method, reestimate
+from jointz.explorer.reestimation import ReestimationRequest, estimate_by_method, reestimate
 from jointz.explorer.results_files import Exploration
 from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
@@ -162,7 +162,7 @@ class Explorer:
 
     async def _estimate(self, person: str) -> None:
         """Estimate until the exclusions did not change meanwhile."""
-        request = EstimationRequest.of(self._results.analysed)
+        request = ReestimationRequest.of(self._results.analysed)
         while True:
             study = self._results.study
             if study is None:
@@ -181,7 +181,7 @@ class Explorer:
             self._begin(f"{method} {person}", self._estimate_by(method, person))
 
     async def _estimate_by(self, method: str, person: str) -> None:
-        request = EstimationRequest.of(self._results.analysed)
+        request = ReestimationRequest.of(self._results.analysed)
         study = self._results.study
         if study is not None:
             work = partial(estimate_by_method, study, person, request, method=method)

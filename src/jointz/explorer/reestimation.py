@@ -11,6 +11,7 @@ from jointz.core.errors import DataError
 from jointz.core.study import Study
 from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
 from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
+from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
@@ -34,7 +35,7 @@ class ReestimatedParticipant:
 
 
 @dataclass(frozen=True, slots=True)
-class EstimationRequest:
+class ReestimationRequest:
     """Settings of a new estimation."""
 
     method: str  # name of the method
@@ -44,14 +45,16 @@ class EstimationRequest:
     sha256: Mapping[str, str]
 
     @classmethod
-    def of(cls, analysis: StudyAnalysis) -> "EstimationRequest":
+    def of(cls, analysis: StudyAnalysis) -> "ReestimationRequest":
         """Return the settings of an analysis."""
         settings, provenance = analysis.settings, analysis.provenance
         inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
         return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
 
 
-def reestimate(study: Study, person_id: str, request: EstimationRequest) -> ReestimatedParticipant:
+def reestimate(
+    study: Study, person_id: str, request: ReestimationRequest
+) -> ReestimatedParticipant:
     """Estimate a participant with the current exclusions of the study."""
     settings, recordings = _inputs(study, person_id, request)
     result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
@@ -60,7 +63,7 @@ def reestimate(study: Study, person_id: str, request: EstimationRequest) -> Rees
 
 
 def estimate_by_method(
-    study: Study, person_id: str, request: EstimationRequest, *, method: str
+    study: Study, person_id: str, request: ReestimationRequest, *, method: str
 ) -> tuple[CellEstimate, ...]:
     """Estimate a participant by another method, for comparison."""
     settings, recordings = _inputs(study, person_id, replace(request, method=method))
@@ -71,9 +74,15 @@ def estimate_by_method(
 
 
 def _inputs(
-    study: Study, person_id: str, request: EstimationRequest
+    study: Study, person_id: str, request: ReestimationRequest
 ) -> tuple[ParticipantSettings, Sequence[RecordingInput]]:
     """Return settings and recordings of a participant; refuse changed recordings."""
+    if request.method not in METHODS:
+        raise DataError(
+            f"method: these results are by {request.method!r}, which this version of jointz does "
+            f"not have; it has {', '.join(METHODS)}. They can be read but not estimated again. "
+            "Analyse the study by another method: jointz analyze --method NAME."
+        )
     inputs: dict[str, dict[str, Any]] = {}
     recordings = read_participant(study, person_id, inputs)
     changed = [name for name, f in inputs.items() if request.sha256.get(name) != f["sha256"]]

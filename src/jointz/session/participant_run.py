@@ -11,12 +11,12 @@ from typing import Any
 
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DataError
+from jointz.core.stop_signals import STOP_SIGNALS, acknowledge_stop
 from jointz.devices.interface import Rig
 from jointz.experiment.files.journal import read_journal, salvaged_texts
 from jointz.experiment.files.session_files import JOURNAL_FILE
 from jointz.experiment.files.whole_files import read_object, write_whole
 from jointz.experiment.session import Operator, Progress, Session, SessionPlan
-from jointz.experiment.stop_signals import STOP_SIGNALS, acknowledge_stop
 from jointz.session.recordings_report import write_recordings
 from jointz.session.run_settings import RunSettings
 from jointz.session.session_check import write_down_losses

@@ -15,12 +15,12 @@ from jointz.core.errors import DataError, OutputError
 from jointz.core.protocols.device_limits import limits_on_device
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.provenance import now
+from jointz.core.stop_signals import CAN_WAIT
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.devices.interface import Rig, Wearer
 from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.files.whole_files import read_object, write_whole
 from jointz.experiment.session import Operator
-from jointz.experiment.stop_signals import CAN_WAIT
 from jointz.io.calibration_file import read_calibration
 from jointz.io.protocols import load_protocol
 from jointz.results.run_report import RunReport, StudyRun

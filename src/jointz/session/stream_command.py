@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.experiment.stop_signals import end_listening
+from jointz.core.stop_signals import end_listening
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
 

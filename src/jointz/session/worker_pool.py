@@ -15,8 +15,8 @@ from queue import Empty
 from types import FrameType
 from typing import Any
 
+from jointz.core.stop_signals import STOP_SIGNALS, hide_consequences, interrupt
 from jointz.experiment.session import Operator
-from jointz.experiment.stop_signals import STOP_SIGNALS, hide_consequences, interrupt
 from jointz.session.participant_run import run_participant
 from jointz.session.rigs.rig_settings import RigSettings, open_rig
 from jointz.session.run_settings import RunSettings

@@ -16,9 +16,9 @@ from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
 from jointz.results.statistics.quasi_stiffness_fit import (
     ComparedPoint,
-    Doubt,
     QuasiStiffness,
     QuasiStiffnessComparison,
+    QuasiStiffnessDoubt,
     QuasiStiffnessEstimate,
 )
 
@@ -249,13 +249,13 @@ def _slope_doubts(
     *, spread: float, n_nodes: int, backtrack: float, r_squared: float | None
 ) -> tuple[str, ...]:
     if n_nodes < _FEWEST_NODES:
-        return (Doubt.TOO_FEW_NODES.value,)
+        return (QuasiStiffnessDoubt.TOO_FEW_NODES.value,)
     if spread == 0.0:
-        return (Doubt.NO_RANGE.value,)
+        return (QuasiStiffnessDoubt.NO_RANGE.value,)
     raised = {
-        Doubt.ANGLE_TURNS: backtrack >= TURNS_FROM,
-        Doubt.SMALL_RANGE: spread < SMALL_RAD,
-        Doubt.NOT_A_LINE: r_squared is not None and r_squared < LINE_FROM,
+        QuasiStiffnessDoubt.ANGLE_TURNS: backtrack >= TURNS_FROM,
+        QuasiStiffnessDoubt.SMALL_RANGE: spread < SMALL_RAD,
+        QuasiStiffnessDoubt.NOT_A_LINE: r_squared is not None and r_squared < LINE_FROM,
     }
     return tuple(doubt.value for doubt, stands in raised.items() if stands)
 
@@ -266,9 +266,9 @@ def _secant(name: str, onset: float, curve: _Curve) -> QuasiStiffnessEstimate:
     value = moment / angle if angle != 0.0 else None
     doubts: tuple[str, ...] = ()
     if value is None or not isfinite(value):
-        value, doubts = None, (Doubt.NO_RANGE.value,)
+        value, doubts = None, (QuasiStiffnessDoubt.NO_RANGE.value,)
     elif abs(angle) < SMALL_RAD:
-        doubts = (Doubt.SMALL_ANGLE.value,)
+        doubts = (QuasiStiffnessDoubt.SMALL_ANGLE.value,)
     no_line = (None, None, None)  # no line, no range
     return QuasiStiffnessEstimate(
         name, onset, "secant", value, onset, onset, *no_line, _status(value, doubts), doubts

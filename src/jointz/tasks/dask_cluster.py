@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 from jointz.core.errors import DataError, EngineError
 from jointz.core.provenance import software
-from jointz.tasks.engine import Engine, engine_s_own_failures
+from jointz.tasks.engine import Engine, engine_errors
 from jointz.tasks.process_pool import cores, refuse_script_without_guard
 
 Result = TypeVar("Result")
@@ -208,7 +208,7 @@ def open_cluster(scheduler: str, *, workers: int | None = None) -> Iterator[Clus
             refuse_script_without_guard()
             stack.enter_context(import_module("dask").config.set(_OWN_CLUSTER))
             security = _own_certificate(distributed)
-            with engine_s_own_failures():
+            with engine_errors():
                 local = stack.enter_context(
                     distributed.LocalCluster(
                         n_workers=workers or cores(),

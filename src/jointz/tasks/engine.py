@@ -19,7 +19,7 @@ from typing import Any, Generic, TypeVar
 from threadpoolctl import threadpool_limits
 
 from jointz.core.errors import DataError, EngineError, WorkerLostError
-from jointz.experiment.stop_signals import signals_held
+from jointz.core.stop_signals import signals_held
 from jointz.tasks.task_store import TaskStore
 
 Result = TypeVar("Result")
@@ -128,7 +128,7 @@ class Processes(Engine):
         self.workers = workers
         self._opening = opening
         self._opened = ExitStack()
-        with engine_s_own_failures():
+        with engine_errors():
             self._pool = self._opened.enter_context(opening())
 
     def submit(self, call: Callable[[], Result]) -> Future[Result]:
@@ -190,7 +190,7 @@ def done_in_turn(
                 line.append(_Place(task, store))
             if not line:
                 return
-            with engine_s_own_failures():
+            with engine_errors():
                 ready = _is_first_done(engine, line)
             if ready:
                 yield line.popleft().done()
@@ -200,7 +200,7 @@ def done_in_turn(
 
 
 @contextmanager
-def engine_s_own_failures() -> Iterator[None]:
+def engine_errors() -> Iterator[None]:
     """Turn any error into one of the engine; errors of tasks are in their futures."""
     try:
         yield

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError
-from jointz.experiment.stop_signals import CAN_WAIT, STOP_SIGNALS, signals_held
+from jointz.core.stop_signals import CAN_WAIT, STOP_SIGNALS, signals_held
 
 #: With fewer things to do, processes take as long to start as they save.
 _FEWEST = 4

@@ -90,7 +90,7 @@ class TaskStore:
         return partial(_kept, self, key, call)
 
     @contextmanager
-    def told_with_errors(self) -> Iterator[None]:
+    def noting_kept_results(self) -> Iterator[None]:
         """Add to an error that leaves the block which results are kept."""
         try:
             yield

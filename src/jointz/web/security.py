@@ -29,7 +29,7 @@ _READING = frozenset({"GET", "HEAD"})
 _ITSELF = frozenset({"same-origin", "none"})
 _POLICY_VIOLATION = 1008
 #: Most connections without the token; a browser opens about six at a time.
-_MOST_STRANGERS = 64
+_MOST_UNAUTHORIZED = 64
 _REFUSAL = """<!doctype html><html lang="en"><meta charset="utf-8"><title>jointz: refused</title>
 <meta name="viewport" content="width=device-width">
 <style>:root {{ color-scheme: light dark }} body {{ font: 18px/1.5 system-ui, sans-serif;
@@ -108,7 +108,7 @@ class Access:
         return _is_address(name) or name in {self._host, "localhost", *_own_names()}
 
 
-class Strangers:
+class UnauthorizedConnections:
     """Connections without the token; if there are too many, the oldest is closed.
 
     Idle connections thus never use up those that the operator needs.
@@ -120,7 +120,7 @@ class Strangers:
     def add(self, client: Client, transport: asyncio.Transport) -> None:
         """Register a new connection."""
         self.forget(client)
-        if len(self._transports) >= _MOST_STRANGERS:
+        if len(self._transports) >= _MOST_UNAUTHORIZED:
             self._transports.pop(next(iter(self._transports))).abort()
         self._transports[client] = transport
 
@@ -132,10 +132,12 @@ class Strangers:
 class Guard:
     """Passes requests that :class:`Access` allows to an application."""
 
-    def __init__(self, app: Application, access: Access, strangers: Strangers) -> None:
+    def __init__(
+        self, app: Application, access: Access, unauthorized: UnauthorizedConnections
+    ) -> None:
         self.app = app
         self._access = access
-        self._strangers = strangers
+        self._unauthorized = unauthorized
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or pass it on."""
@@ -154,7 +156,7 @@ class Guard:
                 "it ends with ?token= and the token"
             )
         if not why:
-            self._strangers.forget(scope["client"])
+            self._unauthorized.forget(scope["client"])
             await self.app(scope, receive, send if opens_socket else _hardened(send))
         elif opens_socket:
             await send({"type": "websocket.close", "code": _POLICY_VIOLATION})

@@ -7,7 +7,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from jointz.core.errors import DataError
-from jointz.web.security import Access, Guard, Strangers
+from jointz.web.security import Access, Guard, UnauthorizedConnections
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -35,7 +35,7 @@ def serve(
 
     listening = _listen(host, port)
     port = listening.getsockname()[1]
-    access, strangers = Access(host, port), Strangers()
+    access, unauthorized = Access(host, port), UnauthorizedConnections()
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     if routes is not None:
         routes(app)
@@ -45,15 +45,15 @@ def serve(
     class Protocol(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
         def connection_made(self, transport: asyncio.Transport) -> None:
             super().connection_made(transport)
-            strangers.add(self.client, transport)
+            unauthorized.add(self.client, transport)
 
         def connection_lost(self, exc: Exception | None) -> None:
-            strangers.forget(self.client)
+            unauthorized.forget(self.client)
             super().connection_lost(exc)
 
     config = uvicorn.Config(
         # Outermost: no library sees a refused request.
-        Guard(app, access, strangers),
+        Guard(app, access, unauthorized),
         http=Protocol,
         log_level="warning",
         access_log=False,

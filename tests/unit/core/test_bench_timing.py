@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.bench_timing import onsets_after_rests, onsets_in_cycle
+from jointz.core.protocols.bench_timing import onsets_after_rests, onsets_in_cycle
 
 points = st.lists(st.floats(0.0, 99.9), min_size=1, max_size=12)
 

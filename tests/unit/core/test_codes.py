@@ -10,7 +10,7 @@ from jointz.results.statistics import pulse_effect_tests, quasi_stiffness_fit
 
 KINDS = [
     *(Exclusion, Failure, NotPooled, Doubt, Trip, CalibrationFailure),
-    *(pulse_effect_tests.Undecided, quasi_stiffness_fit.Doubt),
+    *(pulse_effect_tests.Undecided, quasi_stiffness_fit.QuasiStiffnessDoubt),
 ]
 
 

@@ -29,7 +29,7 @@ from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 from jointz.identify.series.joint_estimators import ESTIMATORS
 from jointz.io.formats import registry as formats
 from jointz.results.certificate_result import Certificate
-from jointz.results.statistics.quasi_stiffness_fit import Doubt as SlopeDoubt
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 
 ROOT = Path(__file__).parents[3]
@@ -231,7 +231,10 @@ def test_every_channel_and_direction_is_described():
 
 @pytest.mark.parametrize(
     ("page", "codes"),
-    [("docs/results.md", [*Exclusion, *Failure, *Doubt]), ("docs/statistics.md", SlopeDoubt)],
+    [
+        ("docs/results.md", [*Exclusion, *Failure, *Doubt]),
+        ("docs/statistics.md", QuasiStiffnessDoubt),
+    ],
 )
 def test_every_code_has_a_row_with_its_meaning(page, codes):
     for code in codes:

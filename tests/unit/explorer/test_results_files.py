@@ -24,7 +24,7 @@ from jointz.explorer.files_page import (
 )
 from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.reestimation import (
-    EstimationRequest,
+    ReestimationRequest,
     estimate_by_method,
     reestimate,
     with_new_estimates,
@@ -58,7 +58,7 @@ def opened(made, tmp_path):
 @pytest.fixture(scope="module")
 def again(made):
     found = open_results(made / "results")
-    return found, reestimate(found.study, found.people[0], EstimationRequest.of(found.analysed))
+    return found, reestimate(found.study, found.people[0], ReestimationRequest.of(found.analysed))
 
 
 def first_pulse(found, k=0):
@@ -68,7 +68,7 @@ def first_pulse(found, k=0):
 
 
 def renewed(found, person):
-    made = reestimate(found.study, person, EstimationRequest.of(found.analysed))
+    made = reestimate(found.study, person, ReestimationRequest.of(found.analysed))
     return found.with_result(person, made.result), made
 
 
@@ -223,7 +223,7 @@ def test_changed_recordings_are_refused(opened):
     file.write_text("".join(lines[:-5]))
 
     with pytest.raises(DataError, match="expected the content that was analysed"):
-        reestimate(opened.study, person, EstimationRequest.of(opened.analysed))
+        reestimate(opened.study, person, ReestimationRequest.of(opened.analysed))
 
 
 def test_one_more_method_is_what_the_method_gives(opened):
@@ -232,7 +232,7 @@ def test_one_more_method_is_what_the_method_gives(opened):
     assert "full_record" not in opened.more_methods()
 
     cells = estimate_by_method(
-        opened.study, person, EstimationRequest.of(opened.analysed), method="pre_pulse"
+        opened.study, person, ReestimationRequest.of(opened.analysed), method="pre_pulse"
     )
     found = opened.with_other("pre_pulse", person, cells)
 

@@ -10,7 +10,7 @@ from scipy import stats
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.reference import chapter4, row_mean
-from jointz.results.statistics.quasi_stiffness_fit import Doubt
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
 from jointz.stats.quasi_stiffness import compare_quasi_stiffness, quasi_stiffness
 
 GAIT_PCT = np.linspace(0.0, 100.0, 101)
@@ -88,12 +88,12 @@ NEAR_ZERO = radians(0.5) + (GAIT_PCT - 7.0) / 50.0
 @pytest.mark.parametrize(
     ("angle", "moment", "point", "measure", "doubts"),
     [
-        (TURNING, TURNING, "TST", "slope", (Doubt.ANGLE_TURNS,)),
+        (TURNING, TURNING, "TST", "slope", (QuasiStiffnessDoubt.ANGLE_TURNS,)),
         (TURNING, TURNING, "PSW", "slope", ()),
-        (NARROW, NARROW, "LRE", "slope", (Doubt.SMALL_RANGE,)),
+        (NARROW, NARROW, "LRE", "slope", (QuasiStiffnessDoubt.SMALL_RANGE,)),
         (NARROW, NARROW, "MST", "slope", ()),
-        (STRAIGHT, WAVE, "TST", "slope", (Doubt.NOT_A_LINE,)),
-        (NEAR_ZERO, NEAR_ZERO, "LRE", "secant", (Doubt.SMALL_ANGLE,)),
+        (STRAIGHT, WAVE, "TST", "slope", (QuasiStiffnessDoubt.NOT_A_LINE,)),
+        (NEAR_ZERO, NEAR_ZERO, "LRE", "secant", (QuasiStiffnessDoubt.SMALL_ANGLE,)),
     ],
 )
 def test_a_measure_that_may_mislead_is_marked(angle, moment, point, measure, doubts):
@@ -110,14 +110,14 @@ def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
     for measure in ("slope", "local_slope", "secant"):
         estimate = found.estimate("LRE", measure)
         assert (estimate.value, estimate.status) == (None, "undecided")
-        assert estimate.doubts == (Doubt.NO_RANGE,)
+        assert estimate.doubts == (QuasiStiffnessDoubt.NO_RANGE,)
     assert "LRE" not in found.values("secant")
 
 
 def test_two_nodes_make_no_slope():
     found = quasi_stiffness(ANGLE[::2], ANGLE[::2], timing_points={"ICO": 1.0, "LRE": 7.0})
 
-    assert found.estimate("ICO").doubts == (Doubt.TOO_FEW_NODES,)
+    assert found.estimate("ICO").doubts == (QuasiStiffnessDoubt.TOO_FEW_NODES,)
     assert found.estimate("ICO").value is None
     assert found.estimate("ICO", "local_slope").start_gait_pct == 0.0  # cut at the cycle's end
     assert found.estimate("LRE").status == "ok"

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from jointz.web.security import Access, Guard, Strangers, is_loopback
+from jointz.web.security import Access, Guard, UnauthorizedConnections, is_loopback
 
 PORT = 8700
 
@@ -44,7 +44,7 @@ def call(access, *, kind="http", method="GET", path="/", query="", **headers):
             for one in ([value] if isinstance(value, str) else value)
         ],
     }
-    asyncio.run(Guard(app, access, Strangers())(scope, receive, send))
+    asyncio.run(Guard(app, access, UnauthorizedConnections())(scope, receive, send))
     start = sent[0]
     found = {name.decode(): value.decode() for name, value in start.get("headers", [])}
     return start.get("status", start["type"]), found, bool(came)
@@ -172,11 +172,11 @@ class Connection:
 
 
 def test_the_oldest_of_too_many_strangers_is_closed_and_nobody_who_was_let_in():
-    strangers = Strangers()
+    unauthorized = UnauthorizedConnections()
     connections = [Connection() for _ in range(200)]
     for port, connection in enumerate(connections):
-        strangers.add(("127.0.0.1", port), connection)
+        unauthorized.add(("127.0.0.1", port), connection)
         if port == 0:
-            strangers.forget(("127.0.0.1", port))
+            unauthorized.forget(("127.0.0.1", port))
     closed = [port for port, connection in enumerate(connections) if connection.closed]
     assert closed == list(range(1, 200 - 64))

@@ -9,7 +9,7 @@ import pytest
 
 from jointz.console.console_app import _left
 from jointz.core.errors import DataError
-from jointz.experiment.stop_signals import STOP_SIGNALS, listen_for_stops
+from jointz.core.stop_signals import STOP_SIGNALS, listen_for_stops
 from jointz.web.server import _address, _listen
 
 

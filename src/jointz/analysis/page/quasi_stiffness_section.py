@@ -8,7 +8,7 @@ from jointz.analysis.paper.table import NO_VALUE, NOTE, Table
 from jointz.core.events import row_label
 from jointz.report.subjects import subjects
 from jointz.report.wording import DASH, format_integer, format_interval, pretty_unit
-from jointz.results.statistics.quasi_stiffness_fit import Doubt
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.quasi_stiffness import WINDOW_PCT
 
@@ -37,7 +37,9 @@ def quasi_stiffness_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
         "unit": rows[0]["unit"],
         "window": f"{WINDOW_PCT:g} %",
         "level": f"{100 * rows[0]['ci_level']:g} %",
-        "doubts": [(_in_words(code), Doubt(code).meaning) for code in _all_doubts(rows)],
+        "doubts": [
+            (_in_words(code), QuasiStiffnessDoubt(code).meaning) for code in _all_doubts(rows)
+        ],
     }
 
 
@@ -60,7 +62,9 @@ def quasi_stiffness_table(analysis: StudyAnalysis) -> Table:
     codes = _all_doubts(rows)
     marks = {code: MARKS[min(k, len(MARKS) - 1)] for k, code in enumerate(codes)}
     cells = tuple(_table_row(key, own, marks) for key, own in _by_place(rows).items())
-    notes = tuple(f"{mark}{_in_words(d)}: {Doubt(d).meaning}." for d, mark in marks.items())
+    notes = tuple(
+        f"{mark}{_in_words(d)}: {QuasiStiffnessDoubt(d).meaning}." for d, mark in marks.items()
+    )
     return Table(caption, head, cells, notes)
 
 

@@ -26,7 +26,7 @@ from jointz.report.wording import (
     method_name,
     status_meaning,
 )
-from jointz.results.statistics.quasi_stiffness_fit import Doubt
+from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.quasi_stiffness import STEP_PCT, WINDOW_PCT
 
@@ -229,7 +229,9 @@ def _outcome(rows: _Rows) -> str:
         for status, words in _STATUSES.items()
         if statuses[status]
     ]
-    why = "; ".join(f"{Doubt(d).meaning}, {format_integer(n)}" for d, n in doubts.most_common())
+    why = "; ".join(
+        f"{QuasiStiffnessDoubt(d).meaning}, {format_integer(n)}" for d, n in doubts.most_common()
+    )
     return (
         f"Of {format_count(len(rows), 'slope and secant', 'slopes and secants')}, "
         f"{', '.join(parts)}{f' ({why})' if why else ''}."

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from jointz.core.bench_timing import onsets_in_cycle
 from jointz.core.checked_model import Problem
+from jointz.core.protocols.bench_timing import onsets_in_cycle
 
 if TYPE_CHECKING:
     from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec

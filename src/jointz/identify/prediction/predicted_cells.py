@@ -8,7 +8,7 @@ import numpy as np
 from jointz.core.codes import Exclusion
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
-from jointz.identify.prediction.pulse_checks import copied_pulses, lame_pulses
+from jointz.identify.prediction.pulse_checks import copied_pulses, ineffective_pulses
 from jointz.identify.prediction.pulse_shapes import pulse_shapes
 from jointz.identify.prediction.unperturbed_prediction import (
     FEWEST_STRIDES,
@@ -123,18 +123,19 @@ class CellPredictor:
         if by_shape:
             # A pulse without torque is of no shape: it is compared with all others.
             no_torque = Exclusion.NO_TORQUE.value
-            lame = lame_pulses(predicted, self.amplitudes_nm(candidates))
-            codes[:] = [code if code == no_torque else "" for code in lame]
+            ineffective = ineffective_pulses(predicted, self.amplitudes_nm(candidates))
+            codes[:] = [code if code == no_torque else "" for code in ineffective]
             shapes = np.where(codes == "", shapes, -1)
         for shape in np.unique(shapes[shapes >= 0]):
             members = np.flatnonzero(shapes == shape)
             part = replace(predicted, responses=predicted.responses[members])
             own = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]
-            lame = lame_pulses(part, self.amplitudes_nm(own))
-            kept = alike(part, whole=np.array([not code for code in lame], dtype=bool))
+            ineffective = ineffective_pulses(part, self.amplitudes_nm(own))
+            kept = alike(part, whole=np.array([not code for code in ineffective], dtype=bool))
             unusual = Exclusion.UNUSUAL_RESPONSE.value
             codes[members] = [
-                code or ("" if keep else unusual) for code, keep in zip(lame, kept, strict=True)
+                code or ("" if keep else unusual)
+                for code, keep in zip(ineffective, kept, strict=True)
             ]
         return [str(code) for code in codes]
 

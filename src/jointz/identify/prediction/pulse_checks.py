@@ -46,7 +46,7 @@ def copied_pulses(recording: xr.Dataset, pulses: Sequence[Pulse], *, window_s: f
     return copies
 
 
-def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
+def ineffective_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
     """Return a code for pulses without torque, or whose torque did not reach the joint.
 
     Torque is compared with the command, or with that of the other pulses; a command of zero among
@@ -72,7 +72,7 @@ def lame_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[str]:
     return [str(code) for code in codes]
 
 
-def stray_pulses(predicted: Predicted, amplitude_nm: float) -> bool:
+def has_pulses_in_strides(predicted: Predicted, amplitude_nm: float) -> bool:
     """Return whether the unperturbed strides contain pulses.
 
     This happens if the pulse table does not match the signals: a table that is late by a stride, a

@@ -21,7 +21,7 @@ from jointz.identify.prediction.predicted_cells import (
     PredictedCell,
     pulses_by_point,
 )
-from jointz.identify.prediction.pulse_checks import stray_pulses
+from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
@@ -174,7 +174,7 @@ class WalkingEstimator:
         if failure := next(filter(None, map(angles.get, indices)), None):
             return failure
         size_nm = float(np.median(self._predictor.amplitudes_nm(cell.used)))
-        if stray_pulses(cell.predicted, size_nm):
+        if has_pulses_in_strides(cell.predicted, size_nm):
             return Failure.OUT_OF_STEP
         for index in indices if self._by_torque else ():
             pulses = [c.pulse for c in cell.used if c.source == index]

@@ -22,7 +22,7 @@ from jointz.identify.prediction.predicted_cells import (
     PredictedCell,
     pulses_by_point,
 )
-from jointz.identify.prediction.pulse_checks import stray_pulses
+from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
@@ -178,7 +178,7 @@ class _Participant:
             if failure := angle_failure(recording) or torque_failure(recording, pulses):
                 return failure
         size_nm = float(np.median(self._predictor.amplitudes_nm(cell.used)))
-        if stray_pulses(cell.predicted, size_nm):
+        if has_pulses_in_strides(cell.predicted, size_nm):
             return Failure.OUT_OF_STEP
         return response_failure(self._point(cell, self._known([cell])))
 

@@ -18,7 +18,7 @@ MEASURES = ("slope", "local_slope", "secant")
 _DEGREE = 57.29577951308232
 
 
-class Doubt(Code):
+class QuasiStiffnessDoubt(Code):
     """Why a quasi-stiffness is not to be relied on; part of the file format."""
 
     ANGLE_TURNS = "angle_turns", "the angle turns here, so one angle has two moments"
@@ -48,7 +48,7 @@ class QuasiStiffnessEstimate:
     backtrack: float | None
     # ``ok``, ``ill_conditioned`` (a value with doubts) or ``undecided`` (no value)
     status: str = "ok"
-    doubts: tuple[str, ...] = ()  # see :class:`Doubt`
+    doubts: tuple[str, ...] = ()  # see :class:`QuasiStiffnessDoubt`
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -137,7 +137,11 @@ class QuasiStiffness(PlottedResult):
         lines = []
         for e in self.estimates:
             value = "undecided" if e.value is None else f"{e.value:.3g}"
-            why = f" ({'; '.join(Doubt(d).meaning for d in e.doubts)})" if e.doubts else ""
+            why = (
+                f" ({'; '.join(QuasiStiffnessDoubt(d).meaning for d in e.doubts)})"
+                if e.doubts
+                else ""
+            )
             where = f"{e.timing_point:<4} {e.onset_gait_pct:>5g} %"
             lines.append(f"{where}  {e.measure:<11} {value:>9}{why}")
         return summary_text(f"Quasi-stiffness, {self.unit}", lines, self.notes)
