@@ -21,14 +21,7 @@ K, B, J = 80.0, 1.2, 0.03
 BUDGET_S = {"joint": 1.0, "cell": 1.0 / 6.0}
 CUTOFF_HZ = 20.0
 LEAD, WINDOW, BEFORE, AFTER, N_PULSES = 20, 100, 400, 500, 50
-OF_CELLS = (
-    "pilot",
-    "least_squares",
-    "instrumental_variable",
-    "output_error",
-    "errors_in_variables",
-    "weak_form",
-)
+OF_CELLS = ("pilot", "least_squares", "instrumental_variable")
 
 
 def within(benchmark, what: str, budget: str, figures: Figures, *, quick: bool) -> None:

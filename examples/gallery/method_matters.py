@@ -15,7 +15,7 @@ import jointz
 from jointz.analysis.simulate_study import simulate_study
 
 study = jointz.open_study(simulate_study(mkdtemp() + "/study", seed=8))
-methods = ("recommended", "dissertation", "matched_strides", "output_error")
+methods = ("recommended", "dissertation", "matched_strides", "instrumental_variable")
 frames = {name: jointz.analyze(study, method=name, resamples=100).to_frame() for name in methods}
 
 # %%
@@ -27,7 +27,7 @@ for shift, (name, table) in enumerate(frames.items()):
     reach = [rows["value"] - rows["ci_low"], rows["ci_high"] - rows["value"]]
     axes.errorbar(at, rows["value"], reach, fmt="o", markersize=4, label=name)
     fitted = "angle" if name == "recommended" else "torque"
-    print(f"{name:16s} mean VAF of the {fitted} {rows['vaf_pct'].mean():.1f} %")
+    print(f"{name:21s} mean VAF of the {fitted} {rows['vaf_pct'].mean():.1f} %")
 axes.set_xticks(range(len(points)), points)
 axes.set_ylabel("Stiffness (N*m/rad)")
 axes.legend()

@@ -33,9 +33,6 @@ BUILT_IN: Mapping[str, str] = {
     "pilot": f"{_METHODS}.cell_regressions:PILOT",
     "least_squares": f"{_METHODS}.cell_regressions:LEAST_SQUARES",
     "instrumental_variable": f"{_METHODS}.cell_instruments:INSTRUMENTAL_VARIABLE",
-    "output_error": f"{_METHODS}.cell_simulation:OUTPUT_ERROR",
-    "errors_in_variables": f"{_METHODS}.cell_simulation:ERRORS_IN_VARIABLES",
-    "weak_form": f"{_METHODS}.cell_weak_form:WEAK_FORM",
     "full_record": f"{_METHODS}.full_record_method:FullRecordMethod",
 }
 

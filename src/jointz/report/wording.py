@@ -42,7 +42,6 @@ _STATUS_MEANINGS: Final[Mapping[str, str]] = {
 _METHOD_NAMES: Final[Mapping[str, str]] = {
     "full_record": "whole trials",
     "pre_pulse": "level before the pulse",
-    "errors_in_variables": "errors in variables",
 }
 
 # No quantity of a joint is this small in SI units; such numbers, as 2e-14, are rounding errors.

@@ -67,11 +67,6 @@ CITATIONS: Final = {
         "Young PC. Recursive estimation and time-series analysis. 2nd edition, Springer, Berlin "
         "(2011), chapter 8",
     ),
-    "weak_form": Citation(
-        "Messenger and Bortz 2021",
-        "Messenger DA, Bortz DM. Weak SINDy: Galerkin-based data-driven model selection. "
-        "Multiscale Modeling and Simulation 19 (2021) 1474-1497. doi:10.1137/20M1343166",
-    ),
     "reflex": Citation(
         "Kearney et al. 1997",
         "Kearney RE, Stein RB, Parameswaran L. Identification of intrinsic and reflex "

@@ -50,21 +50,9 @@ _FITS: Final[Mapping[str, str]] = {
         "fitted to the average response with the commanded torque as instrument {instruments}, "
         "{bounds}"
     ),
-    "output_error": (
-        "the angle simulated from the measured torque and fitted to the average angle, {driven}"
-    ),
-    "errors_in_variables": (
-        "fitted to the average response with errors in both signals and a lag between them, "
-        "{driven}"
-    ),
-    "weak_form": (
-        "fitted to the average response in its weak form, which needs no derivatives {weak_form}, "
-        "{bounds}"
-    ),
 }
-_AS_SAMPLED: Final = ("output_error", "errors_in_variables", "weak_form")
 #: Methods whose bootstrap deviations are widened to Student's t.
-_WIDENED: Final = ("least_squares", "instrumental_variable", *_AS_SAMPLED)
+_WIDENED: Final = ("least_squares", "instrumental_variable")
 
 _WHOLE_TRIALS: Final = (
     "Whole trials were used, without windows and without a baseline. The torque was modelled as "
@@ -176,25 +164,14 @@ def _fit(method: str, *, bounded: bool) -> str:
     if method not in _FITS:
         return ""
     bounds = "with K, B and J not negative" if bounded else "without bounds"
-    text = _FITS[method].format(
-        bounds=bounds,
-        driven=f"J positive{' and K and B not negative' if bounded else ''}",
-        instruments=cite("instruments"),
-        weak_form=cite("weak_form"),
-    )
-    return f", {text}"
+    return f", {_FITS[method].format(bounds=bounds, instruments=cite('instruments'))}"
 
 
 def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
     cutoff_hz = settings.get("cutoff_hz")
-    if not cutoff_hz:
+    if not cutoff_hz or method not in _FITS:  # another method need not have filtered
         return []
     cutoff = f"{format_exact(cutoff_hz)} Hz"
-    if method in _AS_SAMPLED:
-        return [
-            "Angle and torque were fitted as sampled; the variance accounted for refers to the "
-            f"response after a low-pass filter ({cutoff})."
-        ]
     return [f"Angle and torque passed the same low-pass filter ({cutoff}), {_FILTER}."]
 
 

@@ -10,14 +10,12 @@ from jointz.identify.methods.cell_parameters import (
     Replicates,
     Spread,
     parameter_estimates,
-    undecided_parameters,
 )
 from jointz.identify.methods.cell_resampling import linear_averages
 from jointz.identify.preparation.cell_data import (
     CellData,
     CellFit,
     FitSettings,
-    Windows,
     check_average,
     response_of,
     vaf_pct,
@@ -30,7 +28,6 @@ from jointz.kernels.bounded_lsq import (
     nonnegative_least_squares,
     normal_equations,
 )
-from jointz.results.estimates import ParameterEstimate
 
 #: Gram matrices (n, 3, 3) and moments (n, 3) of averages (n, 4, samples).
 Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -47,24 +44,19 @@ def fitted_by_equations(
     settings: FitSettings,
     equations: Equations,
     *,
-    windows: Windows | None = None,
-    lag_s: float = 0.0,
-    nuisance: tuple[ParameterEstimate, ...] = (),
     rng: np.random.Generator | None = None,
 ) -> CellFit:
     """Solve the equations of the average and of its resamples."""
-    windows = windows or cell.filtered
-    average = cell.filtered.responses().mean(axis=0)
-    gram, moment = equations(windows.responses().mean(axis=0)[None])
+    windows = cell.filtered
+    average = windows.responses().mean(axis=0)
+    gram, moment = equations(average[None])
     point, condition = solve_average(gram, moment, average, bounded=settings.bounded)
     replicates = solve_resamples(*equations(linear_averages(windows, settings)), settings)
     rng = rng or np.random.default_rng([settings.seed, 1])
     spread = BootstrapSpread(
         replicates, settings, with_strides=windows.baseline.has_strides, rng=rng
     )
-    return cell_fit(
-        average, point, spread, settings, condition=condition, lag_s=lag_s, nuisance=nuisance
-    )
+    return cell_fit(average, point, spread, settings, condition=condition)
 
 
 def solve_average(
@@ -94,38 +86,13 @@ def cell_fit(
     settings: FitSettings,
     *,
     condition: float,
-    lag_s: float = 0.0,
-    nuisance: tuple[ParameterEstimate, ...] = (),
 ) -> CellFit:
     """Return a fit with its intervals, and the torque that it gives at the average motion."""
-    time = np.arange(average.shape[1]) / settings.rate_hz
-    fitted = np.interp(time - lag_s, time, point.value @ average[:TORQUE])
+    fitted = point.value @ average[:TORQUE]
     return CellFit(
         parameters=parameter_estimates(point, spread, settings),
         vaf_pct=vaf_pct(average, fitted),
         condition_number=condition,
         displacement_rad=float(np.abs(average[ANGLE]).max()),
         response=response_of(average, fitted, rate_hz=settings.rate_hz),
-        nuisance=nuisance,
     )
-
-
-def undecided(
-    cell: CellData, settings: FitSettings, nuisance: tuple[ParameterEstimate, ...] = ()
-) -> CellFit:
-    """Return a fit whose parameters are undecided."""
-    average = cell.filtered.responses().mean(axis=0)
-    return CellFit(
-        parameters=undecided_parameters(settings),
-        vaf_pct=None,
-        condition_number=None,
-        displacement_rad=float(np.abs(average[ANGLE]).max()),
-        response=None,
-        nuisance=nuisance,
-    )
-
-
-def white_noise_sd(values: np.ndarray) -> float:
-    """Return the sd of the white noise of a record, from its fourth differences."""
-    fourth = np.diff(values, 4)
-    return float(max(np.sqrt((fourth**2).mean() / 70.0), 1e-9 * np.ptp(values)))

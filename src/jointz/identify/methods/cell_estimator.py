@@ -21,8 +21,8 @@ from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate
 
-#: Unfiltered windows begin this much before the onset and end this much after the window: the
-#: weak form needs rest before the onset, and a lag moves torque into or out of the window.
+#: Unfiltered windows begin this much before the onset and end this much after the window, for
+#: the low-pass of what is in it.
 _MARGIN_S = 0.02
 
 

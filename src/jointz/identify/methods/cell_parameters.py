@@ -177,18 +177,9 @@ def failed_parameters(
     failure: Failure, *, mass_kg: float | None, wants_per_mass: bool
 ) -> tuple[ParameterEstimate, ...]:
     """Return the rows of a cell without an estimate."""
-    return _empty(failure.status, per_mass=mass_kg is not None or wants_per_mass)
-
-
-def undecided_parameters(settings: FitSettings) -> tuple[ParameterEstimate, ...]:
-    """Return the rows of an undecided cell."""
-    per_mass = settings.mass_kg is not None or settings.wants_per_mass
-    return _empty("undecided", per_mass=per_mass)
-
-
-def _empty(status: str, *, per_mass: bool) -> tuple[ParameterEstimate, ...]:
+    per_mass = mass_kg is not None or wants_per_mass
     names = [*PARAMETERS, *(_PER_MASS.values() if per_mass else ())]
-    return tuple(ParameterEstimate(name, None, None, None, status) for name in names)
+    return tuple(ParameterEstimate(name, None, None, None, failure.status) for name in names)
 
 
 def _jackknife_sd(left_out: np.ndarray) -> np.ndarray:

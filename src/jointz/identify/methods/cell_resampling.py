@@ -1,24 +1,15 @@
 """Averages of a cell under resampled pulses, unperturbed strides and lags."""
 
 import numpy as np
-from scipy.signal import savgol_filter
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from jointz.identify.preparation.calibration import twist_sd
-from jointz.identify.preparation.cell_data import (
-    RAW_ANGLE,
-    RAW_TORQUE,
-    FitSettings,
-    Windows,
-    lag_sd,
-)
+from jointz.identify.preparation.cell_data import FitSettings, Windows, lag_sd
 from jointz.identify.preparation.conditioning import TORQUE
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.resampling import resample_weights
 
-#: Half-width of the local cubic that an unfiltered torque is differentiated with, s.
-_SMOOTH_S = 0.01
 _LEAST_FREEDOM = 4
 
 
@@ -37,7 +28,7 @@ def redrawn_averages(
         strides = baseline.windows.reshape(-1, averages.shape[1])
         averages -= change.reshape(len(weights), -1) @ strides
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    return _with_instrument_errors(averages, settings, rng, raw=False)
+    return _with_instrument_errors(averages, settings, rng)
 
 
 def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
@@ -60,7 +51,7 @@ def linear_averages(windows: Windows, settings: FitSettings) -> np.ndarray:
         draws = resample_weights(count, settings.n_resamples, rng, block=baseline.block)
         averages -= (draws * count - 1.0) @ _stride_influence(windows)
     averages = averages.reshape(len(weights), *responses.shape[1:])
-    return _with_instrument_errors(averages, settings, rng, raw=windows.lead > 0)
+    return _with_instrument_errors(averages, settings, rng)
 
 
 def _widening(n: int) -> float:
@@ -95,25 +86,14 @@ def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:
 
 
 def _with_instrument_errors(
-    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator, *, raw: bool
+    averages: np.ndarray, settings: FitSettings, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw the remaining errors of lag and of torque seen as angle for each resample."""
     count, rate_hz = len(averages), settings.rate_hz
     if sd := lag_sd(settings.calibration):
         late = rng.normal(0.0, sd, size=(count, 1))
-        if raw:  # by the derivatives of the local cubic of the mean
-            mean = averages[:, RAW_TORQUE].mean(axis=0)
-            width = 2 * max(2, round(_SMOOTH_S * rate_hz)) + 1
-            rate, curvature = (
-                savgol_filter(mean, width, 3, deriv=k, delta=1.0 / rate_hz) for k in (1, 2)
-            )
-            averages[:, RAW_TORQUE] += -late * rate + 0.5 * late**2 * curvature
-        else:
-            averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=rate_hz)
+        averages[:, TORQUE] = shifted(averages[:, TORQUE], late, rate_hz=rate_hz)
     if sd := twist_sd(settings.calibration):
         twist = rng.normal(0.0, sd, size=(count, 1))
-        if raw:
-            averages[:, RAW_ANGLE] -= twist * averages[:, RAW_TORQUE]
-        else:
-            averages[:, :TORQUE] -= twist[:, None] * shown_by(averages[:, TORQUE], rate_hz=rate_hz)
+        averages[:, :TORQUE] -= twist[:, None] * shown_by(averages[:, TORQUE], rate_hz=rate_hz)
     return averages

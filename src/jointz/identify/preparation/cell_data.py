@@ -113,16 +113,6 @@ def check_average(average: np.ndarray, condition: float) -> None:
         raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
 
 
-def check_samples(n: int, fewest: int, *, method: str) -> None:
-    """Raise EstimationError for windows of too few samples."""
-    if n < fewest:
-        raise EstimationError(
-            Failure.TOO_FEW_SAMPLES,
-            f"{method}: expected at least {fewest} samples in a window, got {n}. Record faster, "
-            "or take another method.",
-        )
-
-
 def without_dust(point: np.ndarray, average: np.ndarray) -> np.ndarray:
     """Return K, B, J with zero for values that are rounding."""
     motion = np.abs(average[:TORQUE]).max(axis=1)

@@ -14,11 +14,19 @@ from jointz.core.errors import EstimationError
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.estimators import METHODS
-from jointz.identify.methods.cell_estimator import CellEstimator
+from jointz.identify.methods.cell_estimator import CellEstimator, CellMethod
 from jointz.identify.methods.cell_resampling import linear_averages, redrawn_averages
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.baselines import Baseline, pre_pulse
-from jointz.identify.preparation.cell_data import CellData, FitSettings, Windows
+from jointz.identify.preparation.cell_data import (
+    RAW_ANGLE,
+    RAW_COMMAND,
+    RAW_TORQUE,
+    CellData,
+    CellFit,
+    FitSettings,
+    Windows,
+)
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
 from jointz.identify.study_kinds import BENCH
 from jointz.kernels.derivatives import derivative
@@ -30,14 +38,7 @@ STEP_S = 1.0 / RATE_HZ
 CUTOFF_HZ = 20.0
 TRUTH = np.array([50.0, 1.5, 0.05])
 LEAD, WINDOW, BEFORE, AFTER = 20, 100, 400, 500
-NEW = (
-    "pilot",
-    "least_squares",
-    "instrumental_variable",
-    "output_error",
-    "errors_in_variables",
-    "weak_form",
-)
+NEW = ("pilot", "least_squares", "instrumental_variable")
 
 
 def command() -> np.ndarray:
@@ -205,49 +206,13 @@ def test_the_commanded_torque_is_right_to_one_percent_beside_any_device(stiffnes
     assert max(abs(K), abs(J)) < 0.01
 
 
-def test_noise_of_the_angle_does_not_bias_the_weak_form():
-    found = [
-        estimated("weak_form", cell_of(*pulses(2, angle_sd=5e-3, seed=s)), n_resamples=2)
-        for s in range(40)
-    ]
-    mean, sd = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(len(found))
-    assert (np.abs(mean - TRUTH) < 4 * sd).all()
+@pytest.mark.parametrize("name", NEW)
+def test_a_late_angle_reads_as_less_damping(name):
+    # By stiffness times lag (SCIENCE trap 2).
+    assert estimated(name, cell_of(*pulses(4, lag=8)))[1] < 0.8 * TRUTH[1]
 
 
-def test_errors_in_variables_finds_the_lag_that_others_take_for_damping():
-    cell = cell_of(*pulses(4, lag=8))
-    fit = METHODS["errors_in_variables"].fit(cell, settings())
-
-    np.testing.assert_allclose(kbj(fit), TRUTH, rtol=1e-3)
-    assert fit.nuisance[0].value == pytest.approx(-0.008, abs=1e-5)
-    for name in set(NEW) - {"errors_in_variables"}:
-        # A late angle reads as damping less stiffness times lag (SCIENCE trap 2).
-        assert estimated(name, cell)[1] < 0.8 * TRUTH[1]
-
-
-def test_a_lag_outside_its_range_is_undecided():
-    fit = METHODS["errors_in_variables"].fit(cell_of(*pulses(4, lag=40)), settings(mass_kg=70.0))
-
-    assert {p.status for p in fit.parameters} == {"undecided"}
-    assert len(fit.parameters) == 5
-    assert all(p.value is None for p in fit.parameters)
-    assert fit.vaf_pct is None
-
-
-def test_a_known_lag_is_a_prior_and_not_looked_for_again():
-    known = CalibrationSpec(angle_lag_s=Calibrated(value=0.008, sd=0.0))
-    # The calibrated lag is shifted out when the windows are cut.
-    cell = cell_of(*pulses(10, angle_sd=5e-3, torque_sd=0.1, seed=1))
-    held, free = (
-        METHODS["errors_in_variables"].fit(cell, settings(calibration=c)).parameters
-        for c in (known, CalibrationSpec())
-    )
-
-    widths = [[p.ci_high - p.ci_low for p in f] for f in (held, free)]
-    assert (np.array(widths[0]) < np.array(widths[1])).all()
-
-
-@pytest.mark.parametrize("name", sorted(set(NEW) - {"errors_in_variables"}))
+@pytest.mark.parametrize("name", NEW)
 def test_the_sd_of_a_lag_widens_an_interval_by_what_such_a_lag_does(name):
     known = CalibrationSpec(torque_lag_s=Calibrated(value=0.006, sd=STEP_S))
     cell = cell_of(*pulses(4))
@@ -356,15 +321,16 @@ def study() -> list[RecordingInput]:
     return [RecordingInput(r, CalibrationSpec(), p) for r, p in zip(made, tables, strict=True)]
 
 
-def analysed(given, name, **perturbations):
+def analysed(given, method, **perturbations):
+    method = METHODS[method] if isinstance(method, str) else method
     options = ParticipantSettings(
         kind=BENCH,
         perturbations=PerturbationsSpec(source="table", **perturbations),
-        methods=(name,),
+        methods=(method.name,),
         n_resamples=50,
     )
     sources = prepare_sources(given, options)
-    estimator = CellEstimator("S01", METHODS[name], sources, options)
+    estimator = CellEstimator("S01", method, sources, options)
     cells, _ = estimator.run(assign_pulses("S01", sources, options, baseline=estimator.baseline))
     return cells[0]
 
@@ -382,8 +348,8 @@ def test_recordings_of_a_bench_are_estimated_by_every_method(name, step, cutoff_
     np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
 
 
-@pytest.mark.parametrize("name", sorted(set(NEW) - {"errors_in_variables"}))
-def test_calibrated_gains_and_lags_are_taken_out_of_unfiltered_windows_too(name):
+@pytest.mark.parametrize("name", NEW)
+def test_calibrated_gains_and_lags_are_taken_out(name):
     known = CalibrationSpec(
         angle_lag_s=Calibrated(value=0.0083, sd=0.0),
         torque_lag_s=Calibrated(value=0.0083, sd=0.0),
@@ -393,8 +359,7 @@ def test_calibrated_gains_and_lags_are_taken_out_of_unfiltered_windows_too(name)
     cell = analysed(given, name)
     # Both records 8.3 ms early: the window begins so much later in the response.
     tolerance = 0.03 if METHODS[name].raw else 5e-3
-    if name != "output_error":  # from rest no more
-        np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH / 2, rtol=tolerance)
+    np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH / 2, rtol=tolerance)
     plain_cell = analysed([replace(r, calibration=CalibrationSpec()) for r in study()], name)
     assert cell.vaf_pct > 50.0
     assert plain_cell.vaf_pct > 99.9
@@ -427,12 +392,28 @@ def test_missing_samples_of_the_command_cost_no_pulse():
     np.testing.assert_allclose([p.value for p in cell.parameters], TRUTH, rtol=5e-3)
 
 
-@pytest.mark.parametrize(
-    ("name", "rate_hz"),
-    [("weak_form", 200.0), ("output_error", 62.5), ("errors_in_variables", 62.5)],
-)
-def test_samples_too_coarse_for_a_method_are_a_code(name, rate_hz):
-    every = slice(None, None, round(RATE_HZ / rate_hz))
-    given = [replace(one, recording=one.recording.isel(time=every)) for one in study()]
-    cell = analysed(given, name)
-    assert {p.status for p in cell.parameters} == {"failed:too_few_samples"}
+def test_unfiltered_windows_of_a_method_are_without_gains_and_lags():
+    seen = []
+
+    def fit(cell: CellData, given: FitSettings) -> CellFit:
+        seen.append(cell.unfiltered())
+        return METHODS["least_squares"].fit(cell, given)
+
+    mine = CellMethod("mine", "unperturbed_mean", fit, raw=True)
+    known = CalibrationSpec(
+        angle_lag_s=Calibrated(value=0.008, sd=0.0),
+        torque_lag_s=Calibrated(value=0.008, sd=0.0),
+        torque_gain=Calibrated(value=2.0, sd=0.0),
+    )
+    for calibration in (CalibrationSpec(), known):
+        analysed([replace(r, calibration=calibration) for r in study()], mine)
+
+    plain_windows, windows = (one.responses()[0] for one in seen)
+    later = slice(8, None), slice(None, -8)  # both records 8 ms early
+    for row, gain in ((RAW_ANGLE, 1.0), (RAW_TORQUE, 2.0)):
+        size = np.abs(plain_windows[row]).max()
+        assert size > 0.0
+        np.testing.assert_allclose(
+            gain * windows[row, later[1]], plain_windows[row, later[0]], atol=1e-3 * size
+        )
+    np.testing.assert_array_equal(windows[RAW_COMMAND], plain_windows[RAW_COMMAND])
