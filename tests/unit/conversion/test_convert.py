@@ -23,13 +23,23 @@ def walk(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", ["a.mat", "a.nc", "a.xlsx", "a.parquet", "a.sto", "a.tsv"])
+@pytest.mark.parametrize("name", ["a.mat", "a.nc", "a.parquet", "a.tsv"])
 def test_a_table_goes_into_every_format_with_its_numbers(tmp_path, walk, name):
     made = convert(walk, tmp_path / name)
 
     assert made.left_out == ()
     assert made.to_dict()["target"] == str(tmp_path / name)
     assert read_acquisition(tmp_path / name).equals(read_acquisition(walk))
+
+
+@pytest.mark.parametrize(("name", "column"), [("a.xlsx", "knee [deg]"), ("a.sto", "knee_[deg]")])
+def test_a_table_goes_into_files_that_call_it_otherwise(tmp_path, walk, name, column):
+    convert(walk, tmp_path / name, lossy=name == "a.sto")
+
+    (group,), (whole,) = read_acquisition(tmp_path / name).groups, read_acquisition(walk).groups
+    np.testing.assert_array_equal(group.times_s(), whole.times_s())
+    assert [s.name for s in group.signals] == [column]
+    np.testing.assert_array_equal(group.signals[0].values, whole.signals[0].values)
 
 
 def rich(path: Path) -> Path:
@@ -202,7 +212,7 @@ def test_events_of_an_unknown_length_go_into_every_format(tmp_path):
     (motion / f"{stem}_motion.tsv").write_text("1\n2\n3\n")
     (motion / f"{stem}_events.tsv").write_text("onset\tduration\n0.01\tn/a\n")
 
-    for name in ("a.nc", "a.mat", "a.xlsx", "a.parquet", "a.sto"):
+    for name in ("a.nc", "a.mat", "a.parquet"):
         made = convert(tmp_path / "bids", tmp_path / name, lossy=True)
         (event,) = read_acquisition(tmp_path / name).events
         assert np.isnan(event.duration_s), (name, made.left_out)

@@ -13,30 +13,25 @@ from jointz.io.formats.columns import RawTable
 from jointz.io.formats.registry import list_columns, read_table, write_acquisition
 from jointz.io.recordings import read_recording
 
+from .c3d_files import theirs
+
 PLAIN = FilesSpec()
 N = 40
 ANGLE_DEG = np.arange(N) / 8.0
 TORQUE_NM = np.arange(N) / 16.0 - 1.0
 
 
-def knee() -> Acquisition:
-    """Markers at 50 Hz from 2 s on, and channels at 200 Hz, as a C3D file holds both."""
-    marker = [Signal(f"LKNE.{axis}", np.arange(10.0), "mm") for axis in "xyz"]
-    both = [Signal("LKNE.x", np.ones(N), "V")]
-    channels = [Signal("knee", ANGLE_DEG, "deg"), Signal("motor", TORQUE_NM, "Nm"), *both]
-    return Acquisition(
-        (
-            SignalGroup("points", tuple(marker), 50.0, 2.0),
-            SignalGroup("analogs", tuple(channels), 200.0, 2.0),
-        )
-    )
-
-
 @pytest.fixture
 def c3d(tmp_path: Path) -> Path:
-    path = tmp_path / "walk.c3d"
-    assert write_acquisition(knee(), path) == []
-    return path
+    """Markers at 50 Hz from 2 s on, and channels at 200 Hz."""
+    channels = np.stack([ANGLE_DEG, TORQUE_NM, np.ones(N)])
+    markers = {"LKNE": np.tile(np.arange(10.0), (3, 1))}
+    file = theirs(markers, channels, ["knee", "motor", "LKNE.x"], 50)
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["ANALOG"]["UNITS"]["value"] = ["deg", "Nm", "V"]
+    file["header"]["points"]["first_frame"] = 100
+    file.write(str(tmp_path / "walk.c3d"))
+    return tmp_path / "walk.c3d"
 
 
 def columns(path: Path, *names: str, labels: tuple[str, ...] = ()) -> RawTable:
@@ -79,8 +74,7 @@ def test_columns_of_two_rates_are_refused_with_both(c3d: Path) -> None:
 
 
 def test_groups_of_one_clock_may_be_read_together(tmp_path: Path) -> None:
-    path = tmp_path / "two.xdf"
-    pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
+    path = tmp_path / "two.xlsx"
     stamps = np.array([1.0, 1.5, 2.5])
     groups = [
         SignalGroup(name, (Signal(name, np.arange(3.0)),), time_s=stamps + shift)
@@ -96,17 +90,14 @@ def test_a_missing_column_is_named_with_those_there_are(c3d: Path) -> None:
     with pytest.raises(DataError, match=r"'kneee'.*'knee'"):
         columns(c3d, "kneee")
     path = c3d.with_name("points.c3d")
-    write_acquisition(Acquisition(knee().groups[:1]), path)
-    with pytest.raises(DataError, match=r"'LKNE' is a point: name"):
-        columns(path, "LKNE")
+    theirs({"RKNE": np.zeros((3, 4))}, np.zeros((0, 4)), []).write(str(path))
+    with pytest.raises(DataError, match=r"'RKNE' is a point: name"):
+        columns(path, "RKNE")
 
 
 def test_text_is_a_label_and_no_number(tmp_path: Path) -> None:
-    pytest.importorskip("pyxdf", reason="XDF files need jointz[formats]")
-    path = tmp_path / "words.xdf"
-    words = Signal("task", np.array(["walk", "", "1.0"], dtype=object))
-    content = Acquisition((SignalGroup("marks", (words,), rate_hz=10.0),))
-    assert write_acquisition(content, path) == []
+    head = ["Time [s]", "task"]
+    path = book(tmp_path / "words.xlsx", head, [0.0, "walk"], [0.1, None], [0.2, "1.0"])
     assert columns(path, labels=("task",)).columns["task"].tolist() == ["walk", "", "1"]
     with pytest.raises(DataError, match="expected numbers, found text"):
         columns(path, "task")

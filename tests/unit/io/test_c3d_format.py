@@ -11,23 +11,7 @@ from jointz.core.errors import DataError
 from jointz.io.formats.registry import read_acquisition, write_acquisition
 from jointz.io.text.column_names import distinct_names, unique_names
 
-ezc3d = pytest.importorskip("ezc3d", reason="the other writer is not installed")
-
-
-def theirs(points: dict[str, np.ndarray], analogs: np.ndarray, labels: list[str]) -> Any:
-    """Points of three rows by label, and channels at whole times their rate of 100 Hz."""
-    n_frames = next(iter(points.values())).shape[1]
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [100]
-    file["parameters"]["POINT"]["LABELS"]["value"] = tuple(points)
-    file["parameters"]["ANALOG"]["RATE"]["value"] = [100 * analogs.shape[1] // n_frames]
-    file["parameters"]["ANALOG"]["LABELS"]["value"] = labels[:255]
-    for number, start in enumerate(range(255, len(labels), 255), start=2):
-        file.add_parameter("ANALOG", f"LABELS{number}", labels[start : start + 255])
-    seen = np.stack(list(points.values()), axis=1)
-    file["data"]["points"] = np.concatenate([seen, np.ones((1, *seen.shape[1:]))])
-    file["data"]["analogs"] = analogs[np.newaxis]
-    return file
+from .c3d_files import theirs
 
 
 def read(file: Any, tmp_path: Path) -> Acquisition:

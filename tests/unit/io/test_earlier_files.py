@@ -36,3 +36,44 @@ def test_xdf() -> None:
     assert (found["wheel/speed"].unit, found["signals/force"].unit) == ("rad/s", "N")
     assert [(g.rate_hz, g.start_s) for g in content.groups][:1] == [(100.0, 2.5)]
     assert content.events == (Event(2.5, "go"), Event(2.51, "step", 0.25), Event(2.52, "stop"))
+
+
+def test_xlsx() -> None:
+    pytest.importorskip("openpyxl", reason="workbooks need jointz[formats]")
+    content = earlier(".xlsx")
+    found = signals(content)
+    table = {name: s.values.tolist() for name, s in found.items() if not s.is_text}
+    np.testing.assert_equal(
+        table,
+        {
+            "points/knee": [0.1, np.nan, 0.3],
+            "odd/load": [np.nan, 1 / 3, np.nan],
+            "odd/step": [1.0, 2.0, 3.0],
+            "odd/free": [7.0, 8.0, np.nan],
+            "data_/x": [1.0, 2.0, 3.0],
+        },
+    )
+    assert found["points/phase"].values.tolist() == ["a", "", "c"]
+    units = {name: s.unit for name, s in found.items() if s.unit}
+    assert units == {"points/knee": "deg", "odd/load": "counts", "odd/step": "ticks"}
+    np.testing.assert_array_equal(content.groups[0].times_s(), [0.0, 0.01, 0.02])
+    assert list(content.metadata) == ["reading.jointz"]
+
+
+@pytest.mark.parametrize("line", ["[1]", "{", '{"signals": [["a", "N"]]}'])
+def test_units_of_a_sto_that_was_edited_are_not_made_up(tmp_path: Path, line: str) -> None:
+    text = (Path(__file__).parent / "earlier" / "earlier.sto").read_text()
+    edited = [f"jointz={line}" if row.startswith("jointz=") else row for row in text.split("\n")]
+    (tmp_path / "a.sto").write_text("\n".join(edited))
+    (group,) = read_acquisition(tmp_path / "a.sto").groups
+    assert [s.unit for s in group.signals] == ["", ""]
+
+
+def test_sto() -> None:
+    content = earlier(".sto")
+    found = signals(content)
+    np.testing.assert_array_equal(found["/knee_angle_r"].values, [0.5, 1 / 3, np.nan])
+    np.testing.assert_array_equal(found["/Fx_left"].values, [1.0, 2.0, 3.0])
+    assert [s.unit for s in found.values()] == ["deg", "N"]
+    np.testing.assert_array_equal(content.groups[0].times_s(), [0.0, 0.01, 0.02])
+    assert "reading.jointz" in content.metadata

@@ -25,14 +25,16 @@ N_SAMPLES = 24
 
 def content(kind: str) -> Acquisition:
     label = np.array(["stance", "swing"] * (N_SAMPLES // 2), dtype=object)
+    angle, torque = np.linspace(-5.0, 60.0, N_SAMPLES) / 3.0, np.cos(np.arange(N_SAMPLES))
     signals = [
-        Signal("knee_angle_r [deg]", np.linspace(-5.0, 60.0, N_SAMPLES) / 3.0, "deg"),
-        Signal("torque [N*m]", np.cos(np.arange(N_SAMPLES)), "N*m"),
+        Signal("knee_angle_r [deg]", angle, "deg"),
+        Signal("torque [N*m]", torque, "N*m"),
+        Signal("phase", label),
     ]
-    if kind != "sto":
-        signals.append(Signal("phase", label))
+    if kind == "sto":
+        signals = [Signal("knee_angle_r", angle, "deg"), Signal("torque", torque)]
     group = SignalGroup("", tuple(signals), time_s=np.arange(N_SAMPLES) / 100.0)
-    if kind.startswith("csv"):
+    if kind.startswith("csv") or kind in ("sto", "xlsx"):
         return Acquisition((group,))
     return Acquisition((group,), (Event(0.05, "heel strike"),), {"subject": "S01"})
 

@@ -273,90 +273,54 @@ def test_formulas_that_a_spreadsheet_program_calculated_are_read_by_their_values
     np.testing.assert_array_equal(group.signals[1].values, [2.0, 3.0])
 
 
-def test_what_jointz_writes_reads_well_in_a_spreadsheet_program(tmp_path):
-    angle = Signal("knee", np.array([0.1, 0.2]), "deg")
-    write_acquisition(Acquisition((SignalGroup("points", (angle,), 100.0),)), tmp_path / "a.xlsx")
+KNEE = Signal("knee", np.array([0.1, np.nan, 1 / 3]), "deg")
+PHASE = Signal("phase", np.array(["=1+1", "", "c"], dtype=object))
+SHORT = Signal("F", np.array([1.0, 2.0]), "N")
+OWN = Acquisition((SignalGroup("points", (KNEE, PHASE), 100.0), SignalGroup("", (SHORT,))))
+
+
+def test_groups_are_written_as_sheets_of_plain_tables(tmp_path):
+    assert write_acquisition(OWN, tmp_path / "a.xlsx") == []
 
     book = openpyxl.load_workbook(tmp_path / "a.xlsx")
-
-    assert book.sheetnames == ["points", "jointz"]
-    rows = list(book["points"].iter_rows(values_only=True))
-    assert rows == [("time [s]", "knee"), ("s", "deg"), (0.0, 0.1), (0.01, 0.2)]
-
-
-KNEE = Signal("knee", np.array([0.1, np.nan, 0.3]), "deg")
-PHASE = Signal("phase", np.array(["a", "", "c"], dtype=object))
-OWN = Acquisition((SignalGroup("points", (KNEE, PHASE), 100.0),))
-
-
-def edited(tmp_path, change):
-    """Write a workbook of jointz, change it as a spreadsheet program would, and read it."""
-    write_acquisition(OWN, tmp_path / "own.xlsx")
-    book = openpyxl.load_workbook(tmp_path / "own.xlsx")
-    change(book)
-    book.save(tmp_path / "own.xlsx")
-    return read_acquisition(tmp_path / "own.xlsx")
+    assert book.sheetnames == ["points", "data"]
+    assert list(book["points"].iter_rows(values_only=True)) == [
+        ("time [s]", "knee [deg]", "phase"),
+        (0.0, 0.1, "=1+1"),
+        (0.01, None, None),
+        (0.02, 1 / 3, "c"),
+    ]
+    assert book["points"]["C2"].data_type == "s"  # a text, no formula
+    assert list(book["data"].iter_rows(values_only=True)) == [("F [N]",), (1.0,), (2.0,)]
+    points, data = read_acquisition(tmp_path / "a.xlsx").groups
+    np.testing.assert_array_equal(points.time_s, [0.0, 0.01, 0.02])
+    assert [(s.name, s.unit) for s in points.signals] == [("knee [deg]", "deg"), ("phase", "")]
+    np.testing.assert_array_equal(points.signals[0].values, KNEE.values)
+    assert points.signals[1].values.tolist() == PHASE.values.tolist()
+    assert data.time_s is None
 
 
-def put(cell, value):
-    def change(book):
-        book["points"][cell] = value
+def test_a_group_called_as_another_in_capitals_has_a_sheet_of_its_own(tmp_path):
+    names = ("leg", "Leg", "[left]", "x" * 40)
+    groups = tuple(SignalGroup(name, (SHORT,), 10.0) for name in names)
 
-    return change
+    (lost, *_) = write_acquisition(Acquisition(groups), tmp_path / "a.xlsx", lossy=True)
 
-
-@pytest.mark.parametrize(
-    ("change", "address", "words"),
-    [
-        (lambda b: b["points"].append([0.03, 0.4, "d"]), "points!A6", "has 3 samples; this row"),
-        (lambda b: b["points"].delete_rows(5), "points!A5", "sample 3 of 3, found no time"),
-        (lambda b: b["points"].insert_cols(2), "points!B1", "expected the name 'knee', found ''"),
-        (lambda b: b["points"].delete_cols(2), "points!B1", "the name 'knee', found 'phase'"),
-        (put("D1", "mine"), "points!D1", "expected the name '', found 'mine'"),
-        (put("B5", "=B3*2"), "points!B5", "a formula without a value"),
-        (put("A4", 0.011), "points!A4", "100 Hz, and this time was changed to 0.011"),
-        (put("A4", None), "points!A4", "sample 2 of 3, found no time"),
-        (put("B3", "0,1"), "points!B3", "expected a number, found '0,1'"),
-        (put("B3", dt.datetime(2024, 5, 1)), "points!B3", "found '2024-05-01"),  # noqa: DTZ001
-        (lambda b: setattr(b["points"], "title", "P"), "jointz!B1", "there is no sheet 'points'"),
-        (lambda b: b["jointz"].__setitem__("D1", "9" * 30), "jointz!D1", "how many samples"),
-        (lambda b: b["jointz"].__setitem__("D1", -1), "jointz!D1", "how many samples"),
-        (lambda b: b["jointz"].__setitem__("E1", "time"), "jointz!E1", "expected one of rate, sta"),
-    ],
-)
-def test_a_workbook_of_jointz_that_was_edited_is_refused_by_the_address(
-    tmp_path, change, address, words
-):
-    with pytest.raises(DataError) as caught:
-        edited(tmp_path, change)
-
-    assert str(caught.value).startswith(f"own.xlsx, {address}:")
-    assert words in str(caught.value)
+    assert "'Leg'" in lost
+    titles = [group.name for group in read_acquisition(tmp_path / "a.xlsx").groups]
+    assert titles == ["leg", "Leg_2", "_left_", "x" * 25]
 
 
-def test_a_workbook_of_jointz_whose_samples_were_corrected_is_read(tmp_path):
-    def correct(book):
-        book["points"]["B4"] = 0.25
-        book["points"]["C4"] = "b"
-        book.create_sheet("Notes", 0).append(["checked"])
-
-    content = edited(tmp_path, correct)
-
-    knee, phase = content.groups[0].signals
-    np.testing.assert_array_equal(knee.values, [0.1, 0.25, 0.3])
-    assert phase.values.tolist() == ["a", "b", "c"]
-    assert content.metadata == {"reading.sheets": "not read, not of jointz: Notes"}
+EMPTY = SignalGroup("", (Signal("x", np.empty(0)),), 10.0)
+HOLES = SignalGroup("", (Signal("x", np.arange(2.0)),), time_s=np.array([0.0, np.nan]))
 
 
-def test_time_stamps_that_are_no_numbers_are_named_and_left_empty(tmp_path):
-    times = np.array([0.0, np.nan, 2.0])
-    holes = Acquisition((SignalGroup("g", (Signal("x", np.arange(3.0)),), time_s=times),))
+@pytest.mark.parametrize("group", [EMPTY, HOLES])
+def test_what_would_be_no_table_is_not_written(tmp_path, group):
+    with pytest.raises(DataError, match=r"a\.xlsx"):
+        write_acquisition(Acquisition((group,)), tmp_path / "a.xlsx", lossy=True)
 
-    (lost,) = write_acquisition(holes, tmp_path / "a.xlsx", lossy=True)
-
-    assert lost == "Time stamps of group 'g' that are no numbers are empty."
-    (group,) = read_acquisition(tmp_path / "a.xlsx").groups
-    np.testing.assert_array_equal(group.time_s, times)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_openpyxl_the_extra_is_named(tmp_path, monkeypatch):

@@ -6,9 +6,10 @@ column that is, by the name OpenSim gives it, a rotational coordinate or its spe
 column has no unit, and its description says so.
 """
 
+import json
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,9 +20,17 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
 from jointz.io.formats.group_format import GroupFormat
-from jointz.io.formats.losses import NOTE, first_group, lost_groups, lost_signals
+from jointz.io.formats.losses import (
+    NOTE,
+    first_group,
+    listed,
+    lost_descriptions,
+    lost_events,
+    lost_groups,
+    lost_metadata,
+    lost_signals,
+)
 from jointz.io.text.column_names import READING, unique_names
-from jointz.io.text.side_information import filled, read_beside, written_beside
 
 #: The words by which OpenSim names rotational coordinates. ``add`` and ``flex`` stand behind the
 #: joint there; at the beginning of a name they are muscles: ``add_long_r``.
@@ -42,7 +51,9 @@ _RATES_BY_NAME = {"speeds": "/s", "accelerations": "/s^2"}
 _DIGITS = re.compile(r"[+-]?\d*(?:\.(?P<decimals>\d*))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _LONGEST_COUNT = 15
 _COUNTS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
-_SIDE = "jointz"
+#: Key of a line in which earlier versions of jointz kept what the table has no place for.
+_EARLIER = "jointz"
+_LEFT_OUT = "names, descriptions, events and metadata of the line 'jointz=' are left out"
 _UNSTATED = NOTE + "OpenSim's header states a unit for rotational coordinates only"
 _UNSAID = NOTE + "the header has no inDegrees, so that the unit of a rotational coordinate is open"
 _LONGEST_HEADER = 1000
@@ -53,12 +64,12 @@ _PIECES = re.compile(r"(?:vec|quaternion|spatialvec|unitvec|rotation)\d*", re.IG
 class _Header:
     metadata: dict[str, str]  # key -> value
     counts: dict[str, int]  # ``rows`` or ``columns`` -> number stated by the header
-    beside: str  # line of JSON by jointz; "" without
+    units: list[str] | None  # unit of each column but time, where an earlier version stated them
     n_lines: int  # number of lines of the header, ``endheader`` included
 
 
 class OpenSimFormat(GroupFormat):
-    """Reads and writes .mot and .sto; what the header has no words for is a line of JSON in it."""
+    """Reads and writes .mot and .sto."""
 
     name = "OpenSim .mot/.sto"
 
@@ -68,28 +79,39 @@ class OpenSimFormat(GroupFormat):
         header = _header(path, lines)
         names, samples, notes = _table(path, lines, header)
         columns = {name: samples[:, k] for k, name in enumerate(names) if k > 0}
-        if header.beside:
-            try:
-                side = read_beside(header.beside)
-                return filled(side, columns, samples[:, 0], labels=_labels(side.group))
-            except ValueError as exc:
-                raise _bad(path, f"{exc}.", todo="Remove that line of the header.") from exc
+        units = [_unit_of(name, header.metadata) for name in columns]
+        if header.units is not None:
+            same = len(header.units) == len(columns)
+            units = [(unit, "") for unit in header.units] if same else [("", "")] * len(columns)
         signals = tuple(
-            Signal(name, values, *_unit_of(name, header.metadata))
-            for name, values in columns.items()
+            Signal(name, values, *unit)
+            for (name, values), unit in zip(columns.items(), units, strict=True)
         )
         group = SignalGroup("", signals, time_s=samples[:, 0])
         return Acquisition((group,), (), header.metadata | notes)
 
     def losses(self, content: Acquisition) -> list[str]:
-        """Name what the format cannot hold: several groups, text, no clock, mixed angles."""
+        """Name what the format cannot hold: groups, events, text, units, a missing clock."""
         group = first_group(content)
-        lost = lost_groups(content)
+        signals = _written_signals(group)
+        labels, header = _labels(signals), _stated(content, signals, "")
+        metadata = {
+            key: text
+            for key, text in content.metadata.items()
+            if key not in ("version", "inDegrees") and text != header.get(key)
+        }
+        lost = lost_groups(content) + lost_events(content)
+        lost += lost_metadata(replace(content, metadata=metadata)) + lost_descriptions(group)
         lost += lost_signals(group, "text", lambda signal: signal.is_text)
         other = _other_angles(group)
         lost += lost_signals(
             group, "radians beside degrees (inDegrees is one word)", lambda s: s.name in other
         )
+        pairs = list(zip(signals, labels, strict=True))
+        units = [s.name for s, label in pairs if s.unit != _unit_of(label, header)[0]]
+        names = [s.name for s, label in pairs if s.name != label]
+        lost += [f"Its header cannot state the units of {listed(units)}."] if units else []
+        lost += [f"It has no blanks in names, as in {listed(map(repr, names))}."] if names else []
         if group.signals and group.times_s() is None:
             lost.append("It needs a time column, and the group has no clock.")
         return lost
@@ -110,10 +132,9 @@ class OpenSimFormat(GroupFormat):
                 f"the time stamps of group '{group.name}' do not increase, and OpenSim refuses "
                 "such a table. Choose another format.",
             )
-        other = _other_angles(group)
-        signals = tuple(s for s in group.signals if not s.is_text and s.name not in other)
-        kept = replace(group, signals=signals)
-        return _written(content, kept, time, path.stem).encode("utf-8", errors="replace")
+        signals = _written_signals(group)
+        header = _stated(content, signals, path.stem)
+        return _written(header, signals, time).encode("utf-8", errors="replace")
 
 
 def _lines(path: Path) -> list[str]:
@@ -131,14 +152,16 @@ def _header(path: Path, lines: list[str]) -> _Header:
         raise _bad(path, "expected a header that ends with 'endheader', found none.")
     metadata: dict[str, str] = {}
     counts: dict[str, int] = {}
-    beside, comments = "", []
+    units: list[str] | None = None
+    comments = []
     for row, line in enumerate(lines[:end], start=1):
         key, value = _key_and_value(line)
         count = _COUNTS.get(key.lower())
         if count:
             counts[count] = _count(path, row, key, value)
-        elif key == _SIDE:
-            beside = value
+        elif key == _EARLIER:
+            units = _units_of_jointz(value)
+            metadata[f"{READING}jointz"] = _LEFT_OUT
         elif key:
             metadata[key] = value
         elif row == 1:
@@ -147,7 +170,14 @@ def _header(path: Path, lines: list[str]) -> _Header:
             comments.append(value)
     if comments:
         metadata["comment"] = "\n".join(comments)
-    return _Header(metadata, counts, beside, end + 1)
+    return _Header(metadata, counts, units, end + 1)
+
+
+def _units_of_jointz(line: str) -> list[str]:
+    try:
+        return [str(unit) for _, unit, *_ in json.loads(line)["signals"]]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return []
 
 
 def _key_and_value(line: str) -> tuple[str, str]:
@@ -193,16 +223,16 @@ def _table(
     _check_labels(path, labels, at + 1)
     notes = {}
     if lines[-1].strip():  # the last line has no end
-        notes = _check_end(path, [row[-1] for row in rows], at + 1 + len(rows), header)
+        notes = _check_end(path, [row[-1] for row in rows], at + 1 + len(rows))
     return labels, _numbers(path, labels, rows, at + 2), notes
 
 
-def _check_end(path: Path, cells: list[str], row: int, header: _Header) -> dict[str, str]:
+def _check_end(path: Path, cells: list[str], row: int) -> dict[str, str]:
     """Refuse a last number that is shorter than all above it, or say that it may be cut off."""
     last, above = _n_digits(cells[-1]), [d for cell in cells[:-1] if (d := _n_digits(cell))]
     least = tuple(map(min, zip(*above, strict=True)))
     shorter = last and least and (last[0] < least[0] or last[1] < least[1])
-    if header.beside or shorter:
+    if shorter:
         raise _bad(
             path,
             f"the last line has no end, and its last number, '{cells[-1]}', may be cut off.",
@@ -319,28 +349,37 @@ def _other_angles(group: SignalGroup) -> set[str]:
     return {name for name, kind in angles.items() if kind != first}
 
 
-def _written(content: Acquisition, group: SignalGroup, time: np.ndarray, stem: str) -> str:
-    content_of_group = Acquisition((group,), content.events, content.metadata)
-    stated = [_ANGLES[s.unit] for s in group.signals if s.unit in _ANGLES]
-    stated = stated[:1] or [_one_line(content.metadata.get("inDegrees", ""))]
+def _written_signals(group: SignalGroup) -> list[Signal]:
+    other = _other_angles(group)
+    return [s for s in group.signals if not s.is_text and s.name not in other]
+
+
+def _stated(content: Acquisition, signals: Sequence[Signal], stem: str) -> dict[str, str]:
+    """Return name and inDegrees as the header states them, the latter only where it is known."""
+    words = [_ANGLES[s.unit] for s in signals if s.unit in _ANGLES]
+    word = words[0] if words else _one_line(content.metadata.get("inDegrees", ""))
+    stated = {"name": _one_line(content.metadata.get("name", stem)) or stem}
+    return stated | ({"inDegrees": word} if word else {})
+
+
+def _written(header: Mapping[str, str], signals: Sequence[Signal], time: np.ndarray) -> str:
     lines = [
-        _one_line(content.metadata.get("name", stem)) or stem,
+        header["name"],
         "version=1",
         f"nRows={len(time)}",
-        f"nColumns={len(group.signals) + 1}",
-        *(f"inDegrees={word}" for word in stated if word),  # unknown is not said to be "no"
-        f"{_SIDE}={written_beside(content_of_group, group)}",
+        f"nColumns={len(signals) + 1}",
+        *(f"{key}={value}" for key, value in header.items() if key != "name"),
         "endheader",
-        "\t".join(["time", *_labels(group)]),
+        "\t".join(["time", *_labels(signals)]),
     ]
-    table = np.column_stack([time, *(signal.values for signal in group.signals)])
+    table = np.column_stack([time, *(signal.values for signal in signals)])
     lines += ["\t".join(map(repr, row)) for row in table.tolist()]
     return "\n".join(lines) + "\n"
 
 
-def _labels(group: SignalGroup) -> list[str]:
+def _labels(signals: Sequence[Signal]) -> list[str]:
     """Return names without blanks, which OpenSim takes for the end of a label."""
-    words = ["_".join(signal.name.split()) or "signal" for signal in group.signals]
+    words = ["_".join(signal.name.split()) or "signal" for signal in signals]
     return unique_names(["time", *words])[1:]
 
 

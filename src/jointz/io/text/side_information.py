@@ -1,4 +1,4 @@
-"""One line of JSON for what the cells of a table cannot hold."""
+"""One line of JSON in a Parquet file, for what its columns cannot hold."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -119,7 +119,7 @@ def _check_clock(side: SideInformation, stamps: np.ndarray | None) -> None:
         raise ValueError("the jointz line tells of a clock, the table has no column of time")
     if side.stamped or rate is None:
         return
-    at = first_other_time(stamps, rate, start)
+    at = _first_other_time(stamps, rate, start)
     if at is not None:
         raise ValueError(
             f"the jointz line tells of {rate:g} Hz, and sample {at + 1} is at {stamps[at]:.9g} s, "
@@ -127,7 +127,7 @@ def _check_clock(side: SideInformation, stamps: np.ndarray | None) -> None:
         )
 
 
-def first_other_time(stamps: np.ndarray, rate_hz: float, start_s: float) -> int | None:
+def _first_other_time(stamps: np.ndarray, rate_hz: float, start_s: float) -> int | None:
     """Return the first sample that is not where its rate puts it, but for rounding; else None."""
     with np.errstate(all="ignore"):
         times = start_s + np.arange(len(stamps)) / np.float64(rate_hz)

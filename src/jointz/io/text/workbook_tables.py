@@ -28,7 +28,7 @@ _MOST_HEADER_ROWS = 200
 _DATES = (dt.date, dt.time, dt.timedelta)
 _DATE_NOTE = NOTE + "dates and times, written as ISO 8601"
 #: Of all numbers in double precision, in which spreadsheet programs calculate.
-LARGEST = sys.float_info.max
+_LARGEST = sys.float_info.max
 _MISSING = ("NA", "NaN", "nan", "N/A", "n/a")
 
 
@@ -57,6 +57,7 @@ class Table:
     units_row: int | None  # row of units, None where there is none
     first_row: int  # row of the first sample
     columns: tuple[int, ...]  # columns with a name
+    aligned: bool = False  # whether a column that ends early lacks its last samples
 
 
 def letters(column: int) -> str:
@@ -69,9 +70,14 @@ def letters(column: int) -> str:
     return text
 
 
-def groups_of(sheet: Sheet) -> tuple[list[SignalGroup], dict[str, str]]:
-    """Return the groups of a sheet, and its prose and what was read how as metadata."""
-    table = _find_table(sheet)
+def groups_of(sheet: Sheet, *, of_jointz: bool = False) -> tuple[list[SignalGroup], dict[str, str]]:
+    """Return the groups of a sheet, and its prose and what was read how as metadata.
+
+    Tables ``of_jointz``, of earlier versions, have names in row 1 and units in row 2.
+    """
+    names_of_jointz = tuple(_filled(sheet, 0)) if of_jointz else ()
+    own = Table(0, 1, 2, names_of_jointz, aligned=True) if names_of_jointz else None
+    table = own or _find_table(sheet)
     last = len(sheet.rows) if table is None else table.names_row
     prose = {
         row: " | ".join(str(sheet.rows[row][k]) for k in _filled(sheet, row)) for row in range(last)
@@ -249,7 +255,7 @@ def _group(
     ends = {k: _end(sheet, table, k) for k in names}
     n = ends[clocks[0]] if clocks else max(ends.values())
     for k, end in ends.items():
-        if end == n or (clocks and end < n):
+        if end == n or (end < n and (clocks or table.aligned)):
             continue
         if clocks:
             sheet.refuse(
@@ -269,7 +275,7 @@ def _group(
         k: _signal(sheet, table, k, name=names[k], rows=range(table.first_row, n)) for k in names
     }
     for k in clocks[:1]:
-        if not signals[k].is_text and np.isnan(signals[k].values).any():
+        if not (table.aligned or signals[k].is_text) and np.isnan(signals[k].values).any():
             at = table.first_row + int(np.flatnonzero(np.isnan(signals[k].values))[0])
             sheet.refuse(at, k, "expected a time stamp, found an empty cell. Fill it in.")
     for k in clocks[1:]:
@@ -354,11 +360,21 @@ def _kind(cell: Any) -> str:
     return "text" if isinstance(cell, str) else "number"
 
 
+def is_plain_text(texts: Sequence[str]) -> bool:
+    """Whether cells of a column of texts are read as text."""
+    words = [text for text in texts if _kind(text) == "text"]
+    return bool(words) and not any(_COMMA_NUMBER.fullmatch(w) or _is_error(w) for w in words)
+
+
+def _is_error(text: str) -> bool:
+    return text.startswith("#") and text.endswith(("!", "?", "A"))
+
+
 def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Set[str]]) -> None:
     """Refuse text among numbers, numbers written as text, and errors of formulas."""
     value, kind, kinds = cell
     if kind == "text":
-        if str(value).startswith("#") and str(value).endswith(("!", "?", "A")):
+        if _is_error(value):
             sheet.refuse(row, column, f"the error {value} of a formula. Correct it or empty it.")
         if _COMMA_NUMBER.fullmatch(value):
             sheet.refuse(
@@ -373,5 +389,5 @@ def _check_kind(sheet: Sheet, row: int, column: int, cell: tuple[Any, str, Set[s
             )
     elif kind == "date" and "number" in kinds:
         sheet.refuse(row, column, f"expected a number, found the date {value}. Correct it.")
-    elif kind == "number" and abs(value) > LARGEST:
+    elif kind == "number" and abs(value) > _LARGEST:
         sheet.refuse(row, column, "the number is larger than any that a cell holds. Correct it.")
