@@ -29,6 +29,7 @@ from jointz.io.formats.losses import (
     plainly,
 )
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
+from jointz.io.formats.side_information import SideInformation, filled, read_beside, written_beside
 from jointz.io.text.column_names import (
     READING,
     clock_column,
@@ -36,7 +37,6 @@ from jointz.io.text.column_names import (
     unit_in_name,
     with_clock,
 )
-from jointz.io.text.side_information import SideInformation, filled, read_beside, written_beside
 
 #: Conversion of a piece of a column, such as :func:`_as_numbers`.
 _Kind = Callable[[Any, Any], Any]

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -82,23 +81,10 @@ def filled(
 ) -> Acquisition:
     """Put samples into what was read beside them."""
     if list(columns) != list(labels):
-        first = next(i for i, pair in enumerate(zip_longest(columns, labels)) if len({*pair}) > 1)
-        names = [[*some, "none"][min(first, len(some))] for some in (list(columns), labels)]
-        raise ValueError(
-            f"the jointz line tells of other columns than the table has: number {first + 1} is "
-            f"'{names[1]}' there, and '{names[0]}' in the table"
-        )
-    texts = [signal.name for signal in side.group.signals if signal.is_text]
-    found_texts = [
-        signal.name
-        for signal, values in zip(side.group.signals, columns.values(), strict=True)
-        if values.dtype.kind == "O"
-    ]
-    if texts != found_texts:
-        raise ValueError(
-            f"the jointz line tells of {len(texts)} columns of text, the table has "
-            f"{len(found_texts)}"
-        )
+        raise ValueError("the jointz line tells of other columns than the table has")
+    kinds = [signal.is_text for signal in side.group.signals]
+    if kinds != [values.dtype.kind == "O" for values in columns.values()]:
+        raise ValueError("the jointz line tells of other columns of text than the table has")
     signals = tuple(
         replace(signal, values=values)
         for signal, values in zip(side.group.signals, columns.values(), strict=True)
