@@ -19,6 +19,7 @@ from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
+from jointz.core.method_names import PREDICTED, RECOMMENDED, STRAPPED
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
@@ -27,9 +28,6 @@ from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
-from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
-from jointz.identify.strapped import METHOD as STRAPPED
 from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import VirtualEstimate

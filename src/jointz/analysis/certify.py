@@ -8,6 +8,7 @@ from dataclasses import replace
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
+from jointz.core.method_names import RECOMMENDED
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Chosen, Injection
 from jointz.identify.appraisal.certificate_study import (
@@ -22,7 +23,6 @@ from jointz.identify.preparation.sources import (
     RecordingInput,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import RecommendedMethod
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.io.study_reader import open_study

@@ -8,9 +8,9 @@ import numpy as np
 
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.events import PulseEstimate
+from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD
 from jointz.core.recording import deflection
 from jointz.core.study import Calibrated, PerturbationsSpec, TorqueModelSpec
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.bench.pulse_likelihood import fit_pulse
 from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.identify.preparation.sources import RecordingInput
@@ -18,7 +18,6 @@ from jointz.report.wording import ABSOLUTE
 from jointz.results.estimates import CellEstimate
 
 #: Name of the method in ``single_pulses.csv``.
-METHOD = "pulse_likelihood"
 #: Damping and inertia are barely identifiable in 100 ms, but are in 250 ms.
 _WINDOW_S = 0.25
 #: Margin on either side of the window that the likelihood may use.
@@ -110,7 +109,7 @@ def _estimate(
         damping=damping,
         inertia=inertia,
         vaf_pct=fit.vaf_pct,
-        method=METHOD,
+        method=PULSE_LIKELIHOOD,
     )
 
 

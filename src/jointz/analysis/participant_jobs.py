@@ -13,16 +13,14 @@ from jointz.analysis.likelihood_pulses import likelihood_pulses
 from jointz.analysis.rate_checks import check_strides
 from jointz.analysis.study_pulses import pulse_tables
 from jointz.core.errors import DataError, StudyError
+from jointz.core.method_names import FULL_RECORD, PREDICTED, RECOMMENDED
 from jointz.core.priors import PriorsSpec
 from jointz.core.recording import history_of
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Injection
 from jointz.identify.appraisal.certificate_study import certify_participant
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.identify.recommended.walking_estimator import BASELINE as PREDICTED
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording

@@ -9,17 +9,15 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from jointz.analysis.likelihood_pulses import METHOD as PULSE_LIKELIHOOD
 from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, RECOMMENDED
 from jointz.core.study import Study
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.over_cycle.stride_curves import StrideCurves
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import SAME_TIME_S
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.kernels.robust_spread import robust_sd
 from jointz.report.wording import format_span
 from jointz.results.estimates import CellEstimate

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.events import row_label
+from jointz.core.method_names import RECOMMENDED
 from jointz.core.study import Study
 from jointz.identify.appraisal.specification import Choices, specification_estimates
 from jointz.identify.preparation.recording_groups import recording_groups
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.study_kinds import WALKING
 from jointz.io.study_reader import open_study
 from jointz.results.specification_curve import SpecificationCurve

@@ -8,13 +8,12 @@ from typing import Any
 from jointz.analysis.mass_checks import mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
+from jointz.core.method_names import FULL_RECORD, RECOMMENDED
 from jointz.core.study import Study
 from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.statistics.pooled_estimates import has_budget

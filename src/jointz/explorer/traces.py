@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from jointz.core.events import PulseRecord
+from jointz.core.method_names import FULL_RECORD, RECOMMENDED
 from jointz.explorer.exclusions import is_about
-from jointz.identify.bench.bench_cells import METHOD as FULL_RECORD
 from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.participant import ParticipantResult, analyze_participant
@@ -35,7 +35,6 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from jointz.identify.strapped import METHOD as STRAPPED
+from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import subjects
 from jointz.results.study_analysis import StudyAnalysis
 

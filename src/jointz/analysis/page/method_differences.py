@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.events import row_label
+from jointz.core.method_names import DISSERTATION, RECOMMENDED
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.report.subjects import study_record, timing_points
 from jointz.report.wording import (
@@ -23,8 +24,6 @@ from jointz.report.wording import (
 from jointz.results.estimates import CellEstimate, Response
 from jointz.results.study_analysis import StudyAnalysis
 
-METHOD: Final = "recommended"
-OTHER: Final = "dissertation"
 #: Defaults of the dissertation's method (4.2.3).
 _CUTOFF_HZ, _WINDOW_S = 20.0, 0.1
 _SAME_LAG_S: Final = 0.5e-3
@@ -94,12 +93,12 @@ def _entry(known: Mapping[str, Any], name: str) -> float:
 
 
 def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
-    others = {(c.label, c.timing_point): c for c in analysis.comparison if c.method == OTHER}
+    others = {(c.label, c.timing_point): c for c in analysis.comparison if c.method == DISSERTATION}
     pairs = []
     for cell in analysis.cells:
         other = others.get((cell.label, cell.timing_point))
         lags = left_over_lag_s(analysis, cell)
-        if cell.method != METHOD or other is None or lags is None or cell.response is None:
+        if cell.method != RECOMMENDED or other is None or lags is None or cell.response is None:
             continue
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
         late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
@@ -219,7 +218,7 @@ def _lead(pairs: Sequence[_Pair]) -> str:
             sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
     text = (
         "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
-        f"The {OTHER}'s method differs from the recommended one"
+        "The dissertation's method differs from the recommended one"
     )
     return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
 
@@ -244,7 +243,7 @@ def _vaf_reason(pairs: Sequence[_Pair]) -> str:
         return "How closely a curve is followed does not show how accurate its parameters are."
     return (
         "Both methods follow the responses closely (mean VAF "
-        f"{format_vaf(float(np.mean(other)))} % of the torque by the {OTHER}'s method, "
+        f"{format_vaf(float(np.mean(other)))} % of the torque by the dissertation's method, "
         f"{format_vaf(float(np.mean(recommended)))} % of the angle by the recommended one), so VAF "
         "does not show which of them is right. Errors of stiffness, damping and inertia can "
         "compensate a wrong lag or baseline."
@@ -267,10 +266,10 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
         else "treats them as simultaneous, as [calibration] has no lag"
     )
     return (
-        f"{text} The {OTHER}'s method {treatment}; a late angle biases K, B and J. The recommended "
-        "method estimates the lag from the responses, and its intervals include the uncertainty of "
+        f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
+        "recommended method estimates the lag from the responses, and its intervals include the uncertainty of "
         "the lag. The columns “lag alone” show the effect that this lag alone would have on the "
-        f"{OTHER}'s fit of the same joint."
+        f"dissertation's fit of the same joint."
     )
 
 
@@ -285,7 +284,7 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     strides = [m.n_strides for m in analysis.models]
     at_least = f" (at least {min(strides)} strides)" if strides else ""
     text = (
-        f"The {OTHER}'s method subtracts the mean unperturbed stride of another recording; "
+        f"The dissertation's method subtracts the mean unperturbed stride of another recording; "
         "differences in posture and pace between the recordings are taken as response. The "
         "recommended method predicts the unperturbed motion of each pulse from the half second "
         f"before it. It learns this from unperturbed strides of the same recording{at_least}."
@@ -309,8 +308,8 @@ def _bounds_reason(pairs: Sequence[_Pair]) -> str:
         else "none is at zero"
     )
     return (
-        f"The {OTHER}'s method allows no value below zero ({count}). The recommended method fits "
-        "without bounds, reports the unbounded value, and gives an upper limit if zero cannot be "
+        f"The dissertation's method allows no value below zero ({count}). The recommended method "
+        "fits without bounds, reports the unbounded value, and gives an upper limit if zero cannot be "
         "excluded. Gravity and body weight can make an apparent stiffness negative."
     )
 
@@ -320,15 +319,15 @@ def _inertia_reason(pairs: Sequence[_Pair]) -> str:
         _inertia_spread(pairs, get) for get in (lambda p: p.recommended, lambda p: p.other)
     )
     text = (
-        f"The {OTHER}'s method fits a separate inertia at each timing point. The recommended "
+        "The dissertation's method fits a separate inertia at each timing point. The recommended "
         "method lets the timing points of a participant share one inertia as far as the responses "
         "allow, and tests this."
     )
     if recommended is None or other is None:
         return text
     return (
-        f"{text} Largest over smallest inertia of a participant: {other} by the {OTHER}'s method, "
-        f"{recommended} by the recommended one (median)."
+        f"{text} Largest over smallest inertia of a participant: {other} by the dissertation's "
+        f"method, {recommended} by the recommended one (median)."
     )
 
 
@@ -349,10 +348,10 @@ def _interval_reason(pairs: Sequence[_Pair]) -> str:
         for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
     ]
     return (
-        f"Intervals of the {OTHER}'s method include only differences between pulses; a lag or a "
-        "baseline error common to all pulses is not included. Intervals of the recommended method "
+        f"Intervals of the dissertation's method include only differences between pulses; a lag or "
+        "a baseline error common to all pulses is not included. Intervals of the recommended method "
         "include the uncertainty of the lag, the prediction, the calibration and the model. Median "
-        f"half width, recommended and {OTHER}: {joined(widths)}."
+        f"half width, recommended and {DISSERTATION}: {joined(widths)}."
     )
 
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from jointz.identify.strapped import METHOD as STRAPPED
+from jointz.core.method_names import STRAPPED
 from jointz.results.study_analysis import StudyAnalysis
 
 __all__ = ["FULL_RECORD", "RECOMMENDED", "STRAPPED", "used_methods", "used_pulses"]

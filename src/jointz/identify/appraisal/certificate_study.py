@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 
 from jointz.core.events import row_label
+from jointz.core.method_names import RECOMMENDED
 from jointz.identify.appraisal.certificate_draws import Injection, Truth, drawn_truth
 from jointz.identify.appraisal.certificate_joint import InjectedResponse, injected_response
 from jointz.identify.prediction.predicted_cells import PredictedCell, unlike_from
@@ -15,7 +16,6 @@ from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES, Pred
 from jointz.identify.recommended.response_decision import Decision, NaturalSize, decided_parameters
 from jointz.identify.recommended.response_model import CellResponse
 from jointz.identify.recommended.response_posterior import JointPosterior
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.identify.recommended.walking_responses import explain_responses, priors_of
 from jointz.kernels.robust_spread import robust_moments

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
+from jointz.core.method_names import RECOMMENDED
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.methods.cell_windows import WindowCutter
@@ -31,7 +32,6 @@ from jointz.identify.recommended.response_checks import (
     shared_failure,
 )
 from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
-from jointz.identify.recommended.walking_estimator import METHOD as RECOMMENDED
 from jointz.identify.recommended.walking_estimator import WalkingEstimator
 from jointz.identify.recommended.walking_evidence import Evidence
 from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, priors_of

@@ -8,6 +8,7 @@ import numpy as np
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.method_names import FULL_RECORD
 from jointz.core.recording import damage_near, damage_of, deflection
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
@@ -29,7 +30,6 @@ from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.results.bench.bench_fits import FullRecordFit
 from jointz.results.estimates import CellEstimate
 
-METHOD = "full_record"
 #: Below this VAF the load is not one linear load: a joint moves by itself, or the unperturbed
 #: motion has a torque of its own.
 _LEAST_VAF_PCT = 95.0
@@ -133,7 +133,7 @@ class FullRecordEstimator:
             vaf_pct=fit.vaf_pct if fit else None,
             n_used=n_used,
             n_excluded=len(records) - n_used,
-            method=METHOD,
+            method=FULL_RECORD,
             baseline="none",
             condition_number=fit.condition_number if fit else None,
             nuisance=tuple(p for p in fit.parameters if p.name not in PARAMETERS) if fit else (),

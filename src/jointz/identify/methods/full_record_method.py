@@ -1,6 +1,7 @@
 """The method ``full_record``: loads on a bench, estimated from whole trials."""
 
-from jointz.identify.bench.bench_cells import METHOD, FullRecordEstimator
+from jointz.core.method_names import FULL_RECORD
+from jointz.identify.bench.bench_cells import FullRecordEstimator
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.sources import ParticipantSettings
@@ -10,7 +11,7 @@ from jointz.identify.study_kinds import StudyKind
 class FullRecordMethod:
     """Estimator of whole trials; cases that share a recording are fitted pulse by pulse."""
 
-    name = METHOD
+    name = FULL_RECORD
     kinds = ("bench",)
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's

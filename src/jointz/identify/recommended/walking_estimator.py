@@ -14,6 +14,7 @@ import numpy as np
 
 from jointz.core.codes import Doubt, Failure
 from jointz.core.gait_phases import mean_phase
+from jointz.core.method_names import PREDICTED, RECOMMENDED
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
@@ -63,25 +64,22 @@ from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.results.participant_model import ParticipantModel
 
-METHOD = "recommended"
-BASELINE = "predicted"
-
 
 class RecommendedMethod:
     """Estimator of walking that explains all timing points of a participant together."""
 
-    name = METHOD
+    name = RECOMMENDED
     kinds = ("walking",)
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
         """Return ``predicted``."""
-        return BASELINE
+        return PREDICTED
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point, that of a lone pulse too."""
         estimator = WalkingEstimator(data.participant, data.sources, settings)
         pulses = assign_pulses(
-            data.participant, data.sources, settings, baseline=BASELINE, alone=True
+            data.participant, data.sources, settings, baseline=PREDICTED, alone=True
         )
         return estimator.run(pulses)
 
@@ -89,7 +87,7 @@ class RecommendedMethod:
 class WalkingEstimator:
     """Estimates every timing point of a walking participant."""
 
-    baseline = BASELINE
+    baseline = PREDICTED
 
     def __init__(
         self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
@@ -253,8 +251,8 @@ class WalkingEstimator:
             vaf_pct=100.0 * (1.0 - residual),
             n_used=len(used),
             n_excluded=counts[cell.label] - len(used),
-            method=METHOD,
-            baseline=BASELINE,
+            method=RECOMMENDED,
+            baseline=PREDICTED,
             displacement_rad=float(np.abs(response.angle).max()),
             response=Response(
                 time_s=response.samples_s - response.lead_s,
@@ -304,8 +302,8 @@ class WalkingEstimator:
             participant=self._participant,
             timing_point=label,
             counts=counts,
-            method=METHOD,
-            baseline=BASELINE,
+            method=RECOMMENDED,
+            baseline=PREDICTED,
             onset_gait_pct=onset,
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 from jointz.core.codes import Doubt, Failure
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
+from jointz.core.method_names import PREDICTED, STRAPPED
 from jointz.core.priors import LogPrior, NormalPrior, SharePrior
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
@@ -32,7 +33,6 @@ from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
 from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
 from jointz.identify.recommended.response_checks import DOUBTFUL_ODDS
-from jointz.identify.strapped import METHOD
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
 from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
@@ -46,7 +46,6 @@ from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, 
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
 from jointz.results.log_posterior import LogPosterior
 
-BASELINE = "predicted"
 LONGEST_WINDOW_S = 0.25
 #: Beyond the data that are used, for sensors that lag.
 _MARGIN_S = 0.03
@@ -59,18 +58,18 @@ _FRICTION_ERROR = 0.1
 class StrappedMethod:
     """Estimator of walking with a device that is strapped to the leg."""
 
-    name = METHOD
+    name = STRAPPED
     kinds = ("walking",)
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
         """Return ``predicted``."""
-        return BASELINE
+        return PREDICTED
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point."""
         longer = _with_all_data(settings)
         pulses = assign_pulses(
-            data.participant, data.sources, longer, baseline=BASELINE, alone=True
+            data.participant, data.sources, longer, baseline=PREDICTED, alone=True
         )
         reach_s = longer.perturbations.window_s + _MARGIN_S
         predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
@@ -245,8 +244,8 @@ class _Participant:
             vaf_pct=vaf_pct,
             n_used=len(used),
             n_excluded=n_pulses - len(used),
-            method=METHOD,
-            baseline=BASELINE,
+            method=STRAPPED,
+            baseline=PREDICTED,
             displacement_rad=moved,
             response=response,
             nuisance=_nuisance(explained.posterior),
@@ -299,8 +298,8 @@ class _Participant:
             participant=self._name,
             timing_point=label,
             counts=(len(used), n_pulses - len(used)),
-            method=METHOD,
-            baseline=BASELINE,
+            method=STRAPPED,
+            baseline=PREDICTED,
             onset_gait_pct=mean_phase([c.record.measured_pct for c in used]),
         )
 
