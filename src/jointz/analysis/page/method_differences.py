@@ -267,9 +267,9 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     )
     return (
         f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
-        "recommended method estimates the lag from the responses, and its intervals include the uncertainty of "
-        "the lag. The columns “lag alone” show the effect that this lag alone would have on the "
-        f"dissertation's fit of the same joint."
+        "recommended method estimates the lag from the responses, and its intervals include the "
+        "uncertainty of the lag. The columns “lag alone” show the effect that this lag alone would have on the "
+        "dissertation's fit of the same joint."
     )
 
 
@@ -309,8 +309,8 @@ def _bounds_reason(pairs: Sequence[_Pair]) -> str:
     )
     return (
         f"The dissertation's method allows no value below zero ({count}). The recommended method "
-        "fits without bounds, reports the unbounded value, and gives an upper limit if zero cannot be "
-        "excluded. Gravity and body weight can make an apparent stiffness negative."
+        "fits without bounds, reports the unbounded value, and gives an upper limit if zero cannot "
+        "be excluded. Gravity and body weight can make an apparent stiffness negative."
     )
 
 
@@ -349,8 +349,8 @@ def _interval_reason(pairs: Sequence[_Pair]) -> str:
     ]
     return (
         f"Intervals of the dissertation's method include only differences between pulses; a lag or "
-        "a baseline error common to all pulses is not included. Intervals of the recommended method "
-        "include the uncertainty of the lag, the prediction, the calibration and the model. Median "
+        "a baseline error common to all pulses is not included. Intervals of the recommended "
+        "method include the uncertainty of the lag, the prediction, the calibration and the model. Median "
         f"half width, recommended and {DISSERTATION}: {joined(widths)}."
     )
 
