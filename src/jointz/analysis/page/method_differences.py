@@ -268,8 +268,8 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     return (
         f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
         "recommended method estimates the lag from the responses, and its intervals include the "
-        "uncertainty of the lag. The columns “lag alone” show the effect that this lag alone would have on the "
-        "dissertation's fit of the same joint."
+        "uncertainty of the lag. The columns “lag alone” show the effect that this lag alone would "
+        "have on the dissertation's fit of the same joint."
     )
 
 
@@ -350,8 +350,8 @@ def _interval_reason(pairs: Sequence[_Pair]) -> str:
     return (
         f"Intervals of the dissertation's method include only differences between pulses; a lag or "
         "a baseline error common to all pulses is not included. Intervals of the recommended "
-        "method include the uncertainty of the lag, the prediction, the calibration and the model. Median "
-        f"half width, recommended and {DISSERTATION}: {joined(widths)}."
+        "method include the uncertainty of the lag, the prediction, the calibration and the model. "
+        f"Median half width, recommended and {DISSERTATION}: {joined(widths)}."
     )
 
 
