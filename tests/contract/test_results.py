@@ -492,11 +492,11 @@ FOUND = Finding("lab-b", "unit", "estimates.csv, row 2", "stiffness in N*m/rad",
 
 
 def collection_check() -> CollectionCheck:
-    return CollectionCheck(("lab-a", "lab-b"), (FOUND,), (dataclasses.replace(FOUND, code="sign"),))
+    return CollectionCheck(("lab-a", "lab-b"), (FOUND,))
 
 
 def catalog_build() -> CatalogBuild:
-    return CatalogBuild("catalog.parquet", ("lab-a",), (FOUND, FOUND), 30, 12, (FOUND,))
+    return CatalogBuild("catalog.parquet", ("lab-a",), (FOUND, FOUND), 30, 12)
 
 
 def query_result() -> QueryResult:

@@ -109,7 +109,9 @@ def check(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Check entries: shape, licence, consent, hashes, units, signs, sizes, intervals, repeats.
+    """Check entries: shape, hashes, columns, units, intervals, covariances, repeats.
+
+    Licence, consent, and whether values are plausible, are not judged.
 
     Every problem has a stable code, its place, the expected and the actual value.
     Exit status: 0 no problem, 2 problems.

@@ -61,7 +61,6 @@ def render_coverage(
         missing=_missing(pool, rows),
         narrowed=_settings(filters),
         asked=_settings(pool.asked),
-        for_research=[entry["study"] for entry in citations if entry["consent"] == "research"],
         forests=forest_plots(pool, _sorted(pool, rows)),
         rows=[_pooled_row(pool, row) for row in _records(_sorted(pool, pool.table))],
         printed=[_study_row(pool, row) for row in _records(_sorted(pool, pool.printed))],

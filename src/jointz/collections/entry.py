@@ -25,12 +25,12 @@ _SETTINGS = ("baseline", "window_s", "cutoff_hz", "resamples", "seed")
 #: Keys that no results folder knows -> what belongs there.
 _QUESTIONS = {
     "title": "what was measured, in a line",
-    "licence": 'SPDX identifier, such as "CC-BY-4.0"',
+    "licence": 'such as "CC-BY-4.0"',
     "cite": "how to cite the study: authors, year, title, DOI",
     "protocol": "a protocol of jointz, a file in this folder, an address or doi:...",
     "contributors": '[{ name = "...", affiliation = "...", orcid = "..." }]',
     "ethics.approval": "committee and number",
-    "ethics.consent": '"public" or "research"; "study_only" may not be shared',
+    "ethics.consent": 'what the people agreed to, such as "public"',
     "device.name": "what perturbed the joint",
     "participants.age_band": "of at least five years, such as 20-29",
     "participants.sex": '"female", "male", "other" or "not_stated"',

@@ -1,7 +1,8 @@
 """Model of ``entry.toml``, a study's entry in a collection.
 
-The model checks the shape and the relations between keys. Values such as joints, licences, speeds
-and units are checked in :mod:`jointz.collections.checking`, with a code each.
+The model checks the shape and the relations between keys. Values such as joints and units are
+checked in :mod:`jointz.collections.checking`, with a code each. Licence and consent are shown as
+they are stated; nothing judges them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,8 +25,6 @@ TorquePath = Literal[
 Sex = Literal["female", "male", "other", "not_stated"]
 Side = Literal["left", "right", "both", "not_stated"]
 Activity = Literal["walking", "running", "standing", "seated", "lying"]
-#: ``study_only``: consent to this study only. ``published``: printed values.
-ConsentScope = Literal["public", "research", "study_only", "published"]
 Text = Annotated[str, Field(min_length=1)]
 
 
@@ -38,10 +37,10 @@ class Contributor(CheckedModel):
 
 
 class Ethics(CheckedModel):
-    """Approval (committee and number), and scope of the people's consent."""
+    """Approval (committee and number), and what the people agreed to, in words."""
 
     approval: Text
-    consent: ConsentScope
+    consent: Text
 
 
 class Device(CheckedModel):
@@ -148,21 +147,6 @@ class RawData(CheckedModel):
     sha256: str = ""
 
 
-class Place(CheckedModel):
-    """A place in an entry: a condition by its name, a parameter, or both; empty means anywhere."""
-
-    condition: str = ""
-    parameter: str = ""
-
-
-class Accepted(CheckedModel):
-    """A finding of ``collect check`` that the entry accepts for a reason; everywhere by default."""
-
-    code: Text
-    reason: Text
-    where: Place = Place()
-
-
 class Entry(CheckedModel):
     """Content of an ``entry.toml``, schema version 1."""
 
@@ -188,7 +172,8 @@ class Entry(CheckedModel):
     exclusions: tuple[LeftOut, ...] = Field(strict=False)
     raw_data: RawData
     hashes: dict[str, str]
-    accepted: tuple[Accepted, ...] = Field(default=(), strict=False)
+    # of earlier versions: findings that the entry accepted; read and not used
+    accepted: tuple[dict[str, Any], ...] = Field(default=(), strict=False)
 
     def checks(self) -> tuple[Check, ...]:
         """Return the relations between keys."""
@@ -197,7 +182,6 @@ class Entry(CheckedModel):
             self._calibration_is_stated,
             self._conditions_differ,
             self._gait_is_described,
-            self._accepted_conditions_are_there,
         )
 
     def _people_are_described(self) -> Iterator[Problem]:
@@ -236,13 +220,6 @@ class Entry(CheckedModel):
             for key in needed if in_gait else ():
                 if getattr(condition, key) in (None, ""):
                     yield Problem(("conditions", i, key), f"missing; {needed[key]}")
-
-    def _accepted_conditions_are_there(self) -> Iterator[Problem]:
-        names = [condition.name for condition in self.conditions]
-        for i, accepted in enumerate(self.accepted):
-            if accepted.where.condition not in ("", *names):
-                message = f"expected one of {', '.join(names)}; got {accepted.where.condition!r}."
-                yield Problem(("accepted", i, "where", "condition"), message)
 
     @property
     def kind(self) -> Literal["estimates", "printed"]:

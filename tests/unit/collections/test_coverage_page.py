@@ -87,7 +87,6 @@ def test_it_needs_nothing_else_and_names_are_text(tables: CollectionPool) -> Non
     assert "lab-c &amp; sons" in page
     assert "Fictional Lab A &lt;2026&gt; (CC-BY-4.0; consent: research)" in page
     assert "Fictional Lab B (2026) (CC0-1.0; consent: public)" in page
-    assert "The people of lab-a consented to research only" in page
 
 
 def test_every_place_of_the_map_says_how_well_it_is_known(tables: CollectionPool) -> None:

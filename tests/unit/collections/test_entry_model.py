@@ -85,13 +85,6 @@ def test_an_infinite_value_is_told_in_json_and_comes_back():
     assert back.table[["value", "ci_low", "ci_high"]].iloc[0].tolist() == [math.inf, -math.inf, 2.0]
 
 
-def test_what_is_accepted_somewhere_must_be_a_condition_of_the_entry(content):
-    told = {"code": "sign", "reason": "a load that pushes"}
-    content["accepted"] = [told | {"where": {"condition": "nowhere"}}, told]
-
-    assert set(problems(content)) == {"accepted.0.where.condition"}
-
-
 def test_a_query_counts_people_not_rows():
     person = EMPTY | {"study": "a", "joint": "knee", "parameter": "stiffness", "status": "ok"}
     first = person | {"participant": "S1", "timing_point": "LRE", "onset_gait_pct": 7.0}

@@ -4,15 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jointz.collections.checking.copy_checks import copied_tables, copied_values
 from jointz.collections.checking.entry_checks import (
     Violation,
-    accepts,
     hash_violations,
     metadata_violations,
 )
 from jointz.collections.checking.findings import CollectionCheck, Finding
-from jointz.collections.checking.value_checks import not_sized, value_violations
+from jointz.collections.checking.value_checks import value_violations
 from jointz.collections.entry_model import ENTRY_FILE
 from jointz.collections.entry_reader import (
     ConditionTables,
@@ -33,7 +31,6 @@ class CheckedEntry:
     entry: EntryFolder | None  # None if ``entry.toml`` could not be read
     tables: tuple[ConditionTables, ...] = ()  # of the conditions that could be read
     findings: tuple[Finding, ...] = ()
-    accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts
 
 
 def check_collection(folder: Path) -> CollectionCheck:
@@ -59,13 +56,7 @@ def check_collection(folder: Path) -> CollectionCheck:
     findings = [finding for checked in entries for finding in checked.findings]
     findings += common_findings(entries)
     findings.sort(key=lambda finding: names.index(finding.entry))
-    missing = [(c.name, not_sized(c.entry.spec, c.tables)) for c in entries if c.entry]
-    return CollectionCheck(
-        names,
-        tuple(findings),
-        tuple(finding for checked in entries for finding in checked.accepted),
-        tuple(f"{name}: {parameters}" for name, parameters in missing if parameters),
-    )
+    return CollectionCheck(names, tuple(findings))
 
 
 def checked_entries(folder: Path) -> tuple[CheckedEntry, ...]:
@@ -91,11 +82,8 @@ def check_entry(folder: Path) -> CheckedEntry:
     violations += hash_violations(entry, hashes)
     for table in tables:
         violations += value_violations(entry.spec, table)
-    findings, accepted = (
-        tuple(Finding(entry.name, *v) for v in violations if accepts(entry.spec, v) is is_accepted)
-        for is_accepted in (False, True)
-    )
-    return CheckedEntry(entry.name, entry, tuple(tables), findings, accepted)
+    findings = tuple(Finding(entry.name, *violation) for violation in violations)
+    return CheckedEntry(entry.name, entry, tuple(tables), findings)
 
 
 def _of_shape(name: str, problems: Sequence[str]) -> Iterator[Finding]:
@@ -133,7 +121,6 @@ def _unreadable(entry: EntryFolder, i: int, exc: DataError) -> Violation:
 
 def common_findings(entries: Sequence[CheckedEntry]) -> list[Finding]:
     """Return what entries that are sound by themselves cannot both hold."""
-    tables = [(checked.name, table) for checked in entries for table in checked.tables]
     specs = {checked.name: checked.entry.spec for checked in entries if checked.entry}
     studies = [(name, spec.study) for name, spec in specs.items()]
     codes = [
@@ -147,8 +134,7 @@ def common_findings(entries: Sequence[CheckedEntry]) -> list[Finding]:
     return [
         *_repeated(studies, "study_twice", "study", one_study),
         *_repeated(codes, "person_twice", "participants.person", one_person),
-        *copied_tables(tables),
-        *copied_values([(name, t) for name, t in tables if specs[name].kind == "estimates"]),
+        *_copied_tables(entries),
     ]
 
 
@@ -161,3 +147,16 @@ def _repeated(
         if value in first:
             yield Finding(name, code, where, expected, f"{value!r} in {first[value]} too")
         first.setdefault(value, name)
+
+
+def _copied_tables(entries: Sequence[CheckedEntry]) -> Iterator[Finding]:
+    """Yield tables that are those of another condition or entry, byte for byte."""
+    first: dict[str, str] = {}
+    for name, table in ((checked.name, table) for checked in entries for table in checked.tables):
+        for file, sha256 in table.sha256.items():
+            place = f"{file} ({table.condition.name})"
+            if sha256 in first:
+                expected = "a table of its own for each condition and entry"
+                found = f"that of {first[sha256]}, byte for byte"
+                yield Finding(name, "values_twice", place, expected, found)
+            first.setdefault(sha256, f"{name}/{place}")

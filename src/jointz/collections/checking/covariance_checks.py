@@ -8,7 +8,6 @@ import pandas as pd
 from jointz.collections.checking.entry_checks import Violation
 from jointz.collections.entry_reader import ConditionTables
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.estimates import REACH_95
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 #: Columns of the file of covariances, in the order of the parameters.
@@ -17,8 +16,6 @@ _KEYS = ["participant", "session", "side", "timing_point"]
 _ROUNDING = 1e-6
 #: A correlation matrix with a smaller eigenvalue is none that can be inverted.
 _SMALLEST = 1e-9
-#: An interval need not be the value and 1.96 sd either way: bounds cut it, hypotheses widen it.
-_MEDIAN_FACTOR, _SINGLE_FACTOR = 1.6, 5.0
 
 
 def covariance_violations(tables: ConditionTables, method: str) -> Iterator[Violation]:
@@ -41,9 +38,6 @@ def covariance_violations(tables: ConditionTables, method: str) -> Iterator[Viol
     if (not_positive := _not_positive(matrices, present)).any():
         expected = "a positive definite matrix without gaps"
         yield "covariance_not_positive_definite", file, expected, _who(cells, not_positive)
-        return
-    if "ci_low" in values:  # printed values have none
-        yield from _intervals(file, values[values["status"] == "ok"], covariance)
 
 
 def _has_estimate(covariance: pd.DataFrame, values: pd.DataFrame) -> pd.Series:
@@ -92,31 +86,6 @@ def _not_positive(matrices: np.ndarray, present: np.ndarray) -> np.ndarray:
     smallest = np.linalg.eigvalsh((scaled + scaled.transpose(0, 2, 1)) / 2)[:, 0]
     not_positive: np.ndarray = ~finite | (smallest < _SMALLEST)
     return not_positive
-
-
-def _intervals(file: str, values: pd.DataFrame, covariance: pd.DataFrame) -> Iterator[Violation]:
-    """Compare variances with the intervals of values that are not at a bound."""
-    variance = np.select(
-        [covariance["parameter"] == name for name in PARAMETERS],
-        [covariance[column] for column in COLUMNS],
-    )
-    sds = covariance[[*_KEYS, "parameter"]].assign(sd=np.sqrt(variance))
-    pairs = sds.merge(values, on=[*_KEYS, "parameter"])
-    if pairs.empty:
-        return
-    half = (pairs["ci_high"] - pairs["ci_low"]) / 2
-    factor = REACH_95 * pairs["sd"] / half.where(half > 0)
-    for parameter, group in factor.groupby(pairs["parameter"]):
-        median = float(group.median())
-        if not 1 / _MEDIAN_FACTOR <= median <= _MEDIAN_FACTOR:
-            expected = "standard deviations that agree with the intervals"
-            found = f"1.96 sd are {median:.3g} times half an interval, at the median"
-            yield "covariance_interval", f"{file}, {parameter}", expected, found
-    far = ~factor.between(1 / _SINGLE_FACTOR, _SINGLE_FACTOR)
-    if far.any():
-        found = f"{factor[far].iloc[0]:.3g} times ({_who(pairs, far)})"
-        expected = "1.96 sd near half the interval"
-        yield "covariance_interval", file, expected, found
 
 
 def _who(table: pd.DataFrame, wrong: pd.Series | np.ndarray, *columns: str) -> str:

@@ -4,22 +4,10 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from jointz.collections.checking.ranges import (
-    HEIGHT_M,
-    JOINT_DIRECTIONS,
-    LICENCES,
-    MASS_KG,
-    NARROWEST_BAND_YEARS,
-    OWN_LICENCE,
-    RUNNING_M_S,
-    STEEPEST_DEG,
-    Range,
-)
-from jointz.collections.entry_model import Condition, Entry, Person, Place
+from jointz.collections.entry_model import Entry
 from jointz.collections.entry_reader import EntryFolder
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
-from jointz.core.gait_phases import FASTEST_M_S, SLOWEST_M_S
 from jointz.io.formats.columns import file_sha256
 from jointz.io.protocols import builtin_protocols, load_protocol
 
@@ -37,26 +25,32 @@ PARAMETERS = (
     "stiffness_onset",
     "damping_onset",
 )
-#: Codes on plausibility: an entry may accept them, with a reason.
-ACCEPTABLE = frozenset({"out_of_range", "sign", "people_differ", "speed_range", "slope_range",
-                        "mass_range", "height_range"})  # fmt: skip
+_FLEXION = frozenset({"flexion", "extension"})
+_ABDUCTION = frozenset({"abduction", "adduction"})
+_ROTATION = frozenset({"internal_rotation", "external_rotation"})
+#: Joint -> directions that one may call positive.
+_JOINT_DIRECTIONS: Mapping[str, frozenset[str]] = {
+    "ankle": frozenset({"dorsiflexion", "plantarflexion", "inversion", "eversion"}),
+    "knee": _FLEXION | _ABDUCTION | _ROTATION,
+    "hip": _FLEXION | _ABDUCTION | _ROTATION,
+    "trunk": _FLEXION,
+    "neck": _FLEXION,
+    "shoulder": _FLEXION | _ABDUCTION | _ROTATION,
+    "elbow": _FLEXION,
+    "forearm": frozenset({"pronation", "supination"}),
+    "wrist": _FLEXION | {"radial_deviation", "ulnar_deviation"},
+    "finger": _FLEXION | _ABDUCTION,
+}
 _BAND = re.compile(r"(\d{1,3})(?:-(\d{1,3})|\+)")
-_SPEEDS_M_S = {"walking": (SLOWEST_M_S, FASTEST_M_S), "running": RUNNING_M_S}
+#: Narrower bands of age could identify people, years.
+_NARROWEST_BAND_YEARS = 5
 
 
 def metadata_violations(entry: EntryFolder) -> Iterator[Violation]:
     """Yield what is wrong with an entry's metadata."""
-    spec = entry.spec
-    rules = _study_rules(spec) + _people_rules(spec)
-    for i, condition in enumerate(spec.conditions, 1):
-        rules += _condition_rules(f"conditions[{i}]", condition)
-    yield from (rule[1:] for rule in rules + _accepted_rules(spec) if rule[0])
+    rules = _study_rules(entry.spec) + _people_rules(entry.spec)
+    yield from (rule[1:] for rule in rules if rule[0])
     yield from _protocol(entry)
-    if spec.licence.startswith(OWN_LICENCE):
-        try:
-            entry.path(f"{spec.licence}.txt")
-        except DataError as exc:
-            yield "file_missing", "licence", f"its text in {spec.licence}.txt", str(exc)
 
 
 def hash_violations(entry: EntryFolder, hashes: Mapping[str, str]) -> Iterator[Violation]:
@@ -82,21 +76,11 @@ def hash_violations(entry: EntryFolder, hashes: Mapping[str, str]) -> Iterator[V
 
 
 def _study_rules(spec: Entry) -> list[Rule]:
-    licence, consent, joint = spec.licence, spec.ethics.consent, spec.joint
-    of_people = spec.kind == "estimates"
-    forbids = re.match(r"CC-BY(-NC)?-ND", licence) is not None
-    is_known = licence in LICENCES or licence.startswith(OWN_LICENCE)
-    directions = sorted(JOINT_DIRECTIONS.get(joint.name, ()))
+    joint, of_people = spec.joint, spec.kind == "estimates"
+    directions = sorted(_JOINT_DIRECTIONS.get(joint.name, ()))
     return [
-        (forbids, "licence_forbids", "licence", "one that allows derived tables", licence),
-        (not forbids and not is_known, "licence_unknown", "licence",
-         f"an SPDX identifier such as CC-BY-4.0, or {OWN_LICENCE}NAME", repr(licence)),
-        (consent == "study_only", "consent_forbids", "ethics.consent",
-         "public or research: consent that reaches beyond the study", consent),
-        (consent == "published" and of_people, "consent_forbids", "ethics.consent",
-         "public or research, for values of single people", consent),
         (not directions, "joint_unknown", "joint.name",
-         f"one of {', '.join(JOINT_DIRECTIONS)}", repr(joint.name)),
+         f"one of {', '.join(_JOINT_DIRECTIONS)}", repr(joint.name)),
         (bool(directions) and joint.positive not in directions, "joint_direction",
          "joint.positive", f"a direction of the {joint.name}: {', '.join(directions)}",
          repr(joint.positive)),
@@ -119,23 +103,14 @@ def _people_rules(spec: Entry) -> list[Rule]:
         key: Counter(getattr(person, key) for person in spec.participants)
         for key in ("id", "person")
     }
-    rules: list[Rule] = [
-        (bool(name) and n > 1, "person_twice", f"participants.{key}", "everybody once",
-         f"{name!r} {n} times")
-        for key, count in counts.items() for name, n in count.items()
-    ]  # fmt: skip
-    for i, person in enumerate(spec.participants, 1):
-        rules += _person_rules(f"participants[{i}]", person)
-    return rules
-
-
-def _person_rules(where: str, person: Person) -> list[Rule]:
-    band = f"a band of at least {NARROWEST_BAND_YEARS} years, such as 20-29 or 80+"
+    band = f"a band of at least {_NARROWEST_BAND_YEARS} years, such as 20-29 or 80+"
     return [
-        _range_rule("mass_range", f"{where}.mass_kg", person.mass_kg, MASS_KG),
-        _range_rule("height_range", f"{where}.height_m", person.height_m, HEIGHT_M),
-        (not _is_band(person.age_band), "age_band", f"{where}.age_band", band,
-         repr(person.age_band)),
+        *((bool(name) and n > 1, "person_twice", f"participants.{key}", "everybody once",
+           f"{name!r} {n} times")
+          for key, count in counts.items() for name, n in count.items()),
+        *((not _is_band(person.age_band), "age_band", f"participants[{i}].age_band", band,
+           repr(person.age_band))
+          for i, person in enumerate(spec.participants, 1)),
     ]  # fmt: skip
 
 
@@ -144,61 +119,7 @@ def _is_band(text: str) -> bool:
     if match is None:
         return False
     low, high = int(match[1]), match[2]
-    return high is None or int(high) - low + 1 >= NARROWEST_BAND_YEARS
-
-
-def _range_rule(code: str, where: str, value: float | None, limits: Range) -> Rule:
-    low, high = limits
-    outside = value is not None and not low <= value <= high
-    return outside, code, where, f"{low:g} to {high:g}", f"{value:g}" if outside else ""
-
-
-def _condition_rules(where: str, condition: Condition) -> list[Rule]:
-    speed, key = condition.walking_speed_m_s, f"{where}.walking_speed_m_s"
-    rules = [_range_rule("slope_range", f"{where}.slope_deg", condition.slope_deg,
-                         (-STEEPEST_DEG, STEEPEST_DEG))]  # fmt: skip
-    if speed is None:
-        return rules
-    if condition.activity not in _SPEEDS_M_S:
-        expected = "no speed, or walking or running as activity"
-        return [(True, "speed_range", key, expected, f"{speed:g}"), *rules]
-    low, high = _SPEEDS_M_S[condition.activity]
-    hint = ": km/h for m/s?" if low <= speed / 3.6 <= high else ""
-    expected = f"{low:g} to {high:g} m/s"
-    return [(not low <= speed <= high, "speed_range", key, expected, f"{speed:g}{hint}"), *rules]
-
-
-def _accepted_rules(spec: Entry) -> list[Rule]:
-    codes = f"one of {', '.join(sorted(ACCEPTABLE))}; other findings must be corrected"
-    rules: list[Rule] = []
-    for i, accepted in enumerate(spec.accepted, 1):
-        where, code, parameter = f"accepted[{i}]", accepted.code, accepted.where.parameter
-        rules += [
-            (code not in ACCEPTABLE, "accepted_unknown", f"{where}.code", codes, repr(code)),
-            (parameter not in ("", *PARAMETERS), "accepted_unknown", f"{where}.where.parameter",
-             f"one of {', '.join(PARAMETERS)}", repr(parameter)),
-        ]  # fmt: skip
-    return rules
-
-
-def accepts(spec: Entry, violation: Violation) -> bool:
-    """Tell whether an entry accepts a violation at its place."""
-    code, where = violation[:2]
-    places = [accepted.where for accepted in spec.accepted if accepted.code == code]
-    return code in ACCEPTABLE and any(
-        place == Place() or where in _positions(spec, place) for place in places
-    )
-
-
-def _positions(spec: Entry, place: Place) -> Iterator[str]:
-    """Yield where findings of a condition, of a parameter or of both may be."""
-    for i, condition in enumerate(spec.conditions, 1):
-        if place.condition not in ("", condition.name):
-            continue
-        for parameter in (place.parameter,) if place.parameter else PARAMETERS:
-            yield f"{condition.estimates}, {parameter}"
-        if not place.parameter:
-            yield from (f"conditions[{i}].{key}" for key in ("walking_speed_m_s", "slope_deg"))
+    return high is None or int(high) - low + 1 >= _NARROWEST_BAND_YEARS
 
 
 def _protocol(entry: EntryFolder) -> Iterator[Violation]:

@@ -34,13 +34,10 @@ class Finding:
 class CollectionCheck(Result):
     """All findings about a collection."""
 
-    SCHEMA: ClassVar[str] = "jointz.CollectionCheck/1"
+    SCHEMA: ClassVar[str] = "jointz.CollectionCheck/2"
 
     entries: tuple[str, ...]  # folders that were checked
     findings: tuple[Finding, ...]  # in the order of the entries
-    accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
-    # a line for each entry with parameters whose values could not be checked, as no range is known
-    not_sized: tuple[str, ...] = ()
 
     @property
     def clean(self) -> bool:
@@ -57,12 +54,11 @@ class CollectionCheck(Result):
         return pd.DataFrame(rows, columns=list(Finding.__dataclass_fields__), dtype=object)
 
     def summary(self) -> str:
-        """Return the number of problems, a line for each finding, and what was not checked."""
+        """Return the number of problems, and a line for each finding."""
         broken = len({finding.entry for finding in self.findings})
         problems = f"{_counted(len(self.findings), 'problem')} in {broken} of them."
         head = f"{_counted(len(self.entries), 'entry')}: {problems if broken else 'no problems.'}"
-        not_sized = [f"  size not checked, no range is known: {text}" for text in self.not_sized]
-        return "\n".join([head, *_lines(self.findings, self.accepted), *not_sized])
+        return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the number of problems of each entry."""
@@ -73,7 +69,7 @@ class CollectionCheck(Result):
 class CatalogBuild(Result):
     """A catalog that was written."""
 
-    SCHEMA: ClassVar[str] = "jointz.CatalogBuild/1"
+    SCHEMA: ClassVar[str] = "jointz.CatalogBuild/2"
     JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("skipped_entries",)
 
     catalog: str  # path of the file
@@ -81,7 +77,6 @@ class CatalogBuild(Result):
     skipped: tuple[Finding, ...]  # findings that keep other entries out of it
     rows: int  # number of estimates and printed values
     people: int  # number of participants of all entries
-    accepted: tuple[Finding, ...] = ()  # findings that the entry itself accepts with a reason
 
     @property
     def skipped_entries(self) -> tuple[str, ...]:
@@ -107,7 +102,7 @@ class CatalogBuild(Result):
             head = f"{self.catalog}: {_counted(len(self.entries), 'entry')}, {self.people} people, "
             head += f"{self.rows} rows"
         head += f"; {_counted(len(self.skipped_entries), 'entry')} skipped."
-        return "\n".join([head, *_lines(self.skipped, self.accepted)])
+        return "\n".join([head, *(f"  {finding}" for finding in self.skipped)])
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the number of problems of each entry; entries with problems are skipped."""
@@ -118,11 +113,6 @@ def _counted(n: int, noun: str) -> str:
     if n != 1:
         noun = f"{noun.removesuffix('y')}ies" if noun.endswith("y") else f"{noun}s"
     return f"{n} {noun}"
-
-
-def _lines(findings: tuple[Finding, ...], accepted: tuple[Finding, ...]) -> list[str]:
-    lines = [f"  {finding}" for finding in findings]
-    return lines + [f"  accepted by the entry: {finding}" for finding in accepted]
 
 
 def _drawn(problems: Mapping[str, int], ax: "Axes | None") -> "Axes":

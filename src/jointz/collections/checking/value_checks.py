@@ -1,6 +1,6 @@
-"""Checks of a condition's tables of values: of every row, and of the sizes."""
+"""Checks of a condition's tables of values."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,7 +10,6 @@ import pandas as pd
 from jointz.collections.catalog_query import STANDING
 from jointz.collections.checking.covariance_checks import covariance_violations
 from jointz.collections.checking.entry_checks import PARAMETERS, Violation
-from jointz.collections.checking.ranges import MEDIAN_RANGES
 from jointz.collections.entry_model import Entry
 from jointz.collections.entry_reader import ConditionTables
 from jointz.core.channels import PARAMETER_UNITS
@@ -24,9 +23,6 @@ _ROUNDING = 1e-8
 #: Values per kg, and masses, are rounded by people too.
 _MASS_ROUNDING = 0.02
 _PER_MASS = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
-_DEGREES = 180.0 / np.pi
-#: People differ less, over all their timing points; values per kg or per degree differ more.
-_LARGEST_FACTOR = 20.0
 #: So many timing points are not all within the first hundredth of the cycle.
 _FEWEST_POINTS = 3
 _CELL = ["participant", "session", "side", "timing_point", "method"]
@@ -92,19 +88,7 @@ def _described(spec: Entry, tables: ConditionTables) -> pd.DataFrame:
     )
 
 
-def not_sized(spec: Entry, tables: Sequence[ConditionTables]) -> str:
-    """Return the parameters of an entry whose size has no known range; empty if all have one.
-
-    A value per kg is compared with the whole one, where that stands beside it.
-    """
-    present = {str(name) for one in tables for name in standing(one.rows)["parameter"].unique()}
-    sized = MEDIAN_RANGES.get(spec.joint.name, {}).keys() & present
-    sized |= {per_kg for per_kg, whole in _PER_MASS.items() if whole in sized}
-    missing = [name for name in PARAMETERS if name in present - sized]
-    return f"{', '.join(missing)} of the {spec.joint.name}" if missing else ""
-
-
-def standing(values: pd.DataFrame) -> pd.DataFrame:
+def _standing(values: pd.DataFrame) -> pd.DataFrame:
     """Return the rows with a value to use."""
     rows: pd.DataFrame = values[values["status"].isin(STANDING) & np.isfinite(values["value"])]
     return rows
@@ -145,50 +129,6 @@ def _phase_unit(_: Entry, tables: ConditionTables) -> Iterator[Violation]:
         yield "phase_range", where, "% of the gait cycle, 0 to 100", found
 
 
-def _sizes(spec: Entry, tables: ConditionTables) -> Iterator[Violation]:
-    """Compare medians with those of the joint: signs, units, and the joint itself."""
-    ranges = MEDIAN_RANGES.get(spec.joint.name, {})
-    masses = [person.mass_kg for person in spec.participants if person.mass_kg is not None]
-    mass_kg = float(np.median(masses)) if masses else None
-    for name, median in standing(tables.rows).groupby("parameter")["value"].median().items():
-        where = f"{tables.condition.estimates}, {name}"
-        low, high = ranges.get(str(name), (0.0, np.inf))
-        if median < 0:
-            found = f"{median:.4g}: is it the torque on the device, or is the angle inverted?"
-            yield "sign", where, "a median above zero", found
-        elif not low <= median <= high:
-            unit = PARAMETER_UNITS[str(name)]
-            expected = f"a median of {low:g} to {high:g} {unit} for a {spec.joint.name}"
-            found = f"{median:.4g}{_likely_slip(median, (low, high), mass_kg)}"
-            yield "out_of_range", where, expected, found
-
-
-def _likely_slip(median: float, limits: tuple[float, float], mass_kg: float | None) -> str:
-    """Name the slips that would explain a median out of its range."""
-    slips = {"N*m/deg for N*m/rad": _DEGREES, "degrees converted twice": 1 / _DEGREES}
-    if mass_kg is not None:
-        slips |= {"a value per kg for a whole one": mass_kg, "a whole one for per kg": 1 / mass_kg}
-    likely = [slip for slip, factor in slips.items() if limits[0] <= median * factor <= limits[1]]
-    return f" ({' or '.join(likely)}? another joint?)" if likely else " (another joint or unit?)"
-
-
-def _people_alike(_: Entry, tables: ConditionTables) -> Iterator[Violation]:
-    """Compare people with each other: some may be in another unit than the rest."""
-    rows = standing(tables.rows[tables.rows["status"] == "ok"])
-    typical = rows.groupby(["parameter", "timing_point"])["value"].transform("median")
-    ratio = (rows["value"] / typical.where(typical > 0)).dropna()
-    ratio = ratio.groupby([rows["parameter"], rows["participant"]]).median()
-    far = ratio[~ratio.between(1 / _LARGEST_FACTOR, _LARGEST_FACTOR)]
-    for parameter, people in far.groupby(level=0):
-        factors = zip(people.index.get_level_values(1), people.tolist(), strict=True)
-        shown = ", ".join(f"{who} {factor:.3g}" for who, factor in list(factors)[:3])
-        more = f" and {len(people) - 3} more" if len(people) > 3 else ""
-        where = f"{tables.condition.estimates}, {parameter}"
-        expected = f"people within a factor of {_LARGEST_FACTOR:g} of the median"
-        found = f"{shown}{more} times the median: per kg, per degree or another sign in some?"
-        yield "people_differ", where, expected, found
-
-
 def _intervals(spec: Entry, tables: ConditionTables) -> Iterator[Violation]:
     stands = tables.rows["stands"] & tables.rows["value"].notna()
     if stands.any() and not (stands & tables.rows["has_interval"]).any():
@@ -210,7 +150,7 @@ def _method_differs(spec: Entry, tables: ConditionTables) -> Iterator[Violation]
 
 def _per_mass(spec: Entry, tables: ConditionTables) -> Iterator[Violation]:
     """Compare values per kg with whole ones and the mass."""
-    rows = standing(tables.rows)
+    rows = _standing(tables.rows)
     masses = {person.id: person.mass_kg for person in spec.participants}
     for per_kg, whole in _PER_MASS.items():
         pair = rows[rows["parameter"] == per_kg].merge(rows[rows["parameter"] == whole], on=_CELL)
@@ -259,8 +199,6 @@ _CHECKS: tuple[Check, ...] = (
     RowCheck("phase_range", "onset_gait_pct", "0 to 100 % of the gait cycle",
              lambda v: v.has_phase & ~v.onset_gait_pct.between(0.0, 100.0)),
     _phase_unit,
-    _sizes,
-    _people_alike,
 )  # fmt: skip
 _INTERVAL_CHECKS: tuple[Check, ...] = (
     RowCheck("interval_missing", "ci_low", "both ends of the interval",
