@@ -13,7 +13,7 @@ from typing import Any
 
 import typer
 
-from jointz.cli.command_line import app
+from jointz.cli.command_line import command_line
 
 PAGE = Path(__file__).parent / "cli.md"
 
@@ -44,7 +44,7 @@ that is ignored from the start, as by `nohup` or in a script's background job, s
 
 def page() -> str:
     """Return the text of cli.md."""
-    return "\n".join([_HEAD, *_sections("jointz", typer.main.get_command(app))])
+    return "\n".join([_HEAD, *_sections("jointz", typer.main.get_command(command_line()))])
 
 
 def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:

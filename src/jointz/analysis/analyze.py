@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import Any
 
 from jointz.analysis.mass_checks import mass_questions, mass_remarks, without_values_per_kg
@@ -22,8 +23,6 @@ from jointz.core.errors import DataError, EngineError, OutputError, StudyError, 
 from jointz.core.method_names import PREDICTED, RECOMMENDED, STRAPPED
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
-from jointz.identify.appraisal.certificate_draws import Injection
-from jointz.identify.appraisal.certificate_study import assembled, replicates_for
 from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
@@ -121,7 +120,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     if exclusions.is_file():
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
-    injections = replicates_for(len(people), virtual=_INJECTIONS) if certify else 0
+    injections = ceil(_INJECTIONS / max(len(people), 1)) if certify else 0
     request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
     with (
         shown_progress(progress=progress) as show,
@@ -191,6 +190,9 @@ def _with_pooled_people(
     if request.method != RECOMMENDED:
         return analysis
     if request.injections:
+        from jointz.identify.appraisal.certificate_draws import Injection
+        from jointz.identify.appraisal.certificate_study import assembled
+
         certificate = assembled(
             virtual,
             Injection(),

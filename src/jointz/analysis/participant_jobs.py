@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from typing import Any
 
-from jointz.analysis.likelihood_pulses import likelihood_pulses
 from jointz.analysis.rate_checks import check_strides
 from jointz.analysis.study_pulses import pulse_tables
 from jointz.core.errors import DataError, StudyError
@@ -17,8 +16,6 @@ from jointz.core.method_names import FULL_RECORD, PREDICTED, RECOMMENDED
 from jointz.core.priors import PriorsSpec
 from jointz.core.recording import history_of
 from jointz.core.study import Study
-from jointz.identify.appraisal.certificate_draws import Injection
-from jointz.identify.appraisal.certificate_study import certify_participant
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.study_kinds import KINDS
@@ -165,9 +162,14 @@ def _outcome(
         request.study, person_id, request.method, resamples=request.resamples, seed=request.seed
     )
     result = _analyzed(person_id, recordings, settings)
-    virtual = certify_participant(
-        result.evidence, Injection(), replicates=request.injections, seed=request.seed
-    )
+    virtual: list[VirtualEstimate] = []
+    if request.injections:
+        from jointz.identify.appraisal.certificate_draws import Injection
+        from jointz.identify.appraisal.certificate_study import certify_participant
+
+        virtual = certify_participant(
+            result.evidence, Injection(), replicates=request.injections, seed=request.seed
+        )
     return Outcome(replace(result, evidence=()), virtual, inputs)
 
 
@@ -253,6 +255,8 @@ def _analyzed(
     method = settings.methods[0]
     if method != FULL_RECORD:
         return result
+    from jointz.analysis.likelihood_pulses import likelihood_pulses  # needed by benches only
+
     single = likelihood_pulses(
         recordings,
         result.single,

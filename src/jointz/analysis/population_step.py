@@ -26,8 +26,6 @@ from jointz.results.participant_model import ParticipantModel
 from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
-from jointz.stats.pulse_effects import pulse_effects
-from jointz.stats.quasi_stiffness import quasi_stiffness
 
 #: Number of names in a note; the tables have the others.
 _MOST_NAMES = 3
@@ -100,6 +98,8 @@ def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:
     pulses = [p for p in single if p.direction]
     if len({p.sign for p in pulses}) < 2:
         return {}
+    from jointz.stats.pulse_effects import pulse_effects  # needed by benches only
+
     table = pd.DataFrame([asdict(p) for p in pulses])
     table = table.rename(columns={"participant": "case", "timing_point": "trajectory"})
     methods = list(dict.fromkeys(p.method for p in pulses))
@@ -373,6 +373,8 @@ def _rows(curves: StrideCurves, timing_points: Mapping[str, float]) -> Iterator[
 def _of_stride(
     angle: np.ndarray, moment: np.ndarray, timing_points: Mapping[str, float]
 ) -> QuasiStiffness:
+    from jointz.stats.quasi_stiffness_slopes import quasi_stiffness  # needed without pulses only
+
     return quasi_stiffness(angle, moment, timing_points=timing_points, moment_unit="N*m")
 
 

@@ -3,17 +3,13 @@
 import io
 import os
 import sys
+from collections.abc import Collection
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
 from jointz import __version__
-from jointz.analysis.command import analyze
-from jointz.calibration.command import calibrate
-from jointz.collections.command import collect
-from jointz.comparison.command import compare
-from jointz.console.command import console
-from jointz.conversion.command import convert
 from jointz.core.errors import (
     DeviceError,
     EngineError,
@@ -23,16 +19,8 @@ from jointz.core.errors import (
     WriteError,
 )
 from jointz.core.stop_signals import is_stop_noted
-from jointz.demo.command import demo
-from jointz.explorer.command import explore
-from jointz.identification.command import identify
-from jointz.inspection.command import inspect
 from jointz.io.formats.memory_limit import VARIABLE
 from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
-from jointz.reproduction.command import reproduce
-from jointz.session.command import run as run_experiment
-from jointz.session.protocols_command import protocols
-from jointz.session.stream_command import stream as stream_session
 from jointz.terminal.exit_status import EXIT_STOPPED, note_command
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
@@ -47,27 +35,23 @@ _EXIT_BUG = 70
 #: Wrong options; typer gives it no name of its own.
 _UsageError: Any = typer.BadParameter.__base__
 
-app = typer.Typer(
-    name="jointz",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-    add_completion=False,
-)
-app.command("demo")(demo)
-app.add_typer(protocols, name="protocols")
-app.command("run")(run_experiment)
-app.command("console")(console)
-app.command("stream")(stream_session)
-app.command("calibrate")(calibrate)
-app.command("inspect")(inspect)
-app.command("convert")(convert)
-app.command("analyze")(analyze)
-app.add_typer(identify, name="identify")
-app.command("compare")(compare)
-app.add_typer(collect, name="collect")
-app.command("explore")(explore)
-app.command("reproduce")(reproduce)
+#: Commands in the order of the help, and where they are.
+_COMMANDS = {
+    "demo": "jointz.demo.command:demo",
+    "protocols": "jointz.session.protocols_command:protocols",
+    "run": "jointz.session.command:run",
+    "console": "jointz.console.command:console",
+    "stream": "jointz.session.stream_command:stream",
+    "calibrate": "jointz.calibration.command:calibrate",
+    "inspect": "jointz.inspection.command:inspect",
+    "convert": "jointz.conversion.command:convert",
+    "analyze": "jointz.analysis.command:analyze",
+    "identify": "jointz.identification.command:identify",
+    "compare": "jointz.comparison.command:compare",
+    "collect": "jointz.collections.command:collect",
+    "explore": "jointz.explorer.command:explore",
+    "reproduce": "jointz.reproduction.command:reproduce",
+}
 
 
 def _version(value: bool) -> None:
@@ -76,7 +60,6 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _jointz(
     context: typer.Context,
     version: Annotated[
@@ -105,11 +88,32 @@ def _jointz(
         checked_memory_limit()
 
 
+def command_line(arguments: Collection[str] = ()) -> typer.Typer:
+    """Return the commands that the arguments name; all of them if they name none."""
+    app = typer.Typer(
+        name="jointz",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        add_completion=False,
+    )
+    app.callback()(_jointz)
+    for name in [name for name in _COMMANDS if name in arguments] or _COMMANDS:
+        module, attribute = _COMMANDS[name].split(":")
+        command = getattr(import_module(module), attribute)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        else:
+            app.command(name)(command)
+    return app
+
+
 def run_command_line() -> int:
     """Run the command line and return its exit status; errors become one message."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
+    app = command_line(sys.argv[1:])
     if "--debug" in sys.argv:
         app(prog_name="jointz")
     try:

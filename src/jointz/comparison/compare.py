@@ -36,7 +36,7 @@ from jointz.core.errors import DataError, OutputError
 from jointz.core.provenance import now, software
 from jointz.results.statistics.comparison_rows import GROUPS, PAIRED
 from jointz.results.statistics.mixed_model_fit import ADJUSTMENTS, ERRORS
-from jointz.stats.mixed_model import DF_METHODS
+from jointz.stats.mixed_models import DF_METHODS
 
 PAGE = "comparison.html"
 _FLOAT_FORMAT = "%.10g"

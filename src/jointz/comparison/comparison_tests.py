@@ -31,7 +31,7 @@ from jointz.stats.comparison import (
     paired_difference,
     repeatability,
 )
-from jointz.stats.mixed_model import mixed_model
+from jointz.stats.mixed_models import mixed_model
 
 _TOO_FEW = Failure.TOO_FEW_PARTICIPANTS.status
 _NO_SPREAD = "no_spread"

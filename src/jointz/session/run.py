@@ -25,7 +25,6 @@ from jointz.io.calibration_file import read_calibration
 from jointz.io.protocols import load_protocol
 from jointz.results.run_report import RunReport, StudyRun
 from jointz.session.participant_run import REPORT_FILE as SESSION_REPORT
-from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
 from jointz.session.rigs.rig_settings import (
     RigSettings,
     hardware_settings,
@@ -139,6 +138,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     if config is None:
         rig = rig_settings(spec, device or "sim", preset or "nominal", chosen)
     else:
+        from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
+
         refuse_with_devices(device=device, preset=preset, clock=clock, workers=workers)
         if operator is None and not attended:
             raise DataError("operator: missing; with real devices somebody has to be prompted.")

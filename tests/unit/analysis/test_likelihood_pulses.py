@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jointz.analysis.likelihood_pulses import METHOD, likelihood_pulses
+from jointz.analysis.likelihood_pulses import likelihood_pulses
 from jointz.analysis.population_step import study_statistics
 from jointz.core.events import PulseEstimate
+from jointz.core.method_names import PULSE_LIKELIHOOD
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, TorqueModelSpec
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import RecordingInput
@@ -66,7 +67,7 @@ def by_likelihood(single, cells):
 def test_a_pulse_is_estimated_by_itself_with_gain_and_lag_taken_out():
     first, second = by_likelihood([pulse(0.3), pulse(1.2)], [cell()])
     for found in (first, second):
-        assert found.method == METHOD
+        assert found.method == PULSE_LIKELIHOOD
         assert found.stiffness == pytest.approx(K, rel=0.01)
         assert found.damping == pytest.approx(B, abs=0.05)
         assert found.inertia == pytest.approx(J, rel=0.01)
@@ -122,5 +123,7 @@ def statistics(cells, single, method="full_record"):
 
 
 def test_the_tests_of_pulses_name_the_method_of_their_estimates():
-    given = [replace(pulse(0.1 * k, sign=1 if k % 2 else -1), method=METHOD) for k in range(8)]
-    assert statistics([cell(n_used=8)], given)["pulse_effects"]["methods"] == [METHOD]
+    given = [
+        replace(pulse(0.1 * k, sign=1 if k % 2 else -1), method=PULSE_LIKELIHOOD) for k in range(8)
+    ]
+    assert statistics([cell(n_used=8)], given)["pulse_effects"]["methods"] == [PULSE_LIKELIHOOD]

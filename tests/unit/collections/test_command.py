@@ -8,7 +8,7 @@ import pytest
 from benchmarks.collection_entries import write_entry
 from typer.testing import CliRunner
 
-from jointz.cli.command_line import app
+from jointz.cli.command_line import command_line
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def catalog(collection):
 
 
 def call(*arguments):
-    return CliRunner().invoke(app, ["collect", *map(str, arguments)])
+    return CliRunner().invoke(command_line(), ["collect", *map(str, arguments)])
 
 
 def test_check_tells_a_sound_collection_from_a_spoilt_one(collection, tmp_path):

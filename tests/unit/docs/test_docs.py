@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.population_step import quasi_stiffness_rows
-from jointz.cli.command_line import app
+from jointz.cli.command_line import command_line
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
@@ -79,7 +79,7 @@ def cli_script(load_script: Callable[[Path], ModuleType]) -> ModuleType:
 
 def parse(arguments: list[str]) -> None:
     """Parse a command line as jointz would, without running it."""
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(command_line())
     while getattr(command, "commands", None):
         while arguments and arguments[0].startswith("-"):
             arguments = arguments[1:]

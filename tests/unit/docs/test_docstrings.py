@@ -11,7 +11,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel
 
-from jointz.cli.command_line import app
+from jointz.cli.command_line import command_line
 
 
 def reference() -> Iterator[tuple[str, Any]]:
@@ -50,7 +50,7 @@ def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
         yield from commands(f"{name} {own}", inner)
 
 
-COMMANDS = dict(commands("jointz", typer.main.get_command(app)))
+COMMANDS = dict(commands("jointz", typer.main.get_command(command_line())))
 
 
 def test_every_public_name_has_a_docstring():

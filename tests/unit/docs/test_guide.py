@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 import typer
 
-from jointz.cli.command_line import app
+from jointz.cli.command_line import command_line
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 
 ROOT = Path(__file__).parents[3]
 #: Options that every command has.
 _USUAL = {"--json", "--quiet", "--debug", "--help"}
-_COMMANDS = typer.main.get_command(app).commands
+_COMMANDS = typer.main.get_command(command_line()).commands
 
 
 def text(name: str) -> str:

@@ -11,7 +11,7 @@ from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS
 from jointz.reference import chapter4, row_mean
 from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
-from jointz.stats.quasi_stiffness import compare_quasi_stiffness, quasi_stiffness
+from jointz.stats.quasi_stiffness_slopes import compare_quasi_stiffness, quasi_stiffness
 
 GAIT_PCT = np.linspace(0.0, 100.0, 101)
 #: Rises and falls over the cycle; the timing points lie on its slopes, but for MST, near its top.

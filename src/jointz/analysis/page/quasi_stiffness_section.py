@@ -8,9 +8,8 @@ from jointz.analysis.paper.table import NO_VALUE, NOTE, Table
 from jointz.core.events import row_label
 from jointz.report.subjects import subjects
 from jointz.report.wording import DASH, format_integer, format_interval, pretty_unit
-from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
+from jointz.results.statistics.quasi_stiffness_fit import WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.stats.quasi_stiffness import WINDOW_PCT
 
 _MEASURES: Final = ("slope", "local_slope", "secant")
 

@@ -26,9 +26,8 @@ from jointz.report.wording import (
     method_name,
     status_meaning,
 )
-from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
+from jointz.results.statistics.quasi_stiffness_fit import STEP_PCT, WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.stats.quasi_stiffness import STEP_PCT, WINDOW_PCT
 
 _SIMULATED: Final = "All recordings are simulated: no person was measured."
 _HASH_DIGITS: Final = 12

@@ -54,7 +54,7 @@ from jointz.reproduction.reproduction_tables import (
 )
 from jointz.results.statistics.mixed_model_fit import MixedModelFit, RandomEffectTest
 from jointz.results.statistics.waveform_test import WaveformTest
-from jointz.stats.mixed_model import mixed_model
+from jointz.stats.mixed_models import mixed_model
 from jointz.tasks.progress import Progress, RunProgress
 
 _METHODS = {

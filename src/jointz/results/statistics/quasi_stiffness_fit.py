@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 #: Slope over the phase; slope over a window about the timing point; moment over angle.
 MEASURES = ("slope", "local_slope", "secant")
+#: The curve enters a regression by interpolated values this far apart, % of the cycle.
+STEP_PCT = 0.25
+#: Width of the window of a local slope, % of the cycle.
+WINDOW_PCT = 6.0
 
 _DEGREE = 57.29577951308232
 

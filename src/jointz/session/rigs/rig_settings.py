@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError
@@ -12,7 +12,9 @@ from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.drivers import registered_devices
 from jointz.devices.interface import Devices, Rig, Wearer
 from jointz.io.calibration_file import CalibrationFile
-from jointz.session.rigs.hardware_rig import Hardware, HardwareRig
+
+if TYPE_CHECKING:
+    from jointz.session.rigs.hardware_rig import Hardware
 
 PRESETS = ("clean", "nominal", "hard", "anthropometric")
 _BENCH_PRESETS = ("clean", "nominal", "hard")
@@ -35,7 +37,7 @@ class RigSettings:
     loads: tuple[LoadSpec, ...] = ()  # loads of the bench, or of the calibration's step
     speed_m_s: float = REFERENCE_SPEED_M_S  # m/s: walking speed of simulated people
     # real devices instead of simulated ones; ``device`` and ``preset`` are ``hardware`` then
-    hardware: Hardware | None = None
+    hardware: "Hardware | None" = None
     step: CalibrationStep | None = None  # step of a calibration, for a protocol of a calibration
     # calibration of the instruments; takes precedence over the values of the rig
     known: CalibrationFile | None = None
@@ -81,7 +83,7 @@ def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> Rig
     )
 
 
-def hardware_settings(hardware: Hardware, seed: int) -> RigSettings:
+def hardware_settings(hardware: "Hardware", seed: int) -> RigSettings:
     """Return the settings of a rig of real devices."""
     return RigSettings("hardware", "hardware", seed, hardware=hardware)
 
@@ -102,6 +104,8 @@ def open_rig(settings: RigSettings, number: int) -> Rig:
     """Return the rig of one participant or load."""
     rig: Rig
     if settings.hardware is not None:
+        from jointz.session.rigs.hardware_rig import HardwareRig
+
         rig = HardwareRig(settings.hardware, number)
     else:
         rig = registered_devices("rig")[settings.device].load()(settings, number)

@@ -3,20 +3,21 @@
 from jointz.core.protocols.protocol import LoadSpec
 from jointz.devices.interface import Rig
 from jointz.session.rigs.rig_settings import RigSettings
-from jointz.sim.benches.bench_rig import simulated_bench
-from jointz.sim.calibration_benches.calibration_rig import calibration_rig
-from jointz.sim.rig import simulated_rig
 
 
 def open_simulated_rig(settings: RigSettings, number: int) -> Rig:
     """Return the simulated rig of one participant or load."""
     preset, seed, rate_hz = settings.preset, settings.seed, settings.sample_rate_hz
     if settings.bench is not None:
+        from jointz.sim.benches.bench_rig import simulated_bench
+
         load = settings.loads[number] if settings.loads else LoadSpec(name="bench")
         return simulated_bench(
             settings.bench, load, preset=preset, seed=seed, sample_rate_hz=rate_hz
         )
     if settings.step is not None:
+        from jointz.sim.calibration_benches.calibration_rig import calibration_rig
+
         return calibration_rig(
             number,
             settings.step,
@@ -25,6 +26,8 @@ def open_simulated_rig(settings: RigSettings, number: int) -> Rig:
             seed=seed,
             sample_rate_hz=rate_hz,
         )
+    from jointz.sim.rig import simulated_rig
+
     # A goniometer whose zero is calibrated was not zeroed when it was taped on: a zeroed one would
     # be corrected for an offset that it does not have.
     known = settings.known

@@ -15,6 +15,8 @@ from jointz.core import provenance
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
 from jointz.results.statistics.quasi_stiffness_fit import (
+    STEP_PCT,
+    WINDOW_PCT,
     ComparedPoint,
     QuasiStiffness,
     QuasiStiffnessComparison,
@@ -22,16 +24,12 @@ from jointz.results.statistics.quasi_stiffness_fit import (
     QuasiStiffnessEstimate,
 )
 
-#: The curve enters a regression by interpolated values this far apart, % of the cycle.
-STEP_PCT = 0.25
 #: From this share of going back on, the angle is said to turn.
 TURNS_FROM = 0.2
 #: Below this the angle's range, or the angle under a secant, is small.
 SMALL_RAD = radians(1.0)
 #: Below this the moment does not follow a line over angle.
 LINE_FROM = 0.5
-#: Width of the window of a local slope, % of the cycle.
-WINDOW_PCT = 6.0
 _FEWEST_NODES = 3
 _LARGEST_ANGLE_RAD = 2 * pi
 
