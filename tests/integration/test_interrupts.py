@@ -240,9 +240,7 @@ press()
 
 @pytest.mark.parametrize("way", HANGING)
 def test_a_late_ctrl_c_ends_a_clean_up_that_hangs(program, way):
-    code = (
-        f"from jointz.core import stop_signals\nstop_signals._AT_ONCE_S = 1.0\n{HANGING[way]}"
-    )
+    code = f"from jointz.core import stop_signals\nstop_signals._AT_ONCE_S = 1.0\n{HANGING[way]}"
     running = subprocess.Popen(
         [sys.executable, "-m", "program", "demo", code],
         cwd=program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
