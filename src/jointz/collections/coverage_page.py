@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.collections.catalog_query import CatalogFilter
 from jointz.collections.pool import RULES
-from jointz.collections.pool_result import ONE_STUDY, CollectionPool, of_row
+from jointz.collections.pool_result import ONE_STUDY, CollectionPool, studies_of_row
 from jointz.core.codes import NotPooled
 from jointz.core.gait_phases import ALL_POINTS, PHASES
 from jointz.report.html_page import render_template
@@ -157,7 +157,7 @@ def _reasons(pool: CollectionPool, rows: pd.DataFrame) -> list[tuple[str, ...]]:
         counts = [f"{row[f'n_{word}']} {word}" for word in ("undecided", "failed")
                   if row[f"n_{word}"]]  # fmt: skip
         group = by_place.get(tuple(row[key] for key in keys))
-        status = set() if group is None else set(of_row(group, row)["status"])
+        status = set() if group is None else set(studies_of_row(group, row)["status"])
         reasons.append(
             (*counts, *(text for code, text in _SHORT_REASONS.items() if code in status))
         )
@@ -357,7 +357,7 @@ def forest_plots(pool: CollectionPool, rows: pd.DataFrame) -> list[dict[str, Any
     by_place = dict(list(studies[studies["weight_pct"].notna()].groupby(keys, sort=False)))
     groups: dict[str, list[_Row]] = {}
     for row in rows[rows["status"] == "ok"].to_dict("records"):
-        group = of_row(by_place[tuple(row[key] for key in keys)], row)
+        group = studies_of_row(by_place[tuple(row[key] for key in keys)], row)
         joint = str(row["joint"]).capitalize() if "joint" in pool.by else ""
         name = ": ".join(part for part in (joint, parameter_name(row["parameter"])) if part)
         place = [point_name(str(row[key])) for key in pool.by if key != "joint"]

@@ -128,7 +128,7 @@ class CollectionPool(Result):
         keys = [*self.by, "parameter", "unit"]
         studies = pd.concat([self.studies, self.printed], ignore_index=True)
         pooled_here = (studies[keys] == row[keys]).all(axis=1) & studies["weight_pct"].notna()
-        studies = of_row(studies[pooled_here], row.to_dict())
+        studies = studies_of_row(studies[pooled_here], row.to_dict())
         axes = draw_forest(studies.to_dict("records"), row.to_dict(), ax)
         axes.set_xlabel(f"{row['parameter']} ({row['unit']}), 95 % intervals")
         axes.set_title(", ".join(str(row[key]) for key in self.by))
@@ -155,7 +155,7 @@ class CollectionPool(Result):
         )
 
 
-def of_row(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
+def studies_of_row(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
     """Return the studies of a place that belong to a row of the pooled table."""
     # The text of methods is not split: a method's name may hold a comma.
     of_method: pd.DataFrame = studies[studies["method"] == row["methods"]]

@@ -56,8 +56,8 @@ def analyze_load(study: Path, load: str, truth: Mapping[str, Any], seed: int) ->
     """Estimate one load of ``sea-mass-spring`` by both methods."""
     opened = _study_of_load(open_study(study), load)
     analysis = analyze(opened, method="recommended", resamples=2, seed=seed)
-    letter = analyze(opened, method="dissertation", resamples=2, seed=seed)
-    single = [_without_intrinsic(p, opened) for p in letter.single]
+    published = analyze(opened, method="dissertation", resamples=2, seed=seed)
+    single = [_without_intrinsic(p, opened) for p in published.single]
     pairs = []
     for cell in analysis.cells:
         point = cell.timing_point
@@ -75,7 +75,7 @@ def analyze_load(study: Path, load: str, truth: Mapping[str, Any], seed: int) ->
                     *((ours.value, ours.ci_low, ours.ci_high) if ours else (None, None, None)),
                 )
             )
-    vaf = {c.timing_point: float(c.vaf_pct) for c in letter.cells if c.vaf_pct is not None}
+    vaf = {c.timing_point: float(c.vaf_pct) for c in published.cells if c.vaf_pct is not None}
     ours_single = [_without_intrinsic(p, opened) for p in analysis.single]
     return LoadStudy(pairs, vaf, single, ours_single, truth["torque_gain"])
 
@@ -144,9 +144,9 @@ def _error_row(
     printed: Printed,
 ) -> Compared:
     own = pairs_of(pairs, parameter, load, trajectory)
-    letter = [error_pct(p.dissertation, p.truth) for p in own]
+    published = [error_pct(p.dissertation, p.truth) for p in own]
     ours = [error_pct(p.recommended, p.truth) for p in own if p.recommended is not None]
-    spread = (fmean(letter), stdev(letter))
+    spread = (fmean(published), stdev(published))
     return compare(quantity, "%", printed, spread, fmean(ours) if ours else None)
 
 
@@ -229,10 +229,10 @@ def claim_tables(
     pairs: Sequence[Pair], single: Sequence[PulseEstimate], ours: Sequence[PulseEstimate]
 ) -> tuple[ComparedTable, tuple[str, ...]]:
     """Return counts of ANOVAs and the claims of 2.4, and notes on what is confounded."""
-    letter, recommended = _effects(single), _effects(ours)
+    published, recommended = _effects(single), _effects(ours)
     rows = [
-        *_anova_rows(letter, recommended),
-        *_larger_rows(letter, recommended),
+        *_anova_rows(published, recommended),
+        *_larger_rows(published, recommended),
         *_below_rows(pairs),
         *_order_rows(pairs),
         _damping_row(pairs),
@@ -264,15 +264,15 @@ def _compared(quantity: str, printed: Printed | None, *shares: Share, note: str 
 # --- ANOVAs --------------------------------------------------------------------------------------
 
 
-def _anova_rows(letter: PulseEffects, ours: PulseEffects) -> list[Compared]:
+def _anova_rows(published: PulseEffects, ours: PulseEffects) -> list[Compared]:
     rows = []
     for effect, number in chapter2.SIGNIFICANT_SHARES.items():
         factors = ("type", "direction") if effect == "all" else (effect,)
         name = " and ".join(factors)
-        both = ((letter, "one_way"), (ours, "mixed"))
+        both = ((published, "one_way"), (ours, "mixed"))
         rows += [
             _compared(
-                f"ANOVAs with p < 0.05, {name}", number, _significant(letter, "one_way", factors)
+                f"ANOVAs with p < 0.05, {name}", number, _significant(published, "one_way", factors)
             ),
             _compared(
                 f"ANOVAs with p < 0.05, {name}, without E",
@@ -322,7 +322,7 @@ def _printed_without_e(factors: Sequence[str]) -> Printed:
 # --- means ---------------------------------------------------------------------------------------
 
 
-def _larger_rows(letter: PulseEffects, ours: PulseEffects) -> list[Compared]:
+def _larger_rows(published: PulseEffects, ours: PulseEffects) -> list[Compared]:
     claims = (
         ("positive_larger", "type", "positive pulses give the larger", chapter2.POSITIVE_LARGER),
         ("with_larger", "direction", "pulses with the trajectory the larger", chapter2.WITH_LARGER),
@@ -330,7 +330,7 @@ def _larger_rows(letter: PulseEffects, ours: PulseEffects) -> list[Compared]:
     rows = []
     for claim, effect, text, printed in claims:
         for parameter, number in printed.items():
-            counts = [e.count(claim, "means", parameter, effect) for e in (letter, ours)]
+            counts = [e.count(claim, "means", parameter, effect) for e in (published, ours)]
             shares = (Share(c.count, c.of) for c in counts)
             rows.append(_compared(f"{text} {parameter}", number, *shares))
     return rows

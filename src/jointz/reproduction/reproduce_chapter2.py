@@ -173,7 +173,7 @@ def intrinsic(study: Path, truth: Mapping[str, float]) -> _Numbers:
         for entry in opened.spec.recordings
         for trial in read_recording(opened, entry)
     ]
-    letter = [_least_squares(trial) for trial in trials]
+    published = [_least_squares(trial) for trial in trials]
     gain = opened.spec.calibration_of(opened.spec.recordings[0]).torque_gain
     ours = fit_full_record(
         [BenchTrial(trial["time"], trial["angle"], trial["torque"]) for trial in trials],
@@ -194,7 +194,9 @@ def intrinsic(study: Path, truth: Mapping[str, float]) -> _Numbers:
             ours.parameter(name),
             truth=truth[name],
         )
-        for name, number, values in zip(PARAMETERS, printed, zip(*letter, strict=True), strict=True)
+        for name, number, values in zip(
+            PARAMETERS, printed, zip(*published, strict=True), strict=True
+        )
     ]
     lag_s = ours.parameter("torque_lag").value or 0.0
     response = _response(trials[0], [row.recommended or 0.0 for row in rows], lag_s)

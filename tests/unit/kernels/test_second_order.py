@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from jointz.kernels.series.second_order import PulseRecord, maximise_likelihood
+from jointz.kernels.series.second_order import PulseSignals, maximise_likelihood
 from jointz.kernels.series.second_order_recursion import transfer_coefficients
 
 STEP = 1 / 900
@@ -44,7 +44,7 @@ def response(load: str, n: int, lag: float = 0.0) -> tuple[np.ndarray, np.ndarra
 def test_clean_records_give_the_load_and_the_lag_back(lag, at_rest):
     angle, torque = response("light", 226, lag)
     offset = 0.0 if at_rest else 3.0
-    record = PulseRecord(angle, torque + offset, 40, STEP, at_rest)
+    record = PulseSignals(angle, torque + offset, 40, STEP, at_rest)
 
     fit = maximise_likelihood(
         record,
@@ -60,7 +60,7 @@ def test_clean_records_give_the_load_and_the_lag_back(lag, at_rest):
 
 
 def test_a_load_too_fast_for_the_clock_is_not_fitted():
-    record = PulseRecord(*response("light", 100), 40, STEP, True)
+    record = PulseSignals(*response("light", 100), 40, STEP, True)
 
     fit = maximise_likelihood(
         record, np.array([1e9, 0.0, 1e-6, 0.0, 0.0]), noise_sd=(1e-5, 0.05), lag_prior=None
@@ -75,12 +75,12 @@ def test_a_load_too_fast_for_the_clock_is_not_fitted():
     [
         ({"start": np.array([1.0, 0.0, -1.0, 0.0, 0.0])}, "> 0"),
         ({"noise_sd": (0.0, 0.0)}, "noise"),
-        ({"record": PulseRecord(np.zeros(5), np.zeros(20), 5, STEP, True)}, "10 samples"),
+        ({"record": PulseSignals(np.zeros(5), np.zeros(20), 5, STEP, True)}, "10 samples"),
     ],
 )
 def test_arguments_without_sense_are_refused(changes, message):
     arguments = {
-        "record": PulseRecord(*response("light", 50), 40, STEP, True),
+        "record": PulseSignals(*response("light", 50), 40, STEP, True),
         "start": np.array([100.0, 0.0, 0.05, 0.0, 0.0]),
         "noise_sd": (1e-5, 0.1),
         "lag_prior": None,

@@ -196,12 +196,12 @@ def _check_responses(responses: _Responses) -> None:
             f"{_WHERE}: expected at least {_FEWEST_PULSES} pulses that both runs hold, got "
             f"{len(responses.pulses)} ({'; '.join(responses.left_out)}). Record longer runs.",
         )
-    for row, dust, code in (
+    for row, rounding, code in (
         (ANGLE, _DUST_RAD, Failure.CONSTANT_ANGLE),
         (TORQUE, _DUST_NM, Failure.CONSTANT_TORQUE),
     ):
         size = float(np.abs(responses.windows[:, row]).max())
-        if size < dust:
+        if size < rounding:
             raise EstimationError(
                 code,
                 f"{_WHERE}: {code.meaning}; {size:.3g} at most. Check that the second run of "

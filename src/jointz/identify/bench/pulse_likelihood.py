@@ -9,7 +9,7 @@ from scipy.signal import savgol_filter
 from jointz.core.errors import DataError
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
 from jointz.identify.series.block_regression import t_factor
-from jointz.kernels.series.second_order import LikelihoodFit, PulseRecord, maximise_likelihood
+from jointz.kernels.series.second_order import LikelihoodFit, PulseSignals, maximise_likelihood
 from jointz.kernels.series.second_order_recursion import REACH
 from jointz.results.bench.bench_fits import PulseFit, estimate
 from jointz.results.series.joint_fit import FitSeries
@@ -120,7 +120,7 @@ def fit_pulse(
 
 def _window(
     even: EvenRecord, start_s: float, window_s: float, *, at_rest: bool
-) -> tuple[PulseRecord, int]:
+) -> tuple[PulseSignals, int]:
     """Return the window, and its first sample in the record."""
     step = even.step_s
     first = int(np.ceil((start_s - even.time_s[0]) / step - 1e-6))
@@ -141,7 +141,7 @@ def _window(
     if not at_rest:
         angle -= angle.mean()
         padded -= padded.mean()
-    return PulseRecord(angle, padded, before + missing, step, at_rest), first
+    return PulseSignals(angle, padded, before + missing, step, at_rest), first
 
 
 def _estimated_noise(even: EvenRecord) -> NoiseLevels:
@@ -153,7 +153,7 @@ def _estimated_noise(even: EvenRecord) -> NoiseLevels:
 
 
 def _best_of_starts(
-    record: PulseRecord, levels: NoiseLevels, lag: tuple[float, float] | None
+    record: PulseSignals, levels: NoiseLevels, lag: tuple[float, float] | None
 ) -> LikelihoodFit:
     """Return the likeliest fit; a free lag is searched further where the first is none."""
     lags = _START_LAGS_S if lag is None else (lag[0],)
@@ -171,7 +171,7 @@ def _best_of_starts(
     return min(fits, key=lambda fit: (not fit.converged, fit.chi_square))
 
 
-def _smooth_motion(record: PulseRecord) -> np.ndarray:
+def _smooth_motion(record: PulseSignals) -> np.ndarray:
     """Return (3, n): angle, velocity, acceleration of a local cubic."""
     half = max(3, round(_SMOOTH_S / record.step_s))
     width = min(2 * half + 1, (record.angle.size - 1) // 2 * 2 + 1)
@@ -183,7 +183,7 @@ def _smooth_motion(record: PulseRecord) -> np.ndarray:
     )
 
 
-def _start(record: PulseRecord, lag_s: float) -> np.ndarray:
+def _start(record: PulseSignals, lag_s: float) -> np.ndarray:
     """Return K, B, J, lag, offset from a regression on the smoothed motion."""
     motion = _smooth_motion(record)
     torque = _shifted_torque(record, lag_s)
@@ -196,7 +196,7 @@ def _start(record: PulseRecord, lag_s: float) -> np.ndarray:
     return np.array([K, max(B, 0.0), J, lag_s, 0.0 if record.at_rest else offset])
 
 
-def _shifted_torque(record: PulseRecord, lag_s: float) -> np.ndarray:
+def _shifted_torque(record: PulseSignals, lag_s: float) -> np.ndarray:
     at = record.lead + lag_s / record.step_s + np.arange(record.angle.size)
     shifted: np.ndarray = np.interp(at, np.arange(record.torque.size), record.torque)
     return shifted
@@ -204,7 +204,7 @@ def _shifted_torque(record: PulseRecord, lag_s: float) -> np.ndarray:
 
 def _result(
     fit: LikelihoodFit,
-    record: PulseRecord,
+    record: PulseSignals,
     start_s: float,
     *,
     levels: NoiseLevels,

@@ -19,7 +19,7 @@ from jointz.identify.preparation.cell_data import (
     check_average,
     response_of,
     vaf_pct,
-    without_dust,
+    without_rounding,
 )
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE
 from jointz.kernels.bounded_lsq import (
@@ -67,16 +67,16 @@ def solve_average(
     check_average(average, condition)
     free = least_squares(gram, moment)[0]
     if not bounded:
-        return Point(without_dust(free, average), free, 0), condition
+        return Point(without_rounding(free, average), free, 0), condition
     values, active = nonnegative_least_squares(gram, moment)
-    return Point(without_dust(values[0], average), free, int(active[0])), condition
+    return Point(without_rounding(values[0], average), free, int(active[0])), condition
 
 
 def solve_resamples(gram: np.ndarray, moment: np.ndarray, settings: FitSettings) -> Replicates:
     """Return the solutions for resampled averages, without those that are singular."""
     values, active = nonnegative_least_squares(gram, moment)
     replicates = Replicates(values, least_squares(gram, moment), active).decided()
-    return replicates if settings.bounded else replicates.freed()
+    return replicates if settings.bounded else replicates.unconstrained()
 
 
 def cell_fit(

@@ -177,7 +177,7 @@ class CellEstimator:
             n_resamples=settings.n_resamples,
             seed=settings.seed,
             rate_hz=self._sources[used[0].source].signals.rate_hz,
-            letter=published and self._method.name == "dissertation",
+            as_published=published and self._method.name == "dissertation",
             calibration=pooled_calibration(calibrations),
             mass_kg=settings.mass_kg,
             wants_per_mass=kind.per_mass,

@@ -34,7 +34,7 @@ class Replicates:
             raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
         return Replicates(self.bounded[fine], self.unbounded[fine], self.active[fine])
 
-    def freed(self) -> "Replicates":
+    def unconstrained(self) -> "Replicates":
         """Return the replicates without bounds."""
         return Replicates(self.unbounded, self.unbounded, np.zeros_like(self.active))
 

@@ -33,7 +33,7 @@ from jointz.identify.preparation.cell_data import (
     CellFit,
     FitSettings,
     lag_sd,
-    without_dust,
+    without_rounding,
 )
 from jointz.identify.preparation.conditioning import TORQUE
 from jointz.kernels.bounded_lsq import bootstrap_fits
@@ -53,17 +53,17 @@ def resampled(cell: CellData, settings: FitSettings) -> CellFit:
     point, condition = _plug_in(average, bounded=settings.bounded)
     rng = np.random.default_rng(settings.seed)
     weights = resample_weights(len(responses), settings.n_resamples, rng)
-    with_strides = windows.baseline.has_strides and not settings.letter
+    with_strides = windows.baseline.has_strides and not settings.as_published
     if with_strides or lag_sd(known) or twist_sd(known):
         averages = redrawn_averages(windows, settings, rng, weights)
         replicates = solve_resamples(*torque_on_motion(averages), settings)
     else:
         fits = bootstrap_fits(weights, responses)
         replicates = Replicates(fits.bounded, fits.unbounded, fits.active).decided()
-        replicates = replicates if settings.bounded else replicates.freed()
-    if settings.letter:
+        replicates = replicates if settings.bounded else replicates.unconstrained()
+    if settings.as_published:
         mean = replicates.bounded.mean(axis=0)
-        point = Point(without_dust(mean, average), point.unbounded, point.held)
+        point = Point(without_rounding(mean, average), point.unbounded, point.held)
     spread = BootstrapSpread(replicates, settings, with_strides=with_strides, rng=rng)
     return cell_fit(average, point, spread, settings, condition=condition)
 

@@ -19,7 +19,7 @@ def redrawn_averages(
     """Return the averages of filtered responses under exact resampling."""
     baseline, responses = windows.baseline, windows.responses()
     averages = np.asarray(weights @ responses.reshape(len(responses), -1))
-    if baseline.has_strides and not settings.letter:
+    if baseline.has_strides and not settings.as_published:
         n_strides = baseline.n_sources
         draws = resample_weights(n_strides, settings.n_resamples, rng, block=baseline.block)
         # The mean of the drawn strides replaces the subtracted mean.

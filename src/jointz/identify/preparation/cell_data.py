@@ -21,7 +21,7 @@ _DUST_NM = 1e-9
 #: Largest condition number of the regressors.
 _WORST_CONDITION = 1e6
 #: A value below this share of torque over motion is rounding.
-_DUST_SHARE = 1e-9
+_ROUNDING_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class FitSettings:
     # whether to follow 4.2.3 by the letter: the unperturbed mean is fixed, and the mean over
     # replicates is reported. Otherwise unperturbed strides are resampled too, and the plug-in
     # estimate is reported
-    letter: bool
+    as_published: bool
     # sds that widen the intervals, and the intrinsic impedance to subtract
     calibration: CalibrationSpec
     mass_kg: float | None = None  # body mass, for values per kg
@@ -103,21 +103,21 @@ Fit = Callable[[CellData, FitSettings], CellFit]
 
 def check_average(average: np.ndarray, condition: float) -> None:
     """Raise EstimationError for an average response that cannot be fitted."""
-    for row, dust, failure in (
+    for row, rounding, failure in (
         (ANGLE, _DUST_RAD, Failure.CONSTANT_ANGLE),
         (TORQUE, _DUST_NM, Failure.CONSTANT_TORQUE),
     ):
-        if np.ptp(average[row]) < dust:
+        if np.ptp(average[row]) < rounding:
             raise EstimationError(failure, failure.meaning)
     if not condition < _WORST_CONDITION:
         raise EstimationError(Failure.ILL_CONDITIONED, Failure.ILL_CONDITIONED.meaning)
 
 
-def without_dust(point: np.ndarray, average: np.ndarray) -> np.ndarray:
+def without_rounding(point: np.ndarray, average: np.ndarray) -> np.ndarray:
     """Return K, B, J with zero for values that are rounding."""
     motion = np.abs(average[:TORQUE]).max(axis=1)
-    dust = _DUST_SHARE * np.abs(average[TORQUE]).max() / motion
-    return np.where(np.abs(point) < dust, 0.0, point)
+    rounding = _ROUNDING_SHARE * np.abs(average[TORQUE]).max() / motion
+    return np.where(np.abs(point) < rounding, 0.0, point)
 
 
 def response_of(average: np.ndarray, fitted: np.ndarray, *, rate_hz: float) -> Response:

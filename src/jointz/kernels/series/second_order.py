@@ -40,7 +40,7 @@ _SMOOTH_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class PulseRecord:
+class PulseSignals:
     """One stretch of angle and torque, evenly sampled.
 
     ``angle`` (n,) rad: angle from the first sample of the window; ``torque`` (m,) N*m: torque
@@ -225,7 +225,7 @@ def _descend(
 
 
 def maximise_likelihood(
-    record: PulseRecord,
+    record: PulseSignals,
     start: np.ndarray,
     *,
     noise_sd: tuple[float, float],
@@ -271,7 +271,7 @@ def maximise_likelihood(
     )
 
 
-def _smoothed(values: np.ndarray, record: PulseRecord) -> np.ndarray:
+def _smoothed(values: np.ndarray, record: PulseSignals) -> np.ndarray:
     """Return a local cubic through the values, as wide as a load's motion allows."""
     half = max(3, round(_SMOOTH_S / record.step_s))
     width = min(2 * half + 1, (record.angle.size - 1) // 2 * 2 + 1)
@@ -279,7 +279,7 @@ def _smoothed(values: np.ndarray, record: PulseRecord) -> np.ndarray:
     return smooth
 
 
-def _check(record: PulseRecord, start: np.ndarray, noise_sd: tuple[float, float]) -> None:
+def _check(record: PulseSignals, start: np.ndarray, noise_sd: tuple[float, float]) -> None:
     if record.angle.ndim != 1 or record.torque.ndim != 1 or record.angle.size < 10:
         raise ValueError("maximise_likelihood: expected 1-d angle and torque of 10 samples or more")
     if start.shape != (N_PARAMETERS,) or not (start[0] > 0 and start[2] > 0):

@@ -347,11 +347,11 @@ def _range_rows(pilot: PilotStudy, name: str) -> list[Compared]:
     for word, pick, printed in zip(
         ("largest", "smallest"), (max, min), chapter3.PILOT_RANGES[name], strict=True
     ):
-        letter, ours, truth = (pick(means[source], default=None) for source in _SOURCES)
+        published, ours, truth = (pick(means[source], default=None) for source in _SOURCES)
         quantity = f"{word} average {PARAMETER_NAMES[name]}"
         note = "; ".join(filter(None, (printed.note, undecided)))
         unit = PARAMETER_UNITS[name]
-        rows.append(compare(quantity, unit, printed, letter, ours, truth=truth, note=note))
+        rows.append(compare(quantity, unit, printed, published, ours, truth=truth, note=note))
     return rows
 
 

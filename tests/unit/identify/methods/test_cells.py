@@ -41,14 +41,14 @@ def no_baseline(n: int) -> Baseline:
     return pre_pulse(np.zeros((n, 4, 50)), n_samples=N)
 
 
-def fit(windows, *, letter=True, calibration=None, signs=None, baseline=None, **more):
+def fit(windows, *, as_published=True, calibration=None, signs=None, baseline=None, **more):
     n = len(windows)
     signs = np.ones(n) if signs is None else signs
     settings = FitSettings(
         n_resamples=more.pop("n_resamples", 200),
         seed=more.pop("seed", 3),
         rate_hz=RATE_HZ,
-        letter=letter,
+        as_published=as_published,
         calibration=calibration or CalibrationSpec(),
         **more,
     )
@@ -97,7 +97,7 @@ def test_otherwise_the_plug_in_is_reported_and_unperturbed_strides_are_drawn_too
     recorded = recorded + np.array([strides[v].mean(axis=0) for v in valid])
     cell = fit(
         recorded,
-        letter=False,
+        as_published=False,
         signs=signs,
         baseline=Baseline(candidates, sources, valid),
         n_resamples=60,
@@ -126,7 +126,7 @@ def test_otherwise_the_plug_in_is_reported_and_unperturbed_strides_are_drawn_too
 
 def test_vaf_displacement_and_response_are_those_of_the_average():
     windows = responses(noise=0.2)
-    cell = fit(windows, letter=False)
+    cell = fit(windows, as_published=False)
 
     average = windows.mean(axis=0)
     values = np.array([p.value for p in cell.parameters[:3]])
@@ -140,11 +140,11 @@ def test_vaf_displacement_and_response_are_those_of_the_average():
     assert cell.condition_number == pytest.approx(np.linalg.cond(X), rel=1e-5)
 
 
-@pytest.mark.parametrize("letter", [True, False])
+@pytest.mark.parametrize("as_published", [True, False])
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("K", [0.0, -3.0])
-def test_no_or_negative_stiffness_stands_at_the_bound_without_dust(letter, noise, K):
-    stiffness = fit(responses((K, 1.0, 0.05), noise=noise), letter=letter).parameters[0]
+def test_no_or_negative_stiffness_stands_at_the_bound_without_dust(as_published, noise, K):
+    stiffness = fit(responses((K, 1.0, 0.05), noise=noise), as_published=as_published).parameters[0]
 
     assert stiffness.status == "at_bound"
     assert stiffness.ci_low == 0.0
@@ -158,10 +158,10 @@ def test_no_or_negative_stiffness_stands_at_the_bound_without_dust(letter, noise
 
 
 @pytest.mark.parametrize("truth", [(50.0, 0.0, 0.05), (50.0, 1.0, 0.0), (0.0, 0.0, 0.05)])
-@pytest.mark.parametrize("letter", [True, False])
-def test_a_value_of_zero_is_always_at_the_bound(truth, letter):
+@pytest.mark.parametrize("as_published", [True, False])
+def test_a_value_of_zero_is_always_at_the_bound(truth, as_published):
     for parameter, true in zip(
-        fit(responses(truth), letter=letter).parameters, truth, strict=False
+        fit(responses(truth), as_published=as_published).parameters, truth, strict=False
     ):
         assert (parameter.value == 0.0) == (true == 0.0)
         assert parameter.status == ("at_bound" if true == 0.0 else "ok")
@@ -205,24 +205,24 @@ def test_the_sd_of_a_gain_widens_all_intervals_in_proportion(name):
 
 
 @pytest.mark.parametrize("name", ["angle_lag_s", "torque_lag_s"])
-@pytest.mark.parametrize("letter", [True, False])
-def test_the_sd_of_a_lag_widens_damping_by_stiffness_times_it(name, letter):
+@pytest.mark.parametrize("as_published", [True, False])
+def test_the_sd_of_a_lag_widens_damping_by_stiffness_times_it(name, as_published):
     # With little inertia a late torque reads as B - K T and J - B T (SCIENCE trap 2).
     joint = (500.0, 3.0, 0.002)
     known = CalibrationSpec(**{name: Calibrated(value=0.006, sd=1e-4)})
-    cell = fit(responses(joint), calibration=known, n_resamples=2000, letter=letter)
+    cell = fit(responses(joint), calibration=known, n_resamples=2000, as_published=as_published)
 
     _, damping, inertia = cell.parameters[:3]
     assert (damping.ci_high - damping.ci_low) / 3.92 == pytest.approx(500.0 * 1e-4, rel=0.1)
     assert (inertia.ci_high - inertia.ci_low) / 3.92 == pytest.approx(3.0 * 1e-4, rel=0.1)
 
 
-@pytest.mark.parametrize("letter", [True, False])
-def test_the_sd_of_torque_seen_as_angle_widens_intervals_by_what_it_changes(letter):
+@pytest.mark.parametrize("as_published", [True, False])
+def test_the_sd_of_torque_seen_as_angle_widens_intervals_by_what_it_changes(as_published):
     sd = 2e-5
     known = CalibrationSpec(angle_per_torque=Calibrated(value=0.0, sd=sd))
     windows = responses()
-    cell = fit(windows, calibration=known, n_resamples=4000, letter=letter)
+    cell = fit(windows, calibration=known, n_resamples=4000, as_published=as_published)
 
     # Every parameter of the average, its motion turned by one sd, by scipy; derivatives of the
     # torque are those of the analytic motion.
@@ -264,17 +264,17 @@ def test_without_a_mass_only_the_values_per_kg_fail():
     ],
     ids=["no motion", "no torque", "velocity like angle", "a sinusoid"],
 )
-@pytest.mark.parametrize("letter", [True, False])
-def test_responses_without_an_answer_are_refused_with_a_code(spoil, failure, letter):
+@pytest.mark.parametrize("as_published", [True, False])
+def test_responses_without_an_answer_are_refused_with_a_code(spoil, failure, as_published):
     with pytest.raises(EstimationError) as refused:
-        fit(spoil(responses(noise=0.1)), letter=letter)
+        fit(spoil(responses(noise=0.1)), as_published=as_published)
     assert refused.value.code == failure
 
 
 def test_two_pulses_of_which_resamples_are_singular_are_fitted_by_the_others():
     windows = responses(n=2)
     windows[1, :3] = 0.0  # a resample of this pulse alone has no answer
-    cell = fit(windows, letter=False)
+    cell = fit(windows, as_published=False)
 
     # The average response has half the motion of the first pulse and the torque of both.
     assert np.isfinite([p.ci_low for p in cell.parameters[:3]]).all()
@@ -282,7 +282,7 @@ def test_two_pulses_of_which_resamples_are_singular_are_fitted_by_the_others():
 
 def test_the_seed_decides_the_intervals_and_nothing_else_does():
     windows = responses(noise=0.2)
-    one, same, other = (fit(windows, seed=s, letter=False) for s in (1, 1, 2))
+    one, same, other = (fit(windows, seed=s, as_published=False) for s in (1, 1, 2))
 
     assert one.parameters == same.parameters
     for a, b in zip(one.parameters[:3], other.parameters[:3], strict=True):

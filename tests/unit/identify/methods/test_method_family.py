@@ -134,7 +134,7 @@ def settings(**changed) -> FitSettings:
         "n_resamples": 200,
         "seed": 0,
         "rate_hz": RATE_HZ,
-        "letter": False,
+        "as_published": False,
         "calibration": CalibrationSpec(),
         "cutoff_hz": CUTOFF_HZ,
         "wants_per_mass": False,
