@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointz.core.checked_lines import checked_line, checked_text
+from jointz.core.session_log import checked_line, checked_text
 
 VERSION = 2
 #: The header of this one stands there once and has no checksum.

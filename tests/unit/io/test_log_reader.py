@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError
-from jointz.core.session_log import VERSION, WALKING
+from jointz.core.session_log import VERSION, WALKING, checked_line, checked_text
 from jointz.experiment.files.recorder import Recorder
 from jointz.io.log_reader import read_log
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError, WriteError
+from jointz.core.session_log import checked_line, checked_text
 from jointz.experiment.files import file_lock
 from jointz.experiment.files.whole_files import (
     append_whole,

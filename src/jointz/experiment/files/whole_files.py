@@ -9,8 +9,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from jointz.core.checked_lines import checked_line, checked_text
 from jointz.core.errors import DataError, WriteError
+from jointz.core.session_log import checked_line, checked_text
 from jointz.core.whole_file import whole_file
 
 
