@@ -20,12 +20,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jointz.core.session_log import checked_line, checked_text
-
 VERSION = 2
 #: The header of this one stands there once and has no checksum.
 _FIRST_VERSION = 1
 NO_SAMPLE = -1
+
+
+def checked_line(text: bytes) -> bytes:
+    """Return a text with its CRC-32, as a line."""
+    return text + b" %08x\n" % zlib.crc32(text)
+
+
+def checked_text(line: bytes) -> bytes | None:
+    """Return the text of a line, None where its checksum does not fit."""
+    text, _, check = line.rpartition(b" ")
+    return text if check == b"%08x" % zlib.crc32(text) else None
 
 
 class Field(NamedTuple):
