@@ -13,7 +13,6 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import binom
 
-from jointz.core.errors import DataError
 from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.reproduction.chapter4.replicates import replicates_as_people
 from jointz.stats import compare_quasi_stiffness, mixed_model, spm_unpaired_t
@@ -201,9 +200,3 @@ def test_replicates_as_people_find_what_is_not_there_in_over_90_percent():
                 low, high = binom.interval(0.998, n, rate["level"])
                 assert low <= rate["cells"] * n <= high, (what, rate)
                 assert rate["rows"] > 0.9, (what, rate)
-
-
-def test_replicates_are_refused_where_people_are_asked_for():
-    table = table_of(drawn(np.random.default_rng(210), rows=3))
-    with pytest.raises(DataError, match="replicates"):
-        fitted(table)

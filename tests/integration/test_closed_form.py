@@ -102,12 +102,26 @@ def assert_finds(cell, joint: tuple[float, float, float]) -> None:
     assert {p.status for p in cell.parameters} == {"ok"}
 
 
-@pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
-@pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS.keys())
-def test_pulses_of_both_signs_on_a_repeating_cycle_return_the_joint(joint, rate_hz):
-    recordings = [
-        walking(joint, rate_hz=rate_hz, condition=c) for c in ("unperturbed", "perturbed")
+RATES = pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
+EVERY_JOINT = pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS.keys())
+
+
+def pair(joint: tuple[float, float, float], *, rate_hz: float, pct: float = 21.5):
+    return [
+        walking(joint, rate_hz=rate_hz, condition=c, pct=pct) for c in ("unperturbed", "perturbed")
     ]
+
+
+@RATES
+@pytest.mark.parametrize(
+    ("joint", "pct"),
+    [
+        *((joint, 21.5) for joint in JOINTS.values()),
+        *((JOINTS["middling"], p) for p in (7, 56, 81)),
+    ],
+)
+def test_pulses_of_both_signs_on_a_repeating_cycle_return_the_joint(joint, pct, rate_hz):
+    recordings = pair(joint, rate_hz=rate_hz, pct=pct)
 
     result = analyze_participant(
         "S01", inputs(*recordings), settings("dissertation", "matched_strides")
@@ -119,8 +133,8 @@ def test_pulses_of_both_signs_on_a_repeating_cycle_return_the_joint(joint, rate_
         assert_finds(cell, joint)
 
 
-@pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
-@pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS.keys())
+@RATES
+@EVERY_JOINT
 def test_the_level_before_the_pulse_is_baseline_enough_for_a_quiet_record(joint, rate_hz):
     quiet = walking(joint, rate_hz=rate_hz, condition="perturbed", moving=False)
     level = quiet.assign(angle=quiet["angle"] + 0.7, torque=quiet["torque"] - 3.0)
@@ -128,19 +142,6 @@ def test_the_level_before_the_pulse_is_baseline_enough_for_a_quiet_record(joint,
     result = analyze_participant("S01", inputs(level), settings("pre_pulse"))
 
     assert_finds(result.cells["pre_pulse"][0], joint)
-
-
-@pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
-@pytest.mark.parametrize("pct", [7.0, 56.0, 81.0])
-def test_the_joint_comes_back_at_every_point_of_the_cycle(rate_hz, pct):
-    joint = JOINTS["middling"]
-    recordings = [
-        walking(joint, rate_hz=rate_hz, condition=c, pct=pct) for c in ("unperturbed", "perturbed")
-    ]
-
-    result = analyze_participant("S01", inputs(*recordings), settings("dissertation"))
-
-    assert_finds(result.cells["dissertation"][0], joint)
 
 
 @pytest.mark.parametrize(("own_hz", "other_hz"), [(1000.0, 500.0), (500.0, 1000.0)])
@@ -156,8 +157,8 @@ def test_an_unperturbed_recording_of_another_rate_serves_as_baseline(own_hz, oth
     np.testing.assert_allclose(found, joint, rtol=5e-3)
 
 
-@pytest.mark.parametrize("rate_hz", [500.0, 900.0, 1000.0])
-@pytest.mark.parametrize("joint", JOINTS.values(), ids=JOINTS.keys())
+@RATES
+@EVERY_JOINT
 def test_motion_integrated_by_scipy_returns_the_joint(joint, rate_hz):
     """Physics that shares nothing with jointz: an adaptive eighth-order integrator."""
     K, B, J = joint
@@ -198,12 +199,13 @@ def test_two_sessions_with_cycles_of_their_own_are_each_their_own_baseline():
     joint = JOINTS["middling"]
     recordings = []
     for session, offset in (("1", 0.0), ("2", 0.3)):
-        for condition in ("unperturbed", "perturbed"):
-            recording = walking(joint, rate_hz=500.0, condition=condition)
+        for recording in pair(joint, rate_hz=500.0):
             moved = recording.assign(
                 angle=recording["angle"] + offset, torque=recording["torque"] - 10 * offset
             )
-            recordings.append(moved.assign_attrs(session=session, file=f"{condition}{session}.csv"))
+            recordings.append(
+                moved.assign_attrs(session=session, file=f"{recording.condition}{session}.csv")
+            )
 
     result = analyze_participant(
         "S01", inputs(*recordings), settings("dissertation", "matched_strides")
@@ -250,17 +252,16 @@ file = "perturbed.csv"
 """
 
 
-@pytest.mark.parametrize("method", ["dissertation", "matched_strides"])
-def test_files_in_the_units_of_a_lab_return_the_joint_through_the_command(jointz, tmp_path, method):
+def test_files_in_the_units_of_a_lab_return_the_joint_through_the_command(jointz, tmp_path):
     joint = JOINTS["middling"]
     study = tmp_path / "study"
     study.mkdir()
     (study / "study.toml").write_text(STUDY)
-    for condition in ("unperturbed", "perturbed"):
-        write_lab_file(walking(joint, rate_hz=900.0, condition=condition), study)
+    for recording in pair(joint, rate_hz=900.0):
+        write_lab_file(recording, study)
 
     out = tmp_path / "results"
-    more = ("--resamples", 40, "--method", method, "--json")
+    more = ("--resamples", 40, "--method", "dissertation", "--no-figures", "--json")
     outcome = jointz("analyze", study, "--out", out, *more)
 
     assert outcome.code == 0

@@ -64,15 +64,3 @@ def test_treadmill_walking_gives_strides_and_quasi_stiffness_but_no_impedance(
     assert set(quasi["n_strides"]) == {42}
     assert quasi.loc[("MST", "slope"), "value"] == pytest.approx(203, abs=5)
     assert quasi.loc[("TST", "slope"), "doubts"] == "angle_turns"
-
-
-def test_the_resting_ankle_through_the_command_of_the_issue(jointz, real_data):
-    file = real_data / "reklab_ankle" / "z_df.csv.gz"
-    columns = ("--angle", "position_rad:rad", "--torque", "torque_Nm:N*m", "--time", "time_s")
-    more = ("--torque-acts-on", "device", "--input", "angle", "--model", "kbj", "--json")
-    outcome = jointz("identify", "joint", file, *columns, *more)
-
-    assert outcome.code == 1  # a reflex: no value stands
-    assert (outcome.json["status"], outcome.json["check"]["finding"]) == ("undecided", "reflex")
-    assert outcome.json["parameters"]["stiffness"]["unbounded"] == pytest.approx(104.0, abs=1.0)
-    assert outcome.json["vaf_pct"] == pytest.approx(83.0, abs=1.0)

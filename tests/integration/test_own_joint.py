@@ -13,8 +13,10 @@ import pytest
 from scipy.signal import lsim
 
 from jointz.analysis.analyze import analyze
+from jointz.core.errors import StudyError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.devices.interface import Stretch
+from jointz.io.study_reader import open_study
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
 from jointz.sim.rig import simulated_rig
 
@@ -115,11 +117,7 @@ def test_two_ankles_relaxed_and_contracted_come_back_under_their_own_names(
     mean = means.set_index(["timing_point", "parameter"]).loc[("relaxed", "stiffness")]
     assert mean["status"] == "undecided"  # two people as unlike as these decide no mean
     assert mean["n_participants"] == 2
-    text = words_of(tmp_path / "r" / "report.html")
-    assert "Impedance of the right ankle" in text
-    assert "2 participants" in text
-    assert "dorsiflexion" in text
-    told = text.split("Settings")[0]
+    told = words_of(tmp_path / "r" / "report.html").split("Settings")[0]
     assert re.search(r"\b(knee|load|loads|trajectory|thigh|shank)\b", told) is None
 
 
@@ -127,21 +125,25 @@ def test_means_over_people_are_made_and_those_over_loads_are_not(ankles):
     file = ankles / "study.toml"
     file.write_text(file.read_text().replace('subjects = "people"', ""))
 
-    analysis = analyze(ankles, resamples=2)
-
-    assert analysis.population == ()
-    assert any("mean over unlike loads" in note for note in analysis.statistics["notes"])
+    assert analyze(ankles, resamples=2).population == ()
 
 
-def test_loads_do_not_walk(jointz, ankles, tmp_path):
+def test_loads_that_walk_and_directions_of_two_planes_are_refused(ankles):
     file = ankles / "study.toml"
-    text = file.read_text().replace('"bench"', '"walking"').replace('"people"', '"loads"')
-    file.write_text(text)
-
-    outcome = jointz("analyze", ankles, "--out", tmp_path / "r")
-
-    assert outcome.code == 2
-    assert 'subjects: "loads" do not walk' in outcome.err
+    text = file.read_text()
+    for place, changes in (
+        ("subjects", [('"bench"', '"walking"'), ('"people"', '"loads"')]),
+        (
+            "adduction",
+            [('"dorsiflexion"', '"abduction"'), ('"deg"', '"deg", positive = "extension"')],
+        ),
+    ):
+        spoilt = text
+        for old, new in changes:
+            spoilt = spoilt.replace(old, new)
+        file.write_text(spoilt)
+        with pytest.raises(StudyError, match=place):
+            open_study(ankles)
 
 
 WRIST = {"flexed": (1.6, 0.022, 0.0021), "neutral": (1.1, 0.018, 0.0021)}
@@ -162,7 +164,7 @@ group = { channel = "flexion_angle", edges = [-10.0, 20.0, 60.0], unit = "deg" }
 """
 
 
-def test_a_wrist_is_grouped_by_posture_and_its_ulnar_sensor_is_turned(jointz, tmp_path):
+def test_a_wrist_is_grouped_by_posture_and_its_ulnar_sensor_is_turned(tmp_path):
     study = tmp_path / "wrist"
     study.mkdir()
     rng = np.random.default_rng(5)
@@ -177,18 +179,11 @@ def test_a_wrist_is_grouped_by_posture_and_its_ulnar_sensor_is_turned(jointz, tm
         study, WRIST_HEAD, {"W": ""}, ['participant = "W"\ncondition = "perturbed"\nfile = "w.csv"']
     )
 
-    outcome = jointz("analyze", study, "--out", tmp_path / "r", "--json", "--resamples", 50)
-
-    assert outcome.code == 0
-    table = pd.read_csv(tmp_path / "r" / "estimates.csv").set_index(["timing_point", "parameter"])
+    table = by_cell(analyze(study, resamples=50))
     groups = list(dict.fromkeys(point for point, _ in table.index))
     for group, case in zip(groups, ("neutral", "flexed"), strict=True):
         found = [table.loc[(group, name), "value"] for name in PARAMETERS]
         np.testing.assert_allclose(found, WRIST[case], rtol=0.03)
-    text = words_of(tmp_path / "r" / "report.html")
-    assert "Impedance of the wrist" in text
-    assert "radial_deviation" in text or "radial deviation" in text
-    assert re.search(r"\b(knee|loads?|flexion)\b", text.split("Settings")[0]) is None
 
 
 # --- walkers: another joint, and a device that acts the other way --------------------------------
@@ -298,32 +293,16 @@ def test_an_abduction_device_at_the_hip_finds_the_joint_whatever_its_own_directi
     ]
     assert len(held) >= 6
     assert sum(held) >= len(held) - 1
-    text = words_of(tmp_path / "r" / "report.html")
-    assert "Impedance of the hip" in text
-    assert "abduction" in text
-    assert re.search(r"\bknee\b", text) is None
+    assert re.search(r"\bknee\b", words_of(tmp_path / "r" / "report.html")) is None
     # Of an abducted leg nobody knows how it hangs.
     details = pd.read_csv(tmp_path / "r" / "details.csv")
     assert details["stiffness_gravity_corrected"].isna().all()
 
 
-def test_a_direction_of_another_plane_is_refused_and_both_choices_are_named(jointz, walk, tmp_path):
-    study = walking_study(tmp_path / "s", walk, joint="hip", positive="abduction", own="extension")
-
-    outcome = jointz("analyze", study, "--out", tmp_path / "r")
-
-    assert outcome.code == 2
-    assert "expected the study's 'abduction' or its opposite 'adduction', got" in outcome.err
-
-
-def test_a_device_with_its_sign_wrong_is_found_out(jointz, walk, tmp_path):
+def test_a_device_with_its_sign_wrong_is_found_out(walk, tmp_path):
     study = walking_study(tmp_path / "s", walk, joint="hip", positive="abduction", side="device")
 
-    outcome = jointz("analyze", study, "--out", tmp_path / "r")
-
-    assert outcome.code == 1
-    assert "failed:opposite_sign" in outcome.out
-    assert "Check the signs, and torque_acts_on." in outcome.out
+    assert set(by_cell(analyze(study, resamples=2))["status"]) == {"failed:opposite_sign"}
 
 
 # --- one participant -----------------------------------------------------------------------------
@@ -332,18 +311,14 @@ def test_a_device_with_its_sign_wrong_is_found_out(jointz, walk, tmp_path):
 def test_one_participant_has_intervals_of_its_own_and_none_over_people(jointz, walk, tmp_path):
     study = walking_study(tmp_path / "s", walk, joint="knee", positive="flexion")
 
-    outcome = jointz("analyze", study, "--out", tmp_path / "r")
+    assert jointz("analyze", study, "--out", tmp_path / "r", "--resamples", 50).code == 0
 
-    assert outcome.code == 0
     own = pd.read_csv(tmp_path / "r" / "estimates.csv").query("status == 'ok'")
     assert own[["ci_low", "ci_high"]].notna().all(axis=None)
     over_people = pd.read_csv(tmp_path / "r" / "population.csv")
     assert set(over_people["status"]) == {"failed:too_few_participants"}
     assert over_people[["value", "ci_low", "ci_high", "sd"]].isna().all(axis=None)
     assert not (tmp_path / "r" / "pooled.csv").exists()
-    assert "Means over people" not in outcome.out
-    text = words_of(tmp_path / "r" / "report.html")
-    assert "There are no means over participants" in text
     details = pd.read_csv(tmp_path / "r" / "details.csv")
     assert details["stiffness_gravity_corrected"].notna().any()
 
@@ -390,7 +365,6 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     outcome = jointz("analyze", study, "--out", tmp_path / "r")
 
     assert outcome.code == 1
-    assert "is no stiffness of the joint" in outcome.out
     table = pd.read_csv(tmp_path / "r" / "quasi_stiffness.csv")
     slopes = table.query("measure == 'slope'").set_index(["side", "timing_point"])
     assert len(slopes) == 2 * len(TIMING_POINTS)
@@ -406,49 +380,25 @@ def test_motion_capture_without_a_device_gives_quasi_stiffness_only(jointz, tmp_
     ]
     assert sum(held) >= 10  # of 12, at 95 %
     assert not pd.read_csv(tmp_path / "r" / "estimates.csv")["value"].notna().any()
-    text = words_of(tmp_path / "r" / "report.html")
-    assert "Quasi-stiffness" in text
-    assert "It is no impedance: these participants were not perturbed" in text
-    methods = (tmp_path / "r" / "methods.txt").read_text()
-    for never in ("Impedance was measured", "ridge", "was fitted", "Torque was measured"):
-        assert never not in methods
-    assert "Recordings have 100 samples per second." in methods
-    assert "“moment_Nm”, its sign inverted to that of the torque on the joint" in methods
-    low, high = table["n_strides"].min(), table["n_strides"].max()
-    assert f"{low}{f' to {high}' if high > low else ''} for each participant and side" in methods
     printed = pd.read_csv(tmp_path / "r" / "tables" / "quasi_stiffness.csv")
     assert len(printed) == 2 * len(TIMING_POINTS)
     assert not (tmp_path / "r" / "tables" / "estimates.csv").exists()
 
 
-def test_an_internal_moment_taken_for_an_external_one_turns_the_quasi_stiffness(jointz, tmp_path):
-    study = mocap(tmp_path / "s", side="joint")
+def test_an_internal_moment_taken_for_an_external_one_turns_the_quasi_stiffness(tmp_path):
+    found = analyze(mocap(tmp_path / "s", side="joint"))
 
-    jointz("analyze", study, "--out", tmp_path / "r", "--quiet")
-
-    table = pd.read_csv(tmp_path / "r" / "quasi_stiffness.csv")
+    table = pd.DataFrame(found.statistics["quasi_stiffness"])
     assert (table.query("measure == 'slope'")["value"] < -100.0).all()
 
 
-def test_without_a_moment_strides_are_all_there_is(jointz, tmp_path):
+def test_without_a_moment_strides_are_all_there_is(tmp_path):
     study = mocap(tmp_path / "s", side="device")
     file = study / "study.toml"
     lines = [line for line in file.read_text().splitlines() if "moment_Nm" not in line]
     file.write_text("\n".join(lines) + "\n")
 
-    outcome = jointz("analyze", study, "--out", tmp_path / "r", "--quiet")
+    found = analyze(study)
 
-    assert outcome.code == 1
-    assert not (tmp_path / "r" / "quasi_stiffness.csv").exists()
-    assert len(pd.read_csv(tmp_path / "r" / "strides.csv")) > 80
-
-
-def test_a_moment_that_a_file_lacks_is_asked_for(jointz, tmp_path):
-    study = mocap(tmp_path / "s", side="device")
-    for file in study.glob("*.csv"):
-        pd.read_csv(file).drop(columns="moment_Nm").to_csv(file, index=False)
-
-    outcome = jointz("analyze", study, "--out", tmp_path / "r")
-
-    assert outcome.code == 2
-    assert "moment_Nm" in outcome.err
+    assert not found.statistics.get("quasi_stiffness")
+    assert len(found.strides) > 80
