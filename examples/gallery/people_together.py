@@ -34,7 +34,7 @@ for shift, (cells, colour, label) in enumerate(
             axes.plot(at, value, "o", color=colour, markersize=4, label=label)
             label = "_"
 for row in people.population:
-    if row.parameter == "stiffness_per_mass":
+    if row.parameter == "stiffness_per_mass" and row.value is not None:
         at = points.index(row.timing_point) + 0.22
         reach = [[row.value - row.ci_low], [row.ci_high - row.value]]
         axes.errorbar(at, row.value, reach, fmt="D", color="C1", label="_" if at > 1 else "mean")
@@ -43,6 +43,6 @@ axes.set_ylabel("Stiffness per mass (N*m/rad/kg)")
 axes.legend()
 
 # %%
-# Where a person is known well the two values are the same; where not, the own value is drawn
-# towards the others. The interval of the mean is one over people: four of them say little,
-# however many pulses each had.
+# A mean that the data do not decide is missing. Where a person is known well the two values are the
+# same; where not, the own value is drawn towards the others. The interval of the mean is one over
+# people: four of them say little, however many pulses each had.

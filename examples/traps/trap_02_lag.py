@@ -36,7 +36,16 @@ fits = [
     )
     for lag in lags_ms
 ]
-slow = {name: np.array([fit.parameter(name).value for fit in fits]) for name in TRUTH}
+
+
+def reading(fit, name):
+    """Return what a fit reads, also where jointz finds the lag and gives no value."""
+    parameter = fit.parameter(name)
+    return parameter.unbounded if parameter.value is None else parameter.value
+
+
+slow = {name: np.array([reading(fit, name) for fit in fits]) for name in TRUTH}
+print("Status by lag:", {int(lag): fit.status for lag, fit in zip(lags_ms, fits, strict=True)})
 
 # %%
 # A pulse of 17 N*m, filtered at 20 Hz like in walking and fitted over the first 100 ms:

@@ -24,6 +24,12 @@ def noise(rng, rms, cutoff_hz):
     return rms * shaped / shaped.std()
 
 
+def reading(fit, name):
+    """Return what a fit reads, also where jointz calls it undecided and gives no value."""
+    parameter = fit.parameter(name)
+    return parameter.unbounded if parameter.value is None else parameter.value
+
+
 def by_cross_spectrum(angle, torque):
     """Return K, B, J of the frequency response (1.2), torque over angle, from 0.5 to 10 Hz."""
     frequency, cross = csd(angle, torque, RATE, nperseg=1000)
@@ -52,9 +58,7 @@ for seed in range(10):
     angle, _ = respond(torque + muscle, *TRUTH.values(), rate_hz=RATE)
     for name, way in ways.items():
         fit = jointz.identify_joint(angle=angle, torque=torque, command=torque, rate_hz=RATE, **way)
-        errors[name].append(
-            [100 * (fit.parameter(p).value / true - 1) for p, true in TRUTH.items()]
-        )
+        errors[name].append([100 * (reading(fit, p) / true - 1) for p, true in TRUTH.items()])
     found = by_cross_spectrum(angle, torque)
     errors[CROSS].append(
         [100 * (p / true - 1) for p, true in zip(found, TRUTH.values(), strict=True)]

@@ -39,30 +39,35 @@ def fit(seed):
 # Sixty records of one minute of a joint whose stiffness is zero:
 
 found = [fit(seed) for seed in range(60)]
-values = np.array([one.value for one in found])
 free = np.array([one.unbounded for one in found])
-held = np.array([one.status == "at_bound" for one in found])
+values = np.maximum(free, 0.0)  # what a fit with a bound reads
+held = free < 0.0
 
 order = np.argsort(free)
 figure, axes = plt.subplots()
 for at, number in enumerate(order):
     one = found[number]
     colour = "C1" if held[number] else "C0"
-    axes.plot([at, at], [one.ci_low, one.ci_high], color=colour, linewidth=1.0)
+    if one.ci_low is not None:
+        axes.plot([at, at], [one.ci_low, one.ci_high], color=colour, linewidth=1.0)
 axes.plot(free[order], ".", color="0.3", markersize=4, label="fit without bound")
 axes.plot(
     np.flatnonzero(held[order]), values[order][held[order]], "o", color="C1", label="at bound"
 )
-axes.plot(np.flatnonzero(~held[order]), values[order][~held[order]], "o", color="C0", label="ok")
+axes.plot(
+    np.flatnonzero(~held[order]), values[order][~held[order]], "o", color="C0", label="above it"
+)
 axes.axhline(0.0, color="0.6", linewidth=0.8)
 axes.set(xlabel="Record", ylabel="Stiffness (N*m/rad)")
 axes.legend()
 print(f"at the bound: {held.sum()} of {held.size}")
 print(f"mean of the bounded fits {values.mean():.2f}, without bound {free.mean():.2f} N*m/rad")
-inside = np.mean([one.ci_low <= 0.0 <= one.ci_high for one in found])
-print(f"intervals that hold the true zero: {100 * inside:.0f} %")
+intervals = [(one.ci_low, one.ci_high) for one in found if one.ci_low is not None]
+inside = np.mean([low <= 0.0 <= high for low, high in intervals])
+print(f"{len(intervals)} intervals, of which {100 * inside:.0f} % hold the true zero")
+print("called ok:", sum(one.status == "ok" for one in found), "of", len(found))
 
 # %%
 # Fits without bound scatter about zero on both sides; those with a bound pile up on it, and their
-# mean is too high. An estimate ``at_bound`` therefore comes with a one-sided interval and, in
-# ``details.csv``, the value without bound.
+# mean is too high. jointz calls no stiffness ``ok`` whose interval reaches zero: it is ``at_bound``
+# with a one-sided interval, or ``undecided``; ``details.csv`` has the value without bound.
