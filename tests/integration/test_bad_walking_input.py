@@ -1,8 +1,6 @@
 """Walks that cannot be estimated: each is a status and a reason in plain words, never a number."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -18,6 +16,9 @@ from jointz.sim.rig import SimulatedRig
 POINTS = {"LRE": 7.0, "ISW": 68.5}
 COLUMNS = ["angle", "current", "motor_angle", "motor_velocity", "contact"]
 UNITS = {"angle": "rad", "current": "A", "motor_angle": "rad", "motor_velocity": "rad/s"}
+
+
+Spoilt = tuple[pd.DataFrame, pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -53,12 +54,12 @@ def walk() -> Walk:
     return Walk(samples, walked.pulses[columns], "\n".join(lines) + "\n")
 
 
-def saturated(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def saturated(walk: Walk) -> Spoilt:
     top = 0.6 * walk.samples["current"].to_numpy()[walk.at(0.1)].mean()
     return walk.samples.assign(current=walk.samples["current"].clip(-top, top)), walk.pulses
 
 
-def never_reached(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def never_reached(walk: Walk) -> Spoilt:
     """The joint moves on as it had one stride before; only the torque tells of pulses."""
     time, contact = walk.samples["time"].to_numpy(), walk.samples["contact"].to_numpy() > 0.5
     strikes = time[1:][contact[1:] & ~contact[:-1]]
@@ -73,24 +74,24 @@ def never_reached(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
     return walk.samples.assign(angle=moved), walk.pulses
 
 
-def late(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def late(walk: Walk) -> Spoilt:
     return walk.samples.assign(angle=np.roll(walk.samples["angle"], 30)), walk.pulses
 
 
-def before_its_torque(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def before_its_torque(walk: Walk) -> Spoilt:
     return walk.samples.assign(angle=np.roll(walk.samples["angle"], -15)), walk.pulses
 
 
-def table_a_stride_late(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def table_a_stride_late(walk: Walk) -> Spoilt:
     return walk.samples, walk.pulses.assign(onset_s=walk.pulses["onset_s"] + 1.1)
 
 
-def too_few_strides(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def too_few_strides(walk: Walk) -> Spoilt:
     last = walk.pulses["onset_s"].iloc[1] + 1.5
     return walk.samples[walk.samples["time"] < last], walk.pulses.iloc[:2]
 
 
-def copies(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def copies(walk: Walk) -> Spoilt:
     """Every pulse of a timing point has the samples of its first."""
     samples, at = walk.samples.copy(), walk.at(0.0)
     for point in POINTS:
@@ -103,22 +104,29 @@ def copies(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
     return samples, walk.pulses
 
 
-def turned(walk: Walk) -> tuple[pd.DataFrame, pd.DataFrame]:
+def turned(walk: Walk) -> Spoilt:
     return walk.samples.assign(angle=-walk.samples["angle"]), walk.pulses
 
 
-def written(walk: Walk, spoilt: tuple[pd.DataFrame, pd.DataFrame], folder: Path) -> Path:
-    folder.mkdir()
-    spoilt[0].round(7).to_csv(folder / "walk.csv", index=False)
-    spoilt[1].to_csv(folder / "pulses.csv", index=False)
-    (folder / "study.toml").write_text(walk.toml)
-    return folder
+@pytest.fixture
+def analysed(walk, jointz, tmp_path):
+    """Return how samples and pulses are analysed: what the command says, and its results."""
+
+    def analysed(samples, pulses):
+        study, out = tmp_path / "study", tmp_path / "results"
+        study.mkdir()
+        samples.round(7).to_csv(study / "walk.csv", index=False)
+        pulses.to_csv(study / "pulses.csv", index=False)
+        (study / "study.toml").write_text(walk.toml)
+        quick = ("--resamples", 50, "--no-figures", "--workers", 1)
+        return jointz("analyze", study, "--out", out, *quick), out
+
+    return analysed
 
 
-def test_the_walk_itself_is_estimated(walk, jointz, tmp_path):
-    study = written(walk, (walk.samples, walk.pulses), tmp_path / "study")
-    out = tmp_path / "results"
-    assert jointz("analyze", study, "--out", out).code == 0
+def test_the_walk_itself_is_estimated(walk, analysed):
+    outcome, out = analysed(walk.samples, walk.pulses)
+    assert outcome.code == 0
     table = pd.read_csv(out / "estimates.csv")
     assert set(table["status"]) <= {"ok", "at_bound", "undecided"}
     assert table["value"].notna().sum() >= 6
@@ -138,14 +146,9 @@ def test_the_walk_itself_is_estimated(walk, jointz, tmp_path):
     ids=lambda given: getattr(given, "__name__", str(given)),
 )
 def test_what_cannot_be_estimated_says_why_on_terminal_in_tables_and_report(
-    walk: Walk,
-    jointz: Callable,
-    tmp_path: Path,
-    spoil: Callable[[Walk], tuple[pd.DataFrame, pd.DataFrame]],
-    code: Failure,
+    walk, analysed, spoil, code
 ):
-    study, out = written(walk, spoil(walk), tmp_path / "study"), tmp_path / "results"
-    outcome = jointz("analyze", study, "--out", out)
+    outcome, out = analysed(*spoil(walk))
     table = pd.read_csv(out / "estimates.csv")
     assert set(table["status"]) == {code.status}
     assert table["value"].isna().all()
@@ -154,17 +157,15 @@ def test_what_cannot_be_estimated_says_why_on_terminal_in_tables_and_report(
     assert code.meaning in (out / "report.html").read_text()
 
 
-def test_copies_of_one_pulse_count_once(walk, jointz, tmp_path):
-    study, out = written(walk, copies(walk), tmp_path / "study"), tmp_path / "results"
-    jointz("analyze", study, "--out", out)
+def test_copies_of_one_pulse_count_once(walk, analysed):
+    _, out = analysed(*copies(walk))
     excluded = pd.read_csv(out / "excluded.csv")
     assert (excluded["code"] == "copied_pulse").sum() == 28
     assert (pd.read_csv(out / "estimates.csv")["n_used"] <= 1).all()
 
 
-def test_degrees_declared_as_radians_stop_the_job_and_name_the_unit(walk, jointz, tmp_path):
+def test_degrees_declared_as_radians_stop_the_job_and_name_the_unit(walk, analysed):
     samples = walk.samples.assign(angle=np.rad2deg(walk.samples["angle"]))
-    study = written(walk, (samples, walk.pulses), tmp_path / "study")
-    outcome = jointz("analyze", study, "--out", tmp_path / "results")
+    outcome, _ = analysed(samples, walk.pulses)
     assert outcome.code == 2
     assert "deg declared as rad" in outcome.err

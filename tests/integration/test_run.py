@@ -22,12 +22,8 @@ HOST_FIELDS = {"host_time_ns", "busy_us", "crc"}
 
 
 @pytest.fixture(scope="module")
-def protocol(short_walking):
-    return short_walking(strides=12, people=2, count_per_point=4)
-
-
-@pytest.fixture(scope="module")
-def made(protocol, tmp_path_factory):
+def made(short_walking, tmp_path_factory):
+    protocol = short_walking(strides=12, people=2, count_per_point=4)
     return jointz.run(protocol, out=tmp_path_factory.mktemp("run") / "study", seed=3)
 
 
@@ -42,15 +38,15 @@ def hashes(study):
     return {**found, "truth": truth}
 
 
-def test_the_same_seed_gives_the_same_bytes_with_any_number_of_workers(protocol, made, tmp_path):
-    again = jointz.run(protocol, out=tmp_path / "study", seed=3, workers=2)
-    assert hashes(again.study) == hashes(made.study)
-    assert len(hashes(made.study)) >= 2 * (3 + 2 + 1) + 2
-
-
-def test_another_seed_gives_another_plan_and_other_people(protocol, made, tmp_path):
-    other = jointz.run(protocol, out=tmp_path / "study", seed=4)
-    mine, theirs = hashes(made.study), hashes(other.study)
+def test_seeds_and_not_workers_make_the_bytes(short_walking, tmp_path):
+    points = {"LRE": 7.0, "ISW": 68.5}
+    brief = short_walking(strides=4, people=2, count_per_point=1, timing_points=points)
+    mine, again, theirs = (
+        hashes(jointz.run(brief, out=tmp_path / name, seed=seed, workers=workers).study)
+        for name, seed, workers in (("mine", 3, 1), ("again", 3, 2), ("theirs", 4, 1))
+    )
+    assert again == mine
+    assert len(mine) >= 2 * (3 + 2 + 1) + 2
     for name in ("sessions/S01/plan.json", "sessions/S01/logs/unperturbed-0.jzlog", "study.toml"):
         assert mine[name] != theirs[name]
 
@@ -82,22 +78,25 @@ def test_the_plan_is_kept(made):
         assert row["most"] <= 7 or row["longer_than_planned"] > 0
 
 
-def test_the_study_is_analysed_with_nothing_special_and_without_the_truth_beside_it(made):
-    analysis = jointz.analyze(made.study, resamples=20)
+@pytest.fixture(scope="module")
+def analysis(made):
+    return jointz.analyze(made.study, method="matched_strides", resamples=20)
+
+
+def test_the_study_is_analysed_with_nothing_special_and_without_the_truth_beside_it(made, analysis):
     assert analysis.n_standing > 30
     assert {p.timing_point for p in analysis.pulses} == {"LRE", "MST", "TST", "PSW", "ISW", "MSW"}
     assert all(abs(p.onset_s) < 1e4 for p in analysis.pulses)
     truth, aside = made.study / "ground_truth.json", made.study.with_name("truth.json")
     truth.rename(aside)
     try:
-        blind = jointz.analyze(made.study, resamples=20)
+        blind = jointz.analyze(made.study, method="matched_strides", resamples=20)
     finally:
         aside.rename(truth)
     pd.testing.assert_frame_equal(blind.to_frame(), analysis.to_frame())
 
 
-def test_the_scatter_of_the_onsets_is_the_same_number_everywhere(made):
-    analysis = jointz.analyze(made.study, method="matched_strides", resamples=2)
+def test_the_scatter_of_the_onsets_is_the_same_number_everywhere(made, analysis):
     run, text = made.report.pooled_onsets(), methods_text(analysis)
     drawn = [t.get_text() for t in draw_onset_accuracy(analysis).axes[0].texts]
 
@@ -146,19 +145,13 @@ def test_the_command_runs_a_protocol_of_ones_own_and_prints_json(jointz, tmp_pat
     assert (tmp_path / "s" / "study.toml").is_file()
 
 
-def test_a_bench_that_is_not_named_is_refused_before_anything_is_made(jointz, tmp_path):
-    file = tmp_path / "mine.toml"
+def test_bad_input_is_refused_before_anything_is_made(jointz, tmp_path):
+    file, out = tmp_path / "mine.toml", tmp_path / "s"
     file.write_text(protocol_text("sea-bandwidth").replace('bench = "series-elastic"', ""))
-    outcome = jointz("run", file, "--out", tmp_path / "s")
-    assert outcome.code == 2
-    assert "bench: missing" in outcome.err
-    assert not (tmp_path / "s").exists()
-
-
-def test_an_unknown_protocol_and_a_used_folder_are_bad_input(jointz, tmp_path):
-    outcome = jointz("run", "wlaking", "--out", tmp_path / "s")
-    assert outcome.code == 2
-    assert "Did you mean 'walking'" in outcome.err
-    assert not (tmp_path / "s").exists()
-    (tmp_path / "thesis.doc").write_text("x")
+    for protocol, place in ((file, "bench: missing"), ("wlaking", "'walking'")):
+        outcome = jointz("run", protocol, "--out", out)
+        assert outcome.code == 2
+        assert place in outcome.err
+        assert not out.exists()
     assert jointz("run", "walking", "--out", tmp_path).code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]

@@ -15,15 +15,18 @@ import jointz
 from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolError, WriteError
 from jointz.experiment.files.journal import read_journal
 from jointz.experiment.files.recorder import Recorder
-from jointz.io.formats.netcdf_recording import read_recording
 from jointz.session.session_check import write_down_losses
 from jointz.sim.simulated_devices import SimulatedActuator
+
+PULSES = 6
 
 
 @pytest.fixture(scope="module")
 def protocol(short_walking):
-    """A few strides, then 2 pulses a point."""
-    return short_walking(conditions=["unperturbed", "perturbed"], count_per_point=2)
+    """A few strides, then 2 pulses at each of three points."""
+    points = {"LRE": 7.0, "TST": 40.5, "ISW": 68.5}
+    conditions = ["unperturbed", "perturbed"]
+    return short_walking(conditions=conditions, count_per_point=2, timing_points=points)
 
 
 def run(protocol, out, **options):
@@ -38,14 +41,14 @@ def interrupted(protocol, tmp_path_factory):
 
     def stop_late(self, *records):
         write(self, *records)
-        if next(ticks) == 36_000:
+        if next(ticks) == 20_000:
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Recorder, "write", stop_late)
         with pytest.raises(KeyboardInterrupt):
             run(protocol, out)
-    assert 6 <= len(completed(out)) < 12
+    assert 3 <= len(completed(out)) < PULSES
     return out
 
 
@@ -75,7 +78,7 @@ def assert_whole(out, made, *, lost):
     pulses = pd.read_csv(out / "S01_perturbed_pulses.csv")
     excluded = out / "exclusions.csv"
     left_out = len(pd.read_csv(excluded)) if excluded.exists() else 0
-    assert len(pulses) - left_out == 12
+    assert len(pulses) - left_out == PULSES
 
 
 def test_pulses_whose_log_is_gone_are_done_again(protocol, out, session):
@@ -141,7 +144,7 @@ def test_pulses_lost_from_a_condition_that_was_done_are_done_again(
     log.write_bytes(log.read_bytes()[: int(left * log.stat().st_size)])
     made = run(protocol, out, resume=True)
     lost = len(events_of(out / "sessions" / "S01", "pulse_lost"))
-    assert lost == 12 if left == 0.0 else 0 < lost < 12
+    assert lost == PULSES if left == 0.0 else 0 < lost < PULSES
     assert_whole(out, made, lost=lost)
     assert (log.parent / "perturbed-1.jzlog").exists()
 
@@ -169,18 +172,6 @@ def test_a_loss_that_was_made_good_is_not_told_again(protocol, finished, tmp_pat
     assert {"records_lost", "pulse_lost"} <= {event["event"] for event in before}
     write_down_losses(session, protocol)  # as a later --resume of the session does
     assert read_journal(session / "journal.jsonl") == before
-
-
-def test_a_trial_of_a_bench_whose_log_is_gone_is_done_again(short_bench, tmp_path):
-    short, out = short_bench(), tmp_path / "study"
-    run(short, out)
-    unconverted(out)
-    logs = out / "sessions" / "case-1" / "logs"
-    (logs / "A-perturbed-1-0.jzlog").unlink()
-    made = run(short, out, resume=True)
-    assert made.report.summary().endswith("16 of 16 pulses")
-    assert (logs / "A-perturbed-1-1.jzlog").exists()
-    assert len(read_recording(out / "case-1_A-perturbed.nc")["time"]) == 2 * 12 * 900
 
 
 def test_a_run_that_was_killed_before_it_was_described_begins(protocol, tmp_path):
@@ -268,37 +259,24 @@ def twice_completed(session):
     (session / "journal.jsonl").write_bytes(b"".join([*lines, pulse]))
 
 
+def overwritten(place, content):
+    """Return what writes something else into a file of the session."""
+    return lambda session: (session / place).write_bytes(content)
+
+
 @pytest.mark.parametrize(
     ("harm", "message"),
     [
-        (damage_middle, r"perturbed-0.jzlog: record \d+ of \d+ is damaged.*from a copy.*--salvage"),
-        (
-            lambda session: (session / "journal.jsonl").unlink(),
-            r"-0.jzlog: a log that the journal knows nothing of \(2 in all\)",
-        ),
-        (
-            lambda session: write_alone(session, "plan.json", "{}"),
-            r"plan.json: altered, it is not the plan of this protocol and seed",
-        ),
+        (damage_middle, r"perturbed-0.jzlog: record \d+ of \d+ is damaged"),
+        (lambda session: (session / "journal.jsonl").unlink(), r"-0.jzlog: .*\(2 in all\)"),
+        (lambda session: write_alone(session, "plan.json", "{}"), r"plan.json: altered"),
         (stronger_pulse, r"plan.json: altered"),
-        (
-            lambda session: write_alone(session, "plan.json", "["),
-            r"plan.json: damaged, it cannot be read as JSON.*from a copy",
-        ),
+        (lambda session: write_alone(session, "plan.json", "["), r"plan.json: damaged"),
         (lambda session: write_alone(session, "session.json", ""), r"session.json: damaged"),
-        (other_wearer, r"session.json: of another wearer.*140.*the run was started with"),
-        (
-            lambda session: (session.parents[1] / "run.json").write_bytes(b"\xff\xfe\0"),
-            r"run.json: damaged",
-        ),
-        (
-            lambda session: (session.parents[1] / "run.json").write_text("[1]"),
-            r"run.json: damaged, expected a JSON object, got list",
-        ),
-        (
-            lambda session: (session / "report.json").write_text('{"onsets": []}'),
-            r"report.json: damaged, without aborted.*made again from the logs",
-        ),
+        (other_wearer, r"session.json: .*140"),
+        (overwritten("../../run.json", b"\xff\xfe\0"), r"run.json: damaged"),
+        (overwritten("../../run.json", b"[1]"), r"run.json: damaged"),
+        (overwritten("report.json", b'{"onsets": []}'), r"report.json: damaged"),
         (twice_completed, r"pulse \d+ of perturbed was completed twice"),
     ],
 )
@@ -326,11 +304,6 @@ def test_a_refused_protocol_makes_no_folder(protocol, tmp_path):
     with pytest.raises(ProtocolError, match=r"pulse.amplitude_nm: 1e\+300 N\*m is above"):
         run(protocol.model_copy(update={"pulse": pulse}), tmp_path / "study")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_name_that_is_too_long_is_told(protocol, tmp_path):
-    with pytest.raises(WriteError, match=r"cannot be written \(File name too long\)"):
-        run(protocol, tmp_path / ("x" * 300))
 
 
 @pytest.mark.parametrize("count", [0, 1001])

@@ -10,12 +10,12 @@ from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.paper_tables import paper_tables
 from jointz.analysis.results_folder import write_results
-from jointz.analysis.simulate_study import simulate_study
 from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
 from jointz.explorer.reestimation import ReestimationRequest, reestimate, with_new_estimates
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
 RESAMPLES = 5
@@ -116,7 +116,7 @@ def test_report_and_tables_hold_every_row(analysed):
 
 def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
     study, both, _, of_half = analysed
-    write_results(both, tmp_path / "results")
+    write_results(both, tmp_path / "results", figures=False)
     made = compare_results([tmp_path / "results"])
     assert made.sources[0].participants == ("S01", "S02")
     estimates = both.to_frame()
