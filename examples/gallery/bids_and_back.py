@@ -14,10 +14,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.conversion.bids_study import write_bids
 from jointz.io.bids.bids_read import read_bids
 from jointz.io.recordings import read_recording
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
 folder = Path(mkdtemp())

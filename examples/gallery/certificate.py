@@ -10,7 +10,7 @@ its people, its noise and its number of pulses.
 from tempfile import mkdtemp
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
+from jointz.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", lag_sd_s=0.001, seed=9)
 certificate = jointz.certify(study, replicates=15, seed=1)

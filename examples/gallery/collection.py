@@ -16,12 +16,12 @@ import matplotlib.pyplot as plt
 
 import jointz
 from jointz.analysis.results_folder import write_results
-from jointz.analysis.simulate_study import simulate_study
 from jointz.collections.catalog import build_catalog, query_catalog
 from jointz.collections.catalog_query import CatalogFilter
 from jointz.collections.checking.check_collection import check_collection
 from jointz.collections.dissertation_entry import write_dissertation_entry
 from jointz.collections.entry import make_entry
+from jointz.session.simulate_study import simulate_study
 
 # %%
 # A lab of our own, simulated, and the published tables, which come with jointz:

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import jointz
 from jointz.analysis.page.budget_figure import source_name
 from jointz.analysis.page.details_tables import details_frame, variance_shares
-from jointz.analysis.simulate_study import simulate_study
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
 # %%

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.io.formats.netcdf_recording import read_recording, write_recording
+from jointz.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", seed=17)
 

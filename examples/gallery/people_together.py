@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.stats.partial_pooling import pool_people
 

@@ -12,8 +12,8 @@ from tempfile import mkdtemp
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.identify.over_cycle.phase_curve import timing_points_of_phases
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.sim.impedance_curves import impedance_over_cycle
 from jointz.sim.people import draw_person

@@ -9,7 +9,7 @@ Window, cut-off, baseline, one inertia or several: each choice can be defended.
 from tempfile import mkdtemp
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
+from jointz.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", lag_sd_s=0.0005, seed=1)
 curve = jointz.specification_curve(

@@ -16,8 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.demo.demo_study import truth_table
+from jointz.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", participants=2, seed=4)
 analysis = jointz.analyze(study, resamples=50)

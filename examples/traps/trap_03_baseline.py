@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.presets import preset
 
 usual = preset("nominal")

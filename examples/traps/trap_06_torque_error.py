@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.presets import preset
 
 # %%

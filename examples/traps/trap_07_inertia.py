@@ -16,8 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.sim.impedance_curves import impedance_over_cycle
 from jointz.sim.knee_joint import respond

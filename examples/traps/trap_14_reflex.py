@@ -15,8 +15,8 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.demo.demo_study import truth_table
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.presets import JointSettings, ReflexSettings, preset
 
 K, B, J = 60.0, 1.0, 0.015

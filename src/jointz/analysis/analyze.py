@@ -81,7 +81,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         by the method ``recommended`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
-        (:func:`jointz.session.salvage.salvage_recordings`).
+        (:func:`jointz.analysis.salvage_hook.salvage_recordings`).
     engine : Engine, optional
         Engine that analyses several participants at once
         (:func:`jointz.tasks.engine.open_engine`); results do not depend on it.
@@ -108,7 +108,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         If the method is unknown, or ``resamples`` is less than 2.
     """
     if salvage:
-        from jointz.session.salvage import salvage_recordings
+        from jointz.analysis.salvage_hook import salvage_recordings
 
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)

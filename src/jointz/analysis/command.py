@@ -94,7 +94,7 @@ def analyze(
         except ValueError as exc:
             raise typer.BadParameter(str(exc)) from exc
     if salvage:
-        from jointz.session.salvage import salvage_recordings
+        from jointz.analysis.salvage_hook import salvage_recordings
 
         for sentence in salvage_recordings(study):
             typer.echo(sentence, err=True)
@@ -106,7 +106,8 @@ def analyze(
         scheduler, workers=workers, tasks=people, needs="jointz.analysis.participant_jobs"
     ) as engine:
         from jointz.analysis.analyze import analyze as analyze_study
-        from jointz.analysis.results_folder import ANALYSIS, MARKER, check_free, write_results
+        from jointz.analysis.results_folder import write_results
+        from jointz.io.new_folder import ANALYSIS, MARKER, check_free
 
         store = _store(out)  # from which a run that ended early continues
         before = check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
@@ -168,7 +169,7 @@ def _salvage_advised(study: Path) -> Iterator[None]:
     try:
         yield
     except DataError as exc:
-        from jointz.session.salvage import salvage_advice
+        from jointz.analysis.salvage_hook import salvage_advice
 
         advice = salvage_advice(study, str(exc))
         if advice:

@@ -6,9 +6,10 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from jointz.analysis.results_folder import CHECKSUMS, MARKER, write_results
+from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
 from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import CHECKSUMS, MARKER
 from jointz.results.study_analysis import StudyAnalysis
 
 

@@ -293,9 +293,9 @@ def pool(
     Example: jointz collect pool collection --joint knee --out known
     """
     del debug
-    from jointz.analysis.results_folder import MARKER, check_free
     from jointz.collections.coverage import POOL, PoolRules, pool_collection, write_pool
     from jointz.collections.pool_result import DEFAULT_BY
+    from jointz.io.new_folder import MARKER, check_free
 
     if out is not None:
         check_free(out, marker=MARKER, overwrite=overwrite, made_by=POOL)

@@ -7,7 +7,6 @@ from typing import Any
 
 import pandas as pd
 
-from jointz.analysis.results_folder import MARKER, new_folder, write_marker
 from jointz.collections.catalog import catalog_file, query_catalog
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.collections.catalog_file import CATALOG_FILE, RESULTS, catalog_about
@@ -19,6 +18,7 @@ from jointz.core.errors import DataError, EstimationError
 from jointz.core.plain_tables import typed_table
 from jointz.core.provenance import now, own_version
 from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.results.base import plain
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS
 from jointz.results.study_analysis import StudyAnalysis

@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
-from jointz.analysis.results_folder import new_folder
 from jointz.collections.catalog_columns import PRINTED_COLUMNS
 from jointz.collections.entry_model import ENTRY_FILE
 from jointz.collections.entry_reader import written_entry
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import new_folder
 from jointz.reference import Printed, chapter4
 
 #: Folder and id of the entry.

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from jointz.analysis.results_folder import new_folder
 from jointz.collections.checking.entry_checks import PARAMETERS
 from jointz.collections.entry_model import ENTRY_FILE, STUDY_ID
 from jointz.collections.entry_reader import written_entry
@@ -17,6 +16,7 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec
 from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import new_folder
 
 _ESTIMATES, _COVARIANCE = "estimates.csv", "covariance.csv"
 _PROVENANCE, _EXCLUDED = "provenance.json", "excluded.csv"

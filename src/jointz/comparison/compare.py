@@ -7,13 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from jointz.analysis.results_folder import (
-    COMPARISON,
-    MARKER,
-    check_free,
-    new_folder,
-    write_marker,
-)
 from jointz.comparison.comparison_cells import (
     LEVEL,
     check_onsets,
@@ -34,6 +27,7 @@ from jointz.comparison.figures import draw_comparison
 from jointz.comparison.page import render_comparison
 from jointz.core.errors import DataError, OutputError
 from jointz.core.provenance import now, software
+from jointz.io.new_folder import COMPARISON, MARKER, check_free, new_folder, write_marker
 from jointz.results.statistics.comparison_rows import GROUPS, PAIRED
 from jointz.results.statistics.mixed_model_fit import ADJUSTMENTS, ERRORS
 from jointz.stats.mixed_models import DF_METHODS

@@ -10,7 +10,6 @@ from typing import Any
 
 import xarray as xr
 
-from jointz.analysis.results_folder import new_folder, write_marker
 from jointz.analysis.study_pulses import (
     amplitude_unit,
     given_pulses,
@@ -26,6 +25,7 @@ from jointz.io.bids.bids_read import DESCRIPTION
 from jointz.io.bids.bids_tables import NOTHING, label_of
 from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_motion
 from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from jointz.analysis.analyze import analyze
-from jointz.analysis.results_folder import new_folder, write_marker, write_results
+from jointz.analysis.results_folder import write_results
 from jointz.core.protocols.protocol import Protocol
+from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.protocols import load_protocol
 from jointz.io.study_reader import open_study
 from jointz.results.run_report import RunReport

@@ -7,13 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jointz.analysis.results_folder import (
-    REPRODUCTION,
-    check_free,
-    new_folder,
-    write_marker,
-)
 from jointz.core.whole_file import whole_file
+from jointz.io.new_folder import REPRODUCTION, check_free, new_folder, write_marker
 from jointz.reproduction.chapter2_figures import draw_chapter2
 from jointz.reproduction.chapter3_figures import draw_chapter3
 from jointz.reproduction.chapter4.figures import draw_chapter4

@@ -2,7 +2,7 @@
 
 import json
 
-from jointz.analysis.results_folder import ANALYSIS, MARKER, new_folder, write_marker
+from jointz.io.new_folder import ANALYSIS, MARKER, new_folder, write_marker
 
 
 def names(folder):

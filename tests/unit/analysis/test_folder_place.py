@@ -5,13 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from jointz.analysis.results_folder import (
-    ANALYSIS,
-    MARKER,
-    check_free,
-    write_results,
-)
+from jointz.analysis.results_folder import write_results
 from jointz.core.errors import OutputError
+from jointz.io.new_folder import ANALYSIS, MARKER, check_free
 from jointz.results.study_analysis import StudyAnalysis
 
 from .folders import fill, names, text_of

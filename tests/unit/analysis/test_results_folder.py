@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from jointz.analysis import results_folder
-from jointz.analysis.results_folder import (
+from jointz.analysis.results_folder import write_results
+from jointz.core.errors import OutputError
+from jointz.io.new_folder import (
     ANALYSIS,
     COMPARISON,
     MARKER,
@@ -17,9 +19,7 @@ from jointz.analysis.results_folder import (
     check_free,
     new_folder,
     write_marker,
-    write_results,
 )
-from jointz.core.errors import OutputError
 from jointz.results.study_analysis import StudyAnalysis
 
 from .folders import fill, names, text_of

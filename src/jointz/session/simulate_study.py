@@ -9,12 +9,12 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from jointz.analysis.results_folder import new_folder
 from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.devices.interface import Stretch
 from jointz.io.formats.netcdf_recording import write_recording
+from jointz.io.new_folder import new_folder
 from jointz.io.toml_text import written_table, written_text
 from jointz.session.run import TRUTH_FILE
 from jointz.session.run_claim import STUDY_FILE

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jointz
-from jointz.analysis.simulate_study import simulate_study
 from jointz.core.errors import DataError
 from jointz.demo.demo_study import truth_table
 from jointz.io.recordings import read_pulse_table, read_recording
+from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan, walk_directly
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
