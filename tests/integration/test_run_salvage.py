@@ -44,7 +44,12 @@ def complete(protocol, tmp_path_factory):
 @pytest.fixture
 def out(complete, tmp_path):
     """A run that was killed when all was recorded and nothing converted."""
-    out = shutil.copytree(complete, tmp_path / "study")
+    return unconverted(complete, tmp_path / "study")
+
+
+def unconverted(complete, out):
+    """Copy a run, without what was made of its logs."""
+    shutil.copytree(complete, out)
     made = [*out.glob("*.nc"), *out.glob("*.csv"), *out.glob("sessions/*/report.json")]
     for file in [*made, out / "study.toml", out / "run_report.json"]:
         file.unlink()
@@ -267,15 +272,34 @@ def test_a_recording_over_the_memory_limit_is_refused_not_salvaged(complete, tmp
     assert {file: file.read_bytes() for file in study.glob("*.nc*")} == content
 
 
-def test_a_trial_of_a_bench_with_a_flipped_bit_is_coded(short_bench, tmp_path):
-    short, out = short_bench(), tmp_path / "study"
-    run(short, out)
-    for name in ("study.toml", "run_report.json", "sessions/case-1/report.json"):
-        (out / name).unlink()
+@pytest.fixture(scope="module")
+def bench(short_bench):
+    return short_bench()
+
+
+@pytest.fixture(scope="module")
+def complete_bench(bench, tmp_path_factory):
+    out = tmp_path_factory.mktemp("bench") / "study"
+    run(bench, out)
+    return out
+
+
+def test_a_trial_of_a_bench_with_a_flipped_bit_is_coded(bench, complete_bench, tmp_path):
+    out = unconverted(complete_bench, tmp_path / "study")
     flip_record(out / "sessions" / "case-1" / "logs" / "A-perturbed-1-0.jzlog", 3000)
-    made = run(short, out, resume=True, salvage=True)
+    made = run(bench, out, resume=True, salvage=True)
     assert "1 damaged records left out" in "\n".join(made.report.salvaged)
     analysis = jointz.analyze(out, resamples=2)
     codes = [p.code for p in sorted(analysis.pulses, key=lambda pulse: pulse.onset_s)]
     half = len(codes) // 2
     assert codes == ["damaged_log"] * half + [""] * half
+
+
+def test_a_trial_of_a_bench_whose_log_is_gone_is_done_again(bench, complete_bench, tmp_path):
+    out = unconverted(complete_bench, tmp_path / "study")
+    logs = out / "sessions" / "case-1" / "logs"
+    (logs / "A-perturbed-1-0.jzlog").unlink()
+    made = run(bench, out, resume=True)
+    assert made.report.to_frame()["completed"].sum() == 16
+    assert (logs / "A-perturbed-1-1.jzlog").exists()
+    assert len(read_recording(out / "case-1_A-perturbed.nc")["time"]) == 2 * 12 * 900

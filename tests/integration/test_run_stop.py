@@ -117,9 +117,8 @@ def test_a_signal_stops_every_worker_and_a_second_run_none(
     send(running.pid, number)
     words = running.communicate(timeout=TIMEOUT_S)[1]
     assert running.returncode == STOPPED
-    assert words == (
-        "jointz: Stopped. What was recorded is kept; the same arguments with --resume go on.\n"
-    )
+    assert words.startswith("jointz: Stopped.")
+    assert words.count("\n") == 1
     for participant in ("S01", "S02"):
         assert events(out, participant)[-1]["event"] == "stopped"
     assert_group_gone(running)
