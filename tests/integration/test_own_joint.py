@@ -6,6 +6,7 @@ The truth of a joint at rest is a second-order system solved by scipy; walkers a
 
 import html
 import re
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -80,10 +81,9 @@ calibration.torque_lag_s = { value = 0.0, sd = 0.0003 }
 """
 
 
-@pytest.fixture
-def ankles(tmp_path):
-    study = tmp_path / "ankles"
-    study.mkdir()
+@pytest.fixture(scope="module")
+def ankles_source(tmp_path_factory):
+    study = tmp_path_factory.mktemp("ankles")
     rng = np.random.default_rng(3)
     recordings = []
     for (person, case), joint in ANKLE.items():
@@ -95,6 +95,11 @@ def ankles(tmp_path):
             f'file = "{person}_{case}.csv"'
         )
     return written(study, ANKLE_HEAD, {"A": "mass_kg = 70.0", "B": ""}, recordings)
+
+
+@pytest.fixture
+def ankles(ankles_source, tmp_path):
+    return shutil.copytree(ankles_source, tmp_path / "ankles")
 
 
 def test_two_ankles_relaxed_and_contracted_come_back_under_their_own_names(
