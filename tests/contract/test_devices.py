@@ -8,7 +8,7 @@ import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated
 from jointz.devices.interface import Lifecycle
 from jointz.sim.benches.bench_rig import simulated_bench

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,20 @@ def walking_file(tmp_path_factory) -> Callable[..., Path]:
         return file
 
     return write
+
+
+@contextmanager
+def _one_core() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.cpu_count", lambda: 1)
+        patch.setattr("os.sched_getaffinity", lambda _: {0}, raising=False)
+        yield
+
+
+@pytest.fixture(scope="session")
+def one_core() -> Callable[[], AbstractContextManager[None]]:
+    """Return what hides all cores but one: to start workers takes longer than a small study."""
+    return _one_core
 
 
 class SpiedSession:

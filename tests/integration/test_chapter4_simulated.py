@@ -11,7 +11,13 @@ from jointz.reproduction.chapter4.reproduce_chapter4 import (
 from jointz.reproduction.chapter4.walking import walking_study
 from jointz.reproduction.reproduction_result import Reproduction
 
-PEOPLE, STRIDES = 3, 15
+PEOPLE, STRIDES = 3, 10
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_one_process(one_core):
+    with one_core():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -22,15 +28,15 @@ def walked(short_walking, tmp_path_factory):
         1,
         "nominal",
         lambda *call: calls.append(call),
-        protocol=short_walking(strides=STRIDES, people=PEOPLE, count_per_point=3),
-        resamples=20,
+        protocol=short_walking(strides=STRIDES, people=PEOPLE, count_per_point=2),
+        resamples=5,
     )
     return found, calls
 
 
 @pytest.fixture(scope="module")
 def pilot(short_walking, tmp_path_factory):
-    protocol = short_walking("walking-pilot", strides=STRIDES, people=2, count_per_point=3)
+    protocol = short_walking("walking-pilot", strides=STRIDES, people=2, count_per_point=2)
     return pilot_study(tmp_path_factory.mktemp("pilot"), 1, "nominal", protocol=protocol)
 
 

@@ -17,8 +17,9 @@ def demo(jointz, out, *more):
     return jointz("demo", "--quick", "--out", out, *more)
 
 
-def test_the_demo_writes_study_results_truth_and_report(jointz, folder):
-    outcome = demo(jointz, folder / "demo", "--json")
+def test_the_demo_writes_study_results_truth_and_report(jointz, folder, one_core):
+    with one_core():
+        outcome = demo(jointz, folder / "demo", "--json")
 
     assert outcome.code == 0
     found = outcome.json

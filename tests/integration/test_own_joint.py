@@ -239,7 +239,9 @@ def walk():
     return pd.DataFrame(table).round(5), truth
 
 
-def walking_study(folder, walk, *, joint, positive, side="joint", turned=(), own=""):
+def walking_study(
+    folder, walk, *, joint="hip", positive="abduction", side="joint", turned=(), own=""
+):
     """Write the walk as a device with its own signs would have recorded it."""
     table, truth = walk
     folder.mkdir()
@@ -265,22 +267,9 @@ def by_cell(analysis) -> pd.DataFrame:
 def test_an_abduction_device_at_the_hip_finds_the_joint_whatever_its_own_directions(
     jointz, walk, tmp_path
 ):
-    turned = walking_study(
-        tmp_path / "turned",
-        walk,
-        joint="hip",
-        positive="abduction",
-        turned=("angle", "torque", "command"),
-        own="adduction",
-    )
-    pushed = walking_study(
-        tmp_path / "pushed",
-        walk,
-        joint="hip",
-        positive="abduction",
-        side="device",
-        turned=("torque",),
-    )
+    signed = ("angle", "torque", "command")
+    turned = walking_study(tmp_path / "turned", walk, turned=signed, own="adduction")
+    pushed = walking_study(tmp_path / "pushed", walk, side="device", turned=("torque",))
 
     assert jointz("analyze", turned, "--out", tmp_path / "r", *QUICK).code == 0
 
@@ -305,7 +294,7 @@ def test_an_abduction_device_at_the_hip_finds_the_joint_whatever_its_own_directi
 
 
 def test_a_device_with_its_sign_wrong_is_found_out(walk, tmp_path):
-    study = walking_study(tmp_path / "s", walk, joint="hip", positive="abduction", side="device")
+    study = walking_study(tmp_path / "s", walk, side="device")
 
     assert set(by_cell(analyze(study, resamples=2))["status"]) == {"failed:opposite_sign"}
 

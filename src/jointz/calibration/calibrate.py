@@ -12,8 +12,9 @@ from jointz.analysis.participant_jobs import read_participant
 from jointz.calibration.calibration_steps import fit_step, step_data
 from jointz.calibration.report import Calibration
 from jointz.core.errors import DataError, StudyError
-from jointz.core.protocols.protocol import LoadSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_calibration_checks import STEP_RULES
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated, CalibrationSpec, Study
 from jointz.experiment.files.whole_files import read_twice
 from jointz.io.calibration_file import (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.errors import StudyError
-from jointz.core.protocols.protocol import LoadSpec
 from jointz.core.protocols.protocol_calibration_checks import STEP_RULES
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
 from jointz.identify.calibration.footswitch_levels import fit_footswitch
 from jointz.identify.calibration.frame import fit_frame

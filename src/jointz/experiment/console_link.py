@@ -7,7 +7,7 @@ Neither asks anything of the loop.
 import time
 from collections.abc import Callable
 
-from jointz.core.protocols.protocol import WithoutConsole
+from jointz.core.protocols.protocol_models import WithoutConsole
 from jointz.experiment.control_box import Command, ControlBox, Order
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.trial_kinds import AnyTrial

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
 
 
 @dataclass(frozen=True, slots=True)

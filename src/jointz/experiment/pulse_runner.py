@@ -2,7 +2,7 @@
 
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterable
 
-from jointz.core.protocols.protocol import PerturbationPlan
+from jointz.core.protocols.protocol_models import PerturbationPlan
 from jointz.experiment.plan import PlannedPulse
 
 #: A pulse whose timing point has passed by more than this is missed, % of the cycle; a slow

@@ -27,8 +27,8 @@ import numpy as np
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, SafetyStop, WriteError
 from jointz.core.protocols.device_limits import limits_on_device
-from jointz.core.protocols.protocol import ConditionSpec
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.provenance import software
 from jointz.core.stop_signals import signals_held
 from jointz.devices.interface import Device, Devices, Rig

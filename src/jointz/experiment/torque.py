@@ -2,7 +2,7 @@
 
 from math import exp, pi, tanh
 
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.core.study import TorqueModelSpec
 
 #: Friction turns its sign smoothly over this velocity: a step would make the motor chatter.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from jointz.core.clock import Clock
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol import GaitSpec
+from jointz.core.protocols.protocol_models import GaitSpec
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Devices
 from jointz.experiment.files.recorder import Recorder

@@ -9,9 +9,9 @@ import numpy as np
 
 from jointz.core.clock import Clock
 from jointz.core.errors import ProtocolError
-from jointz.core.protocols.protocol import ConditionSpec, PulseSpec
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
+from jointz.core.protocols.protocol_models import ConditionSpec, PulseSpec
 from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Devices
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan

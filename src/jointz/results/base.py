@@ -14,10 +14,6 @@ from pydantic import BeforeValidator, InstanceOf, TypeAdapter
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from jointz.results.estimates import ParameterEstimate
-
-#: Impedance parameter -> its symbol.
-SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _JSON_SCALARS = {bool, int, float, str, type(None)}
 _REPR_LINES = 10
 _HTML_ROWS = 10
@@ -50,7 +46,7 @@ class Result:
         """Return plain values, ready for JSON."""
         head: dict[str, Any] = {"schema": self.SCHEMA} if self.SCHEMA else {}
         properties = {name: plain(getattr(self, name)) for name in self.JSON_PROPERTIES}
-        return head | _fields_of(self) | properties
+        return head | record_fields(self) | properties
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -67,7 +63,7 @@ class Result:
 
     def summary(self) -> str:
         """Return a short text."""
-        texts = [f"{name}={value!r}" for name, value in _fields_of(self).items()]
+        texts = [f"{name}={value!r}" for name, value in record_fields(self).items()]
         return ", ".join(text[:_FIELD_CHARACTERS] for text in texts)[:_SUMMARY_CHARACTERS]
 
     def __repr__(self) -> str:
@@ -81,7 +77,7 @@ class Result:
         if hasattr(self, "to_frame"):
             table = self.to_frame()
         else:
-            values = {k: str(v)[:_FIELD_CHARACTERS] for k, v in _fields_of(self).items()}
+            values = {k: str(v)[:_FIELD_CHARACTERS] for k, v in record_fields(self).items()}
             table = pd.Series(values).to_frame()
         html = table.to_html(max_rows=_HTML_ROWS, max_cols=12, border=0, na_rep="")
         return f"<p>{title}</p>\n{html}"
@@ -153,40 +149,6 @@ class ParameterResult(PlottedResult, Generic[_ParameterT]):
         return self.parameter("inertia")
 
 
-class Fit(ParameterResult["ParameterEstimate"]):
-    """Base of fits; JSON holds their parameters by name."""
-
-    __slots__ = ()
-    #: Properties of the fit that every row of its table repeats.
-    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "model", "estimator")
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row per parameter."""
-        names = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
-        table = record_frame(self.parameters, ("name", *names)).rename(
-            columns={"name": "parameter"}
-        )
-        return table.assign(**{name: getattr(self, name) for name in self.COLUMNS})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON."""
-        by_name = {}
-        for entry in (_fields_of(p) for p in self.parameters):
-            name, low, high = (entry.pop(key) for key in ("name", "ci_low", "ci_high"))
-            unit = self.parameter(name).unit
-            by_name[name] = entry | {"unit": unit, "ci": [low, high]}
-        return super().to_dict() | {"parameters": by_name}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Rebuild from :meth:`to_dict`; raise ValueError for another schema or wrong values."""
-        parameters = [
-            {**entry, "name": name, "ci_low": entry["ci"][0], "ci_high": entry["ci"][1]}
-            for name, entry in checked_values(data, cls.SCHEMA)["parameters"].items()
-        ]
-        return super().from_dict({**data, "parameters": parameters})
-
-
 # --- JSON --------------------------------------------------------------------------------------
 
 
@@ -204,7 +166,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, Result):
         return value.to_dict()
     if is_dataclass(value):
-        return _fields_of(value)
+        return record_fields(value)
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
@@ -214,7 +176,8 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def _fields_of(record: Any) -> dict[str, Any]:
+def record_fields(record: Any) -> dict[str, Any]:
+    """Return the fields of a record as plain values."""
     return {f.name: plain(getattr(record, f.name)) for f in fields(record)}
 
 
@@ -252,29 +215,3 @@ def summary_text(title: str, lines: Iterable[str], notes: Iterable[str] = ()) ->
     """Return a summary: a title, indented lines, notes."""
     indented = [f"  {line}" for line in lines] + [f"  Note: {note}" for note in notes]
     return "\n".join([title, *indented])
-
-
-def parameter_line(
-    parameter: "ParameterEstimate", *, name: str = "", width: int = 10, digits: int = 4
-) -> str:
-    """Return a parameter with its interval, as a line of a summary."""
-    p, name = parameter, name or parameter.name
-    if p.value is None:
-        limits = f" (in {_ends(p, digits)} {p.unit})" if None not in p.ci else ""
-        return f"{name:<{width}} {p.status}{limits}"
-    measure = f"{name:<{width}} {p.value:.{digits}g} {p.unit}"
-    if p.ci_low is None or p.ci_high is None:
-        return f"{measure} ({p.ci_method if p.status == 'ok' else 'no interval; undecided'})"
-    return f"{measure} ({p.ci_level:.0%} interval {_ends(p, digits)}; {p.status})"
-
-
-def _ends(parameter: "ParameterEstimate", digits: int) -> str:
-    return f"{parameter.ci_low:.{digits}g} to {parameter.ci_high:.{digits}g}"
-
-
-def parameter_label(parameter: "ParameterEstimate", *, symbol: str = "", digits: int = 3) -> str:
-    """Return a parameter as a short label of a figure; its symbol is K, B or J by default."""
-    symbol = symbol or SYMBOLS[parameter.name]
-    if parameter.value is None:
-        return f"{symbol} {parameter.status}"
-    return f"{symbol} = {parameter.value:.{digits}g} {parameter.unit}"

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jointz.core.protocols.protocol import ConditionSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.devices.interface import Rig
 from jointz.experiment.files.journal import Event, read_journal
 from jointz.experiment.files.session_files import JOURNAL_FILE

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from jointz.core.protocols.protocol import ConditionSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 
 #: The folder of a study that holds what was recorded.
 SESSIONS = "sessions"

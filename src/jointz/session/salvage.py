@@ -8,7 +8,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from jointz.core.errors import DataError, TooLargeError
-from jointz.core.protocols.protocol import ConditionSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.experiment.files.journal import read_journal
 from jointz.experiment.files.session_files import JOURNAL_FILE, SESSION_FILE
 from jointz.experiment.files.whole_files import kept_beside, read_twice, write_whole

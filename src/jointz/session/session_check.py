@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.protocols.protocol import ConditionSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.experiment.files.journal import (
     Event,
     Journal,

@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from jointz.core.protocols.protocol import ConditionSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.recording import build_recording
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Stretch

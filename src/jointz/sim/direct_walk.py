@@ -14,7 +14,7 @@ from numba import njit
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.sim import plant
 from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.devices.interface import Stretch
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.impedance_curves import impedance_over_cycle, leg_of

@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.clock import Clock
 from jointz.core.gait_phases import REFERENCE_SPEED_M_S, stride_time_ratio
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
 from jointz.sim.benches.running_plant import RunningPlant

@@ -3,11 +3,11 @@
 import pytest
 from pydantic import ValidationError
 
-from jointz.core.protocols.protocol import (
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import (
     ConditionSpec,
     GaitSpec,
     PerturbationPlan,
-    Protocol,
     PulseSpec,
     RatesSpec,
 )

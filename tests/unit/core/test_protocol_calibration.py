@@ -5,8 +5,9 @@ from typing import get_args
 import pytest
 from pydantic import ValidationError
 
-from jointz.core.protocols.protocol import CalibrationStep, Protocol
+from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_calibration_checks import STEP_RULES
+from jointz.core.protocols.protocol_models import CalibrationStep
 from jointz.io.protocols import load_protocol
 from jointz.io.toml_problems import all_problems
 

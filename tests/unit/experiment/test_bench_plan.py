@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.core.protocols.protocol import ConditionSpec, PulseSpec
+from jointz.core.protocols.protocol_models import ConditionSpec, PulseSpec
 from jointz.experiment.bench.bench_plan import bench_course, make_bench_plan
 
 PULSE = PulseSpec(

@@ -4,7 +4,7 @@ from math import isnan, nan
 
 import pytest
 
-from jointz.core.protocols.protocol import GaitSpec
+from jointz.core.protocols.protocol_models import GaitSpec
 from jointz.devices.interface import SensorSample
 from jointz.experiment.gait.gait_watch import GaitWatch
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol import GaitSpec
+from jointz.core.protocols.protocol_models import GaitSpec
 from jointz.experiment.gait.phase_predictor import KneePhase, StridePhase
 
 GAIT = GaitSpec(speed_m_s=1.2)  # mean of 5, band 0.75 to 1.33, steady after 3

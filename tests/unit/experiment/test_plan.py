@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
 from jointz.experiment.plan import make_plan
 
 POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}

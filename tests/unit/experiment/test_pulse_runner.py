@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
 from jointz.experiment.files.journal import Journal, pulses_done, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol import PerturbationPlan
+from jointz.core.protocols.protocol_models import PerturbationPlan
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
 

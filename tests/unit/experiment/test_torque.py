@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.core.study import TorqueModelSpec
 from jointz.experiment.torque import AppliedTorque, Trapezoid, ZeroTorque
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from jointz.core.protocols.protocol import ConditionSpec
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.recording import history_of
 from jointz.core.session_log import NO_SAMPLE, WALKING, Flag
 from jointz.experiment.files.journal import Journal, read_journal

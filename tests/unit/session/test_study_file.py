@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import jointz
-from jointz.core.protocols.protocol import PerturbationPlan
+from jointz.core.protocols.protocol_models import PerturbationPlan
 from jointz.core.recording import build_recording
 from jointz.core.study import (
     Calibrated,

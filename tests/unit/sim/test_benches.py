@@ -3,7 +3,7 @@
 import pytest
 
 from jointz.core.errors import DataError
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.sim.benches.bench_load import BenchLoad
 from jointz.sim.benches.bench_rig import simulated_bench
 from jointz.sim.benches.qdd_bench import pack_qdd, qdd_preset

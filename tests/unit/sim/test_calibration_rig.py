@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated
 from jointz.io.protocols import load_protocol
 from jointz.sim.calibration_benches.calibration_rig import (

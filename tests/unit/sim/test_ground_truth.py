@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol import PulseSpec
+from jointz.core.protocols.protocol_models import PulseSpec
 from jointz.devices.interface import Stretch
 from jointz.sim.ground_truth import window_weights
 from jointz.sim.impedance_curves import impedance_over_cycle

@@ -3,12 +3,10 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from jointz.core.checked_model import Problem
-
-if TYPE_CHECKING:
-    from jointz.core.protocols.protocol import LoadSpec, Protocol
+from jointz.core.protocols.protocol_models import LoadSpec, ProtocolFields
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +37,7 @@ STEP_RULES: Mapping[str, StepRules] = MappingProxyType(
 _WITHOUT_USE = {"session": None, "trials": 1, "position_rad": None, "velocity_rad_s": None}
 
 
-def _step_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
+def _step_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.kind == "calibration" and protocol.calibration is None:
         steps = ", ".join(STEP_RULES)
         yield Problem(("calibration",), f"missing; expected the step, one of {steps}.")
@@ -48,7 +46,7 @@ def _step_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
         yield Problem(("calibration",), message)
 
 
-def _conditions_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]:
+def _conditions_are_those_of_the_step(protocol: ProtocolFields) -> Iterator[Problem]:
     rules = _rules(protocol)
     if rules is None:
         return
@@ -66,7 +64,7 @@ def _conditions_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]
             )
 
 
-def _loads_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]:
+def _loads_are_those_of_the_step(protocol: ProtocolFields) -> Iterator[Problem]:
     rules = _rules(protocol)
     if rules is None:
         return
@@ -90,7 +88,7 @@ def _loads_are_those_of_the_step(protocol: "Protocol") -> Iterator[Problem]:
             yield Problem(("loads", i, "locked"), "a known load moves. Remove it.")
 
 
-def _nothing_foreign(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _nothing_foreign(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     if protocol.kind != "calibration":
         return
     condition = protocol.conditions[i]
@@ -103,7 +101,7 @@ def _nothing_foreign(protocol: "Protocol", i: int) -> Iterator[Problem]:
         yield Problem(("conditions", i, "condition"), message)
 
 
-def _torque_is_that_of_the_step(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _torque_is_that_of_the_step(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     rules = _rules(protocol)
     if rules is None:
         return
@@ -120,7 +118,7 @@ def _torque_is_that_of_the_step(protocol: "Protocol", i: int) -> Iterator[Proble
             yield Problem(("conditions", i, key), f"missing; '{protocol.calibration}' needs it.")
 
 
-def _pulses_go_both_ways(protocol: "Protocol") -> Iterator[Problem]:
+def _pulses_go_both_ways(protocol: ProtocolFields) -> Iterator[Problem]:
     rules, pulse = _rules(protocol), protocol.pulse
     if rules is None or pulse is None or rules.torque != "pulses":
         return
@@ -132,7 +130,7 @@ def _pulses_go_both_ways(protocol: "Protocol") -> Iterator[Problem]:
         )
 
 
-def _rules(protocol: "Protocol") -> StepRules | None:
+def _rules(protocol: ProtocolFields) -> StepRules | None:
     if protocol.kind != "calibration" or protocol.calibration is None:
         return None
     return STEP_RULES[protocol.calibration]

@@ -3,28 +3,29 @@
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from itertools import chain
-from typing import TYPE_CHECKING
 
 from jointz.core.checked_model import Problem
 from jointz.core.protocols.bench_timing import onsets_in_cycle
+from jointz.core.protocols.protocol_models import (
+    ASSUMED_STRIDE_S,
+    ConditionSpec,
+    PerturbationPlan,
+    ProtocolFields,
+    PulseSpec,
+)
 
-if TYPE_CHECKING:
-    from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, Protocol, PulseSpec
-
-#: Duration of a stride at 1.2 m/s where nobody has walked yet, s.
-ASSUMED_STRIDE_S = 1.1
 #: Ticks and samples that a period of the fastest sine must hold.
 _SAMPLES_A_PERIOD = 10
 #: What sums of times may differ by, s.
 ROUNDING_S = 1e-9
 
 
-def assumed_stride_s(protocol: "Protocol") -> float:
+def assumed_stride_s(protocol: ProtocolFields) -> float:
     """Return the assumed duration of a stride before anybody has walked, s."""
     return ASSUMED_STRIDE_S if protocol.gait is None else protocol.gait.assumed_stride_s
 
 
-def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
+def expected_duration_s(protocol: ProtocolFields, condition: ConditionSpec) -> float:
     """Return how long a condition takes with all its trials, s."""
     plan = condition.perturbations
     if protocol.kind == "walking":
@@ -35,7 +36,7 @@ def expected_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> flo
     return condition.trials * trial_duration_s(protocol, condition)
 
 
-def trial_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
+def trial_duration_s(protocol: ProtocolFields, condition: ConditionSpec) -> float:
     """Return the duration of one trial on a bench, s."""
     if condition.duration_s is not None:
         return condition.duration_s
@@ -45,9 +46,7 @@ def trial_duration_s(protocol: "Protocol", condition: "ConditionSpec") -> float:
     return max(cycles, default=0.0)
 
 
-def _pulses_take_s(
-    condition: "ConditionSpec", plan: "PerturbationPlan", pulse: "PulseSpec"
-) -> float:
+def _pulses_take_s(condition: ConditionSpec, plan: PerturbationPlan, pulse: PulseSpec) -> float:
     """Return the time that the pulses of a bench need at most, s."""
     apart_s = (plan.pause_s or 0.0) + pulse.duration_s
     if plan.timing_points is None:
@@ -60,20 +59,20 @@ def _pulses_take_s(
     return plan.total * (apart_s + cycle_s)
 
 
-def _cycles_s(condition: "ConditionSpec") -> list[float]:
+def _cycles_s(condition: ConditionSpec) -> list[float]:
     return [r.cycle_s for r in condition.references.values() if r.cycle_s is not None]
 
 
 # --- checks of the whole -----------------------------------------------------------------------
 
 
-def _names_unique(protocol: "Protocol") -> Iterator[Problem]:
+def _names_unique(protocol: ProtocolFields) -> Iterator[Problem]:
     yield from _repeated(
         "conditions", chain.from_iterable(c.trial_names for c in protocol.conditions)
     )
 
 
-def _loads_unique(protocol: "Protocol") -> Iterator[Problem]:
+def _loads_unique(protocol: ProtocolFields) -> Iterator[Problem]:
     yield from _repeated("loads", (load.name for load in protocol.loads))
 
 
@@ -91,7 +90,7 @@ def _repeated(key: str, names: Iterable[str]) -> Iterator[Problem]:
             yield Problem((key,), message)
 
 
-def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
+def _points_mean_one_place(protocol: ProtocolFields) -> Iterator[Problem]:
     first: dict[str, float] = {}
     for i, condition in enumerate(protocol.conditions):
         plan = condition.perturbations
@@ -104,7 +103,7 @@ def _points_mean_one_place(protocol: "Protocol") -> Iterator[Problem]:
                 )
 
 
-def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
+def _gait_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.kind == "walking" and protocol.gait is None:
         yield Problem(("gait",), "missing; walking needs it, at least its speed_m_s.")
     if protocol.kind != "walking" and protocol.gait is not None:
@@ -113,13 +112,13 @@ def _gait_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
         )
 
 
-def _bench_fits_kind(protocol: "Protocol") -> Iterator[Problem]:
+def _bench_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.kind != "bench" and protocol.bench is not None:
         message = f'{protocol.kind} needs none. Remove it, or set kind = "bench".'
         yield Problem(("bench",), message)
 
 
-def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
+def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if not protocol.loads:
         return
     if protocol.kind == "walking":
@@ -128,14 +127,14 @@ def _loads_fit_kind(protocol: "Protocol") -> Iterator[Problem]:
         yield Problem(("participants",), "the loads stand for participants. Remove it.")
 
 
-def _pulse_is_used(protocol: "Protocol") -> Iterator[Problem]:
+def _pulse_is_used(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.pulse is not None and all(c.perturbations is None for c in protocol.conditions):
         yield Problem(
             ("pulse",), "no condition has perturbations. Remove it, or give them where it belongs."
         )
 
 
-def _pulse_suits_rate(protocol: "Protocol") -> Iterator[Problem]:
+def _pulse_suits_rate(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.pulse is None:
         return
     period_s = 1.0 / protocol.rates.control_hz
@@ -175,7 +174,7 @@ _FOREIGN = {
 _OTHER = {"walking": "bench", "bench": "walking", "calibration": "walking"}
 
 
-def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _keys_fit_kind(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
     of_condition, of_plan = _FOREIGN[protocol.kind]
     foreign: list[tuple[str, ...]] = [(key,) for key in of_condition if _is_set(condition, key)]
@@ -190,12 +189,12 @@ def _keys_fit_kind(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _is_set(model: "ConditionSpec | PerturbationPlan | Protocol", key: str) -> bool:
+def _is_set(model: "ConditionSpec | PerturbationPlan | ProtocolFields", key: str) -> bool:
     """Whether a key differs from its default: a dump, which writes defaults, stays valid."""
     return bool(getattr(model, key) != type(model).model_fields[key].default)
 
 
-def _says_how_long(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _says_how_long(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, place = protocol.conditions[i], ("conditions", i)
     if protocol.kind == "walking":
         if condition.strides is None and condition.perturbations is None:
@@ -212,7 +211,7 @@ def _says_how_long(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _perturbed_is_perturbed(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, place = protocol.conditions[i], ("conditions", i)
     if condition.condition != "perturbed" or condition.perturbations is not None:
         return
@@ -226,12 +225,12 @@ def _perturbed_is_perturbed(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _perturbations_have_pulse(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     if protocol.conditions[i].perturbations is not None and protocol.pulse is None:
         yield Problem(("pulse",), f"missing; conditions[{i + 1}].perturbations need it.")
 
 
-def _plan_is_whole(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _plan_is_whole(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan, place = protocol.conditions[i].perturbations, ("conditions", i, "perturbations")
     if plan is None:
         return
@@ -245,7 +244,7 @@ def _plan_is_whole(protocol: "Protocol", i: int) -> Iterator[Problem]:
             yield Problem((*place, key), f"missing; on a {protocol.kind} it says when pulses fire.")
 
 
-def _directions_balanced(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _directions_balanced(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan = protocol.conditions[i].perturbations
     if plan is None or protocol.pulse is None or protocol.pulse.direction != "both":
         return
@@ -259,7 +258,7 @@ def _directions_balanced(protocol: "Protocol", i: int) -> Iterator[Problem]:
             )
 
 
-def _pulses_apart(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _pulses_apart(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan, pulse, gait = protocol.conditions[i].perturbations, protocol.pulse, protocol.gait
     if plan is None or pulse is None or gait is None:
         return
@@ -278,7 +277,7 @@ def _pulses_apart(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _points_have_a_cycle(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _points_have_a_cycle(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
     if protocol.kind == "walking" or plan is None or plan.timing_points is None:
         return
@@ -291,7 +290,7 @@ def _points_have_a_cycle(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _pulses_fit_duration(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _pulses_fit_duration(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, pulse = protocol.conditions[i], protocol.pulse
     plan, duration_s = condition.perturbations, condition.duration_s
     if protocol.kind == "walking" or plan is None or pulse is None or duration_s is None:
@@ -305,7 +304,7 @@ def _pulses_fit_duration(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _rates_suffice(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _rates_suffice(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     for name, reference in protocol.conditions[i].references.items():
         needed_hz = _SAMPLES_A_PERIOD * reference.fastest_hz
         for key in ("control_hz", "sample_hz"):

@@ -1,7 +1,6 @@
 """Checks of a protocol against its own limits and against what can be run at all."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from jointz.core.checked_model import Problem
 from jointz.core.limits import DUTY_WINDOW_S
@@ -11,9 +10,7 @@ from jointz.core.protocols.protocol_checks import (
     expected_duration_s,
     trial_duration_s,
 )
-
-if TYPE_CHECKING:
-    from jointz.core.protocols.protocol import PerturbationPlan, Protocol, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan, ProtocolFields, PulseSpec
 
 _LONGEST_S = 86_400.0
 #: Of a trial on a bench: all of it is laid out before it begins.
@@ -23,7 +20,7 @@ _MOST_TICKS = 10_000_000
 # --- checks of the whole -----------------------------------------------------------------------
 
 
-def _pulse_within_torque(protocol: "Protocol") -> Iterator[Problem]:
+def _pulse_within_torque(protocol: ProtocolFields) -> Iterator[Problem]:
     limit = protocol.safety.torque_nm
     if protocol.pulse is None or limit is None or protocol.pulse.amplitude_nm <= limit:
         return
@@ -34,7 +31,7 @@ def _pulse_within_torque(protocol: "Protocol") -> Iterator[Problem]:
     )
 
 
-def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
+def _pulse_within_torque_rate(protocol: ProtocolFields) -> Iterator[Problem]:
     pulse, limit = protocol.pulse, protocol.safety.torque_rate_nm_s
     if pulse is None or limit is None:
         return
@@ -49,7 +46,7 @@ def _pulse_within_torque_rate(protocol: "Protocol") -> Iterator[Problem]:
             )
 
 
-def _pulse_within_duty(protocol: "Protocol") -> Iterator[Problem]:
+def _pulse_within_duty(protocol: ProtocolFields) -> Iterator[Problem]:
     pulse, duty = protocol.pulse, protocol.safety.pulse_duty
     if pulse is None or duty is None:
         return
@@ -63,7 +60,7 @@ def _pulse_within_duty(protocol: "Protocol") -> Iterator[Problem]:
         )
 
 
-def _samples_young_enough(protocol: "Protocol") -> Iterator[Problem]:
+def _samples_young_enough(protocol: ProtocolFields) -> Iterator[Problem]:
     limit_s, period_s = protocol.safety.sensor_age_s, 1.0 / protocol.rates.sample_hz
     if limit_s is not None and limit_s < period_s - ROUNDING_S:
         yield Problem(
@@ -84,7 +81,7 @@ PROTOCOL_LIMIT_CHECKS = (
 # --- checks of one condition -------------------------------------------------------------------
 
 
-def _count_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _count_within_limit(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, limit = protocol.conditions[i], protocol.safety.pulse_count
     if condition.perturbations is None or limit is None:
         return
@@ -97,7 +94,7 @@ def _count_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _pulses_within_duty(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _pulses_within_duty(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan, pulse = protocol.conditions[i].perturbations, protocol.pulse
     duty = protocol.safety.pulse_duty
     if plan is None or pulse is None or duty is None:
@@ -114,14 +111,14 @@ def _pulses_within_duty(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _mean_apart_s(protocol: "Protocol", plan: "PerturbationPlan", pulse: "PulseSpec") -> float:
+def _mean_apart_s(protocol: ProtocolFields, plan: PerturbationPlan, pulse: PulseSpec) -> float:
     """Return the mean time from onset to onset, s; 0 if the plan does not state it."""
     if plan.gap_strides is not None:
         return sum(plan.gap_strides) / 2.0 * assumed_stride_s(protocol)
     return plan.pause_s + pulse.duration_s if plan.pause_s is not None else 0.0
 
 
-def _torque_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _torque_within_limit(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, limit = protocol.conditions[i], protocol.safety.torque_nm
     if condition.torque_nm is None or limit is None:
         return
@@ -135,7 +132,7 @@ def _torque_within_limit(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _position_within_limits(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _position_within_limits(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     position, safety = protocol.conditions[i].position_rad, protocol.safety
     if position is None:
         return
@@ -152,7 +149,7 @@ def _position_within_limits(protocol: "Protocol", i: int) -> Iterator[Problem]:
             )
 
 
-def _over_in_a_day(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _over_in_a_day(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     takes_s = expected_duration_s(protocol, protocol.conditions[i])
     if takes_s > _LONGEST_S:
         yield Problem(
@@ -162,7 +159,7 @@ def _over_in_a_day(protocol: "Protocol", i: int) -> Iterator[Problem]:
         )
 
 
-def _trial_can_be_laid_out(protocol: "Protocol", i: int) -> Iterator[Problem]:
+def _trial_can_be_laid_out(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     if protocol.kind == "walking":
         return
     rate_hz = protocol.rates.control_hz

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.protocols.bench_timing import onsets_after_rests, onsets_in_cycle
-from jointz.core.protocols.protocol import ConditionSpec, PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import ConditionSpec, PerturbationPlan, PulseSpec
 from jointz.experiment.bench.reference_signals import reference_samples
 from jointz.experiment.plan import ordered_pulses
 from jointz.experiment.torque import Trapezoid

@@ -1,6 +1,6 @@
 """Heel strikes, strides and phase of a walking participant at run time."""
 
-from jointz.core.protocols.protocol import GaitSpec
+from jointz.core.protocols.protocol_models import GaitSpec
 from jointz.devices.interface import SensorSample
 from jointz.experiment.gait.heel_strike_detector import HeelStrikeDetector
 from jointz.experiment.gait.phase_predictor import KneePhase, StridePhase

@@ -8,7 +8,7 @@ would have said is recorded beside the other.
 from collections import deque
 from typing import Any
 
-from jointz.core.protocols.protocol import GaitSpec
+from jointz.core.protocols.protocol_models import GaitSpec
 
 _SHORTEST_S, _LONGEST_S = 0.5, 2.5  # a stride of anybody
 #: Strikes in a row outside the accepted band after which the cadence is learnt anew.

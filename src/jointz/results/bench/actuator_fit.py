@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointz.results.base import Fit, parameter_line, summary_text
+from jointz.results.base import summary_text
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.fit import Fit, parameter_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointz.results.base import SYMBOLS, Fit, parameter_label, parameter_line, summary_text
+from jointz.results.base import summary_text
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.fit import SYMBOLS, Fit, parameter_label, parameter_line
 from jointz.results.impedance_limits import without_negative
 from jointz.results.series.joint_fit import FitSeries
 

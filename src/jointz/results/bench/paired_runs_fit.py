@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Fit, parameter_label, parameter_line, record_frame, summary_text
+from jointz.results.base import record_frame, summary_text
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.fit import Fit, parameter_label, parameter_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

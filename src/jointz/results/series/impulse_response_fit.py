@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import Fit, parameter_label, parameter_line, summary_text
+from jointz.results.base import summary_text
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.fit import Fit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import BAND, INK, MODEL
 from jointz.results.series.second_order_verdict import SecondOrderCheck
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import REFERENCE_SPEED_M_S
-from jointz.core.protocols.protocol import CalibrationStep, LoadSpec, Protocol
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import CalibrationStep, LoadSpec
 from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.drivers import registered_devices
 from jointz.devices.interface import Devices, Rig, Wearer

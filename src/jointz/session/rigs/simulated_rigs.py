@@ -1,6 +1,6 @@
 """Simulated rigs: a walking person, a step of a calibration, a bench."""
 
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.devices.interface import Rig
 from jointz.session.rigs.rig_settings import RigSettings
 

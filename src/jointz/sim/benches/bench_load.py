@@ -5,7 +5,7 @@ from zlib import crc32
 
 import numpy as np
 
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated
 
 

@@ -1,7 +1,7 @@
 """A simulated bench with a known load, as an experiment is handed it."""
 
 from jointz.core.errors import DataError
-from jointz.core.protocols.protocol import LoadSpec
+from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.sim.benches.bench_load import draw_load
 from jointz.sim.benches.loaded_bench import bench_stream
 from jointz.sim.benches.qdd_bench import draw_mounting, qdd_preset

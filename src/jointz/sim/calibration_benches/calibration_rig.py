@@ -13,7 +13,7 @@ import numpy as np
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError
-from jointz.core.protocols.protocol import CalibrationStep, LoadSpec
+from jointz.core.protocols.protocol_models import CalibrationStep, LoadSpec
 from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.interface import Devices, SensorDescription, Wearer
 from jointz.sim.benches.bench_load import BenchLoad, draw_load

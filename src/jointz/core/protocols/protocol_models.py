@@ -1,0 +1,361 @@
+"""Parts of a protocol file (TOML), each with the checks that concern it alone."""
+
+import re
+from collections.abc import Iterator
+from functools import partial
+from math import isclose
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from jointz.core.checked_model import Check, CheckedModel, Problem
+from jointz.core.gait_phases import ALL_POINTS, FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
+from jointz.core.limits import LimitsOverride
+from jointz.core.protocols.reference_signal_models import Reference
+from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
+
+#: The steps of a calibration, in the order in which a lab does them.
+CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]
+#: What a session does when the page of its operator is lost.
+WithoutConsole = Literal["go_on", "stop"]
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+#: Slower, samples are too old to act on; faster than any loop of a computer.
+Rate = Annotated[float, Field(ge=100, le=10_000)]
+#: No experiment has more of anything that is counted.
+Count = Annotated[int, Field(gt=0, le=10_000)]
+Strides = Annotated[int, Field(le=10_000)]
+
+#: Duration of a stride at 1.2 m/s where nobody has walked yet, s.
+ASSUMED_STRIDE_S = 1.1
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+_LONGEST_NAME = 64
+#: Of a load that can be told from a locked output, SI units.
+_LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3}
+
+
+def _name_problems(name: str, *key: str, why: str = "names files") -> Iterator[Problem]:
+    if not _FILE_NAME.fullmatch(name) or len(name) > _LONGEST_NAME:
+        got = repr(name) if len(name) <= _LONGEST_NAME else f"{len(name)} characters"
+        yield Problem(
+            key or ("name",),
+            f"expected letters, digits, - and _, at most {_LONGEST_NAME}, because it {why}; got "
+            f"{got}.",
+        )
+
+
+class RatesSpec(CheckedModel):
+    """How often the loop runs and devices are sampled."""
+
+    control_hz: Rate = 500.0
+    sample_hz: Rate = 500.0
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the check between the rates."""
+        return (self._whole_ratio,)
+
+    def _whole_ratio(self) -> Iterator[Problem]:
+        low, high = sorted((self.control_hz, self.sample_hz))
+        if not isclose(high / low, round(high / low), rel_tol=1e-9):
+            yield Problem(
+                ("sample_hz",),
+                f"expected a whole multiple of control_hz = {self.control_hz:g} Hz or a whole "
+                f"fraction of it, got {self.sample_hz:g} Hz.",
+            )
+
+
+class PulseSpec(CheckedModel):
+    """A trapezoid of torque: ramp up, hold, ramp down."""
+
+    amplitude_nm: Positive
+    duration_s: Positive
+    ramp_up_s: NotNegative = 0.0
+    hold_s: NotNegative
+    ramp_down_s: NotNegative = 0.0
+    direction: Literal["positive", "negative", "both"] = "positive"
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks between the parts."""
+        return (self._parts_add_up,)
+
+    def _parts_add_up(self) -> Iterator[Problem]:
+        parts = self.ramp_up_s + self.hold_s + self.ramp_down_s
+        if not isclose(parts, self.duration_s, abs_tol=1e-9):
+            yield Problem(
+                ("duration_s",),
+                f"expected ramp_up_s + hold_s + ramp_down_s = {parts:g} s, got "
+                f"{self.duration_s:g} s. Correct the part that is wrong.",
+            )
+
+
+class PerturbationPlan(CheckedModel):
+    """Which pulses fire when.
+
+    In walking, at timing points of the gait cycle, ``gap_strides`` apart. On a
+    bench, at points of the reference's cycle, each at the first that comes after
+    ``pause_s`` of rest, or at clock times: ``count`` pulses, each after ``pause_s``.
+    """
+
+    timing_points: dict[Name, float] | None = Field(default=None, min_length=1)
+    count_per_point: Count | None = None
+    gap_strides: tuple[Strides, Strides] | None = Field(default=None, strict=False)
+    warm_up_strides: Annotated[int, Field(ge=0, le=10_000)] = 10
+    count: Count | None = None
+    pause_s: Positive | None = None
+    sham_share: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    order: Literal["balanced", "random", "sequential", "cyclic"] = "balanced"
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks of the plan."""
+        points = self._points_named, self._points_in_cycle, self._points_differ
+        return *points, self._gaps, self._counts, self._shams
+
+    def shams(self, pulses: int) -> int:
+        """Return the number of shams added to a number of pulses."""
+        return round(self.sham_share / (1.0 - self.sham_share) * pulses)
+
+    @property
+    def total(self) -> int:
+        """Pulses of the plan, shams included."""
+        count = self.count_per_point or self.count or 0
+        points = len(self.timing_points or ()) if self.count_per_point else 1
+        return points * (count + self.shams(count))
+
+    def _points_named(self) -> Iterator[Problem]:
+        for name in self.timing_points or {}:
+            if name == ALL_POINTS:
+                message = "means all of them; expected another name."
+                yield Problem(("timing_points", name), message)
+            if not name.isprintable() or name != name.strip() or not 0 < len(name) <= _LONGEST_NAME:
+                message = (
+                    f"expected a name of at most {_LONGEST_NAME} characters that print, without "
+                )
+                yield Problem(
+                    ("timing_points", name), f"{message}space around it; got {name[:80]!r}."
+                )
+
+    def _points_in_cycle(self) -> Iterator[Problem]:
+        for name, pct in (self.timing_points or {}).items():
+            if not 0 <= pct < 100:
+                message = f"expected 0 <= % of cycle < 100, got {pct:g}."
+                yield Problem(("timing_points", name), message)
+
+    def _points_differ(self) -> Iterator[Problem]:
+        first: dict[float, str] = {}
+        for name, pct in (self.timing_points or {}).items():
+            if first.setdefault(pct, name) != name:
+                message = f"{pct:g} % is {first[pct]} already. Remove one of the two."
+                yield Problem(("timing_points", name), message)
+
+    def _gaps(self) -> Iterator[Problem]:
+        if self.gap_strides is None:
+            return
+        fewest, most = self.gap_strides
+        if not 1 <= fewest <= most:
+            yield Problem(
+                ("gap_strides",),
+                f"expected [fewest, most] with 1 <= fewest <= most, got [{fewest}, {most}].",
+            )
+
+    def _counts(self) -> Iterator[Problem]:
+        if self.timing_points is not None and self.count_per_point is None:
+            yield Problem(("count_per_point",), "missing; timing_points need it.")
+        if self.timing_points is None and self.count_per_point is not None:
+            yield Problem(("timing_points",), "missing; count_per_point needs them.")
+        if self.count is not None and self.count_per_point is not None:
+            message = "count_per_point says how many there are. Remove one of the two."
+            yield Problem(("count",), message)
+
+    def _shams(self) -> Iterator[Problem]:
+        count = self.count_per_point or self.count
+        if self.sham_share and count and not self.shams(count):
+            yield Problem(
+                ("sham_share",),
+                f"{self.sham_share:g} of {count} pulses is less than one sham. Raise it, or "
+                "remove it for none.",
+            )
+
+
+class ConditionSpec(CheckedModel):
+    """One part of the experiment, run without a break.
+
+    Conditions of one ``session`` belong together: what is unperturbed in it is the
+    baseline of what is perturbed, and on a bench it names the timing point.
+    """
+
+    name: Name
+    condition: ConditionField
+    prompt: str
+    session: Name | None = None
+    strides: Count | None = None
+    duration_s: Positive | None = None
+    trials: Count = 1
+    torque_nm: Reference | None = None
+    position_rad: Reference | None = None
+    velocity_rad_s: Reference | None = None
+    perturbations: PerturbationPlan | None = None
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks of the condition."""
+        names = partial(checked_name, self), self._session_named
+        return *names, self._pulses_fit_condition, self._one_motion
+
+    @property
+    def worn(self) -> bool:
+        """Whether the device is worn."""
+        return self.condition != "no_device"
+
+    @property
+    def trial_names(self) -> tuple[str, ...]:
+        """Names of the trials; the condition's own name for a single trial."""
+        if self.trials == 1:
+            return (self.name,)
+        return tuple(f"{self.name}-{k}" for k in range(1, self.trials + 1))
+
+    @property
+    def references(self) -> dict[str, Reference]:
+        """Quantity with unit -> its reference."""
+        named = {
+            "torque_nm": self.torque_nm,
+            "position_rad": self.position_rad,
+            "velocity_rad_s": self.velocity_rad_s,
+        }
+        return {name: reference for name, reference in named.items() if reference is not None}
+
+    def _session_named(self) -> Iterator[Problem]:
+        if self.session is not None:
+            yield from _name_problems(self.session, "session", why="stands in tables")
+
+    def _pulses_fit_condition(self) -> Iterator[Problem]:
+        if self.perturbations is not None and self.condition != "perturbed":
+            yield Problem(
+                ("perturbations",),
+                f'condition is "{self.condition}". Remove them, or set condition = "perturbed".',
+            )
+
+    def _one_motion(self) -> Iterator[Problem]:
+        if self.position_rad is not None and self.velocity_rad_s is not None:
+            message = "position_rad is given too; one side moves one way. Remove one of the two."
+            yield Problem(("velocity_rad_s",), message)
+
+
+class GaitSpec(CheckedModel):
+    """Walking speed, and settings of the phase of the gait cycle."""
+
+    speed_m_s: Positive
+    strides_in_mean: Annotated[int, Field(ge=1, le=20)] = 5
+    accepted_band: tuple[float, float] = Field(default=(0.75, 1.33), strict=False)
+    steady_after_strides: Annotated[int, Field(ge=1, le=100)] = 3
+    refractory_s: Positive = 0.3
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks of the gait settings."""
+        return self._walking_speed, self._band, self._refractory
+
+    @property
+    def assumed_stride_s(self) -> float:
+        """Assumed duration of a stride before anybody has walked, s."""
+        # A speed that nobody walks at is one problem; what follows from it need not be more.
+        speed_m_s = min(max(self.speed_m_s, SLOWEST_M_S), FASTEST_M_S)
+        return ASSUMED_STRIDE_S * stride_time_ratio(speed_m_s)
+
+    @property
+    def shortest_stride_s(self) -> float:
+        """Shortest accepted stride at the assumed duration, s."""
+        return self.assumed_stride_s * self.accepted_band[0]
+
+    def _walking_speed(self) -> Iterator[Problem]:
+        if not SLOWEST_M_S <= self.speed_m_s <= FASTEST_M_S:
+            yield Problem(
+                ("speed_m_s",),
+                f"expected {SLOWEST_M_S:g} to {FASTEST_M_S:g} m/s, at which people walk; got "
+                f"{self.speed_m_s:g} m/s.",
+            )
+
+    def _band(self) -> Iterator[Problem]:
+        low, high = self.accepted_band
+        if not 0 < low < 1 < high:
+            message = f"expected [low, high] with 0 < low < 1 < high, got [{low:g}, {high:g}]."
+            yield Problem(("accepted_band",), message)
+
+    def _refractory(self) -> Iterator[Problem]:
+        if self.accepted_band[0] > 0 and self.refractory_s >= self.shortest_stride_s:
+            yield Problem(
+                ("refractory_s",),
+                f"expected less than the shortest stride accepted ({self.shortest_stride_s:.3g} s),"
+                f" got {self.refractory_s:g} s.",
+            )
+
+
+class LoadSpec(CheckedModel):
+    """A known load of a bench, with standard deviations; what it leaves out is zero.
+
+    A load without any is a free output; ``locked`` holds the output instead. In a
+    calibration it is on the joint in the condition of the same name.
+    """
+
+    name: Name
+    stiffness: Calibrated | None = None
+    damping: Calibrated | None = None
+    inertia: Calibrated | None = None
+    locked: bool = False
+
+    def checks(self) -> tuple[Check, ...]:
+        """Return the checks of the load."""
+        return (partial(checked_name, self), self._positive, self._nothing_moves_when_locked)
+
+    def _nothing_moves_when_locked(self) -> Iterator[Problem]:
+        for key in ("damping", "inertia"):
+            if self.locked and getattr(self, key) is not None:
+                yield Problem((key,), "a locked output does not move. Remove one of the two.")
+
+    def _positive(self) -> Iterator[Problem]:
+        for key in ("stiffness", "damping", "inertia"):
+            entry: Calibrated | None = getattr(self, key)
+            if entry is not None and not 0 <= entry.value <= _LARGEST[key]:
+                yield Problem(
+                    (key, "value"),
+                    f"expected 0 to {_LARGEST[key]:g} in SI units, got {entry.value:g}. What gives "
+                    "way less is locked = true.",
+                )
+
+
+class ProtocolFields(CheckedModel):
+    """Keys of a protocol file, schema version 1."""
+
+    jointz_protocol: SchemaVersion
+    name: Name
+    title: str = Field(min_length=1)
+    section: str = ""
+    kind: Literal["walking", "bench", "calibration"]
+    calibration: CalibrationStep | None = None
+    bench: Literal["series-elastic", "quasi-direct-drive"] | None = None
+    joint: str = Field(min_length=1)
+    positive: Direction = "flexion"
+    participants: Count = 1
+    seed: Annotated[int, Field(ge=0)] = 1
+    notes: tuple[str, ...] = Field(default=(), strict=False)
+    rates: RatesSpec = RatesSpec()
+    gait: GaitSpec | None = None
+    pulse: PulseSpec | None = None
+    safety: LimitsOverride = LimitsOverride()
+    without_console: WithoutConsole = "go_on"
+    loads: tuple[LoadSpec, ...] = Field(default=(), strict=False)
+    conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)
+
+    @property
+    def cases_are_loads(self) -> bool:
+        """Whether loads take the place of participants (a bench with loads)."""
+        return self.kind == "bench" and bool(self.loads)
+
+    @property
+    def cases(self) -> int:
+        """Number of participants, or of loads in their place."""
+        return len(self.loads) if self.cases_are_loads else self.participants
+
+
+def checked_name(model: ConditionSpec | LoadSpec | ProtocolFields) -> Iterator[Problem]:
+    """Yield the problems of a name."""
+    # Looked up when the check runs: a name that could not be read is no longer there.
+    return _name_problems(model.name)

@@ -1,0 +1,72 @@
+"""Base of fits, and their parameters as text."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+import pandas as pd
+
+from jointz.results.base import ParameterResult, checked_values, record_fields, record_frame
+from jointz.results.estimates import ParameterEstimate
+
+#: Impedance parameter -> its symbol.
+SYMBOLS = {"stiffness": "K", "damping": "B", "inertia": "J"}
+
+
+class Fit(ParameterResult[ParameterEstimate]):
+    """Base of fits; JSON holds their parameters by name."""
+
+    __slots__ = ()
+    #: Properties of the fit that every row of its table repeats.
+    COLUMNS: ClassVar[tuple[str, ...]] = ("vaf_pct", "n_samples", "model", "estimator")
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per parameter."""
+        names = ("value", "unit", "ci_low", "ci_high", "ci_level", "status")
+        table = record_frame(self.parameters, ("name", *names)).rename(
+            columns={"name": "parameter"}
+        )
+        return table.assign(**{name: getattr(self, name) for name in self.COLUMNS})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        by_name = {}
+        for entry in (record_fields(p) for p in self.parameters):
+            name, low, high = (entry.pop(key) for key in ("name", "ci_low", "ci_high"))
+            unit = self.parameter(name).unit
+            by_name[name] = entry | {"unit": unit, "ci": [low, high]}
+        return super().to_dict() | {"parameters": by_name}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild from :meth:`to_dict`; raise ValueError for another schema or wrong values."""
+        parameters = [
+            {**entry, "name": name, "ci_low": entry["ci"][0], "ci_high": entry["ci"][1]}
+            for name, entry in checked_values(data, cls.SCHEMA)["parameters"].items()
+        ]
+        return super().from_dict({**data, "parameters": parameters})
+
+
+def parameter_line(
+    parameter: ParameterEstimate, *, name: str = "", width: int = 10, digits: int = 4
+) -> str:
+    """Return a parameter with its interval, as a line of a summary."""
+    p, name = parameter, name or parameter.name
+    if p.value is None:
+        limits = f" (in {_ends(p, digits)} {p.unit})" if None not in p.ci else ""
+        return f"{name:<{width}} {p.status}{limits}"
+    measure = f"{name:<{width}} {p.value:.{digits}g} {p.unit}"
+    if p.ci_low is None or p.ci_high is None:
+        return f"{measure} ({p.ci_method if p.status == 'ok' else 'no interval; undecided'})"
+    return f"{measure} ({p.ci_level:.0%} interval {_ends(p, digits)}; {p.status})"
+
+
+def _ends(parameter: ParameterEstimate, digits: int) -> str:
+    return f"{parameter.ci_low:.{digits}g} to {parameter.ci_high:.{digits}g}"
+
+
+def parameter_label(parameter: ParameterEstimate, *, symbol: str = "", digits: int = 3) -> str:
+    """Return a parameter as a short label of a figure; its symbol is K, B or J by default."""
+    symbol = symbol or SYMBOLS[parameter.name]
+    if parameter.value is None:
+        return f"{symbol} {parameter.status}"
+    return f"{symbol} = {parameter.value:.{digits}g} {parameter.unit}"
