@@ -96,7 +96,7 @@ def main() -> int:
     sys.stdout.write(f"{len(changed)} changed file(s) reach {len(tests)} test files\n")
     if not tests:
         return 0
-    asked = ["-q", "-m", "not slow and not alone", *tests[:_MOST_FILES]]
+    asked = ["-q", "-m", "not slow", *tests[:_MOST_FILES]]
     deadline = Deadline()
     code = pytest.main(asked, plugins=[deadline])
     if code == pytest.ExitCode.INTERRUPTED and deadline.session is not None:

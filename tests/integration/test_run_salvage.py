@@ -220,6 +220,32 @@ def test_a_session_with_a_flipped_bit_ends_and_says_what_it_cost(protocol, out, 
     assert note.endswith("these records and 1 pulse are excluded.")
 
 
+def test_a_damaged_pulse_of_a_trial_that_goes_on_is_done_again(protocol, out, session):
+    """The end of the log is lost after a flipped bit inside a pulse."""
+    log, journal = session / "logs" / f"{CONDITION}-0.jzlog", session / "journal.jsonl"
+    done = [e for e in events_of(session) if e["event"] == "pulse_completed"]
+    first, second = sorted(done, key=lambda e: e["slot"])[:2]
+    records = read_log(log).records
+    kept = int(np.flatnonzero(records["slot"] == second["slot"])[-1]) + 1
+    content = log.read_bytes()
+    log.write_bytes(content[: len(content) - (records.size - kept) * records.itemsize])
+    flip_record(log, (first["onset_slot"] + first["slot"]) // 2)
+    lines = journal.read_bytes().splitlines(keepends=True)
+    ends = [i for i, line in enumerate(lines) if b"pulse_completed" in line]
+    journal.write_bytes(b"".join(lines[: ends[1] + 1]))
+
+    made = run(protocol, out, resume=True, salvage=True)
+
+    events = events_of(session)
+    planned = [p.number for p in WALKING_TRIALS.read_plan(session)[CONDITION]]
+    assert sorted(pulses_done(events, CONDITION)) == planned
+    begun = [e["pulse"] for e in events if e["event"] == "pulse_started"]
+    assert begun.count(first["pulse"]) == 2
+    assert begun.count(second["pulse"]) == 1
+    table = made.report.to_frame()
+    assert set(table["completed"]) == set(table["planned"])
+
+
 def test_a_damaged_recording_is_made_again_from_the_logs(complete, tmp_path):
     out = shutil.copytree(complete, tmp_path / "study")
     file = out / "S01_perturbed.nc"

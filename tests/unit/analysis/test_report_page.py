@@ -78,6 +78,37 @@ def test_user_text_stays_text(bench, text):
     assert page.text.count(text) >= 4
 
 
+def renamed(rows, text):
+    """Give records the hostile text for a name, wherever they have one."""
+    names = ("participant", "recording", "detail")
+    return tuple(
+        replace(row, **{n: text for n in names if isinstance(getattr(row, n, None), str)})
+        for row in rows
+    )
+
+
+def test_names_stay_text_in_every_table_of_walking(walking, recommended, unperturbed, truth):
+    text = '<blink class="x">&amp;</blink>'
+    of_walking = {
+        name: renamed(getattr(walking, name), text) for name in ("pulses", "strides", "gaps")
+    }
+    strides = [{**row, "participant": text} for row in walking.statistics["strides"]]
+    slopes = [{**row, "participant": text} for row in unperturbed.statistics["quasi_stiffness"]]
+    hostile = replace(
+        recommended,
+        cells=renamed(recommended.cells, text),
+        comparison=renamed(recommended.comparison, text),
+        models=renamed(recommended.models, text),
+        **of_walking,
+        statistics={**walking.statistics, "strides": strides, "quasi_stiffness": slopes},
+    )
+    html = render_report(hostile, {}, title=text, truth=truth.assign(participant=text))
+    page = Page(html)
+    assert page.open == []
+    assert "blink" not in page.tags
+    assert page.text.count(text) > 20
+
+
 def test_a_study_in_which_nothing_stands_still_has_a_page(failed):
     page = Page(render_report(failed, draw_figures(failed), title="Nothing"))
     assert page.open == []

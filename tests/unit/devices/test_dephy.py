@@ -440,6 +440,25 @@ def test_a_stop_that_does_not_reach_the_motor_is_not_confirmed_and_said(begun, c
     assert [record.levelname for record in caplog.records] == ["ERROR"]
 
 
+def test_a_stop_after_a_fault_sends_zero_again(begun, monkeypatch) -> None:
+    device, library, clock = begun()
+
+    def refused(self: FakeDevice, value: int) -> int:
+        raise RuntimeError("Command: command_motor_current failed.")
+
+    device.command_torque(5.0)
+    library.script = {n: {"status_ex": 2} for n in range(library.number, 100_000)}
+    with monkeypatch.context() as patch:
+        patch.setattr(FakeDevice, "command_motor_current", refused)
+        wait(clock, 0.05)
+        device.read()
+    assert device.state is Lifecycle.FAULT
+    calls = len(library.calls)
+    device.stop()
+    assert ("command", CURRENT, 0) in library.calls[calls:]
+    assert device.stop_confirmed
+
+
 def test_an_activation_that_fails_leaves_it_inactive(made) -> None:
     device, library, clock = made()
     device.configure()
