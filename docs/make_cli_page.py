@@ -83,7 +83,11 @@ def _choices(command: Any) -> dict[str, list[str]]:
 
 def _row(parameter: Any, choices: dict[str, list[str]]) -> str:
     option = parameter.param_type_name == "option"
-    name = ", ".join(parameter.opts) if option else parameter.metavar or parameter.name.upper()
+    name = (
+        ", ".join(filter(str.strip, [*parameter.opts, *parameter.secondary_opts]))
+        if option
+        else parameter.metavar or parameter.name.upper()
+    )
     meaning = parameter.help
     if len(choices.get(parameter.name, [])) > 1:
         meaning += f" One of {', '.join(f'`{c}`' for c in choices[parameter.name])}."

@@ -101,7 +101,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     StudyError
         If recordings cannot be trusted; one message names all of them.
     DataError
-        If the method does not suit the study or its baseline.
+        If the method does not suit the study or its baseline, or has no certificate.
     EngineError
         If the engine cannot continue; finished participants stay in the store.
     ValueError
@@ -113,6 +113,11 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
     name = _chosen(opened, check_method(method))
+    if certify and name != RECOMMENDED:
+        raise DataError(
+            f"certify: a certificate is for walking by the method {RECOMMENDED}; this is {name}. "
+            "Remove it, or choose that method."
+        )
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     outputs = _Outputs(seed)

@@ -110,7 +110,8 @@ def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[],
 
 
 def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
-    folder.mkdir()
+    if pictures:
+        folder.mkdir()
     for name, picture in pictures.items():
         (folder / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
         (folder / f"{name}.pdf").write_bytes(picture.pdf)

@@ -6,9 +6,11 @@ which makes damaged recordings of a study again, and ``salvage_advice``, which s
 
 import os
 from collections.abc import Iterator
-from typing import Any
+from contextlib import suppress
+from importlib.metadata import EntryPoint
 
 from jointz.core.entry_points import registered
+from jointz.core.errors import DataError
 
 GROUP = "jointz.salvage"
 #: Entry points of jointz; pyproject.toml registers the same.
@@ -17,13 +19,27 @@ BUILT_IN = {"sessions": "jointz.session.salvage"}
 
 def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
     """Make damaged recordings of a study again; return a sentence for each."""
-    return [sentence for one in _modules() for sentence in one.salvage_recordings(study)]
+    sentences: list[str] = []
+    for entry in _entries():
+        try:
+            salvage = entry.load().salvage_recordings
+        except (ImportError, AttributeError) as exc:
+            raise DataError(
+                f"{GROUP}: {entry.name} = {entry.value} cannot be loaded ({exc}). Correct or "
+                "remove the package that registers it."
+            ) from exc
+        sentences += salvage(study)
+    return sentences
 
 
 def salvage_advice(study: str | os.PathLike[str], message: str) -> str:
     """Return how to go on with a study that cannot be read, "" where nothing can be salvaged."""
-    return " ".join(filter(None, (one.salvage_advice(study, message) for one in _modules())))
+    advice = []
+    for entry in _entries():
+        with suppress(ImportError, AttributeError):  # the study's own error matters more
+            advice.append(entry.load().salvage_advice(study, message))
+    return " ".join(filter(None, advice))
 
 
-def _modules() -> Iterator[Any]:
-    return (entry.load() for entry in registered(GROUP, BUILT_IN).values())
+def _entries() -> Iterator[EntryPoint]:
+    return iter(registered(GROUP, BUILT_IN).values())

@@ -17,7 +17,9 @@ from jointz.results.study_analysis import StudyAnalysis
 class Analysis(StudyAnalysis):
     """Analysis of a study, as :func:`jointz.analyze` and :func:`jointz.load` return it."""
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    def save(
+        self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True
+    ) -> Path:
         """Write the folder of results that ``jointz analyze`` writes: whole or not at all.
 
         Parameters
@@ -26,6 +28,8 @@ class Analysis(StudyAnalysis):
             The folder to make.
         overwrite : bool
             Replace a folder of results that exists.
+        figures : bool
+            Whether to draw figures.
 
         Returns
         -------
@@ -39,7 +43,7 @@ class Analysis(StudyAnalysis):
         WriteError
             When it cannot be written.
         """
-        return write_results(self, Path(folder), overwrite=overwrite)
+        return write_results(self, Path(folder), overwrite=overwrite, figures=figures)
 
 
 def load(folder: str | os.PathLike[str]) -> Analysis:

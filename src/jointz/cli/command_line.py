@@ -3,7 +3,7 @@
 import io
 import os
 import sys
-from collections.abc import Collection
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -88,8 +88,20 @@ def _jointz(
         checked_memory_limit()
 
 
-def command_line(arguments: Collection[str] = ()) -> typer.Typer:
-    """Return the commands that the arguments name; all of them if they name none."""
+def _named_command(arguments: Sequence[str]) -> str:
+    """Return the command that the arguments begin with, "" if it is not certain."""
+    rest = iter(arguments)
+    for argument in rest:
+        if argument == "--memory-limit":
+            next(rest, "")
+        elif argument != "--debug" and not argument.startswith("--memory-limit="):
+            return argument if argument in _COMMANDS else ""
+    return ""
+
+
+def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
+    """Return the commands; only the one that the arguments begin with if there is one."""
+    named = _named_command(arguments)
     app = typer.Typer(
         name="jointz",
         no_args_is_help=True,
@@ -98,7 +110,7 @@ def command_line(arguments: Collection[str] = ()) -> typer.Typer:
         add_completion=False,
     )
     app.callback()(_jointz)
-    for name in [name for name in _COMMANDS if name in arguments] or _COMMANDS:
+    for name in [named] if named else _COMMANDS:
         module, attribute = _COMMANDS[name].split(":")
         command = getattr(import_module(module), attribute)
         if isinstance(command, typer.Typer):

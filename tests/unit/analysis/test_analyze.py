@@ -64,11 +64,19 @@ def break_analysis(monkeypatch):
     [
         ({"method": "nope"}, r"one of recommended, .*'nope'"),
         ({"resamples": 1}, "resamples: expected at least 2, got 1"),
+        ({"certify": True, "method": "pre_pulse"}, "certify: .* this is pre_pulse"),
     ],
 )
 def test_options_out_of_range_are_refused(small_study_source, options, message):
     with pytest.raises(ValueError, match=message):
         analyze(small_study_source, **options)
+
+
+def test_a_certificate_is_made_on_request_and_changes_no_estimate(whole, small_study_source):
+    certified = analyze(small_study_source, resamples=50, seed=3, certify=True)
+    assert whole.certificate is None
+    assert certified.certificate.n_participants == 2
+    pd.testing.assert_frame_equal(certified.to_frame(), whole.to_frame())
 
 
 def test_the_other_methods_stand_in_the_comparison(whole):

@@ -15,6 +15,7 @@ from jointz.analysis import analyze as analysis
 from jointz.analysis import participant_jobs as participants
 from jointz.analysis import results_folder
 from jointz.cli import main
+from jointz.cli.command_line import command_line
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment.files import file_lock
 from jointz.tasks.task_store import TaskStore
@@ -34,6 +35,18 @@ def test_help_is_shown_where_a_command_is_missing(jointz, arguments):
     outcome = jointz(*arguments)
     assert "Usage: jointz" in outcome.out + outcome.err
     assert outcome.code == (0 if "--help" in arguments else 2)
+
+
+def test_every_command_is_listed_unless_one_is_named_first():
+    everything = {group.name for group in command_line().registered_groups}
+    everything |= {command.name for command in command_line().registered_commands}
+    assert {"analyze", "run", "identify"} < everything
+    for first in ("run", "--memory-limit 1GB run", "--memory-limit=1GB run", "--debug run"):
+        app = command_line(first.split())
+        assert [c.name for c in app.registered_commands] == ["run"]
+        assert not app.registered_groups
+    for first in ("--help run", "rnu run", "--memory-limit run --help", ""):
+        assert len(command_line(first.split()).registered_commands) > 5
 
 
 USAGE_ERRORS = [

@@ -162,7 +162,7 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
 def _fit(method: str, *, bounded: bool) -> str:
     """Describe the fit; only on a bench may parameters be negative."""
     if method not in _FITS:
-        return ""
+        return f", by the method {method}, which this version of jointz does not describe"
     bounds = "with K, B and J not negative" if bounded else "without bounds"
     return f", {_FITS[method].format(bounds=bounds, instruments=cite('instruments'))}"
 

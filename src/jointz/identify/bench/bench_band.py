@@ -39,7 +39,7 @@ class BandRecord:
     direction: np.ndarray  # (f,) spectrum of the sign of the velocity, unfiltered
     torque: np.ndarray  # (n,) measured torque, filtered, N*m
     inside: np.ndarray  # (n,) bool: samples away from the ends
-    keep: np.ndarray  # (n,) bool: samples of ``inside`` where friction does not hold the load
+    keep: np.ndarray  # (n,) bool: samples of ``inside`` that the fit takes
     angle_noise_sd: float  # rad: sd of the white noise of the angle
     torque_noise_nm2: float  # N^2*m^2: variance of the torque's white noise after the filter
     step_s: float  # time between samples
