@@ -168,6 +168,7 @@ def angles(unit: str) -> Acquisition:
         (Signal("knee_angle_r", np.zeros(2), "deg", "left"), {}, "descriptions"),
         (Signal("knee_angle_r", np.zeros(2)), {"metadata": {**NAMED, "rig": "B"}}, "metadata: rig"),
         (Signal("knee_angle_r", np.zeros(2)), {"metadata": {"name": "a=b"}}, "metadata: name"),
+        (Signal("knee_angle_r", np.zeros(2)), {"metadata": {"version": "3"}}, "metadata: version"),
         (Signal("knee_moment", np.zeros(2), "Nm"), {}, "units of knee_moment"),
         (Signal("knee flexion", np.zeros(2), "deg"), {}, "'knee flexion'"),
         (Signal("knee_angle_r", np.zeros(2)), {"events": (Event(0.0, "HS"),)}, "events (1"),
@@ -219,3 +220,16 @@ def test_the_first_line_tells_speeds_and_accelerations_from_angles(tmp_path, nam
     found = signals(read(tmp_path, MOTION.replace("Coordinates", name, 1), "a.sto"))
 
     assert found["knee_angle_r"].unit == unit
+
+
+@pytest.mark.parametrize(
+    "stem", ["a", "speeds", "Accelerations", "inDegrees=no", "endheader", "range 1", "nRows 7"]
+)
+@pytest.mark.parametrize("unit", ["deg", "rad", "deg/s", "rad/s^2"])
+def test_no_name_of_a_file_changes_a_unit(tmp_path, unit, stem):
+    group = SignalGroup("", (Signal("knee_angle_r", np.array([0.5, 1.0]), unit),), 100.0)
+
+    assert write_acquisition(Acquisition((group,)), tmp_path / f"{stem}.sto") == []
+
+    (back,) = signals(read_acquisition(tmp_path / f"{stem}.sto")).values()
+    assert (back.unit, back.values.tolist()) == (unit, [0.5, 1.0])

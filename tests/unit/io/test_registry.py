@@ -52,6 +52,7 @@ def _lab_formats(monkeypatch):
     entries = {".gz": OneColumn, ".xyz.gz": Ragged, ".locked": Locked, ".csv": Locked}
     points = [EntryPoint(suffix, f"{__name__}:{kind.__name__}", registry.GROUP)
               for suffix, kind in entries.items()]  # fmt: skip
+    points.append(EntryPoint(".zzz", "a_package_that_is_gone:Format", registry.GROUP))
     monkeypatch.setitem(sys.modules, __name__, SimpleNamespace(**globals()))
     monkeypatch.setattr("jointz.core.entry_points.entry_points", lambda **_group: points)
     registry._formats.cache_clear()
@@ -85,6 +86,15 @@ def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
     ):
         with pytest.raises(DataError, match=r"a.docx: .*\.csv, \.csv\.gz, \.gz, \.locked"):
             call()
+
+
+def test_a_target_without_a_format_is_refused_with_those_that_are_written(tmp_path):
+    with pytest.raises(DataError) as caught:
+        write_acquisition(Acquisition(()), tmp_path / "a.h5")
+
+    listed = str(caught.value).partition("one of ")[2].partition(". ")[0].split(", ")
+    assert {".csv", ".nc", ".sto", ".xlsx", ".xyz.gz"} <= set(listed)
+    assert not {".c3d", ".xdf", ".gz", ".zzz"} & set(listed)  # .gz is read only
 
 
 def test_a_labs_own_format_is_read_by_the_longest_suffix(tmp_path):

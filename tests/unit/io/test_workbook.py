@@ -311,6 +311,50 @@ def test_a_group_called_as_another_in_capitals_has_a_sheet_of_its_own(tmp_path):
     assert titles == ["leg", "Leg_2", "_left_", "x" * 25]
 
 
+def ramp(name, unit="", first=1.0):
+    return Signal(name, np.array([first, 2.0, np.nan, 4.0]), unit)
+
+
+@pytest.mark.parametrize("clock", [{"rate_hz": 100.0}, {}])
+@pytest.mark.parametrize(
+    "names", [("t", "x", "time", "y"), ("x", "Time [ms]"), ("column t", "t", "time [s]", "time_s")]
+)
+def test_a_signal_called_as_a_time_stays_a_signal_under_a_name_that_is_told(tmp_path, names, clock):
+    whole = SignalGroup("walk", tuple(map(ramp, names)), **clock)
+
+    (lost,) = write_acquisition(Acquisition((whole,)), tmp_path / "a.xlsx", lossy=True)
+
+    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
+    new = [s.name for s in back.signals]
+    assert all((name in new) != (repr(name) in lost) for name in names if name != "column t")
+    assert [s.values.tolist()[1::2] for s in back.signals] == [[2.0, 4.0]] * len(names)
+    assert (back.time_s is None) == (not clock)
+    if clock:
+        np.testing.assert_array_equal(back.time_s, whole.times_s())
+
+
+def test_a_time_of_texts_or_of_another_unit_keeps_its_name(tmp_path):
+    day = Signal("time", np.array(["2024-05-01T12:30:00", "", "", "x"], dtype=object))
+    group = SignalGroup("walk", (day, ramp("t", "N*m")), 100.0)
+
+    assert write_acquisition(Acquisition((group,)), tmp_path / "a.xlsx") == []
+
+    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
+    assert [(s.name, s.unit) for s in back.signals] == [("time", ""), ("t [N*m]", "N*m")]
+
+
+def test_units_that_no_name_can_hold_are_told(tmp_path):
+    signals = (ramp("contact", "1"), ramp("foot [1]", "1"), ramp("k", "N"), ramp("k [N]", "N"))
+    content = Acquisition((SignalGroup("walk", signals, 100.0),))
+
+    _, units = write_acquisition(content, tmp_path / "a.xlsx", lossy=True)
+
+    assert "units of contact, foot [1], k [N]." in units
+    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
+    found = [(s.name, s.unit) for s in back.signals]
+    assert found == [("contact", ""), ("foot [1]", ""), ("k [N]", "N"), ("k [N]_2", "")]
+
+
 EMPTY = SignalGroup("", (Signal("x", np.empty(0)),), 10.0)
 HOLES = SignalGroup("", (Signal("x", np.arange(2.0)),), time_s=np.array([0.0, np.nan]))
 

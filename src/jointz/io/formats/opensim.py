@@ -48,6 +48,9 @@ _ANGLES = {
 }
 #: What OpenSim's analysis of kinematics calls its files of what is no coordinate.
 _RATES_BY_NAME = {"speeds": "/s", "accelerations": "/s^2"}
+_VERSION = "1"
+#: Name in the header where neither the content nor the file has one that can stand there.
+_TITLE = "table"
 _DIGITS = re.compile(r"[+-]?\d*(?:\.(?P<decimals>\d*))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _LONGEST_COUNT = 15
 _COUNTS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
@@ -95,10 +98,11 @@ class OpenSimFormat(GroupFormat):
         group = first_group(content)
         signals = _written_signals(group)
         labels, header = _labels(signals), _stated(content, signals, "")
+        kept = header | {"version": _VERSION}
         metadata = {
             key: text
             for key, text in content.metadata.items()
-            if key not in ("version", "inDegrees") and text != header.get(key)
+            if key != "inDegrees" and text != kept.get(key)
         }
         lost = lost_groups(content) + lost_events(content)
         lost += lost_metadata(replace(content, metadata=metadata)) + lost_descriptions(group)
@@ -107,9 +111,8 @@ class OpenSimFormat(GroupFormat):
         lost += lost_signals(
             group, "radians beside degrees (inDegrees is one word)", lambda s: s.name in other
         )
-        pairs = list(zip(signals, labels, strict=True))
-        units = [s.name for s, label in pairs if s.unit != _unit_of(label, header)[0]]
-        names = [s.name for s, label in pairs if s.name != label]
+        units = _other_units(signals, header)
+        names = [s.name for s, label in zip(signals, labels, strict=True) if s.name != label]
         lost += [f"Its header cannot state the units of {listed(units)}."] if units else []
         lost += [f"It has no blanks in names, as in {listed(map(repr, names))}."] if names else []
         if group.signals and group.times_s() is None:
@@ -355,17 +358,37 @@ def _written_signals(group: SignalGroup) -> list[Signal]:
 
 
 def _stated(content: Acquisition, signals: Sequence[Signal], stem: str) -> dict[str, str]:
-    """Return name and inDegrees as the header states them, the latter only where it is known."""
+    """Return name and inDegrees as the header states them, the latter only where it is known.
+
+    The name decides on units. Where the content has none, it is the stem of the file, unless
+    units want the name of a file of rates, or the stem is such a name by chance.
+    """
     words = [_ANGLES[s.unit] for s in signals if s.unit in _ANGLES]
     word = words[0] if words else _one_line(content.metadata.get("inDegrees", ""))
-    stated = {"name": _one_line(content.metadata.get("name", stem)) or stem}
-    return stated | ({"inDegrees": word} if word else {})
+    stated = {"inDegrees": word} if word else {}
+    own, plain = _one_line(content.metadata.get("name", "")), _one_line(stem)
+    if not _is_title(plain) or plain.lower() in _RATES_BY_NAME:
+        plain = _TITLE
+    titles = [own] if _is_title(own) else [plain, *_RATES_BY_NAME]
+    wrong = [len(_other_units(signals, {"name": title, **stated})) for title in titles]
+    return {"name": titles[wrong.index(min(wrong))], **stated}
+
+
+def _is_title(text: str) -> bool:
+    """Whether a first line is read as the name of the table, not as another line of a header."""
+    return bool(text) and text.lower() != "endheader" and _key_and_value(text) == ("", text)
+
+
+def _other_units(signals: Sequence[Signal], header: Mapping[str, str]) -> list[str]:
+    """Return the signals whose units a header does not state."""
+    pairs = zip(signals, _labels(signals), strict=True)
+    return [s.name for s, label in pairs if s.unit != _unit_of(label, header)[0]]
 
 
 def _written(header: Mapping[str, str], signals: Sequence[Signal], time: np.ndarray) -> str:
     lines = [
         header["name"],
-        "version=1",
+        f"version={_VERSION}",
         f"nRows={len(time)}",
         f"nColumns={len(signals) + 1}",
         *(f"{key}={value}" for key, value in header.items() if key != "name"),

@@ -4,7 +4,7 @@ A format registers by an entry point of the group ``jointz.formats``: its name i
 value a class that implements :class:`Format`. It is loaded when a file of its suffix is used.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -144,24 +144,44 @@ def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) 
 
 def format_of(path: Path) -> Format:
     """Return the format of a file by its suffix; of several that match, the longest counts."""
-    name = path.name.lower()
-    formats = _formats()
-    matches = [suffix for suffix in formats if name.endswith(suffix)]
-    if not matches:
-        raise file_error(
-            path,
-            "no format for this kind of file; expected one of "
-            f"{', '.join(sorted(formats))}. Convert the file, or correct its suffix.",
-        )
-    return _load_format(formats[max(matches, key=len)])
+    suffix = _suffix_of(path)
+    if suffix is None:
+        raise _no_format(path, _formats(), "Convert the file, or correct its suffix.")
+    return _load_format(_formats()[suffix])
 
 
 def format_to_write(path: Path) -> Format:
     """Return the format of a file to be written; one that is only read is refused."""
+    if _suffix_of(path) is None:
+        raise _no_format(path, filter(_is_written, _formats()), "Choose one of these suffixes.")
     file_format = format_of(path)
-    if isinstance(file_format, GroupFormat) and type(file_format).encode is GroupFormat.encode:
+    if _is_read_only(file_format):
         file_format.encode(Acquisition(()), path)  # raises
     return file_format
+
+
+def _suffix_of(path: Path) -> str | None:
+    """Return the longest suffix of a format that a file's name ends with."""
+    name = path.name.lower()
+    return max((suffix for suffix in _formats() if name.endswith(suffix)), key=len, default=None)
+
+
+def _no_format(path: Path, suffixes: Iterable[str], todo: str) -> DataError:
+    known = ", ".join(sorted(suffixes))
+    return file_error(path, f"no format for this kind of file; expected one of {known}. {todo}")
+
+
+def _is_read_only(file_format: Format) -> bool:
+    is_group = isinstance(file_format, GroupFormat)
+    return is_group and type(file_format).encode is GroupFormat.encode
+
+
+def _is_written(suffix: str) -> bool:
+    """Whether files of a suffix can be written; not by a package that cannot be loaded."""
+    try:
+        return not _is_read_only(_load_format(_formats()[suffix]))
+    except (ImportError, AttributeError):
+        return False
 
 
 def _format_of_existing(path: Path) -> Format:

@@ -30,9 +30,15 @@ from jointz.io.formats.losses import (
     lost_signals,
 )
 from jointz.io.formats.memory_limit import check_unpacked
-from jointz.io.text.column_names import READING, clock_column, name_with_unit, unique_names
+from jointz.io.text.column_names import (
+    READING,
+    clock_column,
+    name_with_unit,
+    unique_names,
+    unit_in_name,
+)
 from jointz.io.text.text_format import has_numbers, plain_name
-from jointz.io.text.workbook_tables import Sheet, groups_of, is_plain_text, letters
+from jointz.io.text.workbook_tables import Sheet, groups_of, holds_times, is_plain_text, letters
 
 #: What a damaged workbook makes zipfile, the XML parser and openpyxl raise.
 _LIBRARY_ERRORS = (
@@ -109,11 +115,7 @@ class WorkbookFormat(GroupFormat):
                     f"Group '{group.name}' has {group.n_samples} samples of {len(group.signals)} "
                     f"signals; a sheet ends at {_MOST_ROWS} rows and {_MOST_COLUMNS} columns."
                 )
-            names = [name_with_unit(signal) for signal in group.signals]
-            odd = [name[:40] for name in names if plain_name(_held(name)) != name]
-            odd += [group.name[:40]] if group.name not in ("", title) else []
-            if odd:
-                lost.append(f"It cannot hold the name {listed(map(repr, odd))} as it is.")
+            lost += _lost_names(group, title)
         return lost
 
     def encode(self, content: Acquisition, path: Path) -> bytes:
@@ -153,15 +155,38 @@ def _why_no_table(group: SignalGroup) -> str:
 
 
 def _put(sheet: Any, group: SignalGroup, content: Acquisition) -> None:
-    names = [plain_name(_held(name_with_unit(signal))) for signal in group.signals]
+    names = _names(group)
     columns = [_cells(signal) for signal in group.signals]
     time = group.times_s()
     if time is not None:
-        names.insert(0, clock_column(group, content.metadata))
+        named = [replace(s, name=n) for s, n in zip(group.signals, names, strict=True)]
+        names.insert(0, clock_column(replace(group, signals=tuple(named)), content.metadata))
         columns.insert(0, time.tolist())
-    sheet.append([_cell(sheet, name) for name in unique_names(names)])
+    sheet.append([_cell(sheet, name) for name in names])
     for k in range(min(group.n_samples, _MOST_ROWS - 1)):
         sheet.append([_cell(sheet, column[k]) for column in columns])
+
+
+def _lost_names(group: SignalGroup, title: str) -> list[str]:
+    """Name the names and units that a sheet with a group's samples cannot hold."""
+    pairs = list(zip(group.signals, _names(group), strict=True))
+    odd = [s.name[:40] for s, name in pairs if name not in (s.name, name_with_unit(s))]
+    odd += [group.name[:40]] if group.name not in ("", title) else []
+    lost = [f"It cannot hold the name {listed(map(repr, odd))} as it is."] if odd else []
+    units = [s.name[:40] for s, name in pairs if s.unit and s.unit != unit_in_name(name)]
+    return lost + ([f"It cannot hold the units of {listed(units)}."] if units else [])
+
+
+def _names(group: SignalGroup) -> list[str]:
+    """Return the names over a group's columns, by which none but its clock is read as times."""
+    names = []
+    for signal in group.signals:
+        # A number in brackets is read as one, such as that of a sensor, and as no unit.
+        bare = signal.unit.isdecimal()
+        name = plain_name(_held(signal.name if bare else name_with_unit(signal)))
+        times = holds_times(name, unit_in_name(name), _cells(signal))
+        names.append(f"column {name}" if times else name)
+    return unique_names(names)
 
 
 def _cells(signal: Signal) -> list[Any]:

@@ -230,10 +230,14 @@ def _refuse_names_above(sheet: Sheet, table: Table) -> None:
 
 def _is_clock(sheet: Sheet, table: Table, column: int, name: str) -> bool:
     """Whether a column holds times: ``T [Nm]`` is a torque, and a date is a text."""
-    unit = _unit(sheet, table, column, name)
+    cells = [row[column] for row in sheet.rows[table.first_row :]]
+    return holds_times(name, _unit(sheet, table, column, name), cells)
+
+
+def holds_times(name: str, unit: str, cells: Sequence[Any]) -> bool:
+    """Whether a column of this name and unit, and with these cells, is taken for times."""
     if not is_time(name) or seconds_of_one(Signal(name, np.empty(0), unit)) is None:
         return False
-    cells = [row[column] for row in sheet.rows[table.first_row :]]
     filled = [cell for cell in cells if _kind(cell) != "empty"]
     return not filled or any(_kind(c) != "date" and _looks_like_number(c) for c in filled)
 
