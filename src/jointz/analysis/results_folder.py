@@ -55,7 +55,7 @@ def write_results(
     overwrite : bool
         Replace a results folder that exists.
     before : FolderState, optional
-        What :func:`check_free` returned before the analysis; what appeared at ``out`` since then
+        What ``check_free`` returned before the analysis; what appeared at ``out`` since then
         is never replaced.
     truth : pandas.DataFrame, optional
         Truth and estimates of a simulated study, for the report.

@@ -52,7 +52,7 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
     Parameters
     ----------
     folder : path
-        A folder that ``jointz analyze`` or :meth:`Analysis.save` made.
+        A folder that ``jointz analyze`` or ``save`` made.
 
     Returns
     -------
