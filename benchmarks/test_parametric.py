@@ -86,7 +86,7 @@ def test_time_of_a_cell(benchmark, cell, name, quick, figures):
         n_resamples=1000,
         seed=0,
         rate_hz=RATE_HZ,
-        letter=False,
+        as_published=False,
         calibration=CalibrationSpec(),
         cutoff_hz=CUTOFF_HZ,
         wants_per_mass=False,
