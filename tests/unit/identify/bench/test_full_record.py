@@ -137,9 +137,16 @@ def errors(fit: FullRecordFit, case: int) -> np.ndarray:
 
 
 def covered(fit: FullRecordFit, case: int) -> np.ndarray:
+    """Whether each interval holds the truth; one below zero is refused, and holds nothing."""
     K, J = LOADS[case]
-    pairs = zip(NAMES, (K, 0.0, J, FRICTION_NM, LAG_S), strict=True)
-    return np.array([fit.parameter(n).ci_low <= v <= fit.parameter(n).ci_high for n, v in pairs])
+    intervals = [(fit.parameter(name).ci_low, fit.parameter(name).ci_high) for name in NAMES]
+    truth = (K, 0.0, J, FRICTION_NM, LAG_S)
+    return np.array(
+        [
+            low is not None and low <= v <= high
+            for (low, high), v in zip(intervals, truth, strict=True)
+        ]
+    )
 
 
 @pytest.fixture(scope="module")
