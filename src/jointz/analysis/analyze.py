@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from math import ceil
 from typing import Any
 
 from jointz.analysis.mass_checks import mass_questions, mass_remarks, without_values_per_kg
@@ -125,7 +124,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     if exclusions.is_file():
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
-    injections = ceil(_INJECTIONS / max(len(people), 1)) if certify else 0
+    injections = _injections(len(people)) if certify else 0
     request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
     with (
         shown_progress(progress=progress) as show,
@@ -140,6 +139,12 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         show(len(people), len(people), "done")
     analysis = _assembled(request, outputs)
     return _with_pooled_people(request, analysis, outputs.virtual)
+
+
+def _injections(people: int) -> int:
+    from jointz.identify.appraisal.certificate_study import replicates_for
+
+    return replicates_for(people, virtual=_INJECTIONS)
 
 
 @dataclass(slots=True)

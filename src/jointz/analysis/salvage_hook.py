@@ -5,9 +5,9 @@ which makes damaged recordings of a study again, and ``salvage_advice``, which s
 """
 
 import os
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterable
 from importlib.metadata import EntryPoint
+from typing import Any
 
 from jointz.core.entry_points import registered
 from jointz.core.errors import DataError
@@ -19,27 +19,31 @@ BUILT_IN = {"sessions": "jointz.session.salvage"}
 
 def salvage_recordings(study: str | os.PathLike[str]) -> list[str]:
     """Make damaged recordings of a study again; return a sentence for each."""
-    sentences: list[str] = []
-    for entry in _entries():
-        try:
-            salvage = entry.load().salvage_recordings
-        except (ImportError, AttributeError) as exc:
-            raise DataError(
-                f"{GROUP}: {entry.name} = {entry.value} cannot be loaded ({exc}). Correct or "
-                "remove the package that registers it."
-            ) from exc
-        sentences += salvage(study)
-    return sentences
+    modules = [_loaded(entry) for entry in _entries()]  # all, before any file is touched
+    return [sentence for module in modules for sentence in module.salvage_recordings(study)]
 
 
 def salvage_advice(study: str | os.PathLike[str], message: str) -> str:
     """Return how to go on with a study that cannot be read, "" where nothing can be salvaged."""
     advice = []
     for entry in _entries():
-        with suppress(ImportError, AttributeError):  # the study's own error matters more
-            advice.append(entry.load().salvage_advice(study, message))
+        try:
+            module = _loaded(entry)
+        except DataError:  # the study's own error matters more
+            continue
+        advice.append(module.salvage_advice(study, message))
     return " ".join(filter(None, advice))
 
 
-def _entries() -> Iterator[EntryPoint]:
-    return iter(registered(GROUP, BUILT_IN).values())
+def _entries() -> Iterable[EntryPoint]:
+    return registered(GROUP, BUILT_IN).values()
+
+
+def _loaded(entry: EntryPoint) -> Any:
+    try:
+        return entry.load()
+    except (ImportError, AttributeError) as exc:
+        raise DataError(
+            f"{GROUP}: {entry.name} = {entry.value} cannot be loaded ({exc}). Correct or remove "
+            "the package that registers it."
+        ) from exc
