@@ -17,6 +17,7 @@ from jointz.io.study_reader import open_study
 _TOML = """jointz = 1
 joint = "knee"
 kind = "walking"
+coupling = "rigid"
 positive = "flexion"
 torque_acts_on = "joint"
 

@@ -2,7 +2,7 @@
 
 Run as ``python -m benchmarks.certificate --studies 5 --participants 4 --seed 9000``. Each study
 is a row of the accuracy benchmark, in turn, with people of its own seed. Printed are, for K, B
-and J, the RMSE in % of truth of what the recommended method estimates, the RMSE the certificate
+and J, the RMSE in % of truth of what the method rigid estimates, the RMSE the certificate
 expects from the same recordings, and their ratio - for each row over all its studies, and over
 all of them. The issue asks for a ratio between 0.75 and 1.25 over 100 studies of ten people.
 """
@@ -52,7 +52,7 @@ def study(
     for number in range(participants):
         simulated = simulate(row, number, seed)
         person = simulated.rig.person.id
-        settings = settings_of(row, simulated.rig, ["recommended"])
+        settings = settings_of(row, simulated.rig, ["rigid"])
         explained = evidence_of(person, simulated.recordings, settings)
         if not explained:
             continue

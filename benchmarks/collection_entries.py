@@ -94,7 +94,7 @@ def _spec(
         "units": {
             n: PARAMETER_UNITS[n] for n in (*PARAMETERS, "stiffness_per_mass", "damping_per_mass")
         },
-        "method": {"name": "recommended", "settings": {"window_s": 0.1}},
+        "method": {"name": "rigid", "settings": {"window_s": 0.1}},
         "software": {"name": "jointz", "version": "0.1.0"},
         "participants": [_person(rng, k) for k in range(people)],
         "conditions": [condition | (gait if in_gait else {})],
@@ -140,7 +140,7 @@ def _rows(frame: pd.DataFrame, name: str, values: np.ndarray, sd: np.ndarray) ->
     return frame.assign(
         parameter=name, value=values, unit=PARAMETER_UNITS[name],
         ci_low=values - REACH_95 * sd, ci_high=values + REACH_95 * sd, ci_level=0.95,
-        vaf_pct=99.0, n_used=50, n_excluded=1, method="recommended", status="ok",
+        vaf_pct=99.0, n_used=50, n_excluded=1, method="rigid", status="ok",
     )  # fmt: skip
 
 

@@ -244,7 +244,7 @@ def _growth_section(measured: Sequence[Mapping[str, Any]], image: str) -> str:
     drawn = f"\n![time and memory over the number of participants]({image})\n" if image else ""
     return (
         "## Growth with the number of participants\n\n"
-        f"Each is simulated, walks 300 pulses and is estimated by `recommended`, on "
+        f"Each is simulated, walks 300 pulses and is estimated by `rigid`, on "
         f"{measured[0]['workers']} processes that have warmed up, of which one participant needs "
         f"one; work is the time of one participant on one worker.{said}\n\n"
         f"{_table(head, lines)}\n{drawn}"

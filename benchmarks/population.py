@@ -29,7 +29,7 @@ from jointz.tasks.open_engine import open_engine
 
 _ROOT = Path(__file__).parents[1]
 ROWS = {"nominal": "nominal-lag-unknown", "anthropometric": "anthropometric"}
-_METHOD = "recommended"
+_METHOD = "rigid"
 #: People whose bodies are drawn to know the mean of the population.
 _POPULATION = 20_000
 _Z = 1.96

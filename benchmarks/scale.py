@@ -4,7 +4,7 @@ Run as ``python -m benchmarks.scale people`` or ``python -m benchmarks.scale fit
 of time and memory, with ``people --counts 1 10 100 1000 --engines processes``. ``--out FILE``
 writes JSON too. Every measurement is a process of its own, started here: its memory is that of a
 client that did nothing else, and beside it that of its largest worker. People walk 300 pulses on
-the direct path of the rig and are estimated by ``recommended``; only the estimates are kept. Fits
+the direct path of the rig and are estimated by ``rigid``; only the estimates are kept. Fits
 are Monte-Carlo repetitions of one least-squares fit, many to a task.
 """
 
@@ -51,7 +51,7 @@ def person(number: int) -> dict[str, Any]:
     """
     began = time.perf_counter()
     row = all_rows()[_ROW]
-    found = estimate(simulate(row, number, _SEED), row, "recommended")
+    found = estimate(simulate(row, number, _SEED), row, "rigid")
     return {"estimates": found["estimates"], "busy_s": time.perf_counter() - began}
 
 

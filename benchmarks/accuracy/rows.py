@@ -13,7 +13,7 @@ PARAMETERS = ("stiffness", "damping", "inertia")
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What is asked of the recommended method in a row.
+    """What is asked of the method rigid in a row.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Row:
     from_priors : bool
         K, B and J are drawn each on its own from :data:`benchmarks.accuracy.people.PRIORS`.
     prior_scale : float
-        The recommended method's prior medians are multiplied by it.
+        The method rigid's prior medians are multiplied by it.
     target : Target or None
         What is asked for.
     missing : str

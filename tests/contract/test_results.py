@@ -368,11 +368,11 @@ def certificate() -> Certificate:
         "injected": {"stiffness": "10"},
         "settings": {"seed": 1},
     }
-    return Certificate("recommended", expected_errors(estimates), estimates, 1, 2, **told)
+    return Certificate("rigid", expected_errors(estimates), estimates, 1, 2, **told)
 
 
 def specification_curve() -> SpecificationCurve:
-    choices = ("recommended", "predicted", 0.1, None, "pooled")
+    choices = ("rigid", "predicted", 0.1, None, "pooled")
     decided = (60.0, 59.0, 61.0, "ok")
     return SpecificationCurve(
         "S01",
@@ -432,7 +432,7 @@ def quasi_stiffness_compared() -> Any:
 
 def comparison() -> Comparison:
     of = ("stiffness", "N*m/rad", "LRE")
-    people = tuple(Source(name, ("S01", "S02"), ("recommended",)) for name in ("day1", "day2"))
+    people = tuple(Source(name, ("S01", "S02"), ("rigid",)) for name in ("day1", "day2"))
     numbers = (60.0, 50.0, 10.0, 2.0, 18.0, 3.0, 1.0, 0.2, 0.4)
     return Comparison(
         sources=people,
@@ -525,10 +525,10 @@ def parameters_of_studies() -> JointRandomEffects:
 
 def collection_pool() -> CollectionPool:
     place = dict.fromkeys(DEFAULT_BY, "told") | {"parameter": "stiffness", "unit": "N*m/rad"}
-    row = place | {"methods": "recommended", "model": "univariate", "n_studies": 2, "n_people": 9}
+    row = place | {"methods": "rigid", "model": "univariate", "n_studies": 2, "n_people": 9}
     numbers = {"value": 60.0, "ci_low": 50.0, "ci_high": 70.0}
     ends = {"prediction_low": 40.0, "prediction_high": 80.0}
-    study = place | numbers | {"method": "recommended", "n_people": 4, "weight_pct": 50.0}
+    study = place | numbers | {"method": "rigid", "n_people": 4, "weight_pct": 50.0}
     studies = [study | {"study": f"lab-{k}", "status": "ok"} for k in range(2)]
     studies.append(place | {"study": "lab-c", "status": "no_value"})
     return CollectionPool(

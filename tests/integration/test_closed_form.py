@@ -212,6 +212,7 @@ STUDY = """
 jointz = 1
 joint = "knee"
 kind = "walking"
+coupling = "rigid"
 torque_acts_on = "device"
 [channels.time]
 column = "t"

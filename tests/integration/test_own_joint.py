@@ -197,6 +197,7 @@ POINTS = {"MST": 21.5, "PSW": 56.0, "MSW": 81.0}
 AS_RECORDED = """jointz = 1
 joint = "{joint}"
 kind = "walking"
+coupling = "rigid"
 positive = "{positive}"
 torque_acts_on = "{side}"
 channels.time = {{ column = "t", unit = "s" }}

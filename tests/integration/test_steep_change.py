@@ -31,7 +31,7 @@ def held(analyze_walk, person):
     lag = Calibrated(value=true["instruments"]["angle_lag_s"], sd=0.0005)
     known = rig.calibration.model_copy(update={"angle_lag_s": lag})
     result = analyze_walk(rig, walked, PLAN, known)
-    cells = tuple(result.cells["recommended"])
+    cells = tuple(result.cells["rigid"])
     curve = phase_curve(StudyAnalysis(cells, models=result.models))
     alone = next(c for c in cells if c.timing_point == "TSW")
     rows = []

@@ -43,7 +43,7 @@ def estimate(rng, name, truth, spread=0.08, status="ok"):
     )  # fmt: skip
 
 
-def walking_cell(rng, person, mass, point, *, method="recommended", bias=1.0, status="ok"):
+def walking_cell(rng, person, mass, point, *, method="rigid", bias=1.0, status="ok"):
     onset = TIMING_POINTS[point]
     k, b = bias * mass * STIFFNESS_PER_KG[point], bias * mass * DAMPING_PER_KG[point]
     failed = status.startswith("failed")
@@ -69,7 +69,7 @@ def walking_cell(rng, person, mass, point, *, method="recommended", bias=1.0, st
 def shared_inertia(rng, person, mass):
     inertia = estimate(rng, "inertia", 0.0045 * mass)
     return CellEstimate(
-        person, "all", None, (inertia,), None, PULSES * 6, 12, "recommended", "predicted"
+        person, "all", None, (inertia,), None, PULSES * 6, 12, "rigid", "predicted"
     )
 
 
@@ -85,7 +85,7 @@ def population(cells):
             PopulationEstimate(
                 point, None if np.isnan(onset) else onset, name, mean, group["unit"].iloc[0],
                 values.std() if half else None, mean - half if half else None,
-                mean + half if half else None, len(values), "recommended",
+                mean + half if half else None, len(values), "rigid",
                 "ok" if half else "failed:too_few_participants",
             )
         )  # fmt: skip
@@ -159,7 +159,7 @@ def walking_analysis(people=10, *, minutes=27.5, seed=1):
             "vaf": {"mean_pct": 98.1, "sd_pct": 1.2, "median_pct": 98.4},
         },
         settings={
-            "method": "recommended", "baseline": "predicted", "resamples": 1000, "seed": 1,
+            "method": "rigid", "baseline": "predicted", "resamples": 1000, "seed": 1,
             "window_s": 0.1, "cutoff_hz": 20.0, "ci_level": 0.95, "joint": "knee",
             "kind": "walking", "positive": "flexion", "study": "demo",
         },
@@ -240,7 +240,7 @@ def recommended_analysis(people=3, *, seed=5, undecided=((0, "ISW", "stiffness")
         models.append(
             ParticipantModel(person, 0.004 + 0.003 * i, 0.001, 1.1, 0.1, 0.02, 0.5, 0.97, 900 + i)
         )
-    settings = {"method": "recommended", "baseline": "predicted", "window_s": 0.1,
+    settings = {"method": "rigid", "baseline": "predicted", "window_s": 0.1,
                 "cutoff_hz": 20.0, "resamples": 1000, "seed": 1, "kind": "walking",
                 "joint": "knee", "calibration": {}}  # fmt: skip
     return StudyAnalysis(
@@ -253,7 +253,7 @@ def failed_analysis(code="no_pulses"):
         ParameterEstimate(name, None, None, None, f"failed:{code}")
         for name in ("stiffness", "damping", "inertia")
     )
-    cell = CellEstimate("S01", "LRE", None, parameters, None, 0, 3, "recommended")
+    cell = CellEstimate("S01", "LRE", None, parameters, None, 0, 3, "rigid")
     return StudyAnalysis((cell,))
 
 
@@ -263,7 +263,7 @@ def unperturbed_analysis():
     names = ("stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass")
     parameters = tuple(ParameterEstimate(n, None, None, None, status) for n in names)
     cells = tuple(
-        CellEstimate("15", p, None, parameters, None, 0, 0, "recommended", "predicted")
+        CellEstimate("15", p, None, parameters, None, 0, 0, "rigid", "predicted")
         for p in TIMING_POINTS
     )
     strides = tuple(
@@ -292,7 +292,7 @@ def unperturbed_analysis():
     return StudyAnalysis(
         cells,
         strides=strides,
-        settings={"method": "recommended", "kind": "walking", "joint": "knee", "window_s": 0.1,
+        settings={"method": "rigid", "kind": "walking", "joint": "knee", "window_s": 0.1,
                   "positive": "flexion", "baseline": "predicted", "resamples": 1000, "seed": 0},
         statistics={
             "quasi_stiffness": rows,

@@ -6,6 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from jointz.analysis.coupling import ask_for_coupling
 from jointz.analysis.mass_checks import mass_questions, mass_remarks, without_values_per_kg
 from jointz.analysis.participant_jobs import (
     EstimationRequest,
@@ -19,7 +20,7 @@ from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
-from jointz.core.method_names import PREDICTED, RECOMMENDED, STRAPPED
+from jointz.core.method_names import PREDICTED, RECOMMENDED, RIGID, STRAPPED
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.estimators import METHODS
@@ -70,14 +71,16 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     study : Study or path
         An opened study, or its folder.
     method : str
-        ``recommended`` or a name of :data:`jointz.identify.estimators.METHODS`.
+        ``recommended``, the right one for the study (``strapped`` for walking, or ``rigid`` where
+        the study says ``coupling = "rigid"``; ``full_record`` for loads on a bench), or a name of
+        :data:`jointz.identify.estimators.METHODS`.
     resamples : int
         Bootstrap resamples for each cell.
     seed : int
         Seed of the bootstrap.
     certify : bool
         Whether to add a certificate (:func:`jointz.certify`), with few injections; walking studies
-        by the method ``recommended`` only.
+        by the method ``rigid`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
         (:func:`jointz.analysis.salvage_hook.salvage_recordings`).
@@ -112,9 +115,9 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
     name = _chosen(opened, check_method(method))
-    if certify and name != RECOMMENDED:
+    if certify and name != RIGID:
         raise DataError(
-            f"certify: a certificate is for walking by the method {RECOMMENDED}; this is {name}. "
+            f"certify: a certificate is for walking by the method {RIGID}; this is {name}. "
             "Remove it, or choose that method."
         )
     if resamples < 2:
@@ -197,7 +200,7 @@ def _with_pooled_people(
     virtual: Mapping[str, Sequence[VirtualEstimate]],
 ) -> Analysis:
     """Add the certificate of a walking study, and estimates pooled over its people."""
-    if request.method != RECOMMENDED:
+    if request.method != RIGID:
         return analysis
     if request.injections:
         from jointz.identify.appraisal.certificate_draws import Injection
@@ -219,14 +222,17 @@ def _with_pooled_people(
 
 def check_method(method: str) -> str:
     """Return a method if it exists."""
-    if method not in METHODS:
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}; got {method!r}.")
+    if method != RECOMMENDED and method not in METHODS:
+        known = ", ".join((RECOMMENDED, *METHODS))
+        raise ValueError(f"method: expected one of {known}; got {method!r}.")
     return method
 
 
 def _chosen(study: Study, method: str) -> str:
     """Return the name of the method; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
+    if method == RECOMMENDED:
+        ask_for_coupling(study)
     name = recommended_method(study) if method == RECOMMENDED else method
     kind, kinds = study.spec.kind, METHODS[name].kinds
     if kind not in kinds:
@@ -247,7 +253,7 @@ def _chosen(study: Study, method: str) -> str:
     if baseline == PREDICTED and own != PREDICTED and "walking" in kinds:
         raise DataError(
             f'method: {name} has no baseline "{PREDICTED}". Choose another under '
-            f"perturbations.baseline, or the method {RECOMMENDED} or strapped."
+            f"perturbations.baseline, or the method {STRAPPED} or {RIGID}."
         )
     return name
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
-from jointz.core.method_names import RECOMMENDED
+from jointz.core.method_names import RIGID
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Chosen, Injection
 from jointz.identify.appraisal.certificate_study import (
@@ -23,8 +23,8 @@ from jointz.identify.preparation.sources import (
     RecordingInput,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_estimator import RecommendedMethod
-from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.rigid.walking_estimator import RigidMethod
+from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import Certificate, VirtualEstimate
 from jointz.tasks.progress import Progress
@@ -97,9 +97,7 @@ def certify(
         for done, person_id in enumerate(people):
             show(done, len(people), f"certificate of {person_id}")
             try:
-                settings = participant_settings(
-                    opened, person_id, RECOMMENDED, resamples=2, seed=seed
-                )
+                settings = participant_settings(opened, person_id, RIGID, resamples=2, seed=seed)
                 recordings = read_participant(opened, person_id, {})
                 estimates[person_id] = certify_participant(
                     evidence_of(person_id, recordings, settings),
@@ -147,12 +145,12 @@ def checked_injection(
 def evidence_of(
     participant: str, recordings: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> tuple[Evidence, ...]:
-    """Predict and explain the pulses of a participant as the recommended method does."""
+    """Predict and explain the pulses of a participant as the method ``rigid`` does."""
     evidence = []
     for unit, group in recording_groups(recordings, settings.kind):
         session, side = unit or ("", "")
         sources = prepare_sources(group, settings)
-        estimates = RecommendedMethod().estimate(ParticipantData(participant, sources), settings)
+        estimates = RigidMethod().estimate(ParticipantData(participant, sources), settings)
         if estimates.evidence is not None:
             evidence.append(replace(estimates.evidence, session=session, side=side))
     return tuple(evidence)

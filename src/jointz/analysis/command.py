@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from jointz.core.method_names import RECOMMENDED
 from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
 from jointz.terminal.output import (
     EXIT_NO_ESTIMATE,
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
     from jointz.tasks.task_store import TaskStore
 
-_RECOMMENDED = "recommended"
-
 
 def analyze(
     study: Annotated[Path, typer.Argument(help="Folder with study.toml.")],
@@ -32,10 +31,10 @@ def analyze(
         str,
         typer.Option(
             "--method",
-            help="recommended, dissertation, pilot, pre_pulse, matched_strides, least_squares, "
-            "instrumental_variable, strapped or full_record.",
+            help="recommended (the right one for the study), strapped, rigid, dissertation, pilot, "
+            "pre_pulse, matched_strides, least_squares, instrumental_variable or full_record.",
         ),
-    ] = _RECOMMENDED,
+    ] = RECOMMENDED,
     resamples: Annotated[
         int, typer.Option("--resamples", min=2, help="Bootstrap resamples for each cell.")
     ] = 1000,
@@ -45,7 +44,7 @@ def analyze(
         typer.Option(
             "--certify",
             help="Add a certificate: the errors to expect, from known responses put into the "
-            "study's own strides (walking, recommended).",
+            "study's own strides (method rigid).",
         ),
     ] = False,
     figures: Annotated[
@@ -86,7 +85,7 @@ def analyze(
     from jointz.io.study_reader import open_study
     from jointz.tasks.open_engine import open_engine
 
-    if method != _RECOMMENDED:  # the check loads all methods, which takes time
+    if method != RECOMMENDED:  # the check loads all methods, which takes time
         from jointz.analysis.analyze import check_method
 
         try:
@@ -201,6 +200,8 @@ def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
 
 
 def _print(analysis: "StudyAnalysis", report: Path) -> None:
+    from jointz.report.wording import onset_note
+
     for warning in analysis.statistics.get("warnings", []):
         emit(f"WARNING: {warning}")
     if any(p.n_participants > 1 for p in analysis.population):
@@ -212,6 +213,8 @@ def _print(analysis: "StudyAnalysis", report: Path) -> None:
         emit_table(rows, header, title="Means over people")
     else:
         _print_cells(analysis)
+    if note := onset_note(p.name for c in analysis.cells for p in c.parameters):
+        emit(note)
     emit(_counts(analysis))
     for note in analysis.statistics.get("notes", []):
         emit(f"note: {note}")

@@ -12,7 +12,7 @@ from typing import Any
 from jointz.analysis.rate_checks import check_strides
 from jointz.analysis.study_pulses import pulse_tables
 from jointz.core.errors import DataError, StudyError
-from jointz.core.method_names import FULL_RECORD, PREDICTED, RECOMMENDED
+from jointz.core.method_names import FULL_RECORD, PREDICTED, RIGID, STRAPPED
 from jointz.core.priors import PriorsSpec
 from jointz.core.recording import history_of
 from jointz.core.study import Study
@@ -180,7 +180,9 @@ def recommended_method(study: Study) -> str:
     torque = perturbations.source != "angle"
     if study.spec.kind == "walking":
         baseline = perturbations.baseline or PREDICTED
-        return RECOMMENDED if torque and baseline == PREDICTED else "dissertation"
+        if not torque or baseline != PREDICTED:
+            return "dissertation"
+        return RIGID if study.spec.coupling == "rigid" else STRAPPED
     return FULL_RECORD if torque and perturbations.group is None else "dissertation"
 
 

@@ -13,7 +13,7 @@ from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, RECOMMENDED
+from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, RIGID
 from jointz.core.study import Study
 from jointz.identify.over_cycle.stride_curves import StrideCurves
 from jointz.identify.participant import ParticipantResult
@@ -177,7 +177,7 @@ def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
 
 
 def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
-    """Summarise the recommended method's models of joints and sensors."""
+    """Summarise the method ``rigid``'s models of joints and sensors."""
     if not models:
         return []
     n = len(models)
@@ -270,7 +270,7 @@ def _session_notes(study: Study, method: str, results: Collection[ParticipantRes
     """Name the sessions whose unperturbed recordings are all of other sessions."""
     if study.spec.kind != "walking" or "pre_pulse" in (method, study.spec.perturbations.baseline):
         return []
-    unless = "" if method != RECOMMENDED else ", unless its own unperturbed strides were enough"
+    unless = "" if method != RIGID else ", unless its own unperturbed strides were enough"
     notes = []
     for result in results:
         unperturbed = {

@@ -5,9 +5,11 @@ import os
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
+from jointz.core.method_names import FORMER_NAMES
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import CHECKSUMS, MARKER
 from jointz.results.study_analysis import StudyAnalysis
@@ -79,7 +81,7 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
             path=str(place),
         )
     try:
-        analysis = Analysis.from_dict(json.loads(file.read_text(encoding="utf-8")))
+        analysis = Analysis.from_dict(_renamed(json.loads(file.read_text(encoding="utf-8"))))
     except Exception as exc:  # the file may hold anything
         raise DataError(
             f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
@@ -99,6 +101,18 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
             stacklevel=2,
         )
     return analysis
+
+
+def _renamed(content: Any) -> Any:
+    """Return content with the present names of methods."""
+    if isinstance(content, list):
+        return [_renamed(value) for value in content]
+    if not isinstance(content, dict):
+        return content
+    renamed = {key: _renamed(value) for key, value in content.items()}
+    if isinstance(renamed.get("method"), str):
+        renamed["method"] = FORMER_NAMES.get(renamed["method"], renamed["method"])
+    return renamed
 
 
 def _changed_files(folder: Path) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.events import row_label
-from jointz.core.method_names import RECOMMENDED
+from jointz.core.method_names import RIGID
 from jointz.core.study import Study
 from jointz.identify.appraisal.specification import Choices, specification_estimates
 from jointz.identify.preparation.recording_groups import recording_groups
@@ -39,7 +39,7 @@ def specification_curve(
         The id, with session and side if there are several, as in tables: ``S01, left``. By
         default the first.
     windows_s : sequence of float, s
-        Windows from the onset; the recommended method refuses those above 0.12 s.
+        Windows from the onset; the method ``rigid`` refuses those above 0.12 s.
     cutoffs_hz : sequence of float, Hz
         Cut-offs of the dissertation's method, which filters.
     baselines : sequence of str
@@ -76,7 +76,7 @@ def specification_curve(
         raise ValueError(f"participant: expected one of {', '.join(people)}; got {label!r}.")
     choices = Choices(tuple(windows_s), tuple(cutoffs_hz), tuple(baselines))
     total = len(choices.windows_s) + len(choices.cutoffs_hz)
-    settings = participant_settings(opened, who, RECOMMENDED, resamples=resamples, seed=seed)
+    settings = participant_settings(opened, who, RIGID, resamples=resamples, seed=seed)
     groups = recording_groups(read_participant(opened, who, {}), WALKING)
     by_label = {row_label(who, *unit): own for unit, own in groups if unit is not None}
     if participant is None or (label == who and len(by_label) == 1):

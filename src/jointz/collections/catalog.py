@@ -31,6 +31,7 @@ from jointz.collections.entry_model import ENTRY_FILE, Entry
 from jointz.collections.entry_reader import ConditionTables, EntryFolder
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.method_names import FORMER_NAMES
 from jointz.core.provenance import now, software
 from jointz.core.study import Calibrated
 from jointz.io.relative_paths import seen_from
@@ -209,7 +210,8 @@ def in_catalog_columns(rows: pd.DataFrame) -> pd.DataFrame:
         for column, kind in CATALOG_COLUMNS.items()
         if column not in rows
     }
-    return rows.assign(**empty)[list(CATALOG_COLUMNS)]
+    in_order = rows.assign(**empty)[list(CATALOG_COLUMNS)]
+    return in_order.replace({"method": FORMER_NAMES})
 
 
 def _described_people(spec: Entry, participants: pd.Series) -> pd.DataFrame:

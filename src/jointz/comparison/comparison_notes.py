@@ -16,6 +16,7 @@ from jointz.comparison.comparison_cells import (
 from jointz.comparison.comparison_result import Comparison
 from jointz.comparison.comparison_sources import PUBLISHED, Results, published_results
 from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.method_names import RIGID
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.results.statistics.comparison_labels import alike_labels
 from jointz.results.statistics.comparison_rows import (
@@ -251,10 +252,10 @@ def _inertia(results: Sequence[Results], comparison: Comparison) -> Iterator[str
             f"inertia: means over fewer timing points, as values are missing: {incomplete}. They "
             "represent other parts of the gait cycle than the means of the others."
         )
-    shrunk = [r.source.name for r in results if "recommended" in r.source.methods]
+    shrunk = [r.source.name for r in results if RIGID in r.source.methods]
     if shrunk:
         yield (
-            "inertia: the recommended method draws the inertias of a person's timing points "
+            "inertia: the method rigid draws the inertias of a person's timing points "
             f"towards one ({', '.join(shrunk)}: constant_inertia_probability in models.csv). Their "
             "similarity is partly its assumption, and rows of several timing points are not "
             "independent."

@@ -15,6 +15,7 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
+from jointz.core.method_names import FORMER_NAMES
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
@@ -174,7 +175,9 @@ def read_results(folder: Path, name: str) -> Results:
     table = read_table(file, numeric=_NUMBERS, labels=labels, files=FilesSpec(), as_written=True)
     values, averaged = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
-    methods = tuple(dict.fromkeys(str(m) for m in table.columns["method"]))
+    methods = tuple(
+        dict.fromkeys(FORMER_NAMES.get(m, m) for m in map(str, table.columns["method"]))
+    )
     inputs = tuple(
         {"file": f"{name}/{required}", "sha256": file_sha256(folder / required)}
         for required in (_ESTIMATES, _PROVENANCE)

@@ -308,6 +308,7 @@ class StudySpec(_Model):
     subjects: Literal["people", "loads"] | None = None
     positive: Direction = "flexion"
     torque_acts_on: Literal["joint", "device"] = "joint"
+    coupling: Literal["strap", "rigid"] | None = None
     sample_rate_hz: float | None = Field(default=None, gt=0)
     channels: dict[Annotated[str, AfterValidator(_safe)], ChannelSpec]
     participants: tuple[ParticipantSpec, ...] = Field(min_length=1, strict=False)
@@ -323,6 +324,12 @@ class StudySpec(_Model):
     def _loads_do_not_walk(self) -> "StudySpec":
         if self.kind == "walking" and self.subjects == "loads":
             raise ValueError('subjects: "loads" do not walk; expected "people", or kind "bench"')
+        return self
+
+    @model_validator(mode="after")
+    def _benches_have_no_coupling(self) -> "StudySpec":
+        if self.kind == "bench" and self.coupling is not None:
+            raise ValueError('coupling: belongs to kind "walking", and this is "bench"; remove it')
         return self
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 from jointz.analysis.mass_checks import mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
-from jointz.core.method_names import FULL_RECORD, RECOMMENDED
+from jointz.core.method_names import FULL_RECORD, RIGID
 from jointz.core.study import Study
 from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
 from jointz.identify.estimators import METHODS
@@ -140,7 +140,7 @@ def with_new_estimates(
         log_posteriors=_replaced(people, analysis.log_posteriors, log_posteriors),
         pooled=(),
     )
-    if method != RECOMMENDED or len(people) < 2 or not any(map(has_budget, cells)):
+    if method != RIGID or len(people) < 2 or not any(map(has_budget, cells)):
         return changed
     pool = pool_people(person_cells(cells))
     return replace(changed, population=pool.population, pooled=pool.cells)

@@ -1,6 +1,6 @@
 """Signals that each pulse was estimated from: measured, baseline, response, fit and residual.
 
-All signals are those of the estimators. For ``recommended``, the response is that of its evidence,
+All signals are those of the estimators. For ``rigid``, the response is that of its evidence,
 the fit that of its cell, and the baseline the prediction that it subtracted from the raw signals.
 For the other methods, windows and baseline come from their own cutter, filtered.
 """
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.events import PulseRecord
-from jointz.core.method_names import FULL_RECORD, RECOMMENDED
+from jointz.core.method_names import FULL_RECORD, RIGID
 from jointz.explorer.exclusions import is_about
 from jointz.identify.estimators import METHODS
 from jointz.identify.methods.cell_windows import WindowCutter
@@ -35,7 +35,7 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 
 #: Part of the recording that is shown around a pulse, s.
@@ -148,7 +148,7 @@ def _group_traces(
         cells = {cell.timing_point: cell for cell in result.cells[method]}
         windows_of_method = (
             _predicted(participant, recordings, sources, (settings, lifted), result)
-            if method == RECOMMENDED
+            if method == RIGID
             else _filtered(participant, method, sources, lifted)
         )
         for key, label, window in windows_of_method:
@@ -176,13 +176,13 @@ def _predicted(
     settings: tuple[ParticipantSettings, ParticipantSettings],
     result: ParticipantResult,
 ) -> _Windows:
-    """Yield the windows of the recommended method; of excluded pulses as if restored."""
+    """Yield the windows of the method ``rigid``; of excluded pulses as if restored."""
     original, lifted = settings
     rate = common_rate_hz(sources)
     signals = [raw_signals(source, target_hz=rate) for source in sources]
     excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
     if excluded and lifted.user_exclusions != original.user_exclusions:
-        single = replace(lifted, methods=(RECOMMENDED,))
+        single = replace(lifted, methods=(RIGID,))
         restored = analyze_participant(participant, recordings, single)
         yield from (w for w in _of_evidence(restored.evidence, signals) if w[0] in excluded)
     yield from (w for w in _of_evidence(result.evidence, signals) if w[0] not in excluded)

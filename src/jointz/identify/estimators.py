@@ -19,13 +19,13 @@ from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
 
 if TYPE_CHECKING:
-    from jointz.identify.recommended.walking_evidence import Evidence
+    from jointz.identify.rigid.walking_evidence import Evidence
 
 GROUP = "jointz.estimators"
 _METHODS = "jointz.identify.methods"
 #: Method -> estimator of the methods of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
-    "recommended": "jointz.identify.recommended.walking_estimator:RecommendedMethod",
+    "rigid": "jointz.identify.rigid.walking_estimator:RigidMethod",
     "strapped": "jointz.identify.strapped.strapped_method:StrappedMethod",
     "dissertation": f"{_METHODS}.cell_regressions:DISSERTATION",
     "pre_pulse": f"{_METHODS}.cell_regressions:PRE_PULSE",

@@ -24,7 +24,7 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
@@ -39,9 +39,9 @@ class ParticipantResult:
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
-    # joint and sensor of every session and side, by the recommended method
+    # joint and sensor of every session and side, by the method ``rigid``
     models: tuple[ParticipantModel, ...] = ()
-    # responses and posterior of every session and side, by the recommended method
+    # responses and posterior of every session and side, by the method ``rigid``
     evidence: tuple[Evidence, ...] = ()
     # joint posterior of all timing points, of every session and side; empty if the method has none
     log_posteriors: tuple[LogPosterior, ...] = ()

@@ -22,17 +22,22 @@ PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     "damping": ("Damping", "B"),
     "inertia": ("Inertia", "J"),
 }
-#: The same with the parameters that only some methods have and that no table of the report shows.
+#: The same with the parameters that only some methods have.
 ALL_PARAMETERS: Final[Mapping[str, tuple[str, str]]] = {
     **PARAMETERS,
     "stiffness_onset": ("Stiffness at the onset", "K at the onset"),
     "damping_onset": ("Damping at the onset", "B at the onset"),
 }
 
-#: What every method estimates, its symbols, and the values per kg of body mass.
+#: What every method estimates, its symbols, the values per kg of body mass, those at the onset.
 ABSOLUTE: Final = ("stiffness", "damping", "inertia")
 SYMBOLS: Final = ("K", "B", "J")
 PER_MASS: Final = ("stiffness_per_mass", "damping_per_mass")
+AT_ONSET: Final = ("stiffness_onset", "damping_onset")
+_WHICH_IS_WHICH: Final = (
+    "Stiffness, damping and inertia are those along the measured motion in the window; stiffness "
+    "and damping at the onset are those of small displacements at the onset of the pulse."
+)
 
 _STATUS_MEANINGS: Final[Mapping[str, str]] = {
     "ok": "the estimate and its two-sided interval are available",
@@ -182,6 +187,11 @@ def method_name(method: str) -> str:
 def parameter_name(parameter: str) -> str:
     """Return the name of a parameter in words."""
     return ALL_PARAMETERS[parameter][0]
+
+
+def onset_note(parameters: Iterable[str]) -> str:
+    """Say which stiffness and damping is which; "" without values at the onset."""
+    return "" if set(AT_ONSET).isdisjoint(parameters) else _WHICH_IS_WHICH
 
 
 def point_name(timing_point: str) -> str:

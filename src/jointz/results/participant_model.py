@@ -1,4 +1,4 @@
-"""Properties of a participant's joint and sensor, by the recommended estimator."""
+"""Properties of a participant's joint and sensor, by the method ``rigid``."""
 
 from dataclasses import dataclass
 

@@ -75,14 +75,14 @@ class StudyAnalysis(Result):
         Pulses of a bench, each estimated by itself.
     pooled : tuple of CellEstimate
         The chosen method's estimates, each drawn towards those of the others as far as it is
-        uncertain; of walking by the recommended method.
+        uncertain; of walking by the method ``rigid``.
     models : tuple of ParticipantModel
-        What the recommended method found about each walker's joint and sensor.
+        What the method ``rigid`` found about each walker's joint and sensor.
     log_posteriors : tuple of LogPosterior
         Joint posterior of each walker's impedance at all timing points; of methods that provide
         it.
     certificate : Certificate or None
-        What error to expect in this study; of walking by the recommended method.
+        What error to expect in this study; of walking by the method ``rigid``.
     statistics : mapping
         Descriptive statistics: onset accuracy, strides, VAF.
     settings : mapping

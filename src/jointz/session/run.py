@@ -249,6 +249,7 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
         TorqueModelSpec.model_validate(models[0]) if models else None,
         devices=next((r["devices"] for r in reports if "devices" in r), None),
         worn=next((one.device for one in rigs), None),
+        coupling=getattr(rigs[0], "coupling", None),
     )
     if not (study / STUDY_FILE).exists():
         write_whole(study / STUDY_FILE, text)

@@ -187,6 +187,7 @@ def _study_toml(
         'kind = "walking"',
         'positive = "flexion"',
         'torque_acts_on = "joint"',
+        f'coupling = "{rigs[0].coupling}"',
         f"torque_model = {written_table(model)}",
         *(
             f"channels.{name} = {written_table({'column': name, 'unit': unit})}"

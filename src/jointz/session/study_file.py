@@ -47,6 +47,7 @@ def study_toml(
     *,
     devices: Mapping[str, Any] | None = None,
     worn: DeviceSpec | None = None,
+    coupling: str | None = None,
 ) -> str:
     """Return the text of ``study.toml``."""
     walking = protocol.kind == "walking"
@@ -57,6 +58,7 @@ def study_toml(
         f'kind = "{"walking" if walking else "bench"}"',
         f"positive = {written_text(protocol.positive)}",
         'torque_acts_on = "joint"',
+        *([] if coupling is None else [f'coupling = "{coupling}"']),
     ]
     units = _WALKING_UNITS if walking else _bench_units(devices or {})
     for name, unit in units.items():

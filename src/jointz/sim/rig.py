@@ -102,6 +102,11 @@ class SimulatedRig:
             return None
         return DeviceSpec(mass_kg=body.frame_mass_kg, centre_m=body.frame_distance_m)
 
+    @property
+    def coupling(self) -> str:
+        """What the exoskeleton is coupled to the leg with: ``strap`` or ``rigid``."""
+        return "rigid" if self.preset.body is None else "strap"
+
     def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
         """Return the devices, ``UNCONFIGURED``, for one uninterrupted stretch of a condition.
 

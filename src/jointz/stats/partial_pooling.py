@@ -53,12 +53,12 @@ def pool_people(cells: Sequence[CellEstimate]) -> PooledPeople:
     Parameters
     ----------
     cells : sequence of CellEstimate
-        Of the recommended method, one a participant and timing point.
+        Of the method ``rigid``, one a participant and timing point.
 
     Returns
     -------
     PooledPeople
-        Rows of method ``recommended_pooled``. A failed cell stays failed and counts nowhere.
+        Rows of method ``rigid_pooled``. A failed cell stays failed and counts nowhere.
 
     Notes
     -----

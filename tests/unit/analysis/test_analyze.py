@@ -80,7 +80,7 @@ def test_a_certificate_is_made_on_request_and_changes_no_estimate(whole, small_s
 
 
 def test_the_other_methods_stand_in_the_comparison(whole):
-    assert set(whole.to_frame()["method"]) == {"recommended"}
+    assert set(whole.to_frame()["method"]) == {"rigid"}
     assert list(whole.comparison_frame()["method"].unique()) == ["dissertation"]
     assert len(whole.comparison_frame()) == len(whole.to_frame())
 
@@ -279,7 +279,7 @@ def test_a_method_that_does_not_fit_the_study_is_bad_input(
 
 
 def test_a_bench_study_says_which_baseline_its_method_took(small_study):
-    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
+    small_study.edit_toml('kind = "walking"\ncoupling = "rigid"', 'kind = "bench"')
     found = jointz.analyze(small_study.root, method="least_squares", resamples=20)
 
     assert found.settings["baseline"] == "unperturbed_mean"  # no strides to match on a bench

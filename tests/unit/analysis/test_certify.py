@@ -47,7 +47,7 @@ def test_a_participant_without_pulses_is_left_out_by_name(small_study):
 
 
 def test_a_bench_study_is_refused(small_study):
-    small_study.edit_toml('kind = "walking"', 'kind = "bench"')
+    small_study.edit_toml('kind = "walking"\ncoupling = "rigid"', 'kind = "bench"')
 
     with pytest.raises(ValueError, match="expected a walking study"):
         certify(small_study.root)

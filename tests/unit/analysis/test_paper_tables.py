@@ -80,7 +80,7 @@ def test_methods_are_compared_by_the_mean_of_what_stands(walking, tables):
     (row,) = frame[(frame["Parameter"] == "K") & (frame["Timing point"] == "LRE")].to_dict(
         "records"
     )
-    for name, cells in (("recommended", walking.cells), ("dissertation", walking.comparison)):
+    for name, cells in (("rigid", walking.cells), ("dissertation", walking.comparison)):
         values = [c.parameter("stiffness").value for c in cells if c.timing_point == "LRE"]
         found = list(map(float, NUMBER.findall(row[name])))
         assert found[0] == pytest.approx(np.mean(values), rel=0.01)

@@ -33,7 +33,7 @@ def note_of_sessions(*recordings, method="dissertation", baseline=None):
     return _session_notes(Study(Path(), spec, "", {}), method, [result])
 
 
-@pytest.mark.parametrize("method", ["dissertation", "recommended"])
+@pytest.mark.parametrize("method", ["dissertation", "rigid"])
 def test_unperturbed_motion_of_another_session_is_told_with_the_participant(method):
     days = [("perturbed", "b", "left"), ("unperturbed", "a", "left")]
 

@@ -15,7 +15,7 @@ from jointz.results.study_analysis import StudyAnalysis
 def analysis(*, models=()):
     undecided = ParameterEstimate("stiffness", None, None, None, "undecided", unbounded=21.5)
     cell = CellEstimate(
-        "S01", "ISW", 68.4, (undecided,), 99.9, 50, 0, "recommended",
+        "S01", "ISW", 68.4, (undecided,), 99.9, 50, 0, "rigid",
         displacement_rad=0.31, centre_gait_pct=73.1,
         budget={"stiffness": {"noise": 3.0, "lag": 4.0}},
     )  # fmt: skip

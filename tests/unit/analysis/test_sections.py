@@ -97,7 +97,7 @@ def certificate():
         for point in ("LRE", "MSW")
         for name in ("stiffness", "damping", "inertia")
     ]
-    return Certificate("recommended", expected_errors(rows), tuple(rows), 2, 2)
+    return Certificate("rigid", expected_errors(rows), tuple(rows), 2, 2)
 
 
 def test_the_certificate_says_what_error_to_expect(certificate):

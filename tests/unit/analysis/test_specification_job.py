@@ -25,7 +25,7 @@ def test_every_set_of_choices_is_there(curve):
         "method"
     ].value_counts()
 
-    assert sets["recommended"] == 3 * 2 * 3  # baselines, windows, models of the inertia
+    assert sets["rigid"] == 3 * 2 * 3  # baselines, windows, models of the inertia
     assert sets["dissertation"] == 2 * 2  # baselines, windows
     assert curve.timing_points == ("LRE", "MST", "TST", "PSW", "ISW", "MSW")
 
@@ -42,7 +42,7 @@ def test_the_studys_own_choice_is_one_of_them(curve, small_study_source):
         e
         for e in curve.estimates
         if (e.method, e.baseline, e.window_s, e.inertia_model)
-        == ("recommended", "predicted", 0.1, "pooled")
+        == ("rigid", "predicted", 0.1, "pooled")
     ]
 
     assert len(rows) == 18
@@ -57,9 +57,9 @@ def test_a_window_that_is_refused_takes_no_other_with_it(small_study_source):
     ).to_frame()
     counts = table.groupby(["method", "window_s"])["status"].agg(["size", set])
 
-    assert counts.loc[("recommended", 0.2), "set"] == {"failed:window_too_long"}
-    assert counts.loc[("recommended", 0.1), "size"] == 3 * 3 * 18
-    assert "ok" in counts.loc[("recommended", 0.1), "set"]
+    assert counts.loc[("rigid", 0.2), "set"] == {"failed:window_too_long"}
+    assert counts.loc[("rigid", 0.1), "size"] == 3 * 3 * 18
+    assert "ok" in counts.loc[("rigid", 0.1), "set"]
     assert "ok" in counts.loc[("dissertation", 0.2), "set"]
 
 

@@ -30,7 +30,7 @@ def row(status="ok", value=None, low=None, high=None, *, truth=10.0, parameter="
 
 
 def cell(*estimates, point="MST"):
-    return CellEstimate("P1", point, 20.0, estimates, 99.0, 30, 0, "recommended")
+    return CellEstimate("P1", point, 20.0, estimates, 99.0, 30, 0, "rigid")
 
 
 @pytest.fixture

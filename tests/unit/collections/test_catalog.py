@@ -156,7 +156,7 @@ def test_covariances_go_to_the_rows_of_their_method_only(tmp_path):
     table = query_catalog(tmp_path, CatalogFilter(parameter=("stiffness",))).table
 
     assert table.groupby("method", observed=True)["with_stiffness"].count().to_dict() == {
-        "recommended": 18, "dissertation": 0,
+        "rigid": 18, "dissertation": 0,
     }  # fmt: skip
 
 

@@ -28,7 +28,7 @@ def pooled_row(**told: Any) -> dict[str, Any]:
     """Return a row of the pooled table."""
     made = {
         "joint": "knee", "timing_point": "MST", "condition": "level", "speed": "1.1 to 1.3 m/s",
-        "parameter": "stiffness", "unit": "N*m/rad", "methods": "recommended",
+        "parameter": "stiffness", "unit": "N*m/rad", "methods": "rigid",
         "model": "univariate", "value": 60.0, "ci_low": 54.0, "ci_high": 66.0,
         "prediction_low": 40.0, "prediction_high": 80.0, "tau": 5.0, "tau_low": 2.0,
         "tau_high": 9.0, "i2_pct": 70.0, "q": 8.1, "q_p": 0.02, "n_studies": 2, "n_people": 20,
@@ -42,7 +42,7 @@ def study_row(study: str, value: float, **told: Any) -> dict[str, Any]:
     """Return a row of the table of studies."""
     made = {
         "joint": "knee", "timing_point": "MST", "condition": "level", "speed": "1.1 to 1.3 m/s",
-        "parameter": "stiffness", "unit": "N*m/rad", "study": study, "method": "recommended",
+        "parameter": "stiffness", "unit": "N*m/rad", "study": study, "method": "rigid",
         "values": "estimates", "n_people": 10, "n_at_bound": 0, "n_undecided": 0, "n_failed": 0,
         "value": value, "se": 2.0, "ci_low": value - 4.5, "ci_high": value + 4.5,
         "weight_pct": 50.0, "status": "ok",

@@ -43,7 +43,7 @@ def results(tmp_path):
             {"participant": p["id"], "file": file} for p in people for file in ("x.nc", "y.nc")
         ],
     }  # fmt: skip
-    settings = {"method": "recommended", "window_s": 0.1, "cutoff_hz": 20.0, "seed": 1}
+    settings = {"method": "rigid", "window_s": 0.1, "cutoff_hz": 20.0, "seed": 1}
     provenance = {"jointz": "0.1.0", "study": spec, "settings": settings, "study_sha256": "ab"}
     (folder / "provenance.json").write_text(json.dumps(provenance))
     lines = ["participant,recording,onset_s,timing_point,kind,code,detail"]
@@ -75,7 +75,7 @@ def test_what_results_know_is_filled_in(results, tmp_path):
     assert content["exclusions"] == [
         {"kind": "pulse", "n": 2, "reason": "gap"}, {"kind": "stride", "n": 1, "reason": "gap"}
     ]  # fmt: skip
-    assert content["method"]["name"] == "recommended"
+    assert content["method"]["name"] == "rigid"
     assert content["raw_data"] == {"study": "../study", "sha256": "ab"}
 
 

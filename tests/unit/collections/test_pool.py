@@ -42,7 +42,7 @@ def rows(study: str, people: list[float], **told: Any) -> pd.DataFrame:
         "entry": study, "study": study, "version": "1", "values": "estimates",
         "statistic": "individual", "joint": "knee", "side": "left", "condition": "level",
         "activity": "walking", "walking_speed_m_s": 1.2, "slope_deg": 0.0, "timing_point": "MST",
-        "onset_gait_pct": 21.5, "parameter": "stiffness", "method": "recommended", "status": "ok",
+        "onset_gait_pct": 21.5, "parameter": "stiffness", "method": "rigid", "status": "ok",
         "licence": "CC-BY-4.0", "cite": f"{study}, fictional", "n": 1.0,
     }  # fmt: skip
     made = pd.DataFrame([blank | about | told] * len(people))
@@ -131,7 +131,7 @@ def test_methods_are_not_mixed_unless_asked() -> None:
     table = pd.concat([catalog(), other], ignore_index=True)
     apart = pool_catalog(table)
     assert apart.table.set_index("methods")["n_studies"].to_dict() == {
-        "recommended": 3, "dissertation": 1,
+        "rigid": 3, "dissertation": 1,
     }  # fmt: skip
     mixed = pool_catalog(table, mix_methods=True)
     assert (only(mixed)["methods"], only(mixed)["n_studies"]) == ("dissertation, recommended", 4)

@@ -31,7 +31,7 @@ def estimates(people="ABCDE", *, seed=0, scale=1.0, points=POINTS):
                 size = SIZES[name.removesuffix("_per_mass")] / (MASS_KG if "mass" in name else 1.0)
                 value = scale * size * (1.0 + 0.1 * k - 0.2 * j + 0.03 * rng.standard_normal())
                 row = (person, point, onset, name, value, unit, 0.97 * value, 1.03 * value)
-                rows.append((*row, 0.95, 99.0, 50, 0, "recommended", "ok", "", ""))
+                rows.append((*row, 0.95, 99.0, 50, 0, "rigid", "ok", "", ""))
     return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS))
 
 

@@ -145,7 +145,7 @@ def test_where_nothing_stands_the_exit_status_is_1(jointz, tmp_path):
     header = (
         "participant,timing_point,onset_gait_pct,parameter,value,unit,ci_low,ci_high,method,status"
     )
-    rows = [f"S{k},LRE,7,stiffness,,N*m/rad,,,recommended,undecided" for k in (1, 2)]
+    rows = [f"S{k},LRE,7,stiffness,,N*m/rad,,,rigid,undecided" for k in (1, 2)]
     (tmp_path / "estimates.csv").write_text("\n".join([header, *rows]) + "\n")
     study = {"study": {"kind": "walking", "joint": "knee"}}
     (tmp_path / "provenance.json").write_text(json.dumps(study))

@@ -282,7 +282,7 @@ def test_unlike_methods_and_equal_recordings_are_a_warning(results):
 
     made = compare_results(folders)
 
-    for named in ("(a by recommended; b by dissertation)", "same recordings", "window_s"):
+    for named in ("(a by rigid; b by dissertation)", "same recordings", "window_s"):
         assert said(made, named)[0].startswith("WARNING: ")
 
 

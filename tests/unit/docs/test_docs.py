@@ -259,7 +259,7 @@ def quasi_stiffness_frame() -> pd.DataFrame:
         ("single_pulses.csv", StudyAnalysis.single_frame),
         ("details.csv", details_frame),
         ("models.csv", models_frame),
-        ("certificate.csv", lambda _: Certificate("recommended", errors=()).to_frame()),
+        ("certificate.csv", lambda _: Certificate("rigid", errors=()).to_frame()),
         ("quasi_stiffness.csv", lambda _: quasi_stiffness_frame()),
         ("covariance.csv", StudyAnalysis.covariance_frame),
         ("log_posterior.csv", StudyAnalysis.log_posterior_frame),

@@ -130,11 +130,11 @@ def test_nothing_changed_gives_the_same_numbers(again):
     person = made.participant
     own = tuple(c for c in found.analysed.cells if c.participant == person)
 
-    assert made.result.cells["recommended"] == own
+    assert made.result.cells["rigid"] == own
     assert made.result.evidence == ()
 
 
-@pytest.mark.parametrize("method", ["recommended", "dissertation"])
+@pytest.mark.parametrize("method", ["rigid", "dissertation"])
 def test_responses_of_the_pulses_used_make_the_average(again, method):
     found, made = again
     for cell in (c for c in found.analysed.cells if c.participant == made.participant):
@@ -209,7 +209,7 @@ def test_an_excluded_pulse_is_shown_as_if_restored(opened, again):
 
     assert now.if_restored
     assert sum(t.if_restored for t in made.traces.values()) == 1
-    for method in ("recommended", "dissertation"):
+    for method in ("rigid", "dissertation"):
         np.testing.assert_allclose(
             now.windows[method].response_angle, before.windows[method].response_angle
         )
@@ -240,7 +240,7 @@ def test_one_more_method_is_what_the_method_gives(opened):
     assert {c.timing_point: c for c in cells} == {
         c.timing_point: c for c in chosen.cells if c.participant == person
     }
-    assert found.methods() == ("recommended", "dissertation", "pre_pulse")
+    assert found.methods() == ("rigid", "dissertation", "pre_pulse")
     assert all(cell in found.current().comparison for cell in cells)
 
 
@@ -365,10 +365,10 @@ def test_traces_come_as_netcdf(again):
 
     pulse = first_pulse(found)
     k = int(np.flatnonzero(data["onset_s"].to_numpy() == pulse.onset_s)[0])
-    window = made.traces[PulseKey.of(pulse)].windows["recommended"]
-    np.testing.assert_allclose(data["recommended_response_angle"][k], window.response_angle)
-    np.testing.assert_allclose(data["recommended_residual"][k], window.residual)
-    assert data["recommended_baseline_torque"].attrs["units"] == "N*m"
+    window = made.traces[PulseKey.of(pulse)].windows["rigid"]
+    np.testing.assert_allclose(data["rigid_response_angle"][k], window.response_angle)
+    np.testing.assert_allclose(data["rigid_residual"][k], window.residual)
+    assert data["rigid_baseline_torque"].attrs["units"] == "N*m"
     assert data.sizes["pulse"] == len(made.traces)
 
 

@@ -22,7 +22,7 @@ def injected(truth, value, *, half=5.0, point="LRE", person="S01", replicate=0, 
 
 
 def certificate(estimates) -> Certificate:
-    return Certificate("recommended", expected_errors(estimates), tuple(estimates), 1, 2)
+    return Certificate("rigid", expected_errors(estimates), tuple(estimates), 1, 2)
 
 
 def test_bias_rmse_and_coverage_are_those_of_the_relative_errors():

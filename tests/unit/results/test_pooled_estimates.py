@@ -11,7 +11,7 @@ PER_KG = ParameterEstimate("stiffness_per_mass", None, None, None, "undecided", 
 
 def cell(parameters, budget):
     return CellEstimate(
-        "S1", "LRE", 7.0, tuple(parameters), 99.0, 5, 0, "recommended", budget=budget
+        "S1", "LRE", 7.0, tuple(parameters), 99.0, 5, 0, "rigid", budget=budget
     )
 
 

@@ -8,7 +8,7 @@ def estimate(value, *, window_s=0.1, cutoff_hz=None, status="ok", parameter="sti
     return SpecificationEstimate(
         timing_point="LRE",
         parameter=parameter,
-        method="recommended" if cutoff_hz is None else "dissertation",
+        method="rigid" if cutoff_hz is None else "dissertation",
         baseline="predicted",
         window_s=window_s,
         cutoff_hz=cutoff_hz,
@@ -46,7 +46,7 @@ def test_the_figure_has_estimates_above_and_their_choices_below():
     }
 
     assert rows["window 60 ms"] == [0]
-    assert rows["recommended"] == [0, 1]
+    assert rows["rigid"] == [0, 1]
     assert rows["cut-off 20 Hz"] == [2]
     assert rows["inertia pooled"] == [0, 1, 2]
     assert axes.lines[-1].get_ydata().tolist() == [40.0, 60.0, 90.0]

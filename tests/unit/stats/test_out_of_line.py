@@ -12,7 +12,7 @@ def cells(inertias, *, relative_sd=0.05):
         for point in ("LRE", "MST", "TST"):
             reach = 1.96 * relative_sd * value
             p = ParameterEstimate("inertia", value, value - reach, value + reach, "ok")
-            found.append(CellEstimate(f"S{k:02d}", point, 10.0, (p,), 99.0, 5, 0, "recommended"))
+            found.append(CellEstimate(f"S{k:02d}", point, 10.0, (p,), 99.0, 5, 0, "rigid"))
     return found
 
 
@@ -43,5 +43,5 @@ def test_among_fewer_than_five_nobody_is_out_of_line():
 
 def test_cells_without_an_inertia_do_not_count():
     none = ParameterEstimate("inertia", None, None, None, "undecided", unbounded=3.0)
-    empty = CellEstimate("S99", "LRE", 10.0, (none,), 99.0, 5, 0, "recommended")
+    empty = CellEstimate("S99", "LRE", 10.0, (none,), 99.0, 5, 0, "rigid")
     assert inertias_out_of_line([*cells(USUAL), empty]) == {}

@@ -22,14 +22,14 @@ def cell(
         )
     budget = {name: {"noise": sd, "gain": gain * value}}
     return CellEstimate(
-        person, point, 7.0, tuple(parameters), 99.0, 5, 0, "recommended", budget=budget,
+        person, point, 7.0, tuple(parameters), 99.0, 5, 0, "rigid", budget=budget,
         prior_effects={name: effects},
     )  # fmt: skip
 
 
 def failed(person):
     parameter = ParameterEstimate("stiffness", None, None, None, "failed:no_pulses")
-    return CellEstimate(person, "LRE", None, (parameter,), None, 0, 3, "recommended")
+    return CellEstimate(person, "LRE", None, (parameter,), None, 0, 3, "rigid")
 
 
 def test_mean_and_people_are_those_of_the_kernel():
@@ -43,9 +43,9 @@ def test_mean_and_people_are_those_of_the_kernel():
     assert (mean.value, mean.ci_low, mean.ci_high, mean.sd) == pytest.approx(
         (kernel.mean[0], kernel.mean_low[0], kernel.mean_high[0], kernel.spread[0])
     )
-    assert (mean.method, mean.n_participants, mean.status) == ("recommended_pooled", 3, "ok")
+    assert (mean.method, mean.n_participants, mean.status) == ("rigid_pooled", 3, "ok")
     for i, own in enumerate(pooled.cells):
-        assert own.method == "recommended_pooled"
+        assert own.method == "rigid_pooled"
         assert own.parameters[0].value == pytest.approx(kernel.value[0, i])
         assert own.parameters[0].ci_low == pytest.approx(kernel.low[0, i])
 

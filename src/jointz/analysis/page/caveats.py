@@ -63,10 +63,10 @@ _AT_REST: Final = (
     ),
     _GAIN,
 )
-_RECOMMENDED: Final = (
+_RIGID: Final = (
     (
         "The model is fitted to the angle.",
-        "VAF of the recommended method refers to the angle, that of the other methods to the "
+        "VAF of the method rigid refers to the angle, that of the other methods to the "
         "torque. The two are not comparable, and neither measures accuracy.",
     ),
     _JOINT_AND_DEVICE,
@@ -86,7 +86,7 @@ _RECOMMENDED: Final = (
     _DISPLACEMENT,
 )
 _STRAPPED: Final = (
-    _RECOMMENDED[0],
+    _RIGID[0],
     _JOINT_AND_DEVICE,
     (
         "Intervals cover the modelled sources of error only.",
@@ -111,4 +111,4 @@ def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
         return _BENCH if words.loads else _AT_REST
     if any(c.method == STRAPPED for c in analysis.cells):
         return _STRAPPED
-    return _RECOMMENDED if any(c.budget for c in analysis.cells) else _WALKING
+    return _RIGID if any(c.budget for c in analysis.cells) else _WALKING

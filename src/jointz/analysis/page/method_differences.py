@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.events import row_label
-from jointz.core.method_names import DISSERTATION, RECOMMENDED
+from jointz.core.method_names import DISSERTATION, RIGID
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.report.subjects import study_record, timing_points
 from jointz.report.wording import (
@@ -37,7 +37,7 @@ _Row = dict[str, Any]
 class _Pair:
     """One participant and timing point by both methods."""
 
-    recommended: CellEstimate
+    rigid: CellEstimate
     other: CellEstimate
     lag_s: float  # lag of the angle behind the torque that the calibration does not remove
     # effect of ``lag_s`` on the other method's K, B and J, %; empty if one of ours is not above 0
@@ -50,12 +50,10 @@ def differences_section(analysis: StudyAnalysis) -> _Row | None:
     pairs = _pairs(analysis)
     if not pairs:
         return None
-    names = timing_points([p.recommended for p in pairs])
+    names = timing_points([p.rigid for p in pairs])
     return {
         "lead": _unbroken(_lead(pairs)),
-        "rows": [
-            _row(name, [p for p in pairs if p.recommended.timing_point == name]) for name in names
-        ],
+        "rows": [_row(name, [p for p in pairs if p.rigid.timing_point == name]) for name in names],
         "reasons": [(head, _unbroken(text)) for head, text in _reasons(analysis, pairs)],
     }
 
@@ -98,7 +96,7 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
     for cell in analysis.cells:
         other = others.get((cell.label, cell.timing_point))
         lags = left_over_lag_s(analysis, cell)
-        if cell.method != RECOMMENDED or other is None or lags is None or cell.response is None:
+        if cell.method != RIGID or other is None or lags is None or cell.response is None:
             continue
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
         late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
@@ -126,9 +124,9 @@ def _lag_alone(
     return tuple(100.0 * (b / v - 1.0) for b, v in zip(biased, values, strict=True))
 
 
-def _apart_deg(recommended: CellEstimate, other: CellEstimate, late_s: float) -> float:
+def _apart_deg(rigid: CellEstimate, other: CellEstimate, late_s: float) -> float:
     """Return the largest distance between the average angles, without the calibrated lag."""
-    a, b = recommended.response, other.response
+    a, b = rigid.response, other.response
     if a is None or b is None:
         return float("nan")
     at = a.time_s - late_s  # the other method has removed this lag
@@ -141,7 +139,7 @@ def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
     """Return the differences of the other method, % of ours, where both are available."""
     differences = []
     for pair in pairs:
-        a, b = pair.recommended.parameter(name), pair.other.parameter(name)
+        a, b = pair.rigid.parameter(name), pair.other.parameter(name)
         if a is None or b is None or not (a.available and b.available) or not a.value:
             continue
         differences.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
@@ -166,7 +164,7 @@ def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
         "name": name,
         "cells": cells,
         "apart": _degrees([p.apart_deg for p in pairs]),
-        "motion": _degrees([np.degrees(p.recommended.displacement_rad or np.nan) for p in pairs]),
+        "motion": _degrees([np.degrees(p.rigid.displacement_rad or np.nan) for p in pairs]),
         "verdict": _verdict(pairs),
         "bound": ", ".join(f"{bound.count(s)} {s}" for s in dict.fromkeys(bound)) or DASH,
         "n": len(pairs),
@@ -218,7 +216,7 @@ def _lead(pairs: Sequence[_Pair]) -> str:
             sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
     text = (
         "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
-        "The dissertation's method differs from the recommended one"
+        "The dissertation's method differs from the method rigid"
     )
     return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
 
@@ -235,23 +233,23 @@ def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str,
 
 
 def _vaf_reason(pairs: Sequence[_Pair]) -> str:
-    recommended, other = (
+    rigid, other = (
         [v for c in cells if (v := c.vaf_pct) is not None]
-        for cells in ([p.recommended for p in pairs], [p.other for p in pairs])
+        for cells in ([p.rigid for p in pairs], [p.other for p in pairs])
     )
-    if not recommended or not other:
+    if not rigid or not other:
         return "How closely a curve is followed does not show how accurate its parameters are."
     return (
         "Both methods follow the responses closely (mean VAF "
         f"{format_vaf(float(np.mean(other)))} % of the torque by the dissertation's method, "
-        f"{format_vaf(float(np.mean(recommended)))} % of the angle by the recommended one), so VAF "
+        f"{format_vaf(float(np.mean(rigid)))} % of the angle by the method rigid), so VAF "
         "does not show which of them is right. Errors of stiffness, damping and inertia can "
         "compensate a wrong lag or baseline."
     )
 
 
 def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
-    labels = {p.recommended.label for p in pairs}
+    labels = {p.rigid.label for p in pairs}
     lags = [1e3 * m.lag_s for m in analysis.models if m.label in labels]
     text = f"The estimated lag of the angle behind the torque is {_span_ms(lags)}."
     if max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S:
@@ -259,7 +257,7 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
             f"{text} It agrees with [calibration], and both methods correct it; the lag does not "
             "cause a difference here."
         )
-    calibrated = any(abs(_calibrated_lag_s(analysis, p.recommended)) > 0.0 for p in pairs)
+    calibrated = any(abs(_calibrated_lag_s(analysis, p.rigid)) > 0.0 for p in pairs)
     treatment = (
         "corrects the lag under [calibration] only, not the rest"
         if calibrated
@@ -267,7 +265,7 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     )
     return (
         f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
-        "recommended method estimates the lag from the responses, and its intervals include the "
+        "rigid method estimates the lag from the responses, and its intervals include the "
         "uncertainty of the lag. The columns “lag alone” show the effect that this lag alone would "
         "have on the dissertation's fit of the same joint."
     )
@@ -286,7 +284,7 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     text = (
         f"The dissertation's method subtracts the mean unperturbed stride of another recording; "
         "differences in posture and pace between the recordings are taken as response. The "
-        "recommended method predicts the unperturbed motion of each pulse from the half second "
+        "rigid method predicts the unperturbed motion of each pulse from the half second "
         f"before it. It learns this from unperturbed strides of the same recording{at_least}."
     )
     if not apart:
@@ -308,26 +306,24 @@ def _bounds_reason(pairs: Sequence[_Pair]) -> str:
         else "none is at zero"
     )
     return (
-        f"The dissertation's method allows no value below zero ({count}). The recommended method "
+        f"The dissertation's method allows no value below zero ({count}). The method rigid "
         "fits without bounds, reports the unbounded value, and gives an upper limit if zero cannot "
         "be excluded. Gravity and body weight can make an apparent stiffness negative."
     )
 
 
 def _inertia_reason(pairs: Sequence[_Pair]) -> str:
-    recommended, other = (
-        _inertia_spread(pairs, get) for get in (lambda p: p.recommended, lambda p: p.other)
-    )
+    rigid, other = (_inertia_spread(pairs, get) for get in (lambda p: p.rigid, lambda p: p.other))
     text = (
-        "The dissertation's method fits a separate inertia at each timing point. The recommended "
+        "The dissertation's method fits a separate inertia at each timing point. The rigid "
         "method lets the timing points of a participant share one inertia as far as the responses "
         "allow, and tests this."
     )
-    if recommended is None or other is None:
+    if rigid is None or other is None:
         return text
     return (
         f"{text} Largest over smallest inertia of a participant: {other} by the dissertation's "
-        f"method, {recommended} by the recommended one (median)."
+        f"method, {rigid} by the method rigid (median)."
     )
 
 
@@ -342,16 +338,16 @@ def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]
 
 
 def _interval_reason(pairs: Sequence[_Pair]) -> str:
-    recommended, other = [p.recommended for p in pairs], [p.other for p in pairs]
+    rigid, other = [p.rigid for p in pairs], [p.other for p in pairs]
     widths = [
-        f"{symbol} {_half_width(recommended, name)} and {_half_width(other, name)}"
+        f"{symbol} {_half_width(rigid, name)} and {_half_width(other, name)}"
         for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
     ]
     return (
         f"Intervals of the dissertation's method include only differences between pulses; a lag or "
-        "a baseline error common to all pulses is not included. Intervals of the recommended "
+        "a baseline error common to all pulses is not included. Intervals of the rigid "
         "method include the uncertainty of the lag, the prediction, the calibration and the model. "
-        f"Median half width, recommended and {DISSERTATION}: {joined(widths)}."
+        f"Median half width, rigid and {DISSERTATION}: {joined(widths)}."
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jointz.analysis.page.budget_figure import source_name
 from jointz.analysis.page.details_tables import variance_shares
 from jointz.core.codes import Doubt
-from jointz.identify.recommended.steep_change import MOVED
+from jointz.identify.rigid.steep_change import MOVED
 from jointz.report.wording import (
     ABSOLUTE,
     DASH,

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, STRAPPED, used_methods
+from jointz.analysis.paper.methods_used import FULL_RECORD, RIGID, STRAPPED, used_methods
 from jointz.report.subjects import study_record
 from jointz.report.wording import format_with_sd
 from jointz.results.study_analysis import StudyAnalysis
@@ -27,7 +27,7 @@ _CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
     "angle_per_torque": ("change of the angle reading per torque", 1.0, "rad/(N·m)"),
     "tissue_hz": ("resonance of the soft tissue below the sensor", 1.0, "Hz"),
 }
-#: Entries whose sd only the recommended method uses.
+#: Entries whose sd only the method ``rigid`` uses.
 _OF_RECOMMENDED: Final = ("friction_gain", "tissue_hz")
 #: Entries whose sd does not affect K, B and J.
 _OF_POSTURE: Final = ("angle_zero_rad",)
@@ -78,13 +78,13 @@ def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
 def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
     if key == "friction_gain":
         return "torque" not in (study_record(analysis).get("channels") or {})
-    return key != "tissue_hz" or RECOMMENDED in used_methods(analysis)
+    return key != "tissue_hz" or RIGID in used_methods(analysis)
 
 
 def _in_intervals(key: str, used: Sequence[str]) -> bool:
     if key == "friction_gain" and STRAPPED in used:
         return True
-    return key not in _OF_POSTURE and (key not in _OF_RECOMMENDED or RECOMMENDED in used)
+    return key not in _OF_POSTURE and (key not in _OF_RECOMMENDED or RIGID in used)
 
 
 def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
@@ -99,11 +99,11 @@ def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
 
 def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
     """Describe how the entries were used in the estimation."""
-    recommended = RECOMMENDED in used
-    by_motor = recommended or STRAPPED in used
+    rigid = RIGID in used
+    by_motor = rigid or STRAPPED in used
     cross_talk = (
         "The change of the angle reading per torque was a prior of the fit."
-        if recommended
+        if rigid
         else "The change of the angle reading caused by torque was subtracted."
     )
     subtracted = (
@@ -123,7 +123,7 @@ def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
 
 
 def _lag_correction(used: Sequence[str]) -> str:
-    if RECOMMENDED in used or STRAPPED in used:
+    if RIGID in used or STRAPPED in used:
         return "The calibrated lag was a prior of the fit."
     if FULL_RECORD not in used:
         return "The calibrated lag was corrected by a shift."

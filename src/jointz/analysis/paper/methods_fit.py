@@ -13,11 +13,11 @@ from jointz.analysis.paper.methods_data import (
     torque_is_from_current,
 )
 from jointz.analysis.paper.methods_strapped import strapped_decision, strapped_sentences
-from jointz.analysis.paper.methods_used import FULL_RECORD, RECOMMENDED, STRAPPED, used_methods
+from jointz.analysis.paper.methods_used import FULL_RECORD, RIGID, STRAPPED, used_methods
 from jointz.analysis.summary import interval_methods, mean_interval, mean_over_people_note
 from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES
-from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S
-from jointz.identify.recommended.response_model import Priors
+from jointz.identify.rigid.reflex_hypothesis import LATENCIES_S
+from jointz.identify.rigid.response_model import Priors
 from jointz.report.pulse_words import window_start
 from jointz.report.subjects import subjects
 from jointz.report.wording import format_exact, format_integer, format_span, method_name
@@ -94,14 +94,14 @@ def interval_sentences(analysis: StudyAnalysis) -> list[str]:
         sentences.append(
             f"{level} intervals of each {words.one}: {' '.join([text, *map(cite, cited)])}."
         )
-    without = {FULL_RECORD, RECOMMENDED, STRAPPED}
+    without = {FULL_RECORD, RIGID, STRAPPED}
     resampled = used - without and any("bootstrap" in text for text in methods)
     if settings.get("resamples") and resampled:
         seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
         sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
         if used & set(_WIDENED):
             sentences.append("Deviations of the pulses were widened to Student's t.")
-    if RECOMMENDED in used:
+    if RIGID in used:
         sentences.append(decision_sentence())
     if STRAPPED in used:
         sentences.append(strapped_decision())
@@ -133,8 +133,8 @@ def _whole_trials(analysis: StudyAnalysis) -> str:
 def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
     """Describe window, model, filter and baseline of the responses to pulses."""
     settings = analysis.settings
-    if method == RECOMMENDED:
-        return recommended_sentences(analysis)
+    if method == RIGID:
+        return rigid_sentences(analysis)
     if method == STRAPPED:
         fitted = strapped_sentences(float(settings.get("window_s") or 0.1))
         return [_sampling(analysis), _prediction(analysis), *fitted]
@@ -214,8 +214,8 @@ _DECIDED: Final = (
 _SAME_RATE: Final = 1e-3
 
 
-def recommended_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Describe prediction, model and priors of the recommended method."""
+def rigid_sentences(analysis: StudyAnalysis) -> list[str]:
+    """Describe prediction, model and priors of the method ``rigid``."""
     latencies = " or ".join(format_exact(1e3 * s) for s in LATENCIES_S)
     return [
         _sampling(analysis),
@@ -233,7 +233,7 @@ def _prediction(analysis: StudyAnalysis) -> str:
 
 
 def decision_sentence() -> str:
-    """Describe when the recommended method gives no value, or only a limit."""
+    """Describe when the method ``rigid`` gives no value, or only a limit."""
     return _DECIDED.format(unified=cite("unified"))
 
 

@@ -1,16 +1,9 @@
 """Methods that an analysis used."""
 
-from typing import Final
-
-from jointz.core.method_names import STRAPPED
+from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
 from jointz.results.study_analysis import StudyAnalysis
 
-__all__ = ["FULL_RECORD", "RECOMMENDED", "STRAPPED", "used_methods", "used_pulses"]
-
-#: Method that models all timing points of a walker together.
-RECOMMENDED: Final = "recommended"
-#: Method that uses whole trials.
-FULL_RECORD: Final = "full_record"
+__all__ = ["FULL_RECORD", "RIGID", "STRAPPED", "used_methods", "used_pulses"]
 
 
 def used_methods(analysis: StudyAnalysis) -> list[str]:

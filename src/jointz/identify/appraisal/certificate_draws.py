@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 from jointz.core.study import Calibrated
 from jointz.identify.appraisal.certificate_joint import InjectedJoint
 from jointz.identify.preparation.calibration import relative_sd
-from jointz.identify.recommended.response_model import Posterior
-from jointz.identify.recommended.walking_evidence import Evidence
+from jointz.identify.rigid.response_model import Posterior
+from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.kernels.response_search import (
     B_DRIFT,
     CROSS_TALK,

@@ -8,16 +8,16 @@ from zlib import crc32
 import numpy as np
 
 from jointz.core.events import row_label
-from jointz.core.method_names import RECOMMENDED
+from jointz.core.method_names import RIGID
 from jointz.identify.appraisal.certificate_draws import Injection, Truth, drawn_truth
 from jointz.identify.appraisal.certificate_joint import InjectedResponse, injected_response
 from jointz.identify.prediction.predicted_cells import PredictedCell, unlike_from
 from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES, Predicted
-from jointz.identify.recommended.response_decision import Decision, NaturalSize, decided_parameters
-from jointz.identify.recommended.response_model import CellResponse
-from jointz.identify.recommended.response_posterior import JointPosterior
-from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import explain_responses, priors_of
+from jointz.identify.rigid.response_decision import Decision, NaturalSize, decided_parameters
+from jointz.identify.rigid.response_model import CellResponse
+from jointz.identify.rigid.response_posterior import JointPosterior
+from jointz.identify.rigid.walking_evidence import Evidence
+from jointz.identify.rigid.walking_responses import explain_responses, priors_of
 from jointz.kernels.robust_spread import robust_moments
 from jointz.results.certificate_result import (
     PARAMETERS,
@@ -58,7 +58,7 @@ def assembled(
     """Put the participants' injections together."""
     estimates = tuple(e for rows in by_participant.values() for e in rows)
     return Certificate(
-        method=RECOMMENDED,
+        method=RIGID,
         errors=expected_errors(estimates),
         estimates=estimates,
         n_participants=sum(bool(rows) for rows in by_participant.values()),

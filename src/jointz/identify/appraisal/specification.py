@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.codes import Exclusion, Failure
-from jointz.core.method_names import RECOMMENDED
+from jointz.core.method_names import RIGID
 from jointz.identify.methods.cell_estimator import CellEstimator
 from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.methods.cell_windows import WindowCutter
@@ -26,15 +26,15 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.recommended.response_checks import (
+from jointz.identify.rigid.response_checks import (
     fit_failure,
     instrument_failure,
     shared_failure,
 )
-from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
-from jointz.identify.recommended.walking_estimator import WalkingEstimator
-from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import LONGEST_LAG_S, priors_of
+from jointz.identify.rigid.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
+from jointz.identify.rigid.walking_estimator import WalkingEstimator
+from jointz.identify.rigid.walking_evidence import Evidence
+from jointz.identify.rigid.walking_responses import LONGEST_LAG_S, priors_of
 from jointz.results.estimates import CellEstimate
 from jointz.results.specification_curve import SpecificationEstimate
 
@@ -58,7 +58,7 @@ class Choices:
     windows_s: tuple[float, ...] = (0.04, 0.06, 0.08, 0.1, 0.12)
     cutoffs_hz: tuple[float, ...] = (15.0, 20.0, 30.0)  # Hz: low-pass of the filtering method
     baselines: tuple[str, ...] = BASELINES  # names of baselines to subtract
-    # names among :data:`INERTIA_MODELS`, for the recommended method
+    # names among :data:`INERTIA_MODELS`, for the method ``rigid``
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ def specification_estimates(
 ) -> tuple[SpecificationEstimate, ...]:
     """Estimate K, B and J of a participant under every set of choices.
 
-    The recommended method is run with every baseline, window and model of the inertia, and
+    The method ``rigid`` is run with every baseline, window and model of the inertia, and
     refuses, widens and withholds under each as it does by itself. The dissertation's is run with
     its two baselines and every cut-off and window. Misleads when it is read as a vote: many sets
     of choices that share an error agree. It shows which choice matters, not which is right.
@@ -94,7 +94,7 @@ def specification_estimates(
     sources = prepare_sources(recordings, settings)
     results: list[_SpecifiedCells] = []
     for window_s in choices.windows_s:
-        progress(f"{RECOMMENDED}, {1e3 * window_s:g} ms")
+        progress(f"{RIGID}, {1e3 * window_s:g} ms")
         changed = _with_perturbations(settings, window_s=window_s)
         results += _recommended(participant, sources, changed, choices)
     for cutoff_hz in choices.cutoffs_hz:
@@ -116,7 +116,7 @@ def of_inertia_model(posterior: JointPosterior, model: str) -> JointPosterior:
 
 
 class _SpecifiedEstimator(WalkingEstimator):
-    """The recommended method with another baseline, and some models of the inertia only.
+    """The method ``rigid`` with another baseline, and some models of the inertia only.
 
     It refuses, widens and withholds as its base does. What choices have in common is done once.
     """
@@ -218,7 +218,7 @@ def _recommended(
     for baseline in choices.baselines:
         for model in choices.inertia_models:
             choice = {
-                "method": RECOMMENDED,
+                "method": RIGID,
                 "baseline": baseline,
                 "window_s": settings.perturbations.window_s,
                 "cutoff_hz": None,

@@ -14,7 +14,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import mean_phase
 from jointz.core.provenance import software
-from jointz.identify.recommended.steep_change import Widened, widen_steep
+from jointz.identify.rigid.steep_change import Widened, widen_steep
 from jointz.kernels.series.periodic_process import periodic_curve
 from jointz.kernels.statistics.pooling_posterior import partial_pooling
 from jointz.results.estimates import REACH_95, CellEstimate, decides
@@ -65,7 +65,7 @@ def phase_curve(
     Parameters
     ----------
     analysis : StudyAnalysis
-        Analysis of a walking study by the recommended method.
+        Analysis of a walking study by the method ``rigid``.
     participant : str, optional
         A participant, with session and side if the study has them: ``S01, left``; by default
         all participants and the mean over them.
@@ -99,7 +99,7 @@ def phase_curve(
 
     An estimate whose window lies on a change of K that both neighbours show, and that the
     estimator has not followed, has a wider interval here than in the analysis and may be undecided
-    (:mod:`jointz.identify.recommended.steep_change`); if most people's do, so does their mean.
+    (:mod:`jointz.identify.rigid.steep_change`); if most people's do, so does their mean.
     Windows shorter than 100 ms do not help.
 
     The curve misleads if K or B change within less than 5 % of the cycle, such as at heel strike:
@@ -143,7 +143,7 @@ def phase_curve(
             elif name in ("stiffness", "damping"):
                 warnings.append(
                     f"no curve of {name} of {person}: estimates at {len(placed)} phases, "
-                    f"expected {_FEWEST} or more of the recommended method."
+                    f"expected {_FEWEST} or more of the method rigid."
                 )
         if participant is None and len(people) > 1:
             # Not widened: a single person's steep change must not reduce that person's weight.

@@ -9,6 +9,7 @@ import xarray as xr
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.core.method_names import RIGID
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import (
     CalibrationSpec,
@@ -66,7 +67,7 @@ class ParticipantSettings:
     perturbations: PerturbationsSpec
     group_edges: tuple[float, ...] = ()  # edges of the groups, SI; empty where there are none
     torque_model: TorqueModelSpec | None = None  # model of the torque from the current
-    methods: tuple[str, ...] = ("recommended",)  # the chosen method, then those to compare it with
+    methods: tuple[str, ...] = (RIGID,)  # the chosen method, then those to compare it with
     method_asked_for: bool = False  # whether the method was requested and differs from the default
     n_resamples: int = 1000  # of the bootstrap
     seed: int = 0

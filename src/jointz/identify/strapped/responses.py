@@ -49,6 +49,8 @@ class PointResponse:
     n_strides: int
     twist_sd: float = 0.0  # rad/(N*m): sd of the angle shown per torque, by the calibration
     channels: tuple[str, ...] = field(default=("goniometer",))
+    # (pulse,) place in ``shapes`` of each pulse that is used; empty if pulses are not known
+    shape_of_pulse: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     @property
     def period_s(self) -> float:
@@ -96,19 +98,21 @@ def point_response(
     responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
     misses = cell.predicted.misses[:, :, :n]
     shapes = pulse_shapes(responses[:, 1] + responses[:, 2], [c.pulse for c in cell.used])
+    numbers, places = np.unique(shapes, return_inverse=True)
     return PointResponse(
         label=cell.label,
         phase=cell.phase,
         stride_s=cell.stride_s,
         time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
         shapes=tuple(
-            _average(responses[shapes == k], cell.period_s, known) for k in np.unique(shapes)
+            _average(responses[shapes == k], cell.period_s, known) for k in numbers
         ),
         velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
         misses=misses[:, 0],
         torque_misses=misses[:, 1] + friction_gain * misses[:, 2],
         n_strides=cell.predicted.n_strides,
         twist_sd=twist_sd(known),
+        shape_of_pulse=places,
     )
 
 

@@ -31,8 +31,8 @@ from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
-from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
-from jointz.identify.recommended.response_checks import DOUBTFUL_ODDS
+from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
+from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
 from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
@@ -55,6 +55,16 @@ _LEAST_VAF_PCT = 50.0
 _FRICTION_ERROR = 0.1
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FittedShapes:
+    """Pulses of a timing point, and the fitted response of each shape of pulse."""
+
+    cell: PredictedCell
+    time_s: np.ndarray  # (n,) time from the onset
+    shapes: np.ndarray  # (pulse,) shape of each pulse that is used
+    fitted: np.ndarray | None  # (shape, n) rad, as signed, NaN where not used; None without a fit
+
+
 class StrappedMethod:
     """Estimator of walking with a device that is strapped to the leg."""
 
@@ -67,13 +77,26 @@ class StrappedMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point."""
-        longer = _with_all_data(settings)
-        pulses = assign_pulses(
-            data.participant, data.sources, longer, baseline=PREDICTED, alone=True
-        )
-        reach_s = longer.perturbations.window_s + _MARGIN_S
-        predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
-        return _Participant(data, settings, predictor).estimates(pulses)
+        participant, pulses = _prepared(data, settings)
+        return participant.estimates(pulses)
+
+    def fitted_shapes(
+        self, data: ParticipantData, settings: ParticipantSettings, *, fit: bool = True
+    ) -> list[FittedShapes]:
+        """Return the pulses of every timing point; without ``fit``, as predicted only."""
+        participant, pulses = _prepared(data, settings)
+        return participant.fitted_shapes(pulses, fit=fit)
+
+
+def _prepared(
+    data: ParticipantData, settings: ParticipantSettings
+) -> tuple["_Participant", list[Candidate]]:
+    """Return the estimator of a participant, and the pulses by timing point."""
+    longer = _with_all_data(settings)
+    pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
+    reach_s = longer.perturbations.window_s + _MARGIN_S
+    predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
+    return _Participant(data, settings, predictor), pulses
 
 
 def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
@@ -114,6 +137,41 @@ class _Participant:
 
     def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
         """Return the estimates of all timing points, and all pulses with their final codes."""
+        records, predicted, codes = self._predicted(candidates)
+        failures = self._failures(predicted)
+        remaining = [c for c in predicted.values() if not failures[c.label]]
+        try:
+            explained = self._explained(remaining)
+        except np.linalg.LinAlgError:
+            explained = None
+            failures |= {c.label: Failure.ILL_CONDITIONED for c in remaining}
+        if explained is not None:
+            failures |= _failures_after(explained)
+        return self._assembled(records, codes, predicted, failures, explained)
+
+    def fitted_shapes(self, candidates: Sequence[Candidate], *, fit: bool) -> list[FittedShapes]:
+        """Return the pulses of every timing point; the fit only of those that are estimated."""
+        _, predicted, _ = self._predicted(candidates)
+        failures = self._failures(predicted)
+        try:
+            remaining = [c for c in predicted.values() if fit and not failures[c.label]]
+            explained = self._explained(remaining)
+        except np.linalg.LinAlgError:
+            explained = None
+        places = {c.label: k for k, c in enumerate(explained.cells)} if explained else {}
+        shapes = []
+        for label, cell in predicted.items():
+            point, fitted = self._point(cell, self._known([cell])), None
+            if explained is not None and label in places:
+                point = explained.posterior.model.points[places[label]]
+                fitted = _fitted_by_shape(explained.posterior, places[label])
+            shapes.append(FittedShapes(cell, point.time_s, point.shape_of_pulse, fitted))
+        return shapes
+
+    def _predicted(
+        self, candidates: Sequence[Candidate]
+    ) -> tuple[list[PulseRecord], dict[str, PredictedCell], dict[str, list[str]]]:
+        """Return all pulses with their final codes; by timing point, the prediction and codes."""
         records = [c.record for c in candidates]
         predicted: dict[str, PredictedCell] = {}
         codes: dict[str, list[str]] = {}
@@ -125,16 +183,7 @@ class _Participant:
                 predicted[label] = cell
             for k, code in zip(indices, codes[label], strict=True):
                 records[k] = replace(records[k], code=code)
-        failures = self._failures(predicted)
-        remaining = [c for c in predicted.values() if not failures[c.label]]
-        try:
-            explained = self._explained(remaining)
-        except np.linalg.LinAlgError:
-            explained = None
-            failures |= {c.label: Failure.ILL_CONDITIONED for c in remaining}
-        if explained is not None:
-            failures |= _failures_after(explained)
-        return self._assembled(records, codes, predicted, failures, explained)
+        return records, predicted, codes
 
     def _assembled(
         self,
@@ -370,6 +419,14 @@ def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
         fitted_angle=fitted[inside],
     )
     return response, 100.0 * (1.0 - residual)
+
+
+def _fitted_by_shape(posterior: LegPosterior, k: int) -> np.ndarray:
+    """Return the fitted response of each shape (shape, n), NaN for samples that are not used."""
+    point = posterior.model.points[k]
+    modelled = posterior.model.responses(posterior.best.theta[None], k)[0]
+    fitted = modelled.reshape(len(point.shapes), -1)
+    return np.where(np.stack([s.used for s in point.shapes]), fitted, np.nan)
 
 
 def _nuisance(posterior: LegPosterior) -> tuple[ParameterEstimate, ...]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from jointz.results.estimates import CellEstimate
 
-#: Name of the recommended method's estimates once people were estimated together.
-POOLED_METHOD = "recommended_pooled"
+#: Name of the estimates of the method ``rigid`` once people were estimated together.
+POOLED_METHOD = "rigid_pooled"
 #: The source of error that is another one at every timing point; all others are alike there.
 _OWN = "noise"
 #: Value per kg -> what it is of.

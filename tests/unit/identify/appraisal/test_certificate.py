@@ -18,8 +18,8 @@ from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.prediction.unperturbed_prediction import Predicted
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import explain_responses, priors_of
+from jointz.identify.rigid.walking_evidence import Evidence
+from jointz.identify.rigid.walking_responses import explain_responses, priors_of
 from jointz.kernels.response_search import FRICTION_GAIN, SHARED
 
 PERIOD_S, WINDOW_S, SAMPLES = 0.002, 0.1, 66

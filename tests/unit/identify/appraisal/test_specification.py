@@ -15,8 +15,8 @@ from jointz.identify.appraisal.specification import (
 )
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.identify.recommended.response_model import Hypothesis
-from jointz.identify.recommended.response_posterior import JointPosterior
+from jointz.identify.rigid.response_model import Hypothesis
+from jointz.identify.rigid.response_posterior import JointPosterior
 from jointz.identify.study_kinds import WALKING
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
@@ -127,7 +127,7 @@ def test_what_analyze_widens_and_withholds_is_widened_and_withheld_in_the_curve(
 
     own = {
         (cell.timing_point, p.name): (p.value, p.ci_low, p.ci_high, p.status)
-        for cell in alone.cells["recommended"]
+        for cell in alone.cells["rigid"]
         for p in cell.parameters
     }
     pooled = [row for row in rows if row.inertia_model == "pooled"]
@@ -151,7 +151,7 @@ def test_unperturbed_strides_may_have_been_recorded_at_another_rate(walkers):
 
     rows = specification_estimates("S01", recordings, walkers.settings(walker), choices)
 
-    mine = [row for row in rows if row.method == "recommended"]
+    mine = [row for row in rows if row.method == "rigid"]
     assert {row.timing_point for row in mine} == {"A", "B"}
     assert Failure.NO_UNPERTURBED_STRIDES.status not in {row.status for row in mine}
 

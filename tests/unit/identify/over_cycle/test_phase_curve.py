@@ -32,7 +32,7 @@ def cell(person, point, onset, value, *, sd=1.0, status="ok", systematic=0.0):
         99.0,
         5,
         0,
-        "recommended",
+        "rigid",
         centre_gait_pct=(onset + OFFSET_PCT) % 100.0,
         budget={"stiffness": {"noise": sd, "gain": systematic}},
     )

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from jointz.identify.recommended.response_model import CellResponse
+from jointz.identify.rigid.response_model import CellResponse
 
 PERIOD_S, N, STEP_S = 0.002, 56, 0.0005
 TIME_S = np.arange(N) * PERIOD_S

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.identify.recommended.reflex_hypothesis import with_reflexes
-from jointz.identify.recommended.response_model import (
+from jointz.identify.rigid.reflex_hypothesis import with_reflexes
+from jointz.identify.rigid.response_model import (
     CellResponse,
     Hypothesis,
     Posterior,

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S, reflex_shape, with_reflexes
-from jointz.identify.recommended.response_model import (
+from jointz.identify.rigid.reflex_hypothesis import LATENCIES_S, reflex_shape, with_reflexes
+from jointz.identify.rigid.response_model import (
     CellResponse,
     Hypothesis,
     Priors,

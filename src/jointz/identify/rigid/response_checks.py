@@ -8,8 +8,8 @@ from scipy.stats import chi2
 
 from jointz.core.codes import Failure
 from jointz.identify.prediction.signal_checks import shows_stiff_joint, smallest_response
-from jointz.identify.recommended.response_model import CellResponse, Priors
-from jointz.identify.recommended.response_posterior import JointPosterior, inertia_evidence
+from jointz.identify.rigid.response_model import CellResponse, Priors
+from jointz.identify.rigid.response_posterior import JointPosterior, inertia_evidence
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
 
 #: Probability that a good timing point is called a misfit.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointz.identify.recommended.response_model import (
+from jointz.identify.rigid.response_model import (
     Hypothesis,
     Priors,
     ResponseModel,

@@ -13,13 +13,13 @@ from jointz.identify.prediction.pulse_checks import copied_pulses
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.instrument_checks import torque_failure
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.recommended.response_checks import (
+from jointz.identify.rigid.response_checks import (
     instrument_failure,
     response_failure,
     shared_failure,
 )
-from jointz.identify.recommended.response_model import CellResponse, Priors
-from jointz.identify.recommended.response_posterior import Moments
+from jointz.identify.rigid.response_model import CellResponse, Priors
+from jointz.identify.rigid.response_posterior import Moments
 
 N = 51
 TIME_S = np.arange(N) * 0.002

@@ -9,9 +9,9 @@ from scipy.stats import binom
 from jointz.core.codes import Doubt
 from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES, Predicted
-from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
-from jointz.identify.recommended.response_model import Priors
-from jointz.identify.recommended.walking_responses import explain_responses
+from jointz.identify.rigid.response_linearity import Contrast, contrasts, doubted
+from jointz.identify.rigid.response_model import Priors
+from jointz.identify.rigid.walking_responses import explain_responses
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 
 PERIOD_S, STEP_S, N, WINDOW_S = 0.002, 0.0005, 70, 0.1
@@ -172,7 +172,7 @@ def estimate(half=0.1, **more):
         )
     ]
     budget = {name: {"noise": 1.0, "model": 0.0} for name in ("stiffness", "damping", "inertia")}
-    return CellEstimate("S01", "A", 30.0, tuple(rows), 99.0, 50, 0, "recommended",
+    return CellEstimate("S01", "A", 30.0, tuple(rows), 99.0, 50, 0, "rigid",
                         budget=budget, gravity_corrected=rows[0], **more)  # fmt: skip
 
 

@@ -14,19 +14,19 @@ from jointz.core.study import (
     PerturbationsSpec,
     UserExclusion,
 )
-from jointz.identify.recommended.gravity import gravity_stiffness, hanging_masses
-from jointz.identify.recommended.response_model import Priors
-from jointz.identify.recommended.walking_responses import known_together, priors_of
+from jointz.identify.rigid.gravity import gravity_stiffness, hanging_masses
+from jointz.identify.rigid.response_model import Priors
+from jointz.identify.rigid.walking_responses import known_together, priors_of
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 
 
 def cell(result, point):
-    return next(c for c in result.cells["recommended"] if c.timing_point == point)
+    return next(c for c in result.cells["rigid"] if c.timing_point == point)
 
 
 def statuses(result):
-    return {p.status for c in result.cells["recommended"] for p in c.parameters}
+    return {p.status for c in result.cells["rigid"] for p in c.parameters}
 
 
 def codes(result):
@@ -114,7 +114,7 @@ def test_one_pulse_a_point_is_estimated_or_undecided_never_failed(walkers):
     assert statuses(result) <= {"ok", "undecided", "at_bound"}
     assert "undecided" in statuses(result)
     assert max(off(result, walker), default=0.0) < 1.7
-    for p in (p for c in result.cells["recommended"] for p in c.parameters[:3]):
+    for p in (p for c in result.cells["rigid"] for p in c.parameters[:3]):
         if p.status == "undecided":
             assert (p.value, p.ci_low, p.ci_high) == (None, None, None)
             assert np.isfinite(p.unbounded)
@@ -137,7 +137,7 @@ def test_two_recordings_of_unlike_rates_are_estimated_together(walkers):
     walker = walkers.Walker()
     both = [walkers.walk(replace(walker, seed=k, rate_hz=r)) for k, r in ((0, 1000.0), (1, 250.0))]
     result = walkers.analyze(walker, *both)
-    assert [c.n_used for c in result.cells["recommended"]] == [40, 40]
+    assert [c.n_used for c in result.cells["rigid"]] == [40, 40]
     assert max(off(result, walker)) < 1.7
 
 
@@ -190,7 +190,7 @@ def test_a_pulse_by_a_run_of_missing_samples_is_left_out_and_the_others_stand(wa
 
     result = walkers.analyze(walker, changed(given, angle=holed))
     assert [p.code for p in result.pulses].count("not_finite") == 1
-    assert sum(c.n_used for c in result.cells["recommended"]) == 39
+    assert sum(c.n_used for c in result.cells["rigid"]) == 39
     assert max(off(result, walker)) < 1.7
 
 
@@ -256,7 +256,7 @@ def test_pulses_planned_without_torque_are_left_out_and_hide_no_others(walkers):
     planned = given.pulse_table["amplitude_nm"].to_numpy()
     result = walkers.analyze(walker, given)
     assert [p.code == "no_torque" for p in result.pulses] == (planned == 0.0).tolist()
-    assert sum(c.n_used for c in result.cells["recommended"]) > 15
+    assert sum(c.n_used for c in result.cells["rigid"]) > 15
 
 
 @pytest.mark.parametrize(
@@ -295,7 +295,7 @@ def test_copies_of_a_pulse_count_once(walkers, usual):
 
     result = walkers.analyze(walker, changed(given, angle=copied, torque=copied))
     assert [p.code for p in result.pulses].count("copied_pulse") >= 36
-    assert all(c.n_used <= 2 for c in result.cells["recommended"])
+    assert all(c.n_used <= 2 for c in result.cells["rigid"])
 
 
 # --- instruments ----------------------------------------------------------------------------------
@@ -323,7 +323,7 @@ def test_a_recording_that_cannot_be_gives_its_reason_and_no_number(walkers, chan
     walker = walkers.Walker(known_lag_sd_s=None)
     result = walkers.analyze(walker, changed(walkers.walk(walker), **channels))
     assert statuses(result) == {status}
-    assert all(p.value is None for c in result.cells["recommended"] for p in c.parameters)
+    assert all(p.value is None for c in result.cells["rigid"] for p in c.parameters)
 
 
 def test_a_lag_unlike_its_calibration_is_told(walkers):

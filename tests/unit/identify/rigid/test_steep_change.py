@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from jointz import phase_curve
-from jointz.identify.recommended.steep_change import drift_reach, undecided_where_steep, widen_steep
+from jointz.identify.rigid.steep_change import drift_reach, undecided_where_steep, widen_steep
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -45,7 +45,7 @@ def cell(point, onset, stiffness=K, *, sd=2.0, person="S1", **changes):
         vaf_pct=99.9,
         n_used=40,
         n_excluded=0,
-        method="recommended",
+        method="rigid",
         response=Response(TIMES, moved(stiffness, B, J), push(TIMES), push(TIMES)),
         centre_gait_pct=(onset + 5.7) % 100.0,
         budget={"stiffness": {"noise": sd, "drift": 1.0}, "damping": {"noise": 0.1}},

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from jointz.core.study import CalibrationSpec
 from jointz.identify.prediction.predicted_cells import PredictedCell
-from jointz.identify.recommended.response_model import CellResponse
-from jointz.identify.recommended.response_posterior import JointPosterior
+from jointz.identify.rigid.response_model import CellResponse
+from jointz.identify.rigid.response_posterior import JointPosterior
 
 
 @dataclass(frozen=True, slots=True, eq=False)

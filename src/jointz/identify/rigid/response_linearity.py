@@ -14,9 +14,9 @@ from scipy.stats import norm
 from jointz.core.codes import Doubt
 from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.recommended.reflex_hypothesis import LATENCIES_S, moved_by, reflex_shape
-from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
-from jointz.identify.recommended.response_posterior import JointPosterior
+from jointz.identify.rigid.reflex_hypothesis import LATENCIES_S, moved_by, reflex_shape
+from jointz.identify.rigid.response_model import CellResponse, Posterior, response_to_kick
+from jointz.identify.rigid.response_posterior import JointPosterior
 from jointz.kernels.response_search import J_DEVIATION, LOG_J, PER_POINT, SHARED, B, K
 from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 

@@ -10,13 +10,13 @@ from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.prediction.predicted_cells import FINEST_RAD, PredictedCell, unlike_from
 from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
 from jointz.identify.preparation.calibration import pooled_calibration, twist_sd, value_of
-from jointz.identify.recommended.response_model import (
+from jointz.identify.rigid.response_model import (
     CellResponse,
     Posterior,
     Priors,
     response_to_kick,
 )
-from jointz.identify.recommended.response_posterior import (
+from jointz.identify.rigid.response_posterior import (
     JointPosterior,
     compare_sensors,
     estimate_responses,

@@ -3,7 +3,7 @@
 Each pulse's unperturbed motion and torque are predicted from its own past
 (:mod:`~jointz.identify.prediction.unperturbed_prediction`); the average response of every
 timing point is explained by a joint and a chain of instruments under several hypotheses
-(:mod:`~jointz.identify.recommended.response_posterior`). Intervals cover the errors of the
+(:mod:`~jointz.identify.rigid.response_posterior`). Intervals cover the errors of the
 prediction, of the calibration, and the differences between hypotheses.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from jointz.core.codes import Doubt, Failure
 from jointz.core.gait_phases import mean_phase
-from jointz.core.method_names import PREDICTED, RECOMMENDED
+from jointz.core.method_names import PREDICTED, RIGID
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
@@ -29,8 +29,8 @@ from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sources import ParticipantSettings, Source
-from jointz.identify.recommended.gravity import participant_stiffness_without_gravity
-from jointz.identify.recommended.response_checks import (
+from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
+from jointz.identify.rigid.response_checks import (
     DOUBTFUL_ODDS,
     fit_failure,
     instrument_failure,
@@ -38,7 +38,7 @@ from jointz.identify.recommended.response_checks import (
     response_failure,
     shared_failure,
 )
-from jointz.identify.recommended.response_decision import (
+from jointz.identify.rigid.response_decision import (
     Decision,
     NaturalSize,
     decided_parameters,
@@ -47,12 +47,12 @@ from jointz.identify.recommended.response_decision import (
     instrument_shares,
     prior_effects,
 )
-from jointz.identify.recommended.response_linearity import Contrast, contrasts, doubted
-from jointz.identify.recommended.response_model import CellResponse
-from jointz.identify.recommended.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
-from jointz.identify.recommended.steep_change import undecided_where_steep
-from jointz.identify.recommended.walking_evidence import Evidence
-from jointz.identify.recommended.walking_responses import (
+from jointz.identify.rigid.response_linearity import Contrast, contrasts, doubted
+from jointz.identify.rigid.response_model import CellResponse
+from jointz.identify.rigid.response_posterior import CONSTANT_INERTIA_SD, JointPosterior
+from jointz.identify.rigid.steep_change import undecided_where_steep
+from jointz.identify.rigid.walking_evidence import Evidence
+from jointz.identify.rigid.walking_responses import (
     LONGEST_LAG_S,
     LONGEST_WINDOW_S,
     average_responses,
@@ -65,10 +65,10 @@ from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.results.participant_model import ParticipantModel
 
 
-class RecommendedMethod:
+class RigidMethod:
     """Estimator of walking that explains all timing points of a participant together."""
 
-    name = RECOMMENDED
+    name = RIGID
     kinds = ("walking",)
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
@@ -251,7 +251,7 @@ class WalkingEstimator:
             vaf_pct=100.0 * (1.0 - residual),
             n_used=len(used),
             n_excluded=counts[cell.label] - len(used),
-            method=RECOMMENDED,
+            method=RIGID,
             baseline=PREDICTED,
             displacement_rad=float(np.abs(response.angle).max()),
             response=Response(
@@ -302,7 +302,7 @@ class WalkingEstimator:
             participant=self._participant,
             timing_point=label,
             counts=counts,
-            method=RECOMMENDED,
+            method=RIGID,
             baseline=PREDICTED,
             onset_gait_pct=onset,
         )

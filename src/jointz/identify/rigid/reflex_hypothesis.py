@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.identify.recommended.response_model import CellResponse, Posterior, response_to_kick
+from jointz.identify.rigid.response_model import CellResponse, Posterior, response_to_kick
 from jointz.kernels.response_search import K
 
 #: Latencies of reflexes of leg muscles after the stretch.

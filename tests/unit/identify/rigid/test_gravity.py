@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jointz.core.study import DeviceSpec, ParticipantSpec
-from jointz.identify.recommended.gravity import (
+from jointz.identify.rigid.gravity import (
     CORRECTED_STIFFNESS,
     POSTURE_SD_RAD,
     GravityStiffness,

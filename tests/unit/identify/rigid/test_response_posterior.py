@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jointz.identify.recommended.response_model import Priors
-from jointz.identify.recommended.response_posterior import (
+from jointz.identify.rigid.response_model import Priors
+from jointz.identify.rigid.response_posterior import (
     CONSTANT_INERTIA_SD,
     compare_sensors,
     estimate_responses,

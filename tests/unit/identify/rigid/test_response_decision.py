@@ -7,14 +7,14 @@ import pytest
 
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.recommended.response_decision import (
+from jointz.identify.rigid.response_decision import (
     Decision,
     NaturalSize,
     decided_parameters,
     error_budget,
 )
-from jointz.identify.recommended.response_model import CellResponse
-from jointz.identify.recommended.response_posterior import Moments
+from jointz.identify.rigid.response_model import CellResponse
+from jointz.identify.rigid.response_posterior import Moments
 
 
 @dataclass

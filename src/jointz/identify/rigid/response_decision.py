@@ -11,8 +11,8 @@ from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import gains_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
-from jointz.identify.recommended.response_model import CellResponse
-from jointz.identify.recommended.response_posterior import JointPosterior, Moments
+from jointz.identify.rigid.response_model import CellResponse
+from jointz.identify.rigid.response_posterior import JointPosterior, Moments
 from jointz.kernels.bounded_normal import bounded_interval
 from jointz.kernels.response_search import CROSS_TALK, DELAY, FRICTION_GAIN, LAG, SHARED
 from jointz.results.estimates import REACH_95, ParameterEstimate, decides
