@@ -18,6 +18,7 @@ from jointz.report.wording import (
     format_count,
     format_estimate,
     method_name,
+    onset_note,
     parameter_name,
     pretty_unit,
     status_meaning,
@@ -226,6 +227,8 @@ class ExplorePage:
                     if old is not None and old != parameter:
                         ui.label(f"as analysed {estimate_or_status(old)}").classes("was")
             ui.label("value and 95 % interval").classes("foot")
+            if note := onset_note(p.name for p in cell.parameters):
+                ui.label(note).classes("foot")
 
     def _choose(self, *, person: str | None = None, point: str | None = None) -> None:
         self._view.choose(person=person, point=point)

@@ -1,6 +1,7 @@
 """Signals that each pulse was estimated from: measured, baseline, response, fit and residual.
 
-All signals are those of the estimators. For ``rigid``, the response is that of its evidence,
+All signals are those of the estimators. For ``strapped``, response and fit are those of the shape
+of the pulse, the baseline is the prediction. For ``rigid``, the response is that of its evidence,
 the fit that of its cell, and the baseline the prediction that it subtracted from the raw signals.
 For the other methods, windows and baseline come from their own cutter, filtered.
 """
@@ -13,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from jointz.core.events import PulseRecord
-from jointz.core.method_names import FULL_RECORD, RIGID
+from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
 from jointz.explorer.exclusions import is_about
-from jointz.identify.estimators import METHODS
+from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
@@ -36,6 +37,7 @@ from jointz.identify.preparation.sources import (
     prepare_sources,
 )
 from jointz.identify.rigid.walking_evidence import Evidence
+from jointz.identify.strapped.strapped_method import FittedShapes, StrappedMethod
 from jointz.results.estimates import CellEstimate
 
 #: Part of the recording that is shown around a pulse, s.
@@ -145,6 +147,10 @@ def _group_traces(
     for method in settings.methods:
         if method == FULL_RECORD:
             continue  # it fits whole trials and has no windows
+        if method == STRAPPED:
+            for key, window in _by_shape(participant, sources, (settings, lifted), result):
+                windows[key][method] = window
+            continue
         cells = {cell.timing_point: cell for cell in result.cells[method]}
         windows_of_method = (
             _predicted(participant, recordings, sources, (settings, lifted), result)
@@ -196,23 +202,66 @@ def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -
         ]
         n = average.angle.size
         responses = cell.predicted.responses[:, :, :n]
-        time_s = (np.arange(n) - LEAD_SAMPLES) * cell.period_s
         for candidate, response in zip(usable, responses, strict=True):
-            begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * cell.period_s])
-            cut, _ = signals[candidate.source].cut(begin, before_s=0.0, after_s=n * cell.period_s)
-            angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
-            sign = candidate.pulse.sign
-            window = Window(
-                time_s=time_s,
-                angle=angle,
-                torque=torque,
-                baseline_angle=angle - sign * response[0],
-                baseline_torque=torque - sign * response[1:].sum(axis=0),
-                sign=sign,
-                fitted=None,
-                fits="angle",
-            )
+            window = _raw_window(candidate, response, signals, cell.period_s)
             yield PulseKey.of(candidate.record), cell.label, window
+
+
+def _raw_window(
+    candidate: Candidate,
+    response: np.ndarray,
+    signals: Sequence[Conditioned],
+    period_s: float,
+) -> Window:
+    """Return the window of a predicted pulse, from the raw signals and without a fit."""
+    n, sign = response.shape[1], candidate.pulse.sign
+    begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * period_s])
+    cut, _ = signals[candidate.source].cut(begin, before_s=0.0, after_s=n * period_s)
+    angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
+    return Window(
+        time_s=(np.arange(n) - LEAD_SAMPLES) * period_s,
+        angle=angle,
+        torque=torque,
+        baseline_angle=angle - sign * response[0],
+        baseline_torque=torque - sign * response[1:].sum(axis=0),
+        sign=sign,
+        fitted=None,
+        fits="angle",
+    )
+
+
+def _by_shape(
+    participant: str,
+    sources: Sequence[Source],
+    settings: tuple[ParticipantSettings, ParticipantSettings],
+    result: ParticipantResult,
+) -> Iterator[tuple[PulseKey, Window]]:
+    """Yield the windows of the method ``strapped``; of excluded pulses as if restored."""
+    original, lifted = settings
+    data = ParticipantData(participant, sources)
+    rate = common_rate_hz(sources)
+    signals = [raw_signals(source, target_hz=rate) for source in sources]
+    excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
+    if excluded and lifted.user_exclusions != original.user_exclusions:
+        restored = StrappedMethod().fitted_shapes(data, lifted, fit=False)
+        yield from (w for w in _of_shapes(restored, signals) if w[0] in excluded)
+    used = StrappedMethod().fitted_shapes(data, original)
+    yield from (w for w in _of_shapes(used, signals) if w[0] not in excluded)
+
+
+def _of_shapes(
+    points: Sequence[FittedShapes], signals: Sequence[Conditioned]
+) -> Iterator[tuple[PulseKey, Window]]:
+    for point in points:
+        responses = point.cell.predicted.responses[point.cell.kept, :, : point.time_s.size]
+        for candidate, response, shape in zip(
+            point.cell.used, responses, point.shapes, strict=True
+        ):
+            sign = candidate.pulse.sign
+            window = _raw_window(candidate, response, signals, point.cell.period_s)
+            # The fit is as signed, the response of a window is turned.
+            fitted = None if point.fitted is None else sign * point.fitted[shape]
+            yield PulseKey.of(candidate.record), replace(window, fitted=fitted)
 
 
 def _filtered(

@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from jointz.report.wording import ABSOLUTE
+from jointz.report.wording import ABSOLUTE, AT_ONSET
 from jointz.results.estimates import FIT_SOURCES, CellEstimate
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import StudyAnalysis
@@ -40,7 +40,7 @@ DETAIL_COLUMNS: Final = (
 
 
 def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return the details of each K, B and J, one row for each cell and parameter.
+    """Return the details of each K, B and J and of K and B at the onset, one row each.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
     rows = [
         row | _details(cell, name)
         for cell in analysis.cells
-        for name in ABSOLUTE
+        for name in (*ABSOLUTE, *AT_ONSET)
         for row in cell.rows()
         if row["parameter"] == name
     ]

@@ -28,7 +28,13 @@ from jointz.report.style import (
     shade_phases,
 )
 from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import ABSOLUTE, format_count, parameter_label, parameter_name
+from jointz.report.wording import (
+    ABSOLUTE,
+    format_count,
+    onset_note,
+    parameter_label,
+    parameter_name,
+)
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
@@ -99,6 +105,8 @@ def impedance_caption(analysis: StudyAnalysis) -> str:
     words = subjects(analysis)
     walking = has_onsets(analysis)
     intervals = "; ".join(interval_methods(analysis)) or "as stated by the method"
+    note = onset_note(p.name for c in analysis.cells for p in c.parameters)
+    note = f" {note} Values at the onset are not drawn." if note else ""
     axis = (
         "The participants of a timing point are spread sideways about the mean measured onset, in "
         f"the order of the table. Bands: phases of the gait cycle, {_PHASE_NAMES}."
@@ -108,7 +116,7 @@ def impedance_caption(analysis: StudyAnalysis) -> str:
     return (
         f"Impedance {'over the gait cycle' if walking else f'at each {words.point}'}. Points with "
         f"bars: estimates of each {words.one} with their intervals ({intervals})."
-        f"{_other_marks(analysis)} {axis}{_missing_panels(analysis)} "
+        f"{_other_marks(analysis)} {axis}{note}{_missing_panels(analysis)} "
         f"n: {counted_people_and_pulses(analysis)}."
     )
 

@@ -28,6 +28,8 @@ from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.html_page import render_template
 from jointz.report.subjects import subjects, timing_points
 from jointz.report.wording import (
+    ALL_PARAMETERS,
+    AT_ONSET,
     DASH,
     PARAMETERS,
     exclusion_meaning,
@@ -38,6 +40,7 @@ from jointz.report.wording import (
     format_signed,
     format_spread,
     format_vaf,
+    onset_note,
     parameter_name,
     point_name,
     status_meaning,
@@ -81,6 +84,7 @@ def render_report(
         columns=[[PARAMETER_UNITS[name] for name in c] for c in columns],
         column_names=[parameter_name(c[0]) for c in columns],
         people=_people(analysis, columns),
+        onset_note=onset_note(parameters),
         statuses=_statuses(analysis),
         warnings=statistics.get("warnings", ()),
         notes=statistics.get("notes", ()),
@@ -115,12 +119,17 @@ def _script_hash(script: str) -> str:
 
 def _parameters(analysis: StudyAnalysis) -> list[str]:
     present = {p.name for cell in analysis.cells for p in cell.parameters}
-    return [name for name in PARAMETERS if name in present]
+    return [name for name in ALL_PARAMETERS if name in present]
 
 
 def _columns(parameters: Sequence[str]) -> list[tuple[str, ...]]:
     """Return parameters with their values per kg, which share a column of the long table."""
-    pairs = (("stiffness", "stiffness_per_mass"), ("damping", "damping_per_mass"), ("inertia",))
+    pairs = (
+        ("stiffness", "stiffness_per_mass"),
+        ("damping", "damping_per_mass"),
+        ("inertia",),
+        *((name,) for name in AT_ONSET),
+    )
     present = (tuple(name for name in pair if name in parameters) for pair in pairs)
     return [column for column in present if column]
 
