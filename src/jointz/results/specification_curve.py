@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 #: What is chosen; columns of the table, and rows of dots of the figure.
-CHOICES = ("method", "baseline", "window_s", "cutoff_hz", "inertia_model")
+CHOICES = ("method", "baseline", "window_s", "cutoff_hz", "inertia_model", "assumption")
 _PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
 _FAILED = "failed:"
@@ -33,12 +33,14 @@ class SpecificationEstimate:
     window_s: float  # s: length of the window from the onset
     cutoff_hz: float | None  # low-pass of the filtering method; None for others
     # ``one`` inertia for all timing points, ``free``: one for each, ``pooled``: weighted by the
-    # data
-    inertia_model: str
+    # data; None for the method ``strapped``
+    inertia_model: str | None
     value: float | None  # estimate, SI; None where there is none
     ci_low: float | None  # lower end of the interval, SI; None where there is none
     ci_high: float | None  # upper end of the interval, SI; None where there is none
     status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
+    # assumption that is changed in the method ``strapped``, ``standard`` if none; None for others
+    assumption: str | None = None
 
     @property
     def unit(self) -> str:
@@ -190,4 +192,6 @@ def _label(name: str, value: Any) -> str:
         return f"window {1000.0 * value:g} ms"
     if name == "cutoff_hz":
         return f"cut-off {value:g} Hz"
+    if name == "assumption":
+        return str(value).replace("_", " ")
     return f"inertia {value}" if name == "inertia_model" else str(value)

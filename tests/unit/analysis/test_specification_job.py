@@ -100,3 +100,50 @@ def test_a_baseline_without_strides_has_rows_that_say_so(small_study):
 def test_choices_that_make_no_sense_are_refused(small_study_source, asked, message):
     with pytest.raises(ValueError, match=message):
         specification_curve(small_study_source, **asked)
+
+
+@pytest.fixture(scope="module")
+def strapped(small_study_source):
+    return specification_curve(
+        small_study_source,
+        method="strapped",
+        windows_s=(0.1, 0.15),
+        assumptions=("standard", "no_reflex", "no_drift"),
+        resamples=20,
+    )
+
+
+def test_strapped_is_varied_in_its_own_assumptions(strapped):
+    table = strapped.to_frame()
+    sets = table.drop_duplicates(["method", "window_s", "assumption"])
+
+    assert sets["method"].value_counts().to_dict() == {"strapped": 2 * 3, "rigid": 1}
+    assert strapped.settings["assumptions"] == ["standard", "no_reflex", "no_drift"]
+    assert strapped.plot(parameter="inertia").get_ylabel().startswith("inertia")
+
+
+def test_a_window_of_the_strapped_curve_is_what_analyze_gives(strapped, small_study_source):
+    """All windows share one fit; each is as if it were the only one."""
+    own = {
+        (c.timing_point, p.name): (p.status, p.value, p.ci_low, p.ci_high)
+        for c in analyze(small_study_source, method="strapped", resamples=20).cells
+        for p in c.parameters
+        if c.participant == strapped.participant
+    }
+    rows = [e for e in strapped.estimates if (e.assumption, e.window_s) == ("standard", 0.1)]
+
+    assert len(rows) == 18
+    for row in rows:
+        found = (row.status, row.value, row.ci_low, row.ci_high)
+        assert found == own[row.timing_point, row.parameter]
+
+
+def test_a_choice_that_the_method_does_not_have_is_refused(small_study_source):
+    with pytest.raises(ValueError, match='cutoffs_hz: the method strapped .* method="rigid"'):
+        specification_curve(small_study_source, method="strapped", cutoffs_hz=(20.0,))
+    with pytest.raises(ValueError, match='assumptions: the method rigid .* method="strapped"'):
+        specification_curve(small_study_source, method="rigid", assumptions=("no_reflex",))
+    with pytest.raises(ValueError, match="assumptions: expected one or more names among standard"):
+        specification_curve(small_study_source, method="strapped", assumptions=("no_leg",))
+    with pytest.raises(ValueError, match="method: expected recommended, strapped or rigid"):
+        specification_curve(small_study_source, method="dissertation")

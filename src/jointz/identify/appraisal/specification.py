@@ -61,6 +61,11 @@ class Choices:
     # names among :data:`INERTIA_MODELS`, for the method ``rigid``
     inertia_models: tuple[str, ...] = INERTIA_MODELS
 
+    @property
+    def n_steps(self) -> int:
+        """Number of steps that are told."""
+        return len(self.windows_s) + len(self.cutoffs_hz)
+
     def __post_init__(self) -> None:
         known = {"baselines": BASELINES, "inertia_models": INERTIA_MODELS}
         for name in self.__slots__:
@@ -92,11 +97,11 @@ def specification_estimates(
     """
     progress = tell or (lambda _step: None)
     sources = prepare_sources(recordings, settings)
-    results: list[_SpecifiedCells] = []
+    results: list[SpecifiedCells] = []
     for window_s in choices.windows_s:
         progress(f"{RIGID}, {1e3 * window_s:g} ms")
-        changed = _with_perturbations(settings, window_s=window_s)
-        results += _recommended(participant, sources, changed, choices)
+        changed = with_perturbations(settings, window_s=window_s)
+        results += rigid_cells(participant, sources, changed, choices)
     for cutoff_hz in choices.cutoffs_hz:
         progress(f"{FILTERED}, {cutoff_hz:g} Hz")
         results += _filtered(participant, recordings, settings, choices, cutoff_hz)
@@ -180,7 +185,7 @@ class _SpecifiedEstimator(WalkingEstimator):
 
 
 @dataclass(frozen=True, slots=True)
-class _SpecifiedCells:
+class SpecifiedCells:
     """Estimates under one set of choices; missing timing points have a failure instead."""
 
     choice: Mapping[str, Any]  # columns of :class:`SpecificationEstimate` that state the choices
@@ -204,17 +209,18 @@ class _SpecifiedCells:
                 )
 
 
-def _recommended(
+def rigid_cells(
     participant: str,
     sources: Sequence[Source],
     settings: ParticipantSettings,
     choices: Choices,
-) -> Iterator[_SpecifiedCells]:
+) -> Iterator[SpecifiedCells]:
+    """Yield the estimates of the method ``rigid`` under every baseline and inertia."""
     estimator = _SpecifiedEstimator(participant, sources, settings)
     candidates = assign_pulses(
         participant, sources, settings, baseline=estimator.baseline, alone=True
     )
-    missing = _why_missing(sources, candidates)
+    missing = why_missing(sources, candidates)
     for baseline in choices.baselines:
         for model in choices.inertia_models:
             choice = {
@@ -225,7 +231,7 @@ def _recommended(
                 "inertia_model": model,
             }
             cells = estimator.under(candidates, baseline=baseline, inertia_model=model)
-            yield _SpecifiedCells(choice, cells, missing)
+            yield SpecifiedCells(choice, cells, missing)
 
 
 def _filtered(
@@ -234,13 +240,13 @@ def _filtered(
     settings: ParticipantSettings,
     choices: Choices,
     cutoff_hz: float,
-) -> Iterator[_SpecifiedCells]:
-    conditioned = prepare_sources(recordings, _with_perturbations(settings, cutoff_hz=cutoff_hz))
+) -> Iterator[SpecifiedCells]:
+    conditioned = prepare_sources(recordings, with_perturbations(settings, cutoff_hz=cutoff_hz))
     for baseline in choices.baselines:
         if baseline == PREDICTED:
             continue
         for window_s in choices.windows_s:
-            changed = _with_perturbations(
+            changed = with_perturbations(
                 settings, cutoff_hz=cutoff_hz, window_s=window_s, baseline=baseline
             )
             estimator = CellEstimator(participant, DISSERTATION, conditioned, changed)
@@ -252,11 +258,11 @@ def _filtered(
                 "cutoff_hz": cutoff_hz,
                 "inertia_model": "free",
             }
-            missing = _why_missing(conditioned, candidates)
-            yield _SpecifiedCells(choice, estimator.run(candidates)[0], missing)
+            missing = why_missing(conditioned, candidates)
+            yield SpecifiedCells(choice, estimator.run(candidates)[0], missing)
 
 
-def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:
+def why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> Failure:
     """Return why a timing point has no pulse."""
     if any(c.record.code == Exclusion.NO_HEEL_STRIKES for c in candidates):
         return Failure.NO_HEEL_STRIKES
@@ -264,7 +270,8 @@ def _why_missing(sources: Sequence[Source], candidates: Sequence[Candidate]) -> 
     return Failure.NO_PULSES if perturbed else Failure.NO_PERTURBED_RECORDING
 
 
-def _with_perturbations(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
+def with_perturbations(settings: ParticipantSettings, **changes: object) -> ParticipantSettings:
+    """Return settings with other entries of ``[perturbations]``."""
     return replace(settings, perturbations=settings.perturbations.model_copy(update=changes))
 
 

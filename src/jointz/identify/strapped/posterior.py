@@ -42,11 +42,13 @@ class LegPosterior:
         return mean, float(np.sqrt(variance))
 
 
-def explain(model: LegModel, priors: LegPriors) -> LegPosterior:
+def explain(
+    model: LegModel, priors: LegPriors, cycle_shares: Sequence[float] = CYCLE_SHARES
+) -> LegPosterior:
     """Fit all hypotheses; the first from three starts, the other from its mode and the mean."""
     known = all(np.isfinite(point.phase) for point in model.points)
     fits: list[MapFit] = []
-    for share in CYCLE_SHARES if known else CYCLE_SHARES[-1:]:
+    for share in cycle_shares if known else CYCLE_SHARES[-1:]:
         prior = priors.build(model, follows_cycle=share)
         others = [fits[0].theta] if fits else _other_starts(model, prior.mean)
         starts = [prior.mean, *others]

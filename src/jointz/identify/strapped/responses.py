@@ -104,9 +104,7 @@ def point_response(
         phase=cell.phase,
         stride_s=cell.stride_s,
         time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
-        shapes=tuple(
-            _average(responses[shapes == k], cell.period_s, known) for k in numbers
-        ),
+        shapes=tuple(_average(responses[shapes == k], cell.period_s, known) for k in numbers),
         velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
         misses=misses[:, 0],
         torque_misses=misses[:, 1] + friction_gain * misses[:, 2],

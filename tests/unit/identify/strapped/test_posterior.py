@@ -1,8 +1,15 @@
 """Intervals of the method on legs drawn from its own priors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, standardised_errors
+from tests.unit.identify.strapped.prior_draws import (
+    DOUBLET,
+    PULSES,
+    simulated_person,
+    standardised_errors,
+)
 
 STUDIES = {
     "doublet": {"shapes": (DOUBLET,), "n_pulses": 30, "window_s": 0.2},
@@ -25,3 +32,17 @@ def test_errors_of_24_legs_are_as_large_as_their_sds_say(study):
 
     sds = errors[:, :3].std(axis=(0, 2))  # K, B, J
     assert np.all((sds > 0.8) & (sds < 1.25)), sds
+
+
+def test_without_drift_a_point_has_one_stiffness_over_the_pulse():
+    model, priors, _ = simulated_person(1, **STUDIES["doublet"])
+    places = model.layout.stiffness(0)
+
+    def correlations(**changes):
+        prior = replace(priors, **changes).build(model, follows_cycle=0.0)
+        covariance = prior.covariance[places, places]
+        sd = np.sqrt(np.diag(covariance))
+        return covariance / np.outer(sd, sd)
+
+    assert correlations(steady=1.0).min() > 0.999
+    assert correlations().min() < 0.99
