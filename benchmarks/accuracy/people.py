@@ -112,7 +112,7 @@ def simulate(row: Row, number: int, seed: int) -> Simulated:
         worn=True,
         stretches=[Stretch(0, 0.0, walk.end_s)],
         pulses=walk.pulses,
-        shape=WALKING_PULSE,
+        shapes={"": WALKING_PULSE},
     )
     return as_known(Simulated(rig, walk, level, (), truth), row)
 

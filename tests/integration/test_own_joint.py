@@ -224,7 +224,7 @@ def walk():
         worn=True,
         stretches=[Stretch(0, 0.0, walked.end_s)],
         pulses=walked.pulses,
-        shape=WALKING_PULSE,
+        shapes={"": WALKING_PULSE},
     )
     actuator = rig.preset.actuator
     given = walked.channels

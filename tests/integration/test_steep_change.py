@@ -26,7 +26,7 @@ def held(analyze_walk, person):
         worn=True,
         stretches=[Stretch(0, 0.0, walked.end_s)],
         pulses=walked.pulses,
-        shape=PLAN.pulse,
+        shapes=PLAN.shapes,
     )
     lag = Calibrated(value=true["instruments"]["angle_lag_s"], sd=0.0005)
     known = rig.calibration.model_copy(update={"angle_lag_s": lag})

@@ -11,6 +11,8 @@ from jointz.core.errors import ProtocolError
 Positive = Annotated[float, Field(gt=0)]
 #: A stop lasts as long as the fade; 50 for 0.05 would leave torque on for most of a minute.
 Moment = Annotated[float, Field(gt=0, le=1)]
+#: A knee that a pulse moves by more than this is not near where it would be without.
+Displacement = Annotated[float, Field(gt=0, le=1)]
 #: Pulses may fill their share of the last so many seconds.
 DUTY_WINDOW_S = 10.0
 
@@ -20,7 +22,8 @@ class SafetyLimits(CheckedModel):
 
     Torque, its rate and current bound what is sent to the device. Posture,
     velocity, temperature and the age of samples are measured. A pulse's count
-    and duty bound what a wearer is exposed to.
+    and duty bound what a wearer is exposed to. The displacement by a pulse, in
+    walking, has a limit only where one is given.
     """
 
     torque_nm: Positive
@@ -35,6 +38,7 @@ class SafetyLimits(CheckedModel):
     pulse_duty: Annotated[float, Field(gt=0, le=1)]
     consecutive_overruns: Annotated[int, Field(gt=0, le=100)]
     fade_s: Moment
+    displacement_rad: Displacement | None = None
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks between limits."""
@@ -56,6 +60,7 @@ class LimitsOverride(CheckedModel):
     pulse_duty: Annotated[float, Field(gt=0, le=1)] | None = None
     consecutive_overruns: Annotated[int, Field(gt=0)] | None = None
     fade_s: Positive | None = None
+    displacement_rad: Displacement | None = None
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks between limits."""
@@ -82,7 +87,9 @@ def tightened(limits: SafetyLimits, override: LimitsOverride) -> SafetyLimits:
     return SafetyLimits.model_validate(together)
 
 
-def _looser(name: str, value: float, device_limit: float) -> bool:
+def _looser(name: str, value: float, device_limit: float | None) -> bool:
+    if device_limit is None:  # the device has no such limit
+        return False
     return value < device_limit if name == "angle_min_rad" else value > device_limit
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan
+from jointz.core.protocols.pulse_models import Pulse, PulseSpec, PulseVariant, variants_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +21,7 @@ class PlannedPulse:
     gait_pct: float  # onset of the timing point, % of the gait cycle
     amplitude_nm: float  # signed height; 0 for a sham
     gap_strides: int  # accepted strides to wait after the previous pulse
+    shape: str = ""  # name of its shape; "" for the only pulse of a protocol
 
     @property
     def sham(self) -> bool:
@@ -28,38 +30,39 @@ class PlannedPulse:
 
 
 def make_plan(
-    perturbations: PerturbationPlan, pulse: PulseSpec, rng: np.random.Generator
+    perturbations: PerturbationPlan, pulses: tuple[Pulse, ...], rng: np.random.Generator
 ) -> tuple[PlannedPulse, ...]:
     """Lay out the pulses of a walking condition.
 
     ``balanced`` shuffles rounds in which every timing point occurs once, so that the
     plan is balanced wherever it is broken off; ``random`` shuffles all pulses;
     ``sequential`` takes one timing point after the other; ``cyclic`` takes them round
-    after round as the protocol lists them. Where pulses go both ways,
-    every other round turns the directions of the one before, which are drawn for each
-    timing point: nobody can tell them in advance. A round of shams is one of all
-    timing points, too.
+    after round as the protocol lists them. Shapes, sizes and directions are balanced at
+    every timing point: each comes once in as many rounds as there are of them, in an order
+    that is drawn for each timing point, so that nobody can tell them in advance. A round of
+    shams is one of all timing points, too.
     """
     points = perturbations.timing_points or {}
-    order = ordered_pulses(perturbations, pulse, rng)
+    order = ordered_pulses(perturbations, pulses, rng)
     fewest, most = perturbations.gap_strides or (1, 1)
     gaps = rng.integers(fewest, most + 1, size=len(order))
     return tuple(
-        PlannedPulse(i + 1, point, points[point], amplitude, int(gap))
-        for i, ((point, amplitude), gap) in enumerate(zip(order, gaps, strict=True))
+        PlannedPulse(i + 1, point, points[point], variant.amplitude_nm, int(gap), variant.shape)
+        for i, ((point, variant), gap) in enumerate(zip(order, gaps, strict=True))
     )
 
 
 def ordered_pulses(
-    perturbations: PerturbationPlan, pulse: PulseSpec, rng: np.random.Generator
-) -> list[tuple[str, float]]:
-    """Return timing point and signed amplitude of every pulse, in their order."""
+    perturbations: PerturbationPlan, pulses: tuple[Pulse, ...], rng: np.random.Generator
+) -> list[tuple[str, PulseVariant]]:
+    """Return timing point and variant of every pulse, in their order."""
     points = list(perturbations.timing_points or {"": 0.0})
     count = perturbations.count_per_point or perturbations.count or 0
     cyclic = perturbations.order == "cyclic"
-    amplitudes = _amplitudes(pulse, count, len(points), rng, alternating=cyclic)
-    amplitudes = _spread_shams(amplitudes, perturbations.shams(count), rng)
-    rounds = [list(zip(points, row, strict=True)) for row in amplitudes]
+    variants = _variants(pulses, count, len(points), rng, alternating=cyclic)
+    sham = PulseVariant(variants_of(pulses)[0].shape, 0.0)
+    variants = _spread_shams(variants, sham, perturbations.shams(count), rng)
+    rounds = [list(zip(points, row, strict=True)) for row in variants]
     if perturbations.order == "sequential":
         return [entry for column in zip(*rounds, strict=True) for entry in column]
     if perturbations.order == "random":
@@ -70,33 +73,44 @@ def ordered_pulses(
     return [row[i] for row in rounds for i in rng.permutation(len(row))]
 
 
-def _amplitudes(
-    pulse: PulseSpec,
+def _variants(
+    pulses: tuple[Pulse, ...],
     rounds: int,
     points: int,
     rng: np.random.Generator,
     *,
     alternating: bool,
-) -> list[list[float]]:
-    """Return the signed amplitudes of every round, a number a timing point."""
-    if pulse.direction != "both":
-        sign = 1.0 if pulse.direction == "positive" else -1.0
-        return [[sign * pulse.amplitude_nm] * points for _ in range(rounds)]
-    rows: list[list[float]] = []
-    row = np.zeros(points)
-    for _ in range(0, rounds, 2):
+) -> list[list[PulseVariant]]:
+    """Return the variants of every round, one a timing point."""
+    variants = variants_of(pulses)
+    if len(variants) == 1:
+        return [[variants[0]] * points for _ in range(rounds)]
+    rows: list[list[PulseVariant]] = []
+    block: list[list[PulseVariant]] = []
+    for _ in range(0, rounds, len(variants)):
         if not (alternating and rows):
-            row = pulse.amplitude_nm * rng.choice((1.0, -1.0), size=points)
-        rows += [row.tolist(), (-row).tolist()]
+            orders = _orders(pulses, len(variants), points, rng)
+            block = [[variants[k] for k in row] for row in orders]
+        rows += block
     return rows[:rounds]
 
 
+def _orders(
+    pulses: tuple[Pulse, ...], count: int, points: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the numbers of the variants, (count, points): each once in every column."""
+    if isinstance(pulses[0], PulseSpec):  # draws as ever: sessions under way keep their plan
+        first = rng.choice((0, 1), size=points)
+        return np.stack([first, 1 - first])
+    return rng.permuted(np.tile(np.arange(count)[:, None], (1, points)), axis=0)
+
+
 def _spread_shams(
-    amplitudes: list[list[float]], shams: int, rng: np.random.Generator
-) -> list[list[float]]:
+    rows: list[list[PulseVariant]], sham: PulseVariant, shams: int, rng: np.random.Generator
+) -> list[list[PulseVariant]]:
     """Insert rounds of shams at random places."""
     if not shams:
-        return amplitudes
-    places = rng.permutation(len(amplitudes) + shams) < shams
-    remaining = iter(amplitudes)
-    return [[0.0] * len(amplitudes[0]) if sham else next(remaining) for sham in places]
+        return rows
+    places = rng.permutation(len(rows) + shams) < shams
+    remaining = iter(rows)
+    return [[sham] * len(rows[0]) if is_sham else next(remaining) for is_sham in places]

@@ -2,12 +2,12 @@
 
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import Pulse, name_of
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.scheduler import Scheduler
-from jointz.experiment.torque import Trapezoid
+from jointz.experiment.torque import PulseCourse
 
 #: So many pulses broken off one after the other, and none done: it would never end.
 _MOST_BROKEN_OFF = 10
@@ -20,6 +20,8 @@ class PulseRunner:
         "_broken_off",
         "_condition",
         "_counted",
+        "_course",
+        "_courses",
         "_half_period_ns",
         "_journal",
         "_onset_ns",
@@ -27,27 +29,28 @@ class PulseRunner:
         "_paused",
         "_scheduler",
         "_segment",
-        "_shape",
         "_slot",
         "_was_steady",
         "_why",
         "aborted",
         "active",
         "completed",
+        "withheld",
     )
 
     def __init__(
         self,
         condition: str,
         segment: int,
-        pulse: PulseSpec,
+        pulses: tuple[Pulse, ...],
         scheduler: Scheduler,
         *,
         journal: Journal,
         period_ns: int,
     ) -> None:
         self._condition, self._segment = condition, segment
-        self._shape = Trapezoid(pulse)
+        self._courses = {name_of(pulse): PulseCourse(pulse) for pulse in pulses}
+        self._course = next(iter(self._courses.values()))
         self._scheduler = scheduler
         self._journal = journal
         self._half_period_ns = period_ns // 2
@@ -56,6 +59,7 @@ class PulseRunner:
         self._broken_off, self._why = 0, ""
         self.active: PlannedPulse | None = None
         self.aborted = False
+        self.withheld = ""  # why no pulse may begin, for the journal
         self.completed = 0
 
     @property
@@ -89,6 +93,9 @@ class PulseRunner:
         if self.active is None:
             if not steady:
                 return 0.0
+            if self.withheld:
+                self._missed(self._scheduler.miss(), self.withheld)
+                return 0.0
             started = self._scheduler.pulse_at(
                 watch.strides.phase_pct(slot_ns + self._half_period_ns)
             )
@@ -107,6 +114,7 @@ class PulseRunner:
 
     def _start(self, pulse: PlannedPulse, slot_ns: int) -> None:
         self.active, self.aborted = pulse, False
+        self._course = self._courses[pulse.shape]
         self._onset_ns, self._onset_slot = slot_ns, self._slot
         self._write("pulse_started", pulse)
 
@@ -114,11 +122,11 @@ class PulseRunner:
         pulse, elapsed_ns = self.active, slot_ns - self._onset_ns
         if pulse is None:
             return 0.0
-        if elapsed_ns >= self._shape.duration_ns:
+        if elapsed_ns >= self._course.duration_ns:
             self.active = None
             self._end(pulse)
             return 0.0
-        return pulse.amplitude_nm * self._shape.share(elapsed_ns)
+        return pulse.amplitude_nm * self._course.share(elapsed_ns)
 
     def _end(self, pulse: PlannedPulse) -> None:
         if not self.aborted:

@@ -175,11 +175,13 @@ class Session:
     def _make_plans(self) -> dict[str, list[dict[str, Any]]]:
         """Return the pulses of every trial that has some."""
         protocol, rng = self._plan.protocol, self._plan.stream(self._rig.wearer.id, "")
-        pulse = protocol.pulse
-        if pulse is None:
+        if not protocol.shapes:
             return {}
         return {
-            name: [asdict(planned) for planned in self._kind.make_plan(condition, pulse, rng)]
+            name: [
+                _written(planned)
+                for planned in self._kind.make_plan(condition, protocol.shapes, rng)
+            ]
             for condition in protocol.conditions
             if condition.perturbations is not None
             for name in condition.trial_names
@@ -287,6 +289,11 @@ class Session:
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
+
+
+def _written(pulse: Any) -> dict[str, Any]:
+    """Return a planned pulse as plans have always held it, the name of its shape if it has one."""
+    return {key: value for key, value in asdict(pulse).items() if (key, value) != ("shape", "")}
 
 
 def _confirm_stop(note: Callable[..., None], not_stopped: Collection[str]) -> None:

@@ -1,8 +1,9 @@
 """Torque at run time: what is applied (equation 4.1), and the wearer feeling none."""
 
+from itertools import accumulate
 from math import exp, pi, tanh
 
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import Pulse
 from jointz.core.study import TorqueModelSpec
 
 #: Friction turns its sign smoothly over this velocity: a step would make the motor chatter.
@@ -66,23 +67,27 @@ class ZeroTorque:
         return torque_nm + friction * tanh(velocity / _SMOOTH_RAD_S) + self._viscous * velocity
 
 
-class Trapezoid:
-    """A pulse of torque over the time since its onset."""
+class PulseCourse:
+    """Torque of a pulse over the time since its onset."""
 
-    __slots__ = ("_down_from_ns", "_ramp_down_ns", "_ramp_up_ns", "duration_ns")
+    __slots__ = ("_parts", "duration_ns")
 
-    def __init__(self, pulse: PulseSpec) -> None:
-        self._ramp_up_ns = round(pulse.ramp_up_s * 1e9)
-        self._ramp_down_ns = round(pulse.ramp_down_s * 1e9)
-        self._down_from_ns = round((pulse.ramp_up_s + pulse.hold_s) * 1e9)
-        self.duration_ns = round(pulse.duration_s * 1e9)
+    def __init__(self, pulse: Pulse) -> None:
+        ends_s = accumulate(part.duration_s for part in pulse.course)
+        ends_ns = [round(end_s * 1e9) for end_s in ends_s]
+        begins_ns = [0, *ends_ns[:-1]]
+        self._parts = [
+            (end_ns, begin_ns, part.begin, part.end)
+            for begin_ns, end_ns, part in zip(begins_ns, ends_ns, pulse.course, strict=True)
+        ]
+        self.duration_ns = ends_ns[-1]
 
     def share(self, elapsed_ns: int) -> float:
-        """Return the share of the amplitude, 0..1."""
-        if elapsed_ns < 0 or elapsed_ns >= self.duration_ns:
+        """Return the share of the amplitude, -1..1."""
+        if elapsed_ns < 0:
             return 0.0
-        if elapsed_ns < self._ramp_up_ns:
-            return elapsed_ns / self._ramp_up_ns
-        if elapsed_ns < self._down_from_ns:
-            return 1.0
-        return (self.duration_ns - elapsed_ns) / self._ramp_down_ns
+        for end_ns, begin_ns, begin, end in self._parts:
+            if elapsed_ns < end_ns:
+                before, after = elapsed_ns - begin_ns, end_ns - elapsed_ns
+                return (begin * after + end * before) / (end_ns - begin_ns)
+        return 0.0

@@ -11,7 +11,8 @@ from jointz.core.clock import Clock
 from jointz.core.errors import ProtocolError
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
-from jointz.core.protocols.protocol_models import ConditionSpec, PulseSpec
+from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.protocols.pulse_models import Pulse
 from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
 from jointz.devices.interface import Devices
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
@@ -88,11 +89,11 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
     if protocol.gait is None:
         raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
     pulses = None
-    if condition.perturbations is not None and protocol.pulse is not None:
+    if condition.perturbations is not None and protocol.shapes:
         pulses = PulseRunner(
             setup.name,
             setup.segment,
-            protocol.pulse,
+            protocol.shapes,
             Scheduler(
                 [pulse for pulse in setup.pulses if pulse.number not in setup.done],
                 condition.perturbations,
@@ -136,10 +137,10 @@ def bench_trial(setup: TrialSetup, progress: ProgressCallback) -> BenchTrial:
 
 
 def _walking_plan(
-    condition: ConditionSpec, pulse: PulseSpec, rng: np.random.Generator
+    condition: ConditionSpec, pulses: tuple[Pulse, ...], rng: np.random.Generator
 ) -> tuple[PlannedPulse, ...]:
     plan = condition.perturbations
-    return () if plan is None else make_plan(plan, pulse, rng)
+    return () if plan is None else make_plan(plan, pulses, rng)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +148,7 @@ class TrialKind:
     """Differences between trials of walking and those of a bench."""
 
     pulse: type[PlannedPulse] | type[TimedPulse]  # class of its planned pulses
-    make_plan: Callable[[ConditionSpec, PulseSpec, np.random.Generator], Sequence[Any]]
+    make_plan: Callable[[ConditionSpec, tuple[Pulse, ...], np.random.Generator], Sequence[Any]]
     layout: Callable[[Devices], Layout]  # layout of the records of a log, given the devices
     trial: Callable[[TrialSetup, ProgressCallback], AnyTrial]
     # whether an interrupted trial continues in a new stretch; otherwise it is repeated as a whole

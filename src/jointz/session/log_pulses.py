@@ -22,7 +22,7 @@ class PulseOfLog:
     # first tick after the pulse; None where the log ends before or leaves it open
     end_slot: int | None
     touched: bool  # whether damaged records lie in the pulse or next to it
-    faded: bool  # whether the safety gate aborted the pulse
+    faded: bool  # whether the safety gate aborted the pulse, by a fade or at once
 
 
 def ticks_of(records: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]
                 onset_slot,
                 end_slot=int(slot[end]) if end < number.size else None,
                 touched=any(before <= last and after >= onset_slot for before, after in holes),
-                faded=bool(np.any(ticks["flags"][first:end] & Flag.FADING)),
+                faded=bool(np.any(ticks["flags"][first:end] & (Flag.FADING | Flag.CUT))),
             )
         )
     return pulses
@@ -135,6 +135,7 @@ def pulse_rows(
                 "duration_s": end_s - onset_s,
                 "amplitude_nm": pulse.amplitude_nm,
                 "timing_point": pulse.timing_point,
+                "shape": pulse.shape,
                 "completed": (event.get("segment"), event.get("onset_slot"))
                 == (segment, shown.onset_slot),
                 "damaged": shown.touched,

@@ -72,7 +72,7 @@ def show(
 ) -> None:
     """Print a protocol as TOML, to read or to start your own from.
 
-    A comment above it says how long it takes; --quiet leaves the comment out.
+    Comments above it say how long it takes and draw its pulses; --quiet leaves them out.
 
     Example: jointz protocols show walking
     """
@@ -85,7 +85,11 @@ def show(
         emit_json({"status": "ok", **_about(protocol), "protocol": content, "text": text})
         return
     if not quiet:
+        from jointz.session.pulse_drawing import drawn_pulses
+
         emit(f"# {protocol.name}: {_told(protocol)}")
+        for line in drawn_pulses(protocol):
+            emit(f"#   {line}".rstrip())
     emit(text.rstrip("\n"))
 
 

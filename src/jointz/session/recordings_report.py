@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from jointz.core.study import PerturbationsSpec
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.protocols.pulse_models import name_of
 from jointz.devices.interface import Rig
 from jointz.experiment.files.journal import Event, read_journal
 from jointz.experiment.files.session_files import JOURNAL_FILE
@@ -57,7 +59,8 @@ def write_recordings(rig: Rig, settings: RunSettings, folder: Path) -> dict[str,
                 worn=condition.worn,
                 stretches=record.stretches,
                 pulses=record.pulses,
-                shape=protocol.pulse,
+                shapes={name_of(pulse): pulse for pulse in protocol.shapes},
+                window_s=protocol.window_s or PerturbationsSpec().window_s,
             )
     if hasattr(rig, "bench_truth"):
         report["truth"] = rig.bench_truth()

@@ -56,6 +56,7 @@ _PULSE_COLUMNS = (
     "duration_s",
     "amplitude_nm",
     "timing_point",
+    "shape",
     "completed",
     "damaged",
 )

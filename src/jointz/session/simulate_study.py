@@ -145,7 +145,7 @@ def _walk(rig: SimulatedRig, folder: Path, plan: WalkPlan, *, strides: int) -> d
             worn=True,
             stretches=[Stretch(0, 0.0, walk.end_s)],
             pulses=walk.pulses,
-            shape=plan.pulse,
+            shapes=plan.shapes,
         )
     table: pd.DataFrame = pulsed.pulses[_TABLE_COLUMNS]
     table.to_csv(folder / pulses_name(rig.person.id, _PULSES), index=False, float_format="%.9g")

@@ -75,6 +75,7 @@ def study_toml(
         lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
     elif points:
         lines += ["", "[perturbations]", f"timing_points = {written_table(points)}"]
+        lines += [] if protocol.window_s is None else [f"window_s = {protocol.window_s:g}"]
     for person in people:
         lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
     for person in people:

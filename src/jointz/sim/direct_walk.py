@@ -14,7 +14,15 @@ from numba import njit
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import (
+    NamedPulse,
+    Pulse,
+    PulseSpec,
+    PulseVariant,
+    TorquePart,
+    name_of,
+    variants_of,
+)
 from jointz.sim import plant
 from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
@@ -28,6 +36,15 @@ WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
 QUICK_GRID = Grid(500.0, substeps=5)
 _MEASURED = ("motor_angle", "motor_velocity", "current", "angle")
 _BISECTIONS = 40
+_PULSE_COLUMNS = (
+    "pulse",
+    "onset_s",
+    "duration_s",
+    "amplitude_nm",
+    "timing_point",
+    "shape",
+    "completed",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +59,9 @@ class WalkPlan:
         Their shape; ``both`` alternates the direction at every timing point.
     amplitudes_nm : tuple of float, N*m
         Sizes that take turns at every timing point; the pulse's own without.
+    pulses : tuple of NamedPulse
+        Shapes that take turns at every timing point with their sizes and directions, instead of
+        ``pulse`` and ``amplitudes_nm``.
     timing_points : mapping of str to float
         Timing point -> % of the gait cycle.
     gap_strides : tuple of int
@@ -64,6 +84,7 @@ class WalkPlan:
     per_point: int | Mapping[str, int] = 50
     pulse: PulseSpec = WALKING_PULSE
     amplitudes_nm: tuple[float, ...] = ()
+    pulses: tuple[NamedPulse, ...] = ()
     timing_points: Mapping[str, float] = field(default_factory=lambda: dict(TIMING_POINTS))
     gap_strides: tuple[int, int] = (3, 7)
     warm_up_strides: int = 10
@@ -86,6 +107,8 @@ class WalkPlan:
             yield f"expected timing_points in 0..100 %, got {dict(self.timing_points)}"
         if not all(size > 0.0 for size in self.amplitudes_nm):
             yield f"expected amplitudes_nm > 0 (direction has the sign), got {self.amplitudes_nm}"
+        if self.pulses and self.amplitudes_nm:
+            yield "expected no amplitudes_nm beside pulses, which have their own"
         if not 1 <= self.gap_strides[0] <= self.gap_strides[1]:
             yield f"expected gap_strides from low to high, 1 or more, got {self.gap_strides}"
         if self.warm_up_strides < 1 or self.tail_strides < 1:
@@ -100,6 +123,18 @@ class WalkPlan:
         if isinstance(self.per_point, int):
             return dict.fromkeys(self.timing_points, self.per_point)
         return {name: self.per_point.get(name, 0) for name in self.timing_points}
+
+    @property
+    def shapes(self) -> dict[str, Pulse]:
+        """Every shape by its name; "" for the only one."""
+        return {name_of(pulse): pulse for pulse in self.pulses or (self.pulse,)}
+
+    def variant(self, count: int) -> PulseVariant:
+        """Return shape and signed size of a pulse, given the number before it at its point."""
+        if not self.pulses:
+            return PulseVariant("", self.torque_nm(count))
+        variants = variants_of(self.pulses)
+        return variants[count % len(variants)]
 
     def torque_nm(self, count: int) -> float:
         """Return the signed size of a pulse.
@@ -135,7 +170,7 @@ class Walk:
         Channel -> samples, SI: ``motor_angle, motor_velocity, current, angle, command, contact``;
         ``angle`` and ``contact`` where nothing is worn.
     pulses : pandas.DataFrame
-        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``.
+        ``pulse, onset_s, duration_s, amplitude_nm, timing_point, shape, completed``.
     """
 
     time_s: np.ndarray
@@ -209,7 +244,7 @@ def walk_directly(
     n = int(strides[-1].start_s / period_s)
     pulses = _pulse_table(planned, strides, plan, period_s)
     _check_room(pulses, n * period_s)
-    command = _command(pulses, plan.pulse, n, period_s)
+    command = _command(pulses, plan, n, period_s)
     measured = _advance(build, strides, command, rig.person.stream(f"noise {condition}", 0))
     contacts = ContactMaker(
         rig.preset.footswitch,
@@ -223,8 +258,8 @@ def walk_directly(
     return Walk(np.arange(n) * period_s, channels, pulses)
 
 
-def _planned(plan: WalkPlan, rng: np.random.Generator) -> list[tuple[int, str, float]]:
-    """Return stride, timing point and torque of every pulse, in order of time.
+def _planned(plan: WalkPlan, rng: np.random.Generator) -> list[tuple[int, str, PulseVariant]]:
+    """Return stride, timing point and variant of every pulse, in order of time.
 
     Every round holds each timing point that still has pulses once.
     """
@@ -235,7 +270,7 @@ def _planned(plan: WalkPlan, rng: np.random.Generator) -> list[tuple[int, str, f
     while any(left.values()):
         round_ = [name for name, n in left.items() if n > 0]
         for name in rng.permutation(round_).tolist():
-            planned.append((stride, name, plan.torque_nm(fired[name])))
+            planned.append((stride, name, plan.variant(fired[name])))
             left[name] -= 1
             fired[name] += 1
             stride += int(rng.integers(plan.gap_strides[0], plan.gap_strides[1] + 1))
@@ -243,15 +278,18 @@ def _planned(plan: WalkPlan, rng: np.random.Generator) -> list[tuple[int, str, f
 
 
 def _pulse_table(
-    planned: list[tuple[int, str, float]], strides: list[Stride], plan: WalkPlan, period_s: float
+    planned: list[tuple[int, str, PulseVariant]],
+    strides: list[Stride],
+    plan: WalkPlan,
+    period_s: float,
 ) -> pd.DataFrame:
     rows = []
-    for number, (k, name, torque_nm) in enumerate(planned, start=1):
+    for number, (k, name, variant) in enumerate(planned, start=1):
         at_s = _time_of_phase(strides[k], plan.timing_points[name] / 100.0)
         onset_s = np.ceil(at_s / period_s) * period_s
-        rows.append((number, onset_s, plan.pulse.duration_s, torque_nm, name, True))
-    columns = ["pulse", "onset_s", "duration_s", "amplitude_nm", "timing_point", "completed"]
-    return pd.DataFrame(rows, columns=columns)
+        length_s = plan.shapes[variant.shape].length_s
+        rows.append((number, onset_s, length_s, variant.amplitude_nm, name, variant.shape, True))
+    return pd.DataFrame(rows, columns=list(_PULSE_COLUMNS))
 
 
 def _check_room(pulses: pd.DataFrame, end_s: float) -> None:
@@ -279,17 +317,28 @@ def _time_of_phase(stride: Stride, phase: float) -> float:
     return high
 
 
-def _command(pulses: pd.DataFrame, shape: PulseSpec, n: int, period_s: float) -> np.ndarray:
+def _command(pulses: pd.DataFrame, plan: WalkPlan, n: int, period_s: float) -> np.ndarray:
     """Return the commanded torque at every sample, N*m; zero outside pulses."""
     command = np.zeros(n)
-    since = np.arange(round(shape.duration_s / period_s)) * period_s
-    up = np.minimum(since / shape.ramp_up_s, 1.0) if shape.ramp_up_s else np.ones(since.size)
-    left = shape.duration_s - since
-    down = np.minimum(left / shape.ramp_down_s, 1.0) if shape.ramp_down_s else 1.0
-    for onset_s, torque_nm in zip(pulses["onset_s"], pulses["amplitude_nm"], strict=True):
-        first = round(onset_s / period_s)
-        command[first : first + since.size] = torque_nm * np.minimum(up, down)
+    shares = {name: _shares(pulse.course, period_s) for name, pulse in plan.shapes.items()}
+    for onset_s, torque_nm, shape in zip(
+        pulses["onset_s"], pulses["amplitude_nm"], pulses["shape"], strict=True
+    ):
+        first, share = round(onset_s / period_s), shares[shape]
+        command[first : first + share.size] = torque_nm * share
     return command
+
+
+def _shares(course: tuple[TorquePart, ...], period_s: float) -> np.ndarray:
+    """Return the share of the amplitude at every sample from the onset on."""
+    ends_s = np.cumsum([part.duration_s for part in course])
+    since_s = np.arange(round(ends_s[-1] / period_s)) * period_s
+    which = np.searchsorted(ends_s, since_s + 1e-9, side="right").clip(max=len(course) - 1)
+    begins_s = np.concatenate([[0.0], ends_s[:-1]])[which]
+    begin = np.array([part.begin for part in course])[which]
+    end = np.array([part.end for part in course])[which]
+    share = begin + (end - begin) * (since_s - begins_s) / (ends_s[which] - begins_s)
+    return np.asarray(share)
 
 
 def _contact(contacts: ContactMaker, strides: list[Stride], n: int, period_ns: int) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The truth about a simulated condition, written beside a study and never read by an analysis."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import Pulse, TorquePart
 from jointz.devices.interface import Stretch
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
@@ -38,7 +38,7 @@ def condition_truth(
     motions: Sequence[GaitMotion],
     stretches: Sequence[Stretch],
     pulses: pd.DataFrame,
-    shape: PulseSpec | None,
+    shapes: Mapping[str, Pulse],
     window_s: float,
 ) -> dict[str, Any]:
     """Return heel strikes, the truth of every pulse, curves and instruments."""
@@ -49,7 +49,9 @@ def condition_truth(
         strides = _strides(motion, end_s)
         strikes += [s.start_s + offset for s in strides if 0.0 <= s.start_s <= end_s]
         rows += [
-            _pulse_truth(build, strides, pulse, shape, offset_s=offset, window_s=window_s)
+            _pulse_truth(
+                build, strides, pulse, _course(pulse, shapes), offset_s=offset, window_s=window_s
+            )
             for pulse in in_stretch[in_stretch["completed"].astype(bool)].to_dict("records")
         ]
     return {
@@ -86,7 +88,7 @@ def _pulse_truth(
     build: PlantBuild,
     strides: list[Stride],
     pulse: dict[Any, Any],
-    shape: PulseSpec | None,
+    course: tuple[TorquePart, ...],
     *,
     offset_s: float,
     window_s: float,
@@ -99,7 +101,7 @@ def _pulse_truth(
     since = np.arange(round(window_s * _RATE_HZ) + 1) / _RATE_HZ
     phase = _phase(strides, onset_s + since)
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
-    torque = _torque(build, since, pulse, shape)
+    torque = _torque(build, since, pulse, course)
     moved = J + build.params[Param.EXO_INERTIA]
     gravity = _gravity_stiffness(build, phase)
     x, v = respond(torque, K + gravity, B, moved, rate_hz=_RATE_HZ)
@@ -156,21 +158,30 @@ def window_weights(
 
 
 def _torque(
-    build: PlantBuild, since: np.ndarray, pulse: dict[Any, Any], shape: PulseSpec | None
+    build: PlantBuild, since: np.ndarray, pulse: dict[Any, Any], course: tuple[TorquePart, ...]
 ) -> np.ndarray:
     """Return the torque of a pulse behind delay and current loop, N*m."""
     settings = build.preset.actuator
     late = np.maximum(since - settings.delay_s, 0.0)
-    up_s = shape.ramp_up_s if shape else 0.0
-    down_s = shape.ramp_down_s if shape else 0.0
-    full_s = float(pulse["duration_s"]) - down_s
 
     def after(change: float, time: np.ndarray, ramp_s: float) -> np.ndarray:
         """Return what a ramp (or a step) of the command becomes behind the current loop."""
         return change * _lagged_ramp(np.maximum(time, 0.0), ramp_s, settings.time_constant_s)
 
-    share = after(1.0, late, up_s) + after(-1.0, late - full_s, down_s)
+    share, begin_s, level = np.zeros(late.size), 0.0, 0.0
+    for part in (*course, TorquePart(0.0, 0.0, 0.0)):  # a step to zero, if it does not end there
+        step, ramp = part.begin - level, part.end - part.begin
+        for change, ramp_s in ((step, 0.0), (ramp, part.duration_s)):
+            if change:
+                share += after(change, late - begin_s, ramp_s)
+        begin_s, level = begin_s + part.duration_s, part.end
     return np.asarray(float(pulse["amplitude_nm"]) * share)
+
+
+def _course(pulse: Mapping[Any, Any], shapes: Mapping[str, Pulse]) -> tuple[TorquePart, ...]:
+    """Return the course of a pulse; a hold as long as it lasted where its shape is not known."""
+    shape = shapes.get(str(pulse.get("shape", "")))
+    return shape.course if shape else (TorquePart(float(pulse["duration_s"]), 1.0, 1.0),)
 
 
 def _lagged_ramp(time: np.ndarray, ramp_s: float, lag_s: float) -> np.ndarray:

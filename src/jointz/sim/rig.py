@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.clock import Clock
 from jointz.core.gait_phases import REFERENCE_SPEED_M_S, stride_time_ratio
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import Pulse
 from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
 from jointz.sim.benches.running_plant import RunningPlant
@@ -152,7 +152,7 @@ class SimulatedRig:
         worn: bool,
         stretches: Sequence[Stretch],
         pulses: pd.DataFrame,
-        shape: PulseSpec | None = None,
+        shapes: Mapping[str, Pulse] | None = None,
         window_s: float = 0.1,
     ) -> dict[str, Any]:
         """Return the truth about a condition, ready for JSON.
@@ -168,8 +168,9 @@ class SimulatedRig:
         pulses : pandas.DataFrame
             Columns ``pulse, onset_s, duration_s, amplitude_nm, timing_point, completed``;
             times with the offset added.
-        shape : PulseSpec, optional
-            Ramps of the pulses; steps without it.
+        shapes : mapping of str to Pulse, optional
+            Shape by its name, which stands in the column ``shape``; "" for the only one. Pulses of
+            an unknown shape are holds.
         window_s : float, s
             From the onset: over which stiffness, damping and inertia are averaged.
         """
@@ -178,7 +179,7 @@ class SimulatedRig:
             motions=[self.motion(condition, stretch.segment) for stretch in stretches],
             stretches=stretches,
             pulses=pulses,
-            shape=shape,
+            shapes=shapes or {},
             window_s=window_s,
         )
 

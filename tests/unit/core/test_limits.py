@@ -21,6 +21,7 @@ OWN = {
     "pulse_duty": 0.3,
     "consecutive_overruns": 5,
     "fade_s": 0.05,
+    "displacement_rad": 0.3,
 }
 
 
@@ -31,6 +32,14 @@ def own():
 
 def test_an_override_knows_every_limit_of_a_device():
     assert set(LimitsOverride.model_fields) == set(SafetyLimits.model_fields) == set(OWN)
+
+
+def test_a_device_without_a_limit_of_displacement_takes_the_protocol_s():
+    own = SafetyLimits(**{**OWN, "displacement_rad": None})
+    assert tightened(own, LimitsOverride()).displacement_rad is None
+    assert tightened(own, LimitsOverride(displacement_rad=0.2)).displacement_rad == 0.2
+    with pytest.raises(ValidationError, match="less than or equal to 1"):
+        LimitsOverride(displacement_rad=1.1)
 
 
 @pytest.mark.parametrize("name", ["fade_s", "sensor_age_s"])

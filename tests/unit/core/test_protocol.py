@@ -8,9 +8,9 @@ from jointz.core.protocols.protocol_models import (
     ConditionSpec,
     GaitSpec,
     PerturbationPlan,
-    PulseSpec,
     RatesSpec,
 )
+from jointz.core.protocols.pulse_models import PulseSpec
 from jointz.io.protocols import load_protocol
 
 POINTS = {"LRE": 7.0, "MSW": 81.0}
@@ -380,3 +380,70 @@ def test_all_problems_between_the_parts_come_at_once():
 )  # fmt: skip
 def test_values_out_of_range_are_refused(key, value):
     assert any(place.startswith(key) for place in problems(walking(**{key: value})))
+
+
+# --- several pulses ----------------------------------------------------------------------------
+
+DOUBLET = {
+    "name": "a", "kind": "doublet", "amplitudes_nm": [7.0, 12.0], "durations_s": [0.04, 0.02],
+    "direction": "both",
+}  # fmt: skip
+RAMP = {"name": "b", "kind": "trapezoid", "amplitudes_nm": [7.0], "ramp_up_s": 0.1}
+TABLE = {
+    "name": "c", "kind": "samples", "amplitudes_nm": [7.0], "times_s": [0.0, 0.1], "shares": [0, 1],
+}  # fmt: skip
+JOINT = {"stiffness": 60.0, "damping": 2.0, "inertia": 0.3}
+
+
+def mixed(*pulses, count=12, **changes):
+    content = with_plan(count_per_point=count)
+    del content["pulse"]
+    return content | {"pulses": list(pulses)} | changes
+
+
+def test_several_pulses_of_all_kinds_hold():
+    made = Protocol.model_validate(mixed(DOUBLET, RAMP, TABLE))
+    assert [pulse.length_s for pulse in made.shapes] == pytest.approx([0.06, 0.1, 0.1])
+    assert Protocol.model_validate(made.model_dump(mode="json")) == made
+
+
+@pytest.mark.parametrize(
+    ("pulse", "place"),
+    [
+        (DOUBLET | {"second_level": 0.0}, "pulses.0.doublet.second_level"),
+        (DOUBLET | {"amplitudes_nm": [7.0, 7.0]}, "pulses.0.doublet.amplitudes_nm"),
+        (DOUBLET | {"durations_s": [0.04]}, "pulses.0.doublet.durations_s"),
+        (RAMP | {"ramp_up_s": 0.0}, "pulses.0.trapezoid.hold_s"),
+        (TABLE | {"times_s": [0.1, 0.2]}, "pulses.0.samples.times_s"),
+        (TABLE | {"shares": [0, 0.5]}, "pulses.0.samples.shares"),
+        (TABLE | {"shares": [0, 0.5, 1]}, "pulses.0.samples.shares"),
+        (DOUBLET | {"durations_s": [0.04, 0.001]}, "pulses.0.durations_s"),
+    ],
+)
+def test_a_shape_that_cannot_be_is_refused_at_its_key(pulse, place):
+    assert any(found.startswith(place) for found in problems(mixed(pulse)))
+
+
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        (mixed(DOUBLET, count=10), "conditions.1.perturbations.count_per_point"),
+        (mixed(DOUBLET, DOUBLET, count=16), "pulses"),
+        (mixed(DOUBLET) | {"pulse": with_plan()["pulse"]}, "pulses"),
+        (mixed(DOUBLET, safety={"torque_nm": 10.0}), "pulses.0.amplitudes_nm"),
+        (mixed(DOUBLET, safety={"torque_rate_nm_s": 5000.0}), "pulses.0.second_level"),
+        (mixed(DOUBLET, safety={"displacement_rad": 0.2}), "expected_joint"),
+        (mixed(DOUBLET, expected_joint=JOINT), "expected_joint"),
+        (
+            mixed(DOUBLET, expected_joint=JOINT, safety={"displacement_rad": 0.01}),
+            "pulses.0.amplitudes_nm",
+        ),
+    ],
+)
+def test_what_does_not_go_with_the_pulses_is_refused_at_its_key(content, place):
+    assert list(problems(content)) == [place]
+
+
+def test_what_stays_within_all_limits_is_a_protocol():
+    limits = {"torque_nm": 12.0, "torque_rate_nm_s": 12_500.0, "displacement_rad": 0.2}
+    assert problems(mixed(DOUBLET, expected_joint=JOINT, safety=limits)) == {}

@@ -19,6 +19,7 @@ SECTIONS = {
     "RatesSpec": "rates",
     "GaitSpec": "gait",
     "PulseSpec": "pulse",
+    "ExpectedJoint": "expected_joint",
     "LimitsOverride": "safety",
     "LoadSpec": "loads",
     "ConditionSpec": "conditions",
@@ -35,11 +36,13 @@ def models(annotation: object) -> set[type[BaseModel]]:
 
 
 MODELS = {model.__name__: model for model in models(Protocol)}
-REFERENCES = {
+KINDS = {
     get_args(m.model_fields["kind"].annotation)[0]: m
     for m in MODELS.values()
     if "kind" in m.model_fields and m is not Protocol
 }
+PULSES = {kind: m for kind, m in KINDS.items() if "amplitudes_nm" in m.model_fields}
+REFERENCES = {kind: m for kind, m in KINDS.items() if kind not in PULSES}
 
 
 def rows(heading: str) -> dict[str, str]:
@@ -74,6 +77,15 @@ def test_every_reference_has_a_row_with_its_keys():
     for kind, model in REFERENCES.items():
         keys = {m.__name__: m.model_fields for m in models(model)}
         for key in {key for fields in keys.values() for key in fields} - {"kind"}:
+            assert f"`{key}`" in described[kind]
+
+
+def test_every_kind_of_pulse_has_a_row_with_its_keys():
+    described = rows("pulses")
+
+    assert set(described) == set(PULSES), "describe it in docs/protocols.md"
+    for kind, model in PULSES.items():
+        for key in set(model.model_fields) - {"kind", "name", "amplitudes_nm", "direction"}:
             assert f"`{key}`" in described[kind]
 
 

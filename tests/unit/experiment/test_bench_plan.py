@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jointz.core.protocols.protocol_models import ConditionSpec, PulseSpec
+from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.protocols.pulse_models import PulseSpec
 from jointz.experiment.bench.bench_plan import bench_course, make_bench_plan
 
 PULSE = PulseSpec(
@@ -37,7 +38,7 @@ def course(spec, pulses=(), *, duration_s=12.0, rate_hz=900.0):
 
 
 def test_every_point_is_pushed_once_either_way():
-    plan = make_bench_plan(condition(), PULSE, np.random.default_rng(3))
+    plan = make_bench_plan(condition(), (PULSE,), np.random.default_rng(3))
 
     assert [p.timing_point for p in plan] == list(POINTS) * 2
     for point in POINTS:
@@ -49,7 +50,7 @@ def test_every_point_is_pushed_once_either_way():
 def test_pulses_after_rests_alternate():
     plan = make_bench_plan(
         condition(perturbations={"count": 20, "pause_s": 2.75, "order": "cyclic"}),
-        PULSE,
+        (PULSE,),
         np.random.default_rng(3),
     )
 
@@ -75,7 +76,7 @@ def test_a_course_is_led_to_its_reference_and_back():
 
 def test_pulses_are_trapezoids_that_begin_at_the_nearest_tick():
     spec = condition()
-    plan = make_bench_plan(spec, PULSE, np.random.default_rng(3))
+    plan = make_bench_plan(spec, (PULSE,), np.random.default_rng(3))
     made = course(spec, plan)
     command, number = np.array(made.command), np.array(made.pulse)
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan
+from jointz.core.protocols.pulse_models import DoubletPulse, PulseSpec
 from jointz.experiment.plan import make_plan
 
 POINTS = {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
@@ -23,7 +24,7 @@ def perturbations(**changes):
 
 
 def plan_of(*, seed=1, direction="positive", **changes):
-    return make_plan(perturbations(**changes), pulse(direction), np.random.default_rng(seed))
+    return make_plan(perturbations(**changes), (pulse(direction),), np.random.default_rng(seed))
 
 
 def rounds_of(plan):
@@ -122,3 +123,47 @@ def test_whatever_is_asked_for_is_what_is_planned(
         signs = [p.amplitude_nm for p in plan if p.timing_point == name]
         balance = abs(sum(signs)) / 17.0
         assert balance == (count % 2 if direction == "both" else count)
+
+
+# --- several shapes ------------------------------------------------------------------------------
+
+DOUBLETS = tuple(
+    DoubletPulse(
+        name=name,
+        kind="doublet",
+        amplitudes_nm=(7.0, 12.0),
+        durations_s=durations,
+        direction="both",
+    )
+    for name, durations in (("short", (0.04, 0.022)), ("long", (0.092, 0.05)))
+)
+
+
+def mixed(*, seed=1, **changes):
+    rng = np.random.default_rng(seed)
+    return make_plan(perturbations(**{"count_per_point": 48, **changes}), DOUBLETS, rng)
+
+
+@pytest.mark.parametrize("order", ["balanced", "random", "sequential", "cyclic"])
+def test_every_timing_point_gets_every_shape_size_and_sign_equally_often(order):
+    counts = Counter((p.timing_point, p.shape, p.amplitude_nm) for p in mixed(order=order))
+    assert len(counts) == 6 * 2 * 2 * 2
+    assert set(counts.values()) == {6}
+
+
+def test_shapes_are_balanced_after_as_many_rounds_as_there_are_and_in_no_foreseen_order():
+    rounds = rounds_of(mixed())
+    orders = set()
+    for begin in range(0, len(rounds), 8):
+        for point in POINTS:
+            own = [p for one in rounds[begin : begin + 8] for p in one if p.timing_point == point]
+            orders.add(tuple((p.shape, p.amplitude_nm) for p in own))
+            assert len({(p.shape, p.amplitude_nm) for p in own}) == 8
+    assert len(orders) > 30  # of 36 blocks
+
+
+def test_catch_trials_are_spread_among_the_shapes():
+    plan = mixed(sham_share=0.2)
+    shams = Counter(p.timing_point for p in plan if p.sham)
+    assert shams == dict.fromkeys(POINTS, 12)
+    assert sum(not p.sham for p in plan) == 6 * 48

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointz.core.errors import SafetyStop
-from jointz.core.protocols.protocol_models import PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan
+from jointz.core.protocols.pulse_models import PulseSpec
 from jointz.experiment.files.journal import Journal, pulses_done, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
@@ -42,7 +43,7 @@ class Walk:
         self.runner = PulseRunner(
             "perturbed",
             2,
-            shape,
+            (shape,),
             Scheduler(pulses, PerturbationPlan(warm_up_strides=0)),
             journal=self.journal,
             period_ns=PERIOD,
@@ -197,6 +198,17 @@ def test_whatever_happens_every_pulse_is_completed_once_in_the_journal(
     assert set(pulses_done(one.events(), "perturbed")) == set(done)
     ended = Counter(e["event"] for e in one.events())
     assert ended["pulse_started"] == ended["pulse_completed"] + ended["pulse_aborted"]
+
+
+def test_a_pulse_that_may_not_begin_is_missed_and_done_later(walk):
+    one = walk(pulse())
+    one.runner.withheld = "unperturbed angle not known yet"
+    one.until(2 * STRIDE)
+    assert {e["reason"] for e in one.events("pulse_missed")} == {"unperturbed angle not known yet"}
+    assert set(one.torque.values()) == {0.0}
+    one.runner.withheld = ""
+    one.until(4 * STRIDE)
+    assert one.runner.completed == 1
 
 
 # --- pauses --------------------------------------------------------------------------------------

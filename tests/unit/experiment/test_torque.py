@@ -6,9 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import (
+    DoubletPulse,
+    PulseSpec,
+    SampledPulse,
+    TrapezoidPulse,
+)
 from jointz.core.study import TorqueModelSpec
-from jointz.experiment.torque import AppliedTorque, Trapezoid, ZeroTorque
+from jointz.experiment.torque import AppliedTorque, PulseCourse, ZeroTorque
 
 MODEL = TorqueModelSpec(
     gear_ratio=9.0,
@@ -108,7 +113,7 @@ def test_an_unknown_velocity_asks_for_no_number():
 
 
 def trapezoid(up, hold, down):
-    return Trapezoid(
+    return PulseCourse(
         PulseSpec(
             amplitude_nm=7.0,
             ramp_up_s=up,
@@ -141,3 +146,30 @@ def test_its_area_is_that_of_a_trapezoid(up_ms, hold_ms, down_ms):
     shares = [shape.share(middle) for middle in middles]
     assert all(0.0 <= share <= 1.0 for share in shares)
     assert sum(shares) == pytest.approx(up_ms / 2 + hold_ms + down_ms / 2, abs=1e-6)
+
+
+# --- other shapes --------------------------------------------------------------------------------
+
+BOTH = {"name": "a", "amplitudes_nm": (7.0,)}
+
+
+@pytest.mark.parametrize(
+    ("elapsed_ms", "share"),
+    [(-1, 0.0), (0, 1.0), (39, 1.0), (40, -0.5), (59, -0.5), (60, 0.0), (100, 0.0)],
+)
+def test_a_doublet_has_two_levels(elapsed_ms, share):
+    pulse = DoubletPulse(**BOTH, kind="doublet", durations_s=(0.04, 0.02), second_level=-0.5)
+    assert PulseCourse(pulse).share(elapsed_ms * 1_000_000) == share
+
+
+def test_samples_are_joined_by_straight_lines_and_torque_ends_with_them():
+    pulse = SampledPulse(**BOTH, kind="samples", times_s=(0.0, 0.1, 0.12), shares=(0.0, 1.0, -0.2))
+    course = PulseCourse(pulse)
+    found = [course.share(ms * 1_000_000) for ms in (0, 25, 100, 110, 119, 120)]
+    assert found == pytest.approx([0.0, 0.25, 1.0, 0.4, -0.14, 0.0])
+    assert course.duration_ns == 120_000_000
+
+
+def test_without_hold_and_ramp_down_it_is_a_ramp():
+    course = PulseCourse(TrapezoidPulse(**BOTH, kind="trapezoid", ramp_up_s=0.1))
+    assert [course.share(ms * 1_000_000) for ms in (0, 50, 99, 100)] == [0.0, 0.5, 0.99, 0.0]

@@ -9,7 +9,7 @@ from numpy.polynomial import Polynomial
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import PulseSpec
 from jointz.devices.interface import Stretch
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.layout import Gait

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.protocols.protocol_models import PulseSpec
+from jointz.core.protocols.pulse_models import PulseSpec
 from jointz.devices.interface import Stretch
 from jointz.sim.ground_truth import window_weights
 from jointz.sim.impedance_curves import impedance_over_cycle
@@ -76,7 +76,7 @@ def test_ramps_delay_the_response_that_weighs():
     shape = PulseSpec(
         amplitude_nm=17.0, duration_s=0.25, ramp_up_s=0.075, hold_s=0.1, ramp_down_s=0.075
     )
-    step, ramp = (truth_of(rig, pulses_at(rig, 0.73), shape=s) for s in (None, shape))
+    step, ramp = (truth_of(rig, pulses_at(rig, 0.73), shapes=s) for s in (None, {"": shape}))
     for a, b in zip(step["pulses"], ramp["pulses"], strict=True):
         assert abs(b["displacement_rad"]) < 0.8 * abs(a["displacement_rad"])
         assert b["stiffness"] != pytest.approx(a["stiffness"], rel=1e-3)

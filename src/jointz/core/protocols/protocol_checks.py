@@ -11,8 +11,8 @@ from jointz.core.protocols.protocol_models import (
     ConditionSpec,
     PerturbationPlan,
     ProtocolFields,
-    PulseSpec,
 )
+from jointz.core.protocols.pulse_models import Pulse, variants_of
 
 #: Ticks and samples that a period of the fastest sine must hold.
 _SAMPLES_A_PERIOD = 10
@@ -41,21 +41,36 @@ def trial_duration_s(protocol: ProtocolFields, condition: ConditionSpec) -> floa
     if condition.duration_s is not None:
         return condition.duration_s
     cycles = [r.cycle_s or 0.0 for r in condition.references.values() if r.runs_out]
-    if condition.perturbations is not None and protocol.pulse is not None:
-        cycles.append(_pulses_take_s(condition, condition.perturbations, protocol.pulse))
+    if condition.perturbations is not None and protocol.shapes:
+        longest_s = longest_pulse_s(protocol)
+        cycles.append(_pulses_take_s(condition, condition.perturbations, longest_s))
     return max(cycles, default=0.0)
 
 
-def _pulses_take_s(condition: ConditionSpec, plan: PerturbationPlan, pulse: PulseSpec) -> float:
+def longest_pulse_s(protocol: ProtocolFields) -> float:
+    """Return the duration of the longest pulse, s; 0 without pulses."""
+    return max((pulse.length_s for pulse in protocol.shapes), default=0.0)
+
+
+def placed_pulses(protocol: ProtocolFields) -> Iterator[tuple[tuple[str | int, ...], Pulse]]:
+    """Yield every pulse with the path of its table."""
+    if protocol.pulse is not None:
+        yield ("pulse",), protocol.pulse
+        return
+    for i, pulse in enumerate(protocol.pulses):
+        yield ("pulses", i), pulse
+
+
+def _pulses_take_s(condition: ConditionSpec, plan: PerturbationPlan, pulse_s: float) -> float:
     """Return the time that the pulses of a bench need at most, s."""
-    apart_s = (plan.pause_s or 0.0) + pulse.duration_s
+    apart_s = (plan.pause_s or 0.0) + pulse_s
     if plan.timing_points is None:
         return plan.total * apart_s
     cycle_s = max(_cycles_s(condition), default=0.0)
     if plan.order == "cyclic" and cycle_s:
         rounds = plan.total // len(plan.timing_points)
         points = list(plan.timing_points.values()) * rounds
-        return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=apart_s)[-1] + pulse.duration_s
+        return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=apart_s)[-1] + pulse_s
     return plan.total * (apart_s + cycle_s)
 
 
@@ -128,24 +143,38 @@ def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
 
 
 def _pulse_is_used(protocol: ProtocolFields) -> Iterator[Problem]:
-    if protocol.pulse is not None and all(c.perturbations is None for c in protocol.conditions):
+    if protocol.shapes and all(c.perturbations is None for c in protocol.conditions):
+        key = "pulses" if protocol.pulse is None else "pulse"
         yield Problem(
-            ("pulse",), "no condition has perturbations. Remove it, or give them where it belongs."
+            (key,), "no condition has perturbations. Remove it, or give them where it belongs."
         )
 
 
 def _pulse_suits_rate(protocol: ProtocolFields) -> Iterator[Problem]:
-    if protocol.pulse is None:
-        return
     period_s = 1.0 / protocol.rates.control_hz
-    for key in ("ramp_up_s", "hold_s", "ramp_down_s"):
-        part: float = getattr(protocol.pulse, key)
-        if 0 < part < period_s - ROUNDING_S:
-            yield Problem(
-                ("pulse", key),
-                f"expected 0 or at least one period of control_hz ({period_s:g} s), got "
-                f"{part:g} s. Raise it, or the rate.",
-            )
+    for place, pulse in placed_pulses(protocol):
+        for key, part_s in pulse.timed_parts:
+            if 0 < part_s < period_s - ROUNDING_S:
+                yield Problem(
+                    (*place, key),
+                    f"expected 0 or at least one period of control_hz ({period_s:g} s), got "
+                    f"{part_s:g} s. Raise it, or the rate.",
+                )
+
+
+def _window_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
+    if protocol.window_s is not None and protocol.kind != "walking":
+        yield Problem(("window_s",), f"a {protocol.kind} is analysed without it. Remove it.")
+
+
+def _pulses_given_once(protocol: ProtocolFields) -> Iterator[Problem]:
+    if protocol.pulse is not None and protocol.pulses:
+        message = "[pulse] is given too. Remove one of the two: [pulse] is the only one."
+        yield Problem(("pulses",), message)
+    if protocol.pulses and protocol.kind != "walking":
+        message = f"a {protocol.kind} has one pulse. Give [pulse] instead."
+        yield Problem(("pulses",), message)
+    yield from _repeated("pulses", (pulse.name for pulse in protocol.pulses))
 
 
 PROTOCOL_CHECKS = (
@@ -157,6 +186,8 @@ PROTOCOL_CHECKS = (
     _loads_fit_kind,
     _pulse_is_used,
     _pulse_suits_rate,
+    _pulses_given_once,
+    _window_fits_kind,
 )
 
 
@@ -226,7 +257,7 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
 
 
 def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
-    if protocol.conditions[i].perturbations is not None and protocol.pulse is None:
+    if protocol.conditions[i].perturbations is not None and not protocol.shapes:
         yield Problem(("pulse",), f"missing; conditions[{i + 1}].perturbations need it.")
 
 
@@ -244,23 +275,27 @@ def _plan_is_whole(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
             yield Problem((*place, key), f"missing; on a {protocol.kind} it says when pulses fire.")
 
 
-def _directions_balanced(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
+def _variants_balanced(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan = protocol.conditions[i].perturbations
-    if plan is None or protocol.pulse is None or protocol.pulse.direction != "both":
+    variants = len(variants_of(protocol.shapes))
+    if plan is None or variants < 2:
         return
     for key in ("count_per_point", "count"):
         count = getattr(plan, key)
-        if count is not None and count % 2:
-            yield Problem(
-                ("conditions", i, "perturbations", key),
-                f'expected an even number, as many of either direction (pulse.direction = "both"); '
-                f"got {count}.",
-            )
+        if count is None or not count % variants:
+            continue
+        of_pulses = f"a multiple of {variants}, as many of each shape, amplitude and direction"
+        both = 'an even number, as many of either direction (pulse.direction = "both")'
+        yield Problem(
+            ("conditions", i, "perturbations", key),
+            f"expected {both if protocol.pulse is not None else of_pulses}; got {count}.",
+        )
 
 
 def _pulses_apart(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
-    plan, pulse, gait = protocol.conditions[i].perturbations, protocol.pulse, protocol.gait
-    if plan is None or pulse is None or gait is None:
+    plan, gait = protocol.conditions[i].perturbations, protocol.gait
+    longest_s = longest_pulse_s(protocol)
+    if plan is None or gait is None:
         return
     if plan.gap_strides is None or not plan.timing_points:
         return
@@ -268,12 +303,13 @@ def _pulses_apart(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     first, last = min(points, key=points.__getitem__), max(points, key=points.__getitem__)
     strides = fewest - (points[last] - points[first]) / 100.0
     apart_s = strides * gait.shortest_stride_s
-    if fewest >= 1 and pulse.duration_s > apart_s + ROUNDING_S:
+    if fewest >= 1 and longest_s > apart_s + ROUNDING_S:
         yield Problem(
             ("conditions", i, "perturbations", "gap_strides"),
             f"with a gap of {fewest} a pulse at {last} may begin {apart_s:.3g} s before the next "
             f"at {first}, when strides last {gait.shortest_stride_s:.3g} s, the least accepted; "
-            f"pulse.duration_s is {pulse.duration_s:g} s. Raise the gap.",
+            f"{'a pulse lasts' if protocol.pulse is None else 'pulse.duration_s is'} "
+            f"{longest_s:g} s. Raise the gap.",
         )
 
 
@@ -291,11 +327,11 @@ def _points_have_a_cycle(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
 
 
 def _pulses_fit_duration(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
-    condition, pulse = protocol.conditions[i], protocol.pulse
+    condition = protocol.conditions[i]
     plan, duration_s = condition.perturbations, condition.duration_s
-    if protocol.kind == "walking" or plan is None or pulse is None or duration_s is None:
+    if protocol.kind == "walking" or plan is None or not protocol.shapes or duration_s is None:
         return
-    needed_s = _pulses_take_s(condition, plan, pulse)
+    needed_s = _pulses_take_s(condition, plan, longest_pulse_s(protocol))
     if needed_s > duration_s * (1.0 + 1e-9):
         yield Problem(
             ("conditions", i, "duration_s"),
@@ -323,7 +359,7 @@ CONDITION_CHECKS = (
     _perturbed_is_perturbed,
     _perturbations_have_pulse,
     _plan_is_whole,
-    _directions_balanced,
+    _variants_balanced,
     _pulses_apart,
     _points_have_a_cycle,
     _pulses_fit_duration,

@@ -4,13 +4,17 @@ from collections.abc import Iterator
 
 from jointz.core.checked_model import Problem
 from jointz.core.limits import DUTY_WINDOW_S
+from jointz.core.protocols.expected_displacement import expected_displacement
 from jointz.core.protocols.protocol_checks import (
     ROUNDING_S,
     assumed_stride_s,
     expected_duration_s,
+    longest_pulse_s,
+    placed_pulses,
     trial_duration_s,
 )
-from jointz.core.protocols.protocol_models import PerturbationPlan, ProtocolFields, PulseSpec
+from jointz.core.protocols.protocol_models import PerturbationPlan, ProtocolFields
+from jointz.core.protocols.pulse_models import name_of, variants_of
 
 _LONGEST_S = 86_400.0
 #: Of a trial on a bench: all of it is laid out before it begins.
@@ -22,42 +26,71 @@ _MOST_TICKS = 10_000_000
 
 def _pulse_within_torque(protocol: ProtocolFields) -> Iterator[Problem]:
     limit = protocol.safety.torque_nm
-    if protocol.pulse is None or limit is None or protocol.pulse.amplitude_nm <= limit:
-        return
-    yield Problem(
-        ("pulse", "amplitude_nm"),
-        f"{protocol.pulse.amplitude_nm:g} N*m is above safety.torque_nm = {limit:g} N*m: it would "
-        "be cut. Lower it, or raise the limit.",
-    )
-
-
-def _pulse_within_torque_rate(protocol: ProtocolFields) -> Iterator[Problem]:
-    pulse, limit = protocol.pulse, protocol.safety.torque_rate_nm_s
-    if pulse is None or limit is None:
-        return
-    for key in ("ramp_up_s", "ramp_down_s"):
-        ramp_s: float = getattr(pulse, key) or 1.0 / protocol.rates.control_hz
-        if pulse.amplitude_nm / ramp_s > limit * (1.0 + 1e-9):
+    for place, pulse in placed_pulses(protocol):
+        largest_nm = max(pulse.sizes_nm)
+        if limit is not None and largest_nm > limit:
             yield Problem(
-                ("pulse", key),
-                f"{pulse.amplitude_nm:g} N*m in {ramp_s:g} s is steeper than "
-                f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
-                f"{pulse.amplitude_nm / limit:.3g} s, or raise the limit.",
+                (*place, pulse.size_key),
+                f"{largest_nm:g} N*m is above safety.torque_nm = {limit:g} N*m: it would be cut. "
+                "Lower it, or raise the limit.",
             )
 
 
+def _pulse_within_torque_rate(protocol: ProtocolFields) -> Iterator[Problem]:
+    limit = protocol.safety.torque_rate_nm_s
+    if limit is None:
+        return
+    for place, pulse in placed_pulses(protocol):
+        for key, share, ramp_s in pulse.changes:
+            change_nm = share * max(pulse.sizes_nm)
+            takes_s = ramp_s or 1.0 / protocol.rates.control_hz
+            if change_nm / takes_s > limit * (1.0 + 1e-9):
+                yield Problem(
+                    (*place, key),
+                    f"{change_nm:g} N*m in {takes_s:g} s is steeper than "
+                    f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
+                    f"{change_nm / limit:.3g} s, or raise the limit.",
+                )
+
+
 def _pulse_within_duty(protocol: ProtocolFields) -> Iterator[Problem]:
-    pulse, duty = protocol.pulse, protocol.safety.pulse_duty
-    if pulse is None or duty is None:
+    duty, pulse_s = protocol.safety.pulse_duty, longest_pulse_s(protocol)
+    if duty is None:
         return
     longest_s = duty * DUTY_WINDOW_S
-    if pulse.duration_s > longest_s + ROUNDING_S:
+    if pulse_s > longest_s + ROUNDING_S:
+        which = "the longest pulse," if protocol.pulse is None else "pulse.duration_s ="
         yield Problem(
             ("safety", "pulse_duty"),
-            f"{duty:g} of {DUTY_WINDOW_S:g} s is {longest_s:g} s, less than pulse.duration_s = "
-            f"{pulse.duration_s:g} s: no pulse would come to its end. Give at least "
-            f"{pulse.duration_s / DUTY_WINDOW_S:.3g}, or shorten the pulse.",
+            f"{duty:g} of {DUTY_WINDOW_S:g} s is {longest_s:g} s, less than {which} "
+            f"{pulse_s:g} s: no pulse would come to its end. Give at least "
+            f"{pulse_s / DUTY_WINDOW_S:.3g}, or shorten the pulse.",
         )
+
+
+def _displacement_expected(protocol: ProtocolFields) -> Iterator[Problem]:
+    limit, joint = protocol.safety.displacement_rad, protocol.expected_joint
+    if limit is None:
+        if joint is not None:
+            message = "safety.displacement_rad is missing, for which it is. Give both or none."
+            yield Problem(("expected_joint",), message)
+        return
+    if joint is None:
+        yield Problem(
+            ("expected_joint",),
+            "missing; safety.displacement_rad needs it: [expected_joint] with the stiffness "
+            "(N*m/rad), damping (N*m*s/rad) and inertia (kg*m^2) of the leg with the device.",
+        )
+        return
+    for place, pulse in placed_pulses(protocol):
+        moved_rad = max(pulse.sizes_nm) * expected_displacement(pulse, joint).largest_rad
+        if moved_rad > limit:
+            yield Problem(
+                (*place, pulse.size_key),
+                f"{max(pulse.sizes_nm):g} N*m move the expected joint by {moved_rad:.3g} rad, "
+                f"beyond safety.displacement_rad = {limit:g} rad. Give at most "
+                f"{max(pulse.sizes_nm) * limit / moved_rad:.3g} N*m, or shorten the pulse.",
+            )
 
 
 def _samples_young_enough(protocol: ProtocolFields) -> Iterator[Problem]:
@@ -74,6 +107,7 @@ PROTOCOL_LIMIT_CHECKS = (
     _pulse_within_torque,
     _pulse_within_torque_rate,
     _pulse_within_duty,
+    _displacement_expected,
     _samples_young_enough,
 )
 
@@ -95,27 +129,34 @@ def _count_within_limit(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
 
 
 def _pulses_within_duty(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
-    plan, pulse = protocol.conditions[i].perturbations, protocol.pulse
-    duty = protocol.safety.pulse_duty
-    if plan is None or pulse is None or duty is None:
+    plan, duty = protocol.conditions[i].perturbations, protocol.safety.pulse_duty
+    if plan is None or not protocol.shapes or duty is None:
         return
-    if pulse.duration_s > duty * DUTY_WINDOW_S:
+    if longest_pulse_s(protocol) > duty * DUTY_WINDOW_S:
         return  # a problem of the limit already
-    apart_s = _mean_apart_s(protocol, plan, pulse)
-    if pulse.duration_s > duty * apart_s * (1.0 + 1e-9) > 0.0:
+    pulse_s = _mean_pulse_s(protocol)
+    apart_s = _mean_apart_s(protocol, plan, pulse_s)
+    if pulse_s > duty * apart_s * (1.0 + 1e-9) > 0.0:
         yield Problem(
             ("conditions", i, "perturbations"),
-            f"a pulse of {pulse.duration_s:g} s about every {apart_s:.3g} s is "
-            f"{pulse.duration_s / apart_s:.3g} of the time; safety.pulse_duty = {duty:g} would "
+            f"a pulse of {pulse_s:.4g} s about every {apart_s:.3g} s is "
+            f"{pulse_s / apart_s:.3g} of the time; safety.pulse_duty = {duty:g} would "
             "break pulses off. Put them further apart, shorten them, or raise the limit.",
         )
 
 
-def _mean_apart_s(protocol: ProtocolFields, plan: PerturbationPlan, pulse: PulseSpec) -> float:
+def _mean_pulse_s(protocol: ProtocolFields) -> float:
+    """Return the mean duration of a pulse, s."""
+    lengths_s = {name_of(pulse): pulse.length_s for pulse in protocol.shapes}
+    variants = variants_of(protocol.shapes)
+    return sum(lengths_s[variant.shape] for variant in variants) / len(variants)
+
+
+def _mean_apart_s(protocol: ProtocolFields, plan: PerturbationPlan, pulse_s: float) -> float:
     """Return the mean time from onset to onset, s; 0 if the plan does not state it."""
     if plan.gap_strides is not None:
         return sum(plan.gap_strides) / 2.0 * assumed_stride_s(protocol)
-    return plan.pause_s + pulse.duration_s if plan.pause_s is not None else 0.0
+    return plan.pause_s + pulse_s if plan.pause_s is not None else 0.0
 
 
 def _torque_within_limit(protocol: ProtocolFields, i: int) -> Iterator[Problem]:

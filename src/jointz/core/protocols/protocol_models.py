@@ -11,6 +11,11 @@ from pydantic import Field
 from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.gait_phases import ALL_POINTS, FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
 from jointz.core.limits import LimitsOverride
+from jointz.core.protocols.pulse_models import (
+    NamedPulse,
+    Pulse,
+    PulseSpec,
+)
 from jointz.core.protocols.reference_signal_models import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
 
@@ -62,30 +67,6 @@ class RatesSpec(CheckedModel):
                 ("sample_hz",),
                 f"expected a whole multiple of control_hz = {self.control_hz:g} Hz or a whole "
                 f"fraction of it, got {self.sample_hz:g} Hz.",
-            )
-
-
-class PulseSpec(CheckedModel):
-    """A trapezoid of torque: ramp up, hold, ramp down."""
-
-    amplitude_nm: Positive
-    duration_s: Positive
-    ramp_up_s: NotNegative = 0.0
-    hold_s: NotNegative
-    ramp_down_s: NotNegative = 0.0
-    direction: Literal["positive", "negative", "both"] = "positive"
-
-    def checks(self) -> tuple[Check, ...]:
-        """Return the checks between the parts."""
-        return (self._parts_add_up,)
-
-    def _parts_add_up(self) -> Iterator[Problem]:
-        parts = self.ramp_up_s + self.hold_s + self.ramp_down_s
-        if not isclose(parts, self.duration_s, abs_tol=1e-9):
-            yield Problem(
-                ("duration_s",),
-                f"expected ramp_up_s + hold_s + ramp_down_s = {parts:g} s, got "
-                f"{self.duration_s:g} s. Correct the part that is wrong.",
             )
 
 
@@ -321,6 +302,14 @@ class LoadSpec(CheckedModel):
                 )
 
 
+class ExpectedJoint(CheckedModel):
+    """Joint with the device on it that displacements are computed with before a session."""
+
+    stiffness: Positive
+    damping: NotNegative
+    inertia: Positive
+
+
 class ProtocolFields(CheckedModel):
     """Keys of a protocol file, schema version 1."""
 
@@ -339,10 +328,18 @@ class ProtocolFields(CheckedModel):
     rates: RatesSpec = RatesSpec()
     gait: GaitSpec | None = None
     pulse: PulseSpec | None = None
+    pulses: tuple[NamedPulse, ...] = Field(default=(), max_length=20, strict=False)
+    expected_joint: ExpectedJoint | None = None
+    window_s: Annotated[float, Field(ge=0.001, le=10)] | None = None
     safety: LimitsOverride = LimitsOverride()
     without_console: WithoutConsole = "go_on"
     loads: tuple[LoadSpec, ...] = Field(default=(), strict=False)
     conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)
+
+    @property
+    def shapes(self) -> tuple[Pulse, ...]:
+        """Every pulse of the protocol."""
+        return self.pulses if self.pulse is None else (self.pulse,)
 
     @property
     def cases_are_loads(self) -> bool:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.core.protocols.bench_timing import onsets_after_rests, onsets_in_cycle
-from jointz.core.protocols.protocol_models import ConditionSpec, PerturbationPlan, PulseSpec
+from jointz.core.protocols.protocol_models import ConditionSpec, PerturbationPlan
+from jointz.core.protocols.pulse_models import Pulse
 from jointz.experiment.bench.reference_signals import reference_samples
 from jointz.experiment.plan import ordered_pulses
-from jointz.experiment.torque import Trapezoid
+from jointz.experiment.torque import PulseCourse
 
 #: A bench is led from rest to where its reference begins, then rests; and led back in the end.
 LEAD_S = 1.0
@@ -31,31 +32,31 @@ class TimedPulse:
 
 
 def make_bench_plan(
-    condition: ConditionSpec, pulse: PulseSpec, rng: np.random.Generator
+    condition: ConditionSpec, pulses: tuple[Pulse, ...], rng: np.random.Generator
 ) -> tuple[TimedPulse, ...]:
     """Lay out the pulses of one trial of a bench."""
     plan = condition.perturbations
     if plan is None:
         return ()
-    order = ordered_pulses(plan, pulse, rng)
-    onsets = _onsets_s(plan, condition, pulse, [point for point, _ in order])
+    order = ordered_pulses(plan, pulses, rng)
+    onsets = _onsets_s(plan, condition, pulses[0].length_s, [point for point, _ in order])
     return tuple(
-        TimedPulse(i + 1, point, onset_s, amplitude)
-        for i, ((point, amplitude), onset_s) in enumerate(zip(order, onsets, strict=True))
+        TimedPulse(i + 1, point, onset_s, variant.amplitude_nm)
+        for i, ((point, variant), onset_s) in enumerate(zip(order, onsets, strict=True))
     )
 
 
 def _onsets_s(
-    plan: PerturbationPlan, condition: ConditionSpec, pulse: PulseSpec, points: Sequence[str]
+    plan: PerturbationPlan, condition: ConditionSpec, pulse_s: float, points: Sequence[str]
 ) -> tuple[float, ...]:
     pause_s = plan.pause_s or 0.0
     if plan.timing_points is None:
-        return onsets_after_rests(len(points), pause_s=pause_s, duration_s=pulse.duration_s)
+        return onsets_after_rests(len(points), pause_s=pause_s, duration_s=pulse_s)
     (cycle_s,) = (r.cycle_s for r in condition.references.values() if r.cycle_s is not None)
     return onsets_in_cycle(
         [plan.timing_points[point] for point in points],
         cycle_s=cycle_s,
-        apart_s=pause_s + pulse.duration_s,
+        apart_s=pause_s + pulse_s,
     )
 
 
@@ -76,7 +77,7 @@ class BenchCourse:
 def bench_course(
     condition: ConditionSpec,
     pulses: Sequence[TimedPulse],
-    shape: PulseSpec | None,
+    shape: Pulse | None,
     *,
     duration_s: float,
     rate_hz: float,
@@ -120,15 +121,15 @@ def _led(values: np.ndarray, rate_hz: float, *, back: bool) -> list[float]:
 
 
 def _pulse_samples(
-    pulses: Sequence[TimedPulse], shape: PulseSpec | None, n: int, rate_hz: float
+    pulses: Sequence[TimedPulse], shape: Pulse | None, n: int, rate_hz: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return torque (N*m) and number of the pulse at every tick, from the tick nearest to it."""
     command, number = np.zeros(n), np.zeros(n, dtype=int)
     if shape is None:
         return command, number
-    trapezoid = Trapezoid(shape)
-    ticks = int(np.ceil(shape.duration_s * rate_hz))
-    share = np.array([trapezoid.share(round(k * 1e9 / rate_hz)) for k in range(ticks)])
+    course = PulseCourse(shape)
+    ticks = int(np.ceil(shape.length_s * rate_hz))
+    share = np.array([course.share(round(k * 1e9 / rate_hz)) for k in range(ticks)])
     for pulse in pulses:
         first = round(pulse.onset_s * rate_hz)
         part = slice(first, min(n, first + ticks))

@@ -15,7 +15,7 @@ TRACES = ("angle", "command", "sent_torque", "applied_torque", "phase_pct", "pul
 #: Over how long the loop's work is told, and for how long a flag stays lit, s.
 _LOOP_S, _FLAG_S = 10.0, 1.0
 _DUTY_S = 10.0
-_LIT = (Flag.CLAMPED, Flag.FADING, Flag.TRIPPED, Flag.OVERRUN)
+_LIT = (Flag.CLAMPED, Flag.FADING, Flag.CUT, Flag.TRIPPED, Flag.OVERRUN)
 
 
 class Motion:
