@@ -148,8 +148,8 @@ class CellEstimate(Result):
         Parameter -> source of error -> standard deviation, SI.
     through_instruments : mapping of str to mapping
         Parameter -> property of the instruments, such as ``lag`` -> standard deviation, SI, of the
-        part of the error that would vanish if the property were known exactly. These parts overlap
-        with the sources of the budget.
+        part of the error that would vanish if the property were known exactly; ``pulses``: with
+        twice as many. These parts overlap with the sources of the budget.
     covariance : tuple of tuple of float, or None
         (3, 3), SI: of the errors of K, B and J without bounds, calibration included; None for
         methods without it.

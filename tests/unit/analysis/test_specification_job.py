@@ -139,9 +139,9 @@ def test_a_window_of_the_strapped_curve_is_what_analyze_gives(strapped, small_st
 
 
 def test_a_choice_that_the_method_does_not_have_is_refused(small_study_source):
-    with pytest.raises(ValueError, match='cutoffs_hz: the method strapped .* method="rigid"'):
+    with pytest.raises(ValueError, match=r'cutoffs_hz: the method strapped .* method="rigid"'):
         specification_curve(small_study_source, method="strapped", cutoffs_hz=(20.0,))
-    with pytest.raises(ValueError, match='assumptions: the method rigid .* method="strapped"'):
+    with pytest.raises(ValueError, match=r'assumptions: the method rigid .* method="strapped"'):
         specification_curve(small_study_source, method="rigid", assumptions=("no_reflex",))
     with pytest.raises(ValueError, match="assumptions: expected one or more names among standard"):
         specification_curve(small_study_source, method="strapped", assumptions=("no_leg",))

@@ -97,7 +97,8 @@ _STRAPPED: Final = (
     (
         "Undecided is a result.",
         "No value is given if the interval is too wide, if the model does not explain the "
-        "responses, or if the inertia is not that of such a leg. One-sided 95 % limits of an "
+        "responses, or if the inertia is not that of such a leg. The section on the uncertainty "
+        "of the estimates says why, and what would decide it. One-sided 95 % limits of an "
         "undecided value are in estimates.csv.",
     ),
     _DISPLACEMENT,

@@ -1,13 +1,15 @@
 """Section of the report on uncertainty: undecided estimates, models of people, details."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from jointz.analysis.page.budget_figure import source_name
 from jointz.analysis.page.details_tables import variance_shares
+from jointz.analysis.page.strapped_uncertainty import NOTE, strapped_undecided
 from jointz.core.codes import Doubt
+from jointz.core.method_names import STRAPPED
 from jointz.identify.rigid.steep_change import MOVED
 from jointz.report.wording import (
     ABSOLUTE,
@@ -46,17 +48,28 @@ _WITHHELD: Final = (
 _WORTH_NAMING: Final = 0.2
 _LIKELY, _UNLIKELY = 0.9, 0.1
 
+_NOTE: Final = (
+    "Value: the unbounded value and its standard deviation, which is too large for an estimate "
+    "unless stated otherwise. Why: the largest sources of its variance. What would decide it: "
+    "first measurements of the instruments, each with the standard deviation that would remain if "
+    "the quantity were known exactly."
+)
+
 _Row = dict[str, Any]
 
 
 def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
-    """Return what the page shows of the uncertainty, None if the method has no error budget."""
+    """Return what the page shows of the uncertainty, None if the method says nothing of it."""
+    strapped = [c for c in analysis.cells if c.method == STRAPPED and c.through_instruments]
+    if strapped:
+        rows = strapped_undecided(analysis)
+        return {"note": NOTE, "undecided": rows, "models": [], **_details(strapped)}
     cells = [c for c in analysis.cells if c.budget]
     if not cells:
         return None
-    first = {cell.label: cell.timing_point for cell in reversed(cells)}
     steep = {m.label for m in analysis.models if Doubt.STEEP_CHANGE.value in m.doubts}
     return {
+        "note": _NOTE,
         "undecided": [
             _undecided_row(cell, p, steep=cell.label in steep and name in MOVED)
             for cell in cells
@@ -64,6 +77,13 @@ def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
             if (p := cell.parameter(name)) is not None and p.status == "undecided"
         ],
         "models": [_model_row(model) for model in analysis.models],
+        **_details(cells),
+    }
+
+
+def _details(cells: Sequence[CellEstimate]) -> _Row:
+    first = {cell.label: cell.timing_point for cell in reversed(cells)}
+    return {
         "details": [_details_row(c) | {"first": first[c.label] == c.timing_point} for c in cells],
         "gravity": any(c.gravity_corrected is not None for c in cells),
     }

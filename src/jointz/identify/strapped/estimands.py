@@ -12,7 +12,7 @@ from jointz.kernels import strapped_leg as leg
 #: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset.
 ESTIMANDS = ("stiffness", "damping", "inertia", "stiffness_onset", "damping_onset")
 #: Laplace's sds are too small by so much: self-simulation, docs/estimator.md.
-_WIDER = 1.1
+WIDER = 1.1
 _EVERY_S = 0.002
 _DERIVATIVE_SD = 0.05
 
@@ -40,14 +40,17 @@ class LogMoments:
 def log_moments(posterior: LegPosterior) -> LogMoments:
     """Return the moments of all hypotheses together."""
     parts = [_linear_moments(posterior.model, fit) for fit in posterior.fits]
-    mean, covariance = _mixed(posterior.weights, [p[0] for p in parts], [p[1] for p in parts])
-    prior, spread = _mixed(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
-    return LogMoments(mean, _WIDER**2 * covariance, prior, spread)
+    mean, covariance = mixed_moments(
+        posterior.weights, [p[0] for p in parts], [p[1] for p in parts]
+    )
+    prior, spread = mixed_moments(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
+    return LogMoments(mean, WIDER**2 * covariance, prior, spread)
 
 
-def _mixed(
+def mixed_moments(
     weights: np.ndarray, means: list[np.ndarray], covariances: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of a mixture."""
     mean = sum(w * m for w, m in zip(weights, means, strict=True))
     covariance = sum(
         w * (c + np.outer(m - mean, m - mean))
@@ -60,6 +63,17 @@ def _linear_moments(
     model: LegModel, fit: MapFit
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return mean and covariance of the posterior and of the prior, to first order."""
+    mean, gradient = log_gradient(model, fit)
+    return (
+        mean,
+        gradient @ fit.covariance @ gradient.T,
+        mean + gradient @ (fit.prior.mean - fit.theta),
+        gradient @ fit.prior.covariance @ gradient.T,
+    )
+
+
+def log_gradient(model: LegModel, fit: MapFit) -> tuple[np.ndarray, np.ndarray]:
+    """Return all logarithms (estimand * point,) at the mode, and their gradient."""
     sd = np.sqrt(np.diag(fit.covariance))
     points = range(model.layout.n_points)
     values = np.zeros((len(ESTIMANDS), len(points)))
@@ -72,13 +86,7 @@ def _linear_moments(
         logs = log_estimands(model, moved, k)
         values[:, k] = logs[0]
         slopes[:, k, columns] = ((logs[1:] - logs[0]) / steps[:, None]).T
-    mean, gradient = values.ravel(), slopes.reshape(-1, fit.theta.size)
-    return (
-        mean,
-        gradient @ fit.covariance @ gradient.T,
-        mean + gradient @ (fit.prior.mean - fit.theta),
-        gradient @ fit.prior.covariance @ gradient.T,
-    )
+    return values.ravel(), slopes.reshape(-1, fit.theta.size)
 
 
 def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:

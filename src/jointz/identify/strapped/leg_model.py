@@ -113,6 +113,10 @@ class LegModel:
             np.stack([_at_steps(s.torque, p.period_s) for s in p.shapes]) for p in points
         ]
 
+    def with_points(self, points: Sequence[PointResponse]) -> "LegModel":
+        """Return the same model of other responses."""
+        return LegModel(points, window_s=self.window_s, gravity_stiffness=self._gravity)
+
     def natural(self, theta: np.ndarray, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return K and B over time (m, n) and the parameters of the leg (m, N) of a point."""
         layout, time_s = self.layout, self.points[point].time_s

@@ -90,6 +90,13 @@ class MapSearch:
             misfits=tuple(float(r @ r) / r.size for r in residuals),
         )
 
+    def covariance_at(self, theta: np.ndarray) -> np.ndarray:
+        """Return the covariance by the curvature at a vector, which need not be the mode."""
+        weights = self._weights(theta)
+        residuals, _ = self._cost(theta, weights)
+        hessian, _ = self._normal(theta, residuals, weights)
+        return np.asarray(np.linalg.inv(hessian))
+
     def _descend(
         self, theta: np.ndarray, weights: _Weights
     ) -> tuple[np.ndarray, list[np.ndarray], float]:

@@ -37,6 +37,7 @@ from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
 from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
+from jointz.identify.strapped.information import remaining_sds
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.posterior import CYCLE_SHARES, LegPosterior, explain
 from jointz.identify.strapped.prior import STEADY, LegPriors
@@ -147,6 +148,7 @@ class _Explained:
     cells: tuple[PredictedCell, ...]
     posterior: LegPosterior
     moments: LogMoments
+    remaining: Mapping[str, np.ndarray]  # source -> sds of all logarithms if it were known
     body: Body
     known: CalibrationSpec
     lag_unlikely: bool  # whether the responses contradict the calibrated lag
@@ -305,6 +307,7 @@ class _Participant:
             cells=tuple(cells),
             posterior=posterior,
             moments=log_moments(posterior),
+            remaining=remaining_sds(posterior),
             body=body,
             known=known,
             lag_unlikely=lag_unlikely,
@@ -361,6 +364,7 @@ class _Participant:
             displacement_rad=moved,
             response=response,
             nuisance=_nuisance(explained.posterior),
+            through_instruments=_through_sources(k, explained, parameters),
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], point, centre),
         )
@@ -490,6 +494,22 @@ def _fitted_by_shape(posterior: LegPosterior, k: int) -> np.ndarray:
     modelled = posterior.model.responses(posterior.best.theta[None], k)[0]
     fitted = modelled.reshape(len(point.shapes), -1)
     return np.where(np.stack([s.used for s in point.shapes]), fitted, np.nan)
+
+
+def _through_sources(
+    k: int, explained: _Explained, parameters: Sequence[ParameterEstimate]
+) -> dict[str, dict[str, float]]:
+    """Return the part of each error, SI, that would vanish if a source were known."""
+    n, sds, values = len(explained.cells), explained.moments.sd, {p.name: p for p in parameters}
+    parts: dict[str, dict[str, float]] = {}
+    for place, name in enumerate(ESTIMANDS):
+        at, value = place * n + k, values[name].unbounded
+        if value is not None and value > 0.0 and np.isfinite(sds[at]):
+            parts[name] = {
+                source: value * float(np.sqrt(max(sds[at] ** 2 - left[at] ** 2, 0.0)))
+                for source, left in explained.remaining.items()
+            }
+    return parts
 
 
 def _nuisance(posterior: LegPosterior) -> tuple[ParameterEstimate, ...]:

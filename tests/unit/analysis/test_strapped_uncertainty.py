@@ -1,0 +1,104 @@
+"""Why estimates of the method strapped are undecided, and what would decide them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointz.analysis.page.report_page import render_report
+from jointz.analysis.page.uncertainty_section import uncertainty_section
+from jointz.core.codes import Doubt
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.log_posterior import LogPosterior
+from jointz.results.study_analysis import StudyAnalysis
+
+NAMES = ("stiffness", "damping", "inertia")
+POINTS = ("LRE", "MST", "TST")
+#: Sds of the logarithms whose half-intervals are 100, 41 and 10 % of the value.
+WIDE, FAIR, NARROW = np.arcsinh([1.0, 0.41, 0.1]) / 1.959963984540054
+
+
+def estimate(name, value, *, limits=(0.5, 2.0), status="undecided"):
+    low, high = (None, None) if limits is None else (value * limits[0], value * limits[1])
+    number = value if status == "ok" else None
+    return ParameterEstimate(name, number, low, high, status, unbounded=value)
+
+
+def cell(point, *, k, limits=(0.5, 2.0), parts=None):
+    parameters = (
+        estimate("stiffness", 40.0, limits=limits, status="undecided" if k != NARROW else "ok"),
+        estimate("damping", 1.0, status="ok"),
+        estimate("inertia", 0.2, status="ok"),
+    )
+    return CellEstimate(
+        participant="S01", timing_point=point, onset_gait_pct=10.0, parameters=parameters,
+        vaf_pct=99.0, n_used=20, n_excluded=0, method="strapped",
+        through_instruments={"stiffness": parts or {"lag": 0.0, "pulses": 0.0}},
+    )  # fmt: skip
+
+
+def analysis(cells, sds, *, doubts=()):
+    variances = np.concatenate([np.square(sds), np.full(6, NARROW**2)])
+    posterior = LogPosterior(
+        participant="S01",
+        parameters=tuple(n for n in NAMES for _ in POINTS),
+        timing_points=POINTS * 3,
+        mean=np.zeros(9), covariance=np.diag(variances),
+        prior_mean=np.zeros(9), prior_covariance=np.eye(9), doubts=tuple(doubts),
+    )  # fmt: skip
+    settings = {"method": "strapped", "kind": "walking", "joint": "knee"}
+    return StudyAnalysis(cells=tuple(cells), log_posteriors=(posterior,), settings=settings)
+
+
+def test_the_best_measurement_stands_first_with_what_it_would_leave():
+    left = {"lag": FAIR, "pulses": 0.8 * WIDE, "gain": WIDE}
+    parts = {n: 40.0 * np.sqrt(WIDE**2 - sd**2) for n, sd in left.items()}
+    cells = [cell("LRE", k=WIDE, parts=parts), *(cell(p, k=NARROW) for p in POINTS[1:])]
+
+    section = uncertainty_section(analysis(cells, (WIDE, NARROW, NARROW)))
+
+    (row,) = section["undecided"]
+    assert (row["value"], row["unit"]) == ("40.0", "N·m/rad, ± 100 %")
+    lag, pulses = row["remedy"].split("; ")
+    assert lag == "lag of the angle (angle_lag_s under [calibration]): ± 41 %"
+    assert pulses.startswith("twice as many pulses: ± 7")
+    assert [d["name"] for d in section["details"]] == list(POINTS)
+
+
+def test_sources_that_hardly_help_are_not_sold_as_a_remedy():
+    cells = [cell("LRE", k=WIDE), *(cell(p, k=NARROW) for p in POINTS[1:])]
+
+    (row,) = uncertainty_section(analysis(cells, (WIDE, NARROW, NARROW)))["undecided"]
+
+    assert row["remedy"].startswith("no single measurement by more than a tenth; most by ")
+
+
+def test_a_narrow_interval_among_wide_ones_says_so():
+    cells = [cell(p, k=k) for p, k in zip(POINTS, (FAIR, WIDE, WIDE), strict=True)]
+
+    rows = uncertainty_section(analysis(cells, (FAIR, WIDE, WIDE)))["undecided"]
+
+    assert "the median over the participant's timing points is ± 100 %" in rows[0]["why"]
+    assert rows[1]["why"] == "half of the interval exceeds 50 % of the value"
+
+
+def test_a_doubt_is_the_reason_where_there_are_no_limits():
+    cells = [cell(p, k=FAIR, limits=None) for p in POINTS]
+    doubts = (Doubt.INSTRUMENTS_UNLIKELY.value,)
+
+    rows = uncertainty_section(analysis(cells, (FAIR,) * 3, doubts=doubts))["undecided"]
+
+    assert {row["why"] for row in rows} == {Doubt.INSTRUMENTS_UNLIKELY.meaning}
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_report_has_the_section_and_older_results_do_not_need_it(known):
+    cells = [cell(p, k=WIDE) for p in POINTS]
+    made = analysis(cells, (WIDE,) * 3)
+    if not known:  # as written before
+        made = replace(made, cells=tuple(replace(c, through_instruments={}) for c in cells))
+
+    page = render_report(made, {}, title="t")
+
+    assert ("what would decide them" in page) is known
+    assert ("half of its 95 % interval in % of it" in page) is known
