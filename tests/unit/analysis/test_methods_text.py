@@ -129,3 +129,48 @@ def test_a_pulse_without_a_timing_point_is_counted(recommended):
     nameless = PulseRecord("S01", "a.csv", 1.0, 0.25, 17.0, "", None, None, "no_heel_strikes")
     text = methods_text(replace(recommended, pulses=(pulse(), pulse(), nameless)))
     assert "Of 3 pulses, 2 were used." in text
+
+
+def strapped_study(analysis, **provenance):
+    cells = tuple(replace(c, method="strapped", budget={}) for c in analysis.cells)
+    means = tuple(replace(m, method="strapped") for m in analysis.population)
+    settings = {**analysis.settings, "method": "strapped", "window_s": 0.15}
+    made = with_study(replace(analysis, cells=cells, population=means, settings=settings))
+    return replace(made, provenance={**made.provenance, **provenance})
+
+
+def test_strapped_is_described_with_hypotheses_widening_estimands_and_decisions(recommended):
+    text = methods_text(strapped_study(recommended))
+
+    for part in (
+        "explained by the same parameters",
+        "follow one curve over the gait cycle",
+        "Standard deviations of the posterior were multiplied by 1.1",
+        "mean over 150 ms of torque over displacement",
+        "damping at the onset are those of small displacements",
+        "2.5 standard deviations from its prior",
+        "two one-sided 95 % limits",
+    ):
+        assert part in text
+    assert r"\%" in methods_latex(strapped_study(recommended))
+
+
+def test_priors_of_strapped_stand_with_their_source_those_of_the_study_as_such(recommended):
+    usual = methods_text(strapped_study(recommended))
+    own = methods_text(
+        strapped_study(recommended, priors={"strap_hz": {"median": 15.0, "log_sd": 0.3}})
+    )
+
+    assert "strap 20, 0.45 (Hz: strap and tissue with the device, 8 to 49)" in usual
+    assert "softening power 1.6 ± 0.4 (no source: the form is not known)" in usual
+    assert "strap 15, 0.3 (stated by the study)" in own
+
+
+def test_several_sizes_of_pulse_are_all_named(recommended):
+    sizes = [8.0, -8.0, 17.0, -17.0] * 3
+    pulses = tuple(pulse(a, d) for a, d in zip(sizes, [0.06, 0.15] * 6, strict=True))
+    text = methods_text(replace(recommended, pulses=pulses))
+
+    assert "amplitude 8.00 and 17.0 N·m" in text
+    assert "duration 60.0 and 150 ms" in text
+    assert "6 positive, 6 negative" in text

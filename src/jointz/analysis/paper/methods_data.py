@@ -43,6 +43,10 @@ _TORQUE_MODEL: Final[Mapping[str, tuple[str, str]]] = {
     "rotor_inertia": ("rotor inertia", "kg·m²"),
 }
 
+#: So many different sizes are listed, if each recurs so often.
+_MOST_SIZES: Final = 4
+_FEWEST_OF_SIZE: Final = 3
+
 
 def people_sentences(analysis: StudyAnalysis) -> list[str]:
     """Describe the participants."""
@@ -179,10 +183,14 @@ def _onset_sentences(pulses: Sequence[PulseRecord]) -> list[str]:
 
 
 def _range(values: Sequence[float], unit: str) -> str:
-    """Write the only value, or the smallest, the largest and the median."""
+    """Write up to four values that recur, or the smallest, the largest and the median."""
     low, high = min(values), max(values)
     if format_number(low) == format_number(high):
         return f"{format_number(low)} {unit}"
+    counts = Counter(map(format_number, sorted(values)))
+    if len(counts) <= _MOST_SIZES and min(counts.values()) >= _FEWEST_OF_SIZE:
+        *most, last = counts
+        return f"{', '.join(most)} and {last} {unit}"
     middle = format_number(float(np.median(values)))
     return f"{format_number(low)} to {format_number(high)} {unit}, median {middle}"
 

@@ -136,7 +136,7 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
     if method == RIGID:
         return rigid_sentences(analysis)
     if method == STRAPPED:
-        fitted = strapped_sentences(float(settings.get("window_s") or 0.1))
+        fitted = strapped_sentences(analysis, float(settings.get("window_s") or 0.1))
         return [_sampling(analysis), _prediction(analysis), *fitted]
     cells = [c for c in analysis.cells if c.method == method]
     window_s = settings.get("window_s")

@@ -1,8 +1,14 @@
 """Sentences of a methods section about the method ``strapped``."""
 
+import re
+from collections.abc import Iterator
 from typing import Final
 
 from jointz.analysis.paper.citations import cite
+from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
+from jointz.identify.strapped.estimands import WIDER
+from jointz.report.wording import AT_ONSET, format_exact, onset_note
+from jointz.results.study_analysis import StudyAnalysis
 
 _MODEL: Final = (
     "The leg and the device strapped to it were modelled as two masses on a spring and a damper, "
@@ -10,19 +16,22 @@ _MODEL: Final = (
     "displacement, a delayed reflex, Coulomb friction on the device, and a goniometer with a delay "
     "and a first-order lag. The model was fitted to the angle responses of all timing points of a "
     "participant together, to the mode of the posterior and with a normal approximation about it; "
-    "pulses of different torque were averaged separately. Data up to {fitted} ms after the "
-    "commanded onset were used, until the joint had moved by 18 degrees."
+    "pulses of different torque over time, of different size or of different sign were averaged "
+    "separately and explained by the same parameters. Data up to {fitted} ms after the commanded "
+    "onset were used, until the joint had moved by 18 degrees."
 )
 _ERRORS: Final = (
     "The covariance of the errors is that of the prediction at virtual onsets and of an error of "
     "the model of 1.5 % of the response and 0.02 degrees. Two hypotheses, that stiffness and "
-    "damping follow one curve over the gait cycle and that every timing point is independent, were "
-    "weighed by Laplace's approximation of their evidence {evidence}. The priors are in "
-    "provenance.json."
+    "damping follow one curve over the gait cycle (90 % of the variance of their logarithms) and "
+    "that every timing point is independent, were weighed by Laplace's approximation of their "
+    "evidence {evidence}. Standard deviations of the posterior were multiplied by {wider}, because "
+    "responses simulated by the model itself showed them too small by so much."
 )
 _ESTIMANDS: Final = (
     "Stiffness is the mean over {window} ms of torque over displacement along the measured motion, "
-    "gravity included; damping is the mean over the same time; inertia is that of leg and device."
+    "gravity included; damping is the mean over the same time; inertia is that of leg and device "
+    "60 ms after the onset. {onset}"
 )
 _DECIDED: Final = (
     "No value is given if half of its interval, or the geometric mean of that and the median over "
@@ -30,20 +39,53 @@ _DECIDED: Final = (
     "if the model does not explain the responses (chi-square over samples above 2; stiffness and "
     "damping); if the inertia is not that of a leg of the participant's mass and height within two "
     "standard deviations of the prior; or if a sensor, strap or reflex is needed that is more than "
-    "2.5 standard deviations from its prior."
+    "2.5 standard deviations from its prior. Values that are undecided because of their interval "
+    "have two one-sided 95 % limits, which are twice as far out, in logarithms, if the median over "
+    "the timing points exceeds 50 %."
 )
+#: Unit at the end of the name of an entry.
+_UNIT: Final = re.compile(r"_(hz|s|rad|nm)$")
+_BY_THE_STUDY: Final = "stated by the study"
 
 
-def strapped_sentences(window_s: float) -> list[str]:
-    """Describe model, errors and estimated quantities."""
+def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
+    """Describe model, errors, estimated quantities and priors."""
     fitted = 1e3 * max(0.2, window_s)
     return [
         _MODEL.format(fitted=f"{fitted:g}"),
-        _ERRORS.format(evidence=cite("evidence")),
-        _ESTIMANDS.format(window=f"{1e3 * window_s:g}"),
+        _ERRORS.format(evidence=cite("evidence"), wider=f"{WIDER:g}"),
+        _ESTIMANDS.format(window=f"{1e3 * window_s:g}", onset=onset_note(AT_ONSET)),
+        _priors_sentence(analysis),
     ]
 
 
 def strapped_decision() -> str:
     """Describe when no value is given."""
     return _DECIDED
+
+
+def _priors_sentence(analysis: StudyAnalysis) -> str:
+    """List the priors that were used, with their sources."""
+    record = analysis.provenance.get("priors")
+    each = "; ".join(_priors(PriorsSpec.model_validate(record or {})))
+    return (
+        "Priors, SI and rad, are normal for the logarithm (median, SD of the logarithm), for the "
+        "logit of shares (median, SD of the logit) or for the quantity itself (mean ± SD); in "
+        f"brackets unit, meaning and source: {each}."
+    )
+
+
+def _priors(spec: PriorsSpec) -> Iterator[str]:
+    for name, entry in PriorsSpec.model_fields.items():
+        prior = getattr(spec, name)
+        source = entry.description if prior == entry.default else _BY_THE_STUDY
+        yield f"{_UNIT.sub('', name).replace('_', ' ')} {_numbers(prior)} ({source})"
+
+
+def _numbers(prior: LogPrior | SharePrior | NormalPrior | Spread) -> str:
+    if isinstance(prior, LogPrior):
+        return f"{format_exact(prior.median)}, {format_exact(prior.log_sd)}"
+    if isinstance(prior, SharePrior):
+        return f"{format_exact(prior.median)}, {format_exact(prior.logit_sd)} (logit)"
+    mean = prior.mean if isinstance(prior, NormalPrior) else 0.0
+    return f"{format_exact(mean)} ± {format_exact(prior.sd)}"

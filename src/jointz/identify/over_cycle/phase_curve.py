@@ -13,6 +13,7 @@ import numpy as np
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import mean_phase
+from jointz.core.method_names import STRAPPED
 from jointz.core.provenance import software
 from jointz.identify.rigid.steep_change import Widened, widen_steep
 from jointz.kernels.series.periodic_process import periodic_curve
@@ -37,6 +38,13 @@ _CLEAR = 2.0
 _DAMPING_SHARE = 0.8
 _GRID_PCT = np.arange(0.0, 100.5, 1.0)
 _CI_METHOD = "periodic Gaussian process, length and amplitude by evidence"
+#: A second smoothing would count the first one, which is in every estimate, as data.
+_NOT_OF_STRAPPED = (
+    "phase_curve: these results are by the method strapped, whose estimates follow one curve over "
+    "the gait cycle already, as far as the responses support it; a curve through them would be too "
+    "narrow. Show them with analysis.log_posteriors[0].plot(), or, if the device is coupled "
+    "rigidly, analyse the study by the method rigid."
+)
 _SETTINGS = ("study", "joint", "method", "window_s")
 
 
@@ -80,7 +88,7 @@ def phase_curve(
     Raises
     ------
     DataError
-        If the analysis does not include the participant.
+        If the analysis does not include the participant, or is by the method ``strapped``.
     EstimationError
         ``no_pulses`` if no participant has estimates at four phases.
 
@@ -106,6 +114,7 @@ def phase_curve(
     a smooth curve rounds off a step, and an estimate is itself a mean over its window. Between
     timing points the band depends on the process more than on the data. Bands are pointwise.
     """
+    _refuse_strapped(analysis)
     people = list(dict.fromkeys(cell.label for cell in analysis.cells))
     rows = {cell.label for cell in analysis.cells if cell.participant == participant}
     if len(rows) == 1:  # the id is unambiguous
@@ -161,6 +170,11 @@ def phase_curve(
         | software(),
         warnings=tuple(warnings),
     )
+
+
+def _refuse_strapped(analysis: StudyAnalysis) -> None:
+    if analysis.cells and all(cell.method == STRAPPED for cell in analysis.cells):
+        raise DataError(_NOT_OF_STRAPPED)
 
 
 def timing_points_of_phases(

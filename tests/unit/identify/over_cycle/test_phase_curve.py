@@ -135,3 +135,10 @@ def test_timing_points_are_made_of_measured_phases():
 def test_phases_without_groups_are_refused(phases, options, message):
     with pytest.raises(DataError, match=message):
         timing_points_of_phases(phases, **options)
+
+
+def test_results_of_the_method_strapped_are_refused_with_what_to_do():
+    cells = tuple(replace(c, method="strapped", budget={}) for c in walker("S01"))
+
+    with pytest.raises(DataError, match=r"by the method strapped.*log_posteriors.*method rigid"):
+        phase_curve(StudyAnalysis(cells=cells))
