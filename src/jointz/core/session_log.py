@@ -209,7 +209,11 @@ def _intact_copy(content: bytes) -> tuple[bytes, int, str]:
 
 
 class Flag(IntFlag):
-    """State of a tick; ``LEAD``: a bench is led to its reference, or back from it."""
+    """State of a tick.
+
+    ``LEAD``: a bench is led to its reference, or back from it; ``CUT``: a pulse displaced the
+    joint too far, and has no torque until its end.
+    """
 
     STEADY = 1
     SHAM = 2
@@ -218,3 +222,4 @@ class Flag(IntFlag):
     TRIPPED = 16
     OVERRUN = 32
     LEAD = 64
+    CUT = 128

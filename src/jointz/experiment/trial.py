@@ -11,8 +11,9 @@ from jointz.core.session_log import Flag
 from jointz.devices.interface import Devices
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.gait.gait_watch import CONTACT_LEVELS, GaitWatch
+from jointz.experiment.gait.unperturbed_angle import UnperturbedAngle
 from jointz.experiment.pulse_runner import PulseRunner
-from jointz.experiment.safety import SafetyGate
+from jointz.experiment.safety import LOOK_AHEAD_S, SafetyGate
 from jointz.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
 from jointz.experiment.torque import AppliedTorque, ZeroTorque
 
@@ -83,6 +84,10 @@ class Trial:
         self._watch = GaitWatch(course.gait, course.contact_levels)
         self._motor = motor
         self._pulses = pulses
+        self._unperturbed: UnperturbedAngle | None = None
+        if pulses is not None and motor is not None and motor.gate.displacement_rad is not None:
+            self._unperturbed = UnperturbedAngle(course.period_ns)
+        self._displaced = False  # whether the displacement of a pulse is followed
         self._strides = course.strides
         self._recorder = recorder
         self._now_ns = clock.now_ns
@@ -121,6 +126,8 @@ class Trial:
         stride = watch.update(slot_ns, self._streams.angle, self._streams.contact)
         self._flags = (_STEADY if watch.steady else 0) | (_OVERRUN if skipped else 0)
         running = not self._stopping
+        if self._unperturbed is not None:
+            self._learn(self._unperturbed, slot_ns, accepted=stride)
         if self._motor is not None:  # a pulse that is on has to fade first
             running = self._act(self._motor, slot, slot_ns, age_s=age_s, skipped=skipped)
         self._record(slot, host_ns)
@@ -129,6 +136,41 @@ class Trial:
         self._check_walking(slot_ns)
         self._busy_us = (self._now_ns() - host_ns) * 1e-3
         return running
+
+    def _learn(self, unperturbed: UnperturbedAngle, slot_ns: int, *, accepted: bool) -> None:
+        """Learn the angle without pulses; before it is known no pulse may begin."""
+        pulses, watch = self._pulses, self._watch
+        if pulses is None:
+            return
+        unperturbed.learn(
+            slot_ns,
+            watch.strides,
+            (self._streams.newest_angle.value, self._streams.newest_actuator.velocity),
+            accepted=accepted,
+            retracted=watch.retracted,
+            pulse=pulses.active is not None and not pulses.active.sham,
+        )
+        pulses.withheld = "" if unperturbed.known else "unperturbed angle not known yet"
+
+    def _displacement(self, slot_ns: int) -> float | None:
+        """Return where the pulse that is on is about to displace the knee to, rad.
+
+        None where no pulse with torque is on, or its displacement has no limit.
+        """
+        unperturbed, pulses = self._unperturbed, self._pulses
+        if unperturbed is None or pulses is None:
+            return None
+        if pulses.active is None or pulses.active.sham:
+            self._displaced = False
+            return None
+        streams = self._streams
+        measured = (streams.newest_angle.value, streams.newest_actuator.velocity)
+        if self._displaced:
+            unperturbed.follow(slot_ns, measured)
+        else:
+            unperturbed.begin(slot_ns, self._watch.strides, measured)
+            self._displaced = True
+        return unperturbed.displacement + LOOK_AHEAD_S * unperturbed.rate
 
     def _act(self, motor: Motor, slot: int, slot_ns: int, *, age_s: float, skipped: int) -> bool:
         """Decide on a torque and send it; False when no more is to come."""
@@ -151,6 +193,7 @@ class Trial:
             age_s=age_s,
             steady=self._watch.steady and not self._stopping,
             pulse_active=wanted != 0.0,
+            displacement=self._displacement(slot_ns),
         )
         over = gate.tripped is not None or (self._stopping and not (gate.fading and sent != 0.0))
         if over:
@@ -160,11 +203,13 @@ class Trial:
             motor.command_torque(sent)
         self._command, self._requested, self._sent = wanted, requested, sent
         self._flags |= gate.flags
-        if pulses is not None and gate.fading:
-            pulses.abort(self._why_fading())
+        if pulses is not None and (gate.fading or gate.cut):
+            pulses.abort(self._why_aborted(gate))
         return not over
 
-    def _why_fading(self) -> str:
+    def _why_aborted(self, gate: SafetyGate) -> str:
+        if gate.cut:
+            return f"displacement above safety.displacement_rad = {gate.displacement_rad:g} rad"
         if self._stopping:
             return "stopped"
         return "too much of the time under pulses" if self._watch.steady else "gait not steady"

@@ -45,7 +45,7 @@ class Walk:
         self.ticks = 0
 
     def tick(self, requested=0.0, *, sample=True, angle=None, age_s=0.0, steady=True, pulse=False,
-             **measured):  # fmt: skip
+             displacement=None, **measured):  # fmt: skip
         """Return what is sent when all is well but for what is given."""
         self.ticks += 1
         moving = 0.3 + 0.001 * (self.ticks % 7)
@@ -58,6 +58,7 @@ class Walk:
             age_s=age_s,
             steady=steady,
             pulse_active=pulse,
+            displacement=displacement,
         )
 
     def ticks_until_trip(self, most=2000, **changed):
@@ -414,6 +415,47 @@ def test_the_share_of_pulses_is_free_again_after_ten_seconds(walk):
         walk.tick(0.0)
     under_torque(walk)
     assert not walk.gate.fading
+
+
+# --- displacement by a pulse -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("displacement", [0.151, -0.151, nan, inf])
+def test_a_pulse_that_displaces_the_joint_too_far_has_no_torque_from_the_same_tick_on(displacement):
+    walk = under_torque(Walk(displacement_rad=0.15))
+    assert walk.tick(17.0, pulse=True, displacement=0.15) == 17.0
+    assert walk.tick(17.0, pulse=True, displacement=displacement) == 0.0
+    assert walk.gate.cut
+    assert walk.gate.flags == Flag.CUT
+    # The joint comes back, and a doublet passes through zero: the pulse is not taken up again.
+    back = [
+        walk.tick(torque, pulse=torque != 0.0, displacement=0.0) for torque in (17.0, 0.0, -9.0)
+    ]
+    assert back == [0.0] * 3
+    assert walk.gate.tripped is None
+
+
+def test_after_its_end_a_pulse_that_was_cut_holds_nothing_up():
+    walk = under_torque(Walk(displacement_rad=0.15))
+    walk.tick(17.0, pulse=True, displacement=0.2)
+    assert walk.tick(0.4) == 0.4
+    assert not walk.gate.cut
+    assert walk.tick(5.0, pulse=True, displacement=0.0) == 5.0
+
+
+def test_a_cut_takes_what_a_fade_has_left_and_a_trip_goes_before_it():
+    walk = under_torque(Walk(displacement_rad=0.15))
+    assert walk.tick(17.0, pulse=True, steady=False, displacement=0.0) > 0.0
+    assert walk.tick(17.0, pulse=True, steady=False, displacement=0.2) == 0.0
+    assert walk.gate.flags == Flag.CUT
+    assert walk.tick(17.0, pulse=True, displacement=0.2, faults=1) == 0.0
+    assert walk.gate.flags == Flag.TRIPPED
+    assert not walk.gate.cut
+
+
+def test_without_a_limit_no_displacement_cuts_a_pulse(walk):
+    under_torque(walk)
+    assert walk.tick(17.0, pulse=True, displacement=3.0) == 17.0
 
 
 # --- properties ----------------------------------------------------------------------------------

@@ -346,7 +346,7 @@ const jointzConsole = (() => {
       const lamp = (name, kind) => lamps.append(make("span", `jz-lamp ${kind}`, name));
       const tripped = status.state === "tripped" || lit.includes("tripped");
       lamp(tripped ? "tripped" : "no trip", tripped ? "bad" : "good");
-      for (const [flag, name] of [["clamped", "clamped"], ["fading", "fading"], ["overrun", "slot missed"]]) {
+      for (const [flag, name] of [["clamped", "clamped"], ["fading", "fading"], ["cut", "pulse cut"], ["overrun", "slot missed"]]) {
         lamp(name, lit.includes(flag) ? "warn" : "");
       }
       for (const fault of faults) lamp(fault, "bad");

@@ -61,6 +61,11 @@ class StridePhase:
         self.strides = self.spurious = self.missing = 0
         self._undo = self._state()
 
+    @property
+    def last_strike_ns(self) -> int:
+        """When the last heel strike was, 0 before the first."""
+        return self._last_ns
+
     def strike(self, time_ns: int) -> bool:
         """Process a heel strike and return whether it ended an accepted stride."""
         self._undo = self._state()

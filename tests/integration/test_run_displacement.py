@@ -1,0 +1,116 @@
+"""A limit of displacement in a walking session: torque, log, journal, and what is done again."""
+
+import numpy as np
+import pytest
+
+from jointz.core.errors import SafetyStop
+from jointz.core.limits import LimitsOverride, tightened
+from jointz.core.session_log import Flag
+from jointz.experiment import trial
+from jointz.experiment.files.journal import pulses_done
+from jointz.experiment.gait import unperturbed_angle
+from jointz.session.session_check import missing_events
+
+PERIOD_S = 0.002
+
+
+@pytest.fixture
+def walk(spied_session, short_walking, tmp_path):
+    """Perturbed walking only, two pulses a point."""
+    protocol = short_walking(conditions=["perturbed"], count_per_point=2, warm_up_strides=5)
+    return spied_session(protocol, tmp_path)
+
+
+@pytest.fixture
+def limit_displacement(monkeypatch):
+    """Set the limit below the protocol, whose own check asks for an expected joint."""
+
+    def limit(rad):
+        monkeypatch.setattr(
+            "jointz.experiment.session.limits_on_device",
+            lambda _, own, **__: tightened(own, LimitsOverride(displacement_rad=rad)),
+        )
+
+    return limit
+
+
+def cut_pulses(ticks):
+    """Return first cut tick and end of each pulse that was cut."""
+    number, cut = ticks["pulse"].astype(int), (ticks["flags"] & Flag.CUT) != 0
+    begins = np.flatnonzero(cut & ~np.append(False, cut[:-1]))
+    return [(at, at + int(np.argmax(number[at:] != number[at]))) for at in begins]
+
+
+def test_pulses_that_go_too_far_are_cut_until_ten_in_a_row_end_the_session(
+    walk, limit_displacement
+):
+    limit_displacement(0.02)
+    with pytest.raises(SafetyStop, match=r"safety\.displacement_rad = 0\.02 rad\. Correct"):
+        walk.run()
+    ticks = walk.records()
+    cuts = cut_pulses(ticks)
+    assert len(cuts) >= 9  # the trial ends in the tick after the tenth
+    for begin, end in cuts:
+        assert not ticks["sent_torque"][begin:end].any()
+    aborted = [e for e in walk.events() if e["event"] == "pulse_aborted"]
+    assert len(aborted) == 10
+    assert pulses_done(walk.events(), "perturbed") == {}
+    # The log alone, as after a kill that took the journal, shows no pulse as done either.
+    assert not [
+        event
+        for event in missing_events(walk.folder, walk.protocol, [])
+        if event["event"] == "pulse_completed"
+    ]
+
+
+def test_a_knee_that_jumps_in_a_pulse_loses_its_torque_in_the_same_tick(
+    walk, limit_displacement, monkeypatch
+):
+    limit_displacement(0.9)
+    whole, jumped_s = trial.Streams.read, []
+
+    def read(self, slot_ns):
+        age_s = whole(self, slot_ns)
+        pushed = sum(torque != "stop" and torque > 15.0 for _, torque in walk.commands)
+        if pushed >= 20 and (not jumped_s or walk.clock.now_ns() * 1e-9 < jumped_s[0] + 0.05):
+            jumped_s.append(walk.clock.now_ns() * 1e-9)
+            self.newest_angle = self.newest_angle._replace(value=self.newest_angle.value + 1.0)
+        return age_s
+
+    monkeypatch.setattr(trial.Streams, "read", read)
+    walk.run()
+    before = [torque for t, torque in walk.commands if t < jumped_s[0] - 1e-9]
+    after = [torque for t, torque in walk.commands if jumped_s[0] - 1e-9 <= t < jumped_s[0] + 0.15]
+    assert before[-1] > 15.0
+    assert set(after) == {0.0}
+    (aborted,) = (e for e in walk.events() if e["event"] == "pulse_aborted")
+    done = [e["pulse"] for e in walk.events() if e["event"] == "pulse_completed"]
+    assert sorted(done) == list(range(1, 13))
+    assert done[-1] == aborted["pulse"]
+
+
+def test_no_pulse_begins_before_the_angle_without_it_is_known(
+    spied_session, short_walking, tmp_path, limit_displacement, monkeypatch
+):
+    limit_displacement(0.9)
+    # As it is, gait is not steady before the angle is known.
+    monkeypatch.setattr(unperturbed_angle, "_FEWEST_STRIDES", 8)
+    protocol = short_walking(conditions=["perturbed"], count_per_point=1, warm_up_strides=0)
+    walk = spied_session(protocol, tmp_path)
+    walk.run()
+    missed = {e["reason"] for e in walk.events() if e["event"] == "pulse_missed"}
+    assert "unperturbed angle not known yet" in missed
+    assert len(pulses_done(walk.events(), "perturbed")) == 6
+
+
+def test_a_limit_that_no_pulse_reaches_changes_nothing(
+    walk, spied_session, tmp_path, limit_displacement
+):
+    walk.run()
+    other = spied_session(walk.protocol, tmp_path / "limited")
+    limit_displacement(1.0)
+    other.run()
+    mine, theirs = walk.records(), other.records()
+    fields = [n for n in mine.dtype.names if n not in ("host_time_ns", "busy_us", "crc")]
+    for name in fields:
+        np.testing.assert_array_equal(mine[name], theirs[name], err_msg=name)
