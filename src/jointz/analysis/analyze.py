@@ -7,7 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from jointz.analysis.coupling import ask_for_coupling
-from jointz.analysis.mass_checks import mass_questions, mass_remarks, without_values_per_kg
+from jointz.analysis.mass_checks import (
+    likely_masses_kg,
+    mass_questions,
+    mass_remarks,
+    without_values_per_kg,
+)
 from jointz.analysis.participant_jobs import (
     EstimationRequest,
     Outcome,
@@ -267,6 +272,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     statistics = study_statistics(study, method, cells, results.values())
     pulses = tuple(p for r in results.values() for p in r.pulses)
     inputs = list(outputs.inputs.values())
+    posteriors = tuple(p for r in results.values() for p in r.log_posteriors)
     statistics["notes"][:0] = [*questions.values(), *mass_remarks(study, questions)]
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return Analysis(
@@ -277,13 +283,17 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             if name in methods
             for c in without_values_per_kg(_completed(study, name, outputs), questions)
         ),
-        population=population_means(person_cells(cells)) if study.spec.of_people else (),
+        population=population_means(
+            person_cells(cells), posteriors, likely_masses_kg(study, questions)
+        )
+        if study.spec.of_people
+        else (),
         pulses=pulses,
         strides=tuple(s for r in results.values() for s in r.strides),
         gaps=tuple(g for r in results.values() for g in r.gaps),
         single=tuple(p for r in results.values() for p in r.single),
         models=tuple(m for r in results.values() for m in r.models),
-        log_posteriors=tuple(p for r in results.values() for p in r.log_posteriors),
+        log_posteriors=posteriors,
         statistics=statistics,
         settings=_settings_record(request),
         provenance={

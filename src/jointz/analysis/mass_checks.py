@@ -38,6 +38,15 @@ _ASK = (
 )
 
 
+def likely_masses_kg(study: Study, questions: Collection[str]) -> dict[str, float]:
+    """Return the masses of participants that are stated and not in question."""
+    return {
+        person.id: person.mass_kg
+        for person in study.spec.participants
+        if person.mass_kg is not None and person.id not in questions
+    }
+
+
 def mass_questions(study: Study, cells: Iterable[CellEstimate]) -> dict[str, str]:
     """Return a question for each participant of a walking study whose mass is unlikely."""
     if study.spec.kind != "walking":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from jointz.analysis.mass_checks import mass_questions, without_values_per_kg
+from jointz.analysis.mass_checks import likely_masses_kg, mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
 from jointz.core.method_names import FULL_RECORD, RIGID
@@ -128,16 +128,21 @@ def with_new_estimates(
     single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
     models = {p: r.models for p, r in results.items()}
     log_posteriors = {p: r.log_posteriors for p, r in results.items()}
+    posteriors = _replaced(people, analysis.log_posteriors, log_posteriors)
     changed = replace(
         analysis,
         cells=cells,
         comparison=tuple(without_values_per_kg(comparison, doubted)),
-        population=population_means(person_cells(cells)) if study.spec.kind == "walking" else (),
+        population=population_means(
+            person_cells(cells), posteriors, likely_masses_kg(study, doubted)
+        )
+        if study.spec.kind == "walking"
+        else (),
         pulses=_replaced(people, analysis.pulses, pulses),
         strides=_replaced(people, analysis.strides, strides),
         single=_replaced(people, analysis.single, single),
         models=_replaced(people, analysis.models, models),
-        log_posteriors=_replaced(people, analysis.log_posteriors, log_posteriors),
+        log_posteriors=posteriors,
         pooled=(),
     )
     if method != RIGID or len(people) < 2 or not any(map(has_budget, cells)):

@@ -34,7 +34,8 @@ class LogPosterior(PlottedResult):
     """Normal posterior of the logarithms of a person's impedance, beside its prior.
 
     The arrays have one element for each parameter and timing point: the stiffness of all points,
-    then the damping of all points, then the inertia of all points. Logarithms are natural and
+    then the damping of all points and so on: inertia, then stiffness and damping at the onset
+    (not in results that were written before them). Logarithms are natural and
     those of values in SI.
 
     Parameters
@@ -53,6 +54,13 @@ class LogPosterior(PlottedResult):
         Of the perturbed recordings; "" if the study does not state them.
     doubts : tuple of str
         Codes of :class:`~jointz.core.codes.Doubt`: why some values are undecided.
+    doubted : tuple of bool
+        Whether a doubt speaks against each element; empty for none.
+    intrinsic : tuple of (str, float)
+        The device's own part of a parameter, SI, which the elements include and ``estimates.csv``
+        does not.
+    gain_sd : float
+        Relative sd of the gains, which the covariance does not include.
 
     Notes
     -----
@@ -61,8 +69,7 @@ class LogPosterior(PlottedResult):
     difference of both precisions times their means. The posterior is widened for errors of its
     approximation and may mix hypotheses: negative eigenvalues of the difference are none. A mean
     over people needs the likelihoods: combining the posteriors would count the prior once per
-    person. Errors of gains and the device's own impedance are not subtracted here, other than in
-    ``estimates.csv``.
+    person.
     """
 
     SCHEMA: ClassVar[str] = "jointz.LogPosterior/1"
@@ -77,6 +84,9 @@ class LogPosterior(PlottedResult):
     session: str = ""
     side: str = ""
     doubts: tuple[str, ...] = ()
+    doubted: tuple[bool, ...] = ()
+    intrinsic: tuple[tuple[str, float], ...] = ()
+    gain_sd: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.parameters)

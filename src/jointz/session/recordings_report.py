@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jointz.core.study import PerturbationsSpec
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.protocols.pulse_models import name_of
+from jointz.core.study import PerturbationsSpec
 from jointz.devices.interface import Rig
 from jointz.experiment.files.journal import Event, read_journal
 from jointz.experiment.files.session_files import JOURNAL_FILE

@@ -9,24 +9,30 @@ from scipy.special import stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import mean_phase
-from jointz.results.estimates import ESTIMATE_COLUMNS, REACH_95, CellEstimate, decides
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import PopulationEstimate
+from jointz.stats.log_pooling import LogMean, log_means
 from jointz.stats.partial_pooling import pool_people
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
-#: Method -> relative sd of the error of its model, which no number of people averages out.
-_SHARED_ERROR: Mapping[str, Mapping[str, float]] = {
-    "strapped": {"stiffness": 0.08, "damping": 0.08, "inertia": 0.04}
-}
+_IMPEDANCE = ("stiffness", "damping", "inertia")
+_ONSET = ("stiffness_onset", "damping_onset")
+_PER_MASS = "_per_mass"
 
 
-def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate, ...]:
+def population_means(
+    cells: Sequence[CellEstimate],
+    posteriors: Sequence[LogPosterior] = (),
+    masses_kg: Mapping[str, float] | None = None,
+) -> tuple[PopulationEstimate, ...]:
     """Return the mean of every parameter at every timing point over participants.
 
     The unit of analysis is the person: replicates and pulses of one person are
-    no people (SCIENCE trap 15).
+    no people (SCIENCE trap 15). Of a method that gives posteriors, means are those of
+    :func:`jointz.stats.log_pooling.log_means`, to which undecided people belong.
     """
     if any(has_budget(cell) for cell in cells):
         return pool_people(cells).population
@@ -34,10 +40,27 @@ def population_means(cells: Sequence[CellEstimate]) -> tuple[PopulationEstimate,
         [row for cell in cells for row in cell.rows()], columns=list(ESTIMATE_COLUMNS)
     )
     groups = rows.groupby(["timing_point", "parameter"], sort=False)
-    return tuple(_mean(group) for _, group in groups)
+    means = _log_means(posteriors, masses_kg or {})
+    return tuple(_mean(group, means if posteriors else None) for _, group in groups)
 
 
-def _mean(rows: pd.DataFrame) -> PopulationEstimate:
+def _log_means(
+    posteriors: Sequence[LogPosterior], masses_kg: Mapping[str, float]
+) -> dict[tuple[str, str], LogMean]:
+    """Return timing point and parameter -> mean, values per kg and at the onset included."""
+    weighed = [p for p in posteriors if p.participant in masses_kg]
+    log_masses = {person: float(np.log(mass)) for person, mass in masses_kg.items()}
+    per_mass = log_means(weighed, _IMPEDANCE[:2], log_scale=log_masses)
+    return {
+        **log_means(posteriors, _IMPEDANCE),
+        **{(point, name + _PER_MASS): mean for (point, name), mean in per_mass.items()},
+        **log_means(posteriors, _ONSET),
+    }
+
+
+def _mean(
+    rows: pd.DataFrame, means: Mapping[tuple[str, str], LogMean] | None
+) -> PopulationEstimate:
     standing = rows[rows["status"].isin(["ok", "at_bound"])]
     values = standing["value"].to_numpy(dtype=float)
     onsets = standing["onset_gait_pct"].dropna().to_numpy(dtype=float)
@@ -56,13 +79,11 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
         status=Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
     )
-    shared_sd = _SHARED_ERROR.get(str(first["method"]), {}).get(_absolute(str(first["parameter"])))
-    if shared_sd is not None and (rows["status"] == "undecided").any():
-        # A mean of the decided people alone would be chosen by its own result.
-        return replace(row, status="undecided")
+    if means is not None:
+        return _with_log_mean(row, means.get((row.timing_point, row.parameter)))
     if n < _FEWEST_PEOPLE:
         return row
-    mean = decided_mean(values, level=_LEVEL, shared_sd=shared_sd or 0.0)
+    mean = decided_mean(values, level=_LEVEL)
     if mean is None:
         return replace(row, status="undecided")
     value, low, high = mean
@@ -70,18 +91,25 @@ def _mean(rows: pd.DataFrame) -> PopulationEstimate:
     return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
 
 
-def _absolute(parameter: str) -> str:
-    return parameter.removesuffix("_per_mass").removesuffix("_onset")
+def _with_log_mean(row: PopulationEstimate, mean: LogMean | None) -> PopulationEstimate:
+    """Return a row with the mean of the likelihoods; without one it stays failed."""
+    if mean is None:
+        return row
+    if not mean.decided:
+        return replace(row, n_participants=mean.n_people, status="undecided")
+    return replace(
+        row,
+        value=mean.value,
+        sd=mean.sd,
+        ci_low=mean.ci_low,
+        ci_high=mean.ci_high,
+        n_participants=mean.n_people,
+        status="ok",
+    )
 
 
-def decided_mean(
-    values: np.ndarray, *, level: float, shared_sd: float = 0.0
-) -> tuple[float, float, float] | None:
-    """Return mean and Student's interval over people, None if they are undecided.
-
-    ``shared_sd`` is the relative sd of an error that is the same in all people.
-    """
+def decided_mean(values: np.ndarray, *, level: float) -> tuple[float, float, float] | None:
+    """Return mean and Student's interval over people, None if they are undecided."""
     mean, sd, n = float(values.mean()), float(values.std(ddof=1)), values.size
     half = float(stdtrit(n - 1, (1 + level) / 2) * sd / np.sqrt(n))
-    half = float(np.hypot(half, REACH_95 * shared_sd * mean)) if shared_sd else half
     return (mean, mean - half, mean + half) if mean > 0.0 and decides(mean, half) else None

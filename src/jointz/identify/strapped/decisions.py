@@ -105,6 +105,13 @@ def decided_rows(
     return (*kbj, *per_mass(kbj, decision.mass_kg), *onsets)
 
 
+def speaks_against(name: str, doubts: Collection[Doubt]) -> bool:
+    """Return whether doubts leave an estimand without value and limits."""
+    # Such an inertia or instrument shows that device or signals are not those of the model.
+    against_all = not _AGAINST_ALL.isdisjoint(doubts)
+    return against_all or bool(doubts and name != "inertia")
+
+
 def _row(
     name: str,
     point: int,
@@ -118,9 +125,7 @@ def _row(
     whole = float(np.exp(mean))
     value = whole - own
     undecided = ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
-    # Such an inertia or instrument shows that device or signals are not those of the model.
-    against_all = not _AGAINST_ALL.isdisjoint(doubts)
-    if value <= 0.0 or against_all or (doubts and name != "inertia"):
+    if value <= 0.0 or speaks_against(name, doubts):
         return undecided
     sd = float(np.hypot(whole * sd, own_sd)) / value
     if not sd < _NO_SD:  # NaN, too

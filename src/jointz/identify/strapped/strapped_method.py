@@ -35,7 +35,7 @@ from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import lag_failure, response_failure
-from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
+from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of, speaks_against
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
 from jointz.identify.strapped.leg_model import LegModel
@@ -250,7 +250,7 @@ class _Participant:
                 cells.append(self._failed(label, failure or failure_of_codes(own), cell, len(own)))
         posterior = None
         if explained is not None and not all(failures[c.label] for c in explained.cells):
-            posterior = self._log_posterior(explained, doubts)
+            posterior = self._log_posterior(explained, doubts, failures)
         return Estimates(tuple(cells), records, log_posterior=posterior)
 
     # --- before the fit ------------------------------------------------------------------------
@@ -341,12 +341,7 @@ class _Participant:
         centre = None
         if onset is not None and np.isfinite(cell.stride_s):
             centre = (onset + 50.0 * window_s / cell.stride_s) % 100.0
-        recording = self._sources[used[0].source].given.recording
-        decision = Decision(
-            known=explained.known,
-            mass_kg=self._settings.mass_kg,
-            subtract=intrinsic_left_in(recording),
-        )
+        decision = self._decision(cell, explained.known)
         parameters = decided_rows(k, explained.moments, decision, doubts)
         response, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
@@ -387,21 +382,39 @@ class _Participant:
             known=self._known([cell]),
         )
 
-    def _log_posterior(self, explained: _Explained, doubts: Sequence[set[Doubt]]) -> LogPosterior:
-        names = ESTIMANDS[:3]
-        n = len(explained.cells)
-        kept = np.arange(len(names) * n)
-        moments = explained.moments
+    def _decision(self, cell: PredictedCell, known: CalibrationSpec) -> Decision:
+        recording = self._sources[cell.used[0].source].given.recording
+        return Decision(
+            known=known,
+            mass_kg=self._settings.mass_kg,
+            subtract=intrinsic_left_in(recording),
+        )
+
+    def _log_posterior(
+        self,
+        explained: _Explained,
+        doubts: Sequence[set[Doubt]],
+        failures: Mapping[str, Failure | None],
+    ) -> LogPosterior:
+        n, moments = len(explained.cells), explained.moments
+        decision = self._decision(explained.cells[0], explained.known)
         ordered = dict.fromkeys(code.value for found in doubts for code in sorted(found))
         return LogPosterior(
             participant=self._name,
-            parameters=tuple(name for name in names for _ in range(n)),
-            timing_points=tuple(c.label for _ in names for c in explained.cells),
-            mean=moments.mean[kept],
-            covariance=moments.covariance[np.ix_(kept, kept)],
-            prior_mean=moments.prior_mean[kept],
-            prior_covariance=moments.prior_covariance[np.ix_(kept, kept)],
+            parameters=tuple(name for name in ESTIMANDS for _ in range(n)),
+            timing_points=tuple(c.label for _ in ESTIMANDS for c in explained.cells),
+            mean=moments.mean,
+            covariance=moments.covariance,
+            prior_mean=moments.prior_mean,
+            prior_covariance=moments.prior_covariance,
             doubts=tuple(ordered),
+            doubted=tuple(
+                bool(failures[cell.label]) or speaks_against(name, found)
+                for name in ESTIMANDS
+                for cell, found in zip(explained.cells, doubts, strict=True)
+            ),
+            intrinsic=tuple((name, decision.intrinsic(name)[0]) for name in ESTIMANDS),
+            gain_sd=decision.gain_sd,
         )
 
     def _failed(
