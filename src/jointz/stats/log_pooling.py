@@ -15,7 +15,7 @@ _POINT_SD: Mapping[str, float] = {"stiffness": 0.25, "damping": 0.25, "inertia":
 #: Sd of the error of the model (of logarithms), which no number of people averages out.
 SHARED_SD: Mapping[str, float] = {"stiffness": 0.08, "damping": 0.08, "inertia": 0.04}
 #: Steps of the search over the six sds, of which the first quarter is left out.
-_STEPS = 600
+_STEPS = 2000
 _STEP_SIZE = 0.35
 _START = 0.7  # of the prior's sd
 _SEED = 1
@@ -92,7 +92,7 @@ def log_means(
         sd = float(np.hypot(np.sqrt(covariance[k, k]), shared)) * whole / value
         low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])
         half = max((high - low) / 2.0, value * float(np.nanmedian(widths)))
-        between = whole * float(np.sqrt(np.expm1(spread[kinds[k]])))
+        between = whole * float(np.sqrt(np.expm1(spread[kinds[k]] ** 2)))
         result[point, name] = LogMean(
             value, between, float(low), float(high), n, decides(value, half)
         )
@@ -159,7 +159,7 @@ def _places(posterior: LogPosterior, elements: Sequence[tuple[str, str]]) -> dic
 def _drawn(
     found: _Likelihoods, kinds: np.ndarray, names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the log of the arithmetic means, their covariance, and variances between people."""
+    """Return the log of the arithmetic means, their covariance, and sds between people."""
     rng = np.random.default_rng(_SEED)
     prior = np.array([[_LEVEL_SD[name], _POINT_SD[name]] for name in names])
     log_sds = np.log(_START * prior)
@@ -177,7 +177,7 @@ def _drawn(
             variances = np.exp(2.0 * log_sds).sum(axis=1)
             means.append(current[1] + variances[kinds] / 2.0)
             covariances.append(current[2])
-            spreads.append(variances)
+            spreads.append(np.sqrt(variances))
     together = np.cov(np.array(means).T) + np.mean(covariances, axis=0)
     return np.mean(means, axis=0), np.atleast_2d(together), np.mean(spreads, axis=0)
 

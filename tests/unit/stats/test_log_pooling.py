@@ -57,7 +57,7 @@ def test_intervals_hold_the_mean_of_the_population():
 
 
 def test_the_prior_of_each_person_is_no_data():
-    """With data as weak as the prior, forty posteriors lie far from the truth; the mean does not."""
+    """With data as weak as the prior, posteriors lie far from the truth; their mean does not."""
     weak = people(40, error_sd=0.7, level_sd=0.05, point_sd=0.05)
     found = log_means(weak, NAMES)["LRE", "stiffness"]
     naive = np.exp(np.mean([p.mean[0] for p in weak]))
