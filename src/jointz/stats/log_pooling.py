@@ -94,7 +94,7 @@ def log_means(
         half = max((high - low) / 2.0, value * float(np.nanmedian(widths)))
         between = whole * float(np.sqrt(np.expm1(spread[kinds[k]] ** 2)))
         result[point, name] = LogMean(
-            value, between, float(low), float(high), n, decides(value, half)
+            value, between, float(low), float(high), n, bool(decides(value, half))
         )
     return result
 

@@ -47,7 +47,7 @@ def test_intervals_hold_the_mean_of_the_population():
         for k, point in enumerate(POINTS)
     }
     held, given = [], []
-    for seed in range(40):
+    for seed in range(16):
         found = log_means(people(8, seed=seed), NAMES)
         assert set(found) == set(expected)
         held += [m.ci_low <= expected[key] <= m.ci_high for key, m in found.items() if m.decided]
@@ -66,9 +66,9 @@ def test_the_prior_of_each_person_is_no_data():
 
 
 def test_where_a_typical_person_decides_nothing_the_mean_is_not_decided():
-    found = log_means(people(60, error_sd=1.5), NAMES)
+    found = log_means(people(20, error_sd=1.5), NAMES)
     assert not any(mean.decided for mean in found.values())
-    assert {mean.n_people for mean in found.values()} == {60}
+    assert {mean.n_people for mean in found.values()} == {20}
 
 
 def test_a_person_whom_the_model_does_not_fit_counts_nowhere():
@@ -98,12 +98,12 @@ def test_values_per_kg_are_pooled_per_kg_and_the_device_is_taken_off():
 
 def test_what_all_people_share_does_not_average_out():
     shares = {}
-    for n in (5, 200):
+    for n in (5, 80):
         mean = log_means(people(n, error_sd=0.05, level_sd=0.05, point_sd=0.02), NAMES)[
             "LRE", "damping"
         ]
         shares[n] = np.log(mean.ci_high / mean.ci_low) / (2 * 1.96)
-    assert shares[200] == pytest.approx(0.08, rel=0.05)
+    assert shares[80] == pytest.approx(0.08, rel=0.05)
 
 
 def test_one_person_has_no_mean_over_people_and_missing_points_are_left_out():
