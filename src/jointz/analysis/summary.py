@@ -150,19 +150,19 @@ def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
             f"the {level}interval of a random-effects model in which each estimate is weighted by "
             "its uncertainty"
         )
-    if _has_means_of_likelihoods(analysis):
+    if has_means_of_likelihoods(analysis):
         return f"the {level}interval of a random-effects model of the logarithms"
     return f"a {level}t interval over participants"
 
 
-def _has_means_of_likelihoods(analysis: StudyAnalysis) -> bool:
+def has_means_of_likelihoods(analysis: StudyAnalysis) -> bool:
     """Return whether means over participants are from posteriors of their logarithms."""
     return bool(analysis.log_posteriors) and any(m.method == STRAPPED for m in analysis.population)
 
 
 def mean_over_people_note(analysis: StudyAnalysis) -> str:
     """Explain mean, SD and n over participants."""
-    if _has_means_of_likelihoods(analysis):
+    if has_means_of_likelihoods(analysis):
         return (
             "The mean and the SD between participants are from a random-effects model of the "
             "logarithms in which the likelihood of each participant counts, without the "

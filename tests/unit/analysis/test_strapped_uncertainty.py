@@ -50,6 +50,11 @@ def analysis(cells, sds, *, doubts=()):
     return StudyAnalysis(cells=tuple(cells), log_posteriors=(posterior,), settings=settings)
 
 
+def plain(row):
+    """Texts without spaces that do not break."""
+    return {name: text.replace("\N{NO-BREAK SPACE}", " ") for name, text in row.items()}
+
+
 def test_the_best_measurement_stands_first_with_what_it_would_leave():
     left = {"lag": FAIR, "pulses": 0.8 * WIDE, "gain": WIDE}
     parts = {n: 40.0 * np.sqrt(WIDE**2 - sd**2) for n, sd in left.items()}
@@ -57,7 +62,7 @@ def test_the_best_measurement_stands_first_with_what_it_would_leave():
 
     section = uncertainty_section(analysis(cells, (WIDE, NARROW, NARROW)))
 
-    (row,) = section["undecided"]
+    row = plain(section["undecided"][0])
     assert (row["value"], row["unit"]) == ("40.0", "N·m/rad, ± 100 %")
     lag, pulses = row["remedy"].split("; ")
     assert lag == "lag of the angle (angle_lag_s under [calibration]): ± 41 %"
@@ -78,7 +83,7 @@ def test_a_narrow_interval_among_wide_ones_says_so():
 
     rows = uncertainty_section(analysis(cells, (FAIR, WIDE, WIDE)))["undecided"]
 
-    assert "the median over the participant's timing points is ± 100 %" in rows[0]["why"]
+    assert "the median over the participant's timing points is ± 100 %" in plain(rows[0])["why"]
     assert rows[1]["why"] == "half of the interval exceeds 50 % of the value"
 
 

@@ -66,7 +66,7 @@ _AT_REST: Final = (
 _RIGID: Final = (
     (
         "The model is fitted to the angle.",
-        "VAF of the method rigid refers to the angle, that of the other methods to the "
+        "VAF of the methods strapped and rigid refers to the angle, that of the others to the "
         "torque. The two are not comparable, and neither measures accuracy.",
     ),
     _JOINT_AND_DEVICE,

@@ -7,7 +7,12 @@ import numpy as np
 import pandas as pd
 
 from jointz.analysis.page.method_means import available, cells_by_method, method_mean
-from jointz.analysis.summary import chosen_method, counted_people, has_pooled_means
+from jointz.analysis.summary import (
+    chosen_method,
+    counted_people,
+    has_means_of_likelihoods,
+    has_pooled_means,
+)
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.style import (
@@ -91,6 +96,11 @@ def methods_caption(analysis: StudyAnalysis) -> str:
         if has_pooled_means(analysis)
         else ""
     )
+    if has_means_of_likelihoods(analysis):
+        other_means = (
+            " Means of the chosen method are those of the table, from the random-effects model, "
+            "and are not drawn where they are undecided."
+        )
     return (
         "The chosen method beside the others on the same recordings; each method excludes the "
         f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "

@@ -167,7 +167,9 @@ def _mean_cell(mean: PopulationEstimate | None) -> _Row:
     if mean is None:
         return {"text": "", "note": ""}
     if mean.value is None:
-        return {"text": DASH, "note": status_meaning(mean.status)}
+        # The table of statuses explains it; in every cell the sentence makes the table too wide.
+        undecided = mean.status == "undecided"
+        return {"text": DASH, "note": mean.status if undecided else status_meaning(mean.status)}
     shown = (mean.value, mean.ci_low, mean.ci_high)
     sd = f"SD {format_spread(mean.sd, *shown)}, " if mean.sd is not None else ""
     return {"text": format_interval(*shown), "note": f"{sd}n {mean.n_participants}"}

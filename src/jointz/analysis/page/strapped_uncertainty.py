@@ -66,7 +66,7 @@ def _row(
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     withheld = estimate.ci_low is None
-    reach = "" if sd is None else f", ± {_pct(_half_width(sd))}"
+    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(_half_width(sd))}"
     return {
         "participant": cell.label,
         "name": cell.timing_point,
@@ -89,7 +89,8 @@ def _too_wide(sd: float | None, others: Sequence[float]) -> str:
     usual = _half_width(float(np.median(others)))
     return (
         "half of the interval is within 50 %, but the median over the participant's timing points "
-        f"is ± {_pct(usual)}: one narrow interval among wide ones may be so by chance"
+        f"is ±\N{NO-BREAK SPACE}{_pct(usual)}: one narrow interval among wide ones may be "
+        "so by chance"
     )
 
 
@@ -104,7 +105,9 @@ def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -
         for source, part in parts.items()
     }
     ordered = sorted(left, key=left.__getitem__)
-    named = [f"{_MEASUREMENTS[n]}: ± {_pct(left[n])}" for n in ordered[:_MOST_NAMED]]
+    named = [
+        f"{_MEASUREMENTS[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]
+    ]
     worth = sum(x <= (1.0 - _WORTH_NAMING) * now for x in left.values())
     if worth or not named:
         return "; ".join(named[:worth]) or _NOTHING_ALONE
@@ -117,4 +120,8 @@ def _half_width(sd: float) -> float:
 
 
 def _pct(share: float) -> str:
-    return f"{100.0 * share:.0f} %" if share < 10.0 else "> 1000 %"
+    return (
+        f"{100.0 * share:.0f}\N{NO-BREAK SPACE}%"
+        if share < 10.0
+        else ">\N{NO-BREAK SPACE}1000\N{NO-BREAK SPACE}%"
+    )

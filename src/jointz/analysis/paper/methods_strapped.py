@@ -7,7 +7,7 @@ from typing import Final
 from jointz.analysis.paper.citations import cite
 from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
 from jointz.identify.strapped.estimands import WIDER
-from jointz.report.wording import AT_ONSET, format_exact, onset_note
+from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
 from jointz.results.study_analysis import StudyAnalysis
 
 _MODEL: Final = (
@@ -79,7 +79,8 @@ def _priors(spec: PriorsSpec) -> Iterator[str]:
     for name, entry in PriorsSpec.model_fields.items():
         prior = getattr(spec, name)
         source = entry.description if prior == entry.default else _BY_THE_STUDY
-        yield f"{_UNIT.sub('', name).replace('_', ' ')} {_numbers(prior)} ({source})"
+        words = _UNIT.sub("", name).replace("_", " ")
+        yield f"{words} {_numbers(prior)} ({pretty_unit(str(source))})"
 
 
 def _numbers(prior: LogPrior | SharePrior | NormalPrior | Spread) -> str:
