@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
+from jointz.core.method_names import STRAPPED
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     BLUE,
@@ -44,6 +45,11 @@ _GAP: Final = 0.12
 _NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
+
+_MOST_FREQUENT: Final = (
+    " Of pulses of several shapes, sizes or signs, the most frequent kind is drawn; n and VAF are "
+    "those of all."
+)
 
 _Cells = Mapping[tuple[str, str], CellEstimate]
 
@@ -98,12 +104,14 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
 def responses_caption(analysis: StudyAnalysis) -> str:
     """Return the caption of the figure."""
     fitted = fitted_signals(analysis)
+    strapped = any(c.method == STRAPPED for c in analysis.cells)
+    shapes = _MOST_FREQUENT if strapped else ""
     driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
     return (
         "Average responses to the pulses after subtraction of the baseline: angle (left) and "
-        f"torque (right), with the {fitted} of the fitted model dashed{driven}. Panels of a row "
-        "share their axes. Grey numbers: pulses averaged (n) and variance accounted for (VAF, "
-        "beside the fitted signal). VAF measures how closely the curve is followed, not how "
+        f"torque (right), with the {fitted} of the fitted model dashed{driven}.{shapes} Panels "
+        "of a row share their axes. Grey numbers: pulses averaged (n) and variance accounted "
+        "for (VAF, beside the fitted signal). VAF measures how closely the curve is followed, not how "
         f"accurate the estimates are. n: {counted_people_and_pulses(analysis)}; no intervals are "
         "drawn."
     )

@@ -8,6 +8,7 @@ import numpy as np
 from jointz.core.codes import Doubt
 from jointz.report.wording import ABSOLUTE, format_number, parameter_name, pretty_unit
 from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
 NOTE: Final = (
@@ -50,11 +51,11 @@ def strapped_undecided(analysis: StudyAnalysis) -> list[_Row]:
 _Key = tuple[str, str, str]
 
 
-def _log_sds(posterior: Any) -> Iterator[tuple[_Key, float]]:
+def _log_sds(posterior: LogPosterior) -> Iterator[tuple[_Key, float]]:
     """Yield participant, parameter and timing point with the sd of the logarithm."""
     places = zip(posterior.parameters, posterior.timing_points, strict=True)
     for (name, point), sd in zip(places, np.sqrt(np.diag(posterior.covariance)), strict=True):
-        yield (posterior.label, name, point), float(sd)
+        yield (posterior.label, name, point), float(np.hypot(sd, posterior.gain_sd))
 
 
 def _row(
