@@ -109,11 +109,11 @@ def responses_caption(analysis: StudyAnalysis) -> str:
     driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
     return (
         "Average responses to the pulses after subtraction of the baseline: angle (left) and "
-        f"torque (right), with the {fitted} of the fitted model dashed{driven}.{shapes} Panels "
-        "of a row share their axes. Grey numbers: pulses averaged (n) and variance accounted "
-        "for (VAF, beside the fitted signal). VAF measures how closely the curve is followed, not how "
-        f"accurate the estimates are. n: {counted_people_and_pulses(analysis)}; no intervals are "
-        "drawn."
+        f"torque (right), with the {fitted} of the fitted model dashed{driven}.{shapes} "
+        "Panels of a row share their axes. Grey numbers: pulses averaged (n) and variance "
+        "accounted for (VAF, beside the fitted signal). VAF measures how closely the curve is "
+        "followed, not how accurate the estimates are. "
+        f"n: {counted_people_and_pulses(analysis)}; no intervals are drawn."
     )
 
 
