@@ -5,10 +5,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.analysis.participant_jobs import (
+    participant_settings,
+    read_participant,
+    recommended_method,
+)
 from jointz.core.errors import DataError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS
-from jointz.core.method_names import RIGID
+from jointz.core.method_names import RIGID, STRAPPED
 from jointz.core.study import Study
 from jointz.identify.appraisal.certificate_draws import Chosen, Injection
 from jointz.identify.appraisal.certificate_study import (
@@ -46,6 +50,8 @@ def certify(
 ) -> Certificate:
     """Estimate known responses injected into a walking study, to know the error to expect.
 
+    The estimates are by the method ``rigid``.
+
     Parameters
     ----------
     study : Study or path
@@ -76,12 +82,20 @@ def certify(
         If recordings cannot be trusted; one message names all of them.
     ValueError
         If the study is not a walking study, or a value to inject is out of range.
+    DataError
+        If the study is one of a strapped device, which is not analysed by ``rigid``.
     """
     opened = study if isinstance(study, Study) else open_study(study)
     if opened.spec.kind != "walking":
         raise ValueError(
             "certify: expected a walking study, got kind "
             f'"{opened.spec.kind}"; on a bench, measure loads of known impedance instead.'
+        )
+    if recommended_method(opened) == STRAPPED:
+        raise DataError(
+            f"certify: a certificate is of the method {RIGID}, and this study is analysed by "
+            f"{STRAPPED}, whose intervals include the priors that are in provenance.json. If the "
+            'device is coupled rigidly, add coupling = "rigid" to study.toml.'
         )
     people = [person.id for person in opened.spec.participants]
     replicates = replicates_for(len(people)) if replicates is None else replicates

@@ -3,6 +3,7 @@
 import pytest
 
 from jointz.analysis.certify import certify, checked_injection
+from jointz.core.errors import DataError
 
 from .studies import without_recordings
 
@@ -68,3 +69,10 @@ def test_values_that_make_no_sense_are_refused(given, place):
 
     with pytest.raises(ValueError, match=place):
         checked_injection(**asked, lag_s=lag_s, timing_points=["LRE"])
+
+
+def test_a_study_of_a_strapped_device_has_no_certificate(small_study):
+    small_study.edit_toml('coupling = "rigid"', 'coupling = "strap"')
+
+    with pytest.raises(DataError, match=r'of the method rigid, .* by strapped.*coupling = "rigid"'):
+        certify(small_study.root, replicates=1)
