@@ -2,7 +2,7 @@
 Where does the uncertainty come from?
 =====================================
 
-An interval of the recommended method is made of named parts: strides that differ, lag, friction,
+An interval of the method rigid is made of named parts: strides that differ, lag, friction,
 gains. If most of it is the lag, more pulses do not help, measuring the lag does.
 """
 

@@ -105,7 +105,7 @@ true = rig.truth(
     worn=True,
     stretches=[Stretch(0, 0.0, walk.end_s)],
     pulses=walk.pulses,
-    shape=WALKING_PULSE,
+    shapes={"": WALKING_PULSE},
 )["timing_points"]
 rows = analysis.to_frame().query("parameter == 'stiffness'").reset_index(drop=True)
 figure, axes = plt.subplots()

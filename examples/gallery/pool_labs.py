@@ -21,7 +21,7 @@ about = {
     "version": "1", "values": "estimates", "statistic": "individual", "joint": "knee",
     "side": "left", "condition": "level", "activity": "walking", "walking_speed_m_s": 1.2,
     "slope_deg": 0.0, "timing_point": "MST", "onset_gait_pct": 21.5, "parameter": "stiffness",
-    "unit": "N*m/rad", "method": "recommended", "status": "ok", "licence": "CC-BY-4.0",
+    "unit": "N*m/rad", "method": "rigid", "status": "ok", "licence": "CC-BY-4.0",
     "ci_level": 0.95, "n": 1.0,
 }  # fmt: skip
 blank = {name: np.nan if kind == "number" else "" for name, kind in CATALOG_COLUMNS.items()}

@@ -152,7 +152,7 @@ def true_rows(rig: SimulatedRig, walk: Walk, person: str) -> list[tuple[str, ...
         worn=True,
         stretches=[Stretch(0, 0.0, walk.end_s)],
         pulses=walk.pulses,
-        shape=WALKING_PULSE,
+        shapes={"": WALKING_PULSE},
     )["timing_points"]
     names = ("stiffness", "damping", "inertia")
     return [

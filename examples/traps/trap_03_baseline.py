@@ -4,7 +4,7 @@ Trap 3: what would have happened without the pulse?
 
 The response to a pulse is what was measured minus what would have been. Taking the mean
 unperturbed cycle of another condition for that leaves posture, drift and phase in the difference,
-and they pass for an answer of the joint. The recommended method predicts each pulse's unperturbed
+and they pass for an answer of the joint. The method rigid predicts each pulse's unperturbed
 motion from its own past.
 
 Strides differ here as those of people do. The instruments are perfect, or all but the goniometer,
@@ -33,7 +33,7 @@ slow = replace(
 rigs = {"no lag": perfect, "a lag": replace(perfect, name="late", goniometer=slow)}
 
 # %%
-# Two people under every baseline, everything else the same: the recommended estimator, and the
+# Two people under every baseline, everything else the same: the method rigid, and the
 # dissertation's, which filters, fits by least squares and knows of no lag.
 
 
@@ -61,7 +61,7 @@ names = {
     "predicted": "predicted from\nthe pulse's past",
 }
 panels = {
-    "recommended estimator, no lag": [
+    "method rigid, no lag": [
         (label, tables["no lag"].query("inertia_model == 'pooled' and baseline == @key"))
         for key, label in names.items()
     ],
@@ -91,7 +91,7 @@ axes[0].set_ylabel("RMS error (% of the truth)")
 axes[0].legend()
 
 # %%
-# Left: with the mean cycle of another condition even the recommended estimator is wrong where it
+# Left: with the mean cycle of another condition even the method rigid is wrong where it
 # decides, and does not decide all; baselines made of the same recording leave little. Right: for
 # an estimator that knows of no lag the better baseline removes most of the error as long as there
 # is none. Where the goniometer is late, stiffness and inertia stay about as wrong as they were.

@@ -63,7 +63,7 @@ truth = rig.truth(
     worn=True,
     stretches=[Stretch(0, 0.0, walk.end_s)],
     pulses=walk.pulses,
-    shape=WALKING_PULSE,
+    shapes={"": WALKING_PULSE},
 )
 cycles = np.linspace(0.0, 1.0, 401)
 right.plot(100 * cycles, impedance_over_cycle(rig.person, rig.preset, cycles)[0], color="0.5")

@@ -64,7 +64,7 @@ for share in shares:
     reflex = ReflexSettings(gain=share, latency_s=0.03) if share else None
     people = replace(preset("nominal"), name="reflex", joint=JointSettings(reflex=reflex))
     study = simulate_study(mkdtemp() + "/study", preset=people, lag_sd_s=0.0005, seed=14)
-    analysis = jointz.analyze(study, method="recommended", resamples=2)
+    analysis = jointz.analyze(study, method="rigid", resamples=2)
     rows = truth_table(analysis, study).query("parameter == 'stiffness'")
     walking.append(rows["error_pct"].to_numpy())
     print(

@@ -288,6 +288,7 @@ def _recording_metadata(study: Study, piece: xr.Dataset) -> dict[str, Any]:
         "Joint": spec.joint,
         "PositiveDirection": spec.positive,
         "TorqueActsOn": "joint",
+        **({"Coupling": spec.coupling} if spec.coupling else {}),
         **{key: str(attributes[name]) for key, name in names.items() if attributes.get(name)},
     }
 

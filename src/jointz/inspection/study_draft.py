@@ -64,6 +64,7 @@ def study_text(proposal: Proposal) -> str:
         _line("kind", proposal.kind),
         _line("positive", _positive(proposal)),
         _line("torque_acts_on", proposal.acts_on),
+        *_coupling(proposal),
         *_rate(proposal),
     ]
     for name in proposal.assigned:
@@ -85,6 +86,12 @@ def _positive(proposal: Proposal) -> Guess:
     if options:
         return Guess(options, "by the angle's name")
     return Guess(_POSITIVE.get(proposal.joint.value, "flexion"), "the usual one")
+
+
+def _coupling(proposal: Proposal) -> list[str]:
+    if proposal.kind.value != "walking":
+        return []
+    return [_line("coupling", Guess("strap", '"rigid" where the device moves with the bone'))]
 
 
 def _rate(proposal: Proposal) -> list[str]:
@@ -202,7 +209,7 @@ def _perturbations(proposal: Proposal) -> list[str]:
     if proposal.pulses.source and proposal.pulses.source != "command":
         lines.append(_line("source", Guess(proposal.pulses.source, proposal.pulses.why)))
     alone = proposal.condition.value == "perturbed" and "condition" not in proposal.assigned
-    # In walking, the recommended method predicts from unperturbed strides of the same recording.
+    # In walking, the recommended methods predict from unperturbed strides of the same recording.
     if alone and proposal.kind.value == "bench":
         why = "the study has no unperturbed recording; remove this line when you add one"
         lines.append(_line("baseline", Guess("pre_pulse", why)))

@@ -171,7 +171,8 @@ def test_the_study_of_the_readme_is_analysed_into_files_that_are_described(
         table = pd.read_csv(small_study.root / f"S01_{ours}.csv")
         table["angle"] = np.rad2deg(table["angle"])
         table.rename(columns=names).to_csv(small_study.root / f"S01_{theirs}.csv", index=False)
-    (small_study.root / "study.toml").write_text(toml)
+    simulated = toml.replace('kind = "walking"', 'kind = "walking"\ncoupling = "rigid"')
+    (small_study.root / "study.toml").write_text(simulated)
 
     outcome = analyze(small_study)
 

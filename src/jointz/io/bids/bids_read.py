@@ -47,6 +47,7 @@ _TOLD = {
     "Trial": "trial",
     "PositiveDirection": "positive",
     "TorqueActsOn": "torque_acts_on",
+    "Coupling": "coupling",
 }
 #: A recording may miss a sample of what its sidecar says, for rounding.
 _SAMPLES_OFF = 1.5
