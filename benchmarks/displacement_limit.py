@@ -20,7 +20,7 @@ from jointz.core.clock import VirtualClock
 from jointz.core.limits import LimitsOverride, SafetyLimits, tightened
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.session_log import Flag
-from jointz.experiment import pulse_runner, session
+from jointz.experiment import pulse_runner, scheduler, session
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.session.worker_pool import NoOperator
@@ -103,7 +103,7 @@ def walk(
         stack.enter_context(patch.object(_KeptPlant, "kept", kept, create=True))
         stack.enter_context(patch.object(session, "limits_on_device", limits))
         stack.enter_context(patch.object(pulse_runner, "_MOST_BROKEN_OFF", 10**9))
-        stack.enter_context(patch.object(pulse_runner.Scheduler, "requeue", lambda *_: None))
+        stack.enter_context(patch.object(scheduler.Scheduler, "requeue", lambda *_: None))
         if not torque:
             stack.enter_context(patch.object(pulse_runner.PulseRunner, "torque", _no_torque()))
         session.Session(
