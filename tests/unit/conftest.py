@@ -68,9 +68,7 @@ def walking_cell(rng, person, mass, point, *, method="rigid", bias=1.0, status="
 
 def shared_inertia(rng, person, mass):
     inertia = estimate(rng, "inertia", 0.0045 * mass)
-    return CellEstimate(
-        person, "all", None, (inertia,), None, PULSES * 6, 12, "rigid", "predicted"
-    )
+    return CellEstimate(person, "all", None, (inertia,), None, PULSES * 6, 12, "rigid", "predicted")
 
 
 def population(cells):

@@ -6,6 +6,7 @@ from jointz.core.protocols.pulse_models import Pulse, name_of
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.gait.gait_watch import GaitWatch
 from jointz.experiment.plan import PlannedPulse
+from jointz.experiment.safety import ACTUATOR_LATE_S, LOOK_AHEAD_S
 from jointz.experiment.scheduler import Scheduler
 from jointz.experiment.torque import PulseCourse
 
@@ -30,6 +31,7 @@ class PulseRunner:
         "_scheduler",
         "_segment",
         "_slot",
+        "_to_come",
         "_was_steady",
         "_why",
         "aborted",
@@ -47,10 +49,16 @@ class PulseRunner:
         *,
         journal: Journal,
         period_ns: int,
+        inertia: float | None = None,
     ) -> None:
         self._condition, self._segment = condition, segment
         self._courses = {name_of(pulse): PulseCourse(pulse) for pulse in pulses}
         self._course = next(iter(self._courses.values()))
+        # Of the expected joint: how far a pulse goes on to move it, N*m -> rad.
+        self._to_come = {
+            name: [moved / inertia for moved in _moved(course)] if inertia else []
+            for name, course in self._courses.items()
+        }
         self._scheduler = scheduler
         self._journal = journal
         self._half_period_ns = period_ns // 2
@@ -104,6 +112,14 @@ class PulseRunner:
             self._start(started, slot_ns)
         return self._value(slot_ns)
 
+    def displacement_to_come(self, slot_ns: int) -> float:
+        """Return how far the rest of the pulse will move the expected joint, rad."""
+        pulse = self.active
+        if pulse is None:
+            return 0.0
+        to_come, at = self._to_come[pulse.shape], (slot_ns - self._onset_ns) // 1_000_000
+        return pulse.amplitude_nm * to_come[at] if at < len(to_come) else 0.0
+
     def abort(self, why: str) -> None:
         """Count the pulse that is on as not done; its torque is faded by the safety gate."""
         if self.active is None or self.aborted:
@@ -155,3 +171,7 @@ class PulseRunner:
             slot=self._slot,
             **details,
         )
+
+
+def _moved(course: PulseCourse) -> list[float]:
+    return course.displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)

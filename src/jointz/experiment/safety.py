@@ -36,7 +36,8 @@ _NO_TORQUE_NM = 1e9
 #: B = 2.6 N*m*s/rad (means of adults over the gait cycle) coasts. Pushed from rest it stops after
 #: its velocity times exp(-z * acos(z) / sqrt(1 - z^2)) / w, w = sqrt(K / J), z = B / (2 sqrt(K J)):
 #: 45 ms.
-LOOK_AHEAD_S = 0.018 + 0.045
+ACTUATOR_LATE_S = 0.018
+LOOK_AHEAD_S = ACTUATOR_LATE_S + 0.045
 
 
 class SafetyGate:

@@ -82,6 +82,20 @@ class PulseCourse:
         ]
         self.duration_ns = ends_ns[-1]
 
+    def displacements(self, *, ahead_s: float, late_s: float) -> list[float]:
+        """Return how far the torque to come moves a free inertia, for every ms of the pulse.
+
+        For 1 N*m and 1 kg*m^2, within ``ahead_s``, of an actuator that is ``late_s`` late.
+        """
+        since_ms = round(1e-6 * self.duration_ns)
+        ahead_ms, late_ms = round(1e3 * ahead_s), round(1e3 * late_s)
+        shares = [self.share((k - late_ms) * 1_000_000) for k in range(since_ms + ahead_ms)]
+        weights = [1e-6 * (ahead_ms - k) for k in range(ahead_ms)]
+        return [
+            sum(w * shares[k + i] for i, w in enumerate(weights) if k + i < len(shares))
+            for k in range(since_ms)
+        ]
+
     def share(self, elapsed_ns: int) -> float:
         """Return the share of the amplitude, -1..1."""
         if elapsed_ns < 0:

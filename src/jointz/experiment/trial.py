@@ -155,7 +155,8 @@ class Trial:
     def _displacement(self, slot_ns: int) -> float | None:
         """Return where the pulse that is on is about to displace the knee to, rad.
 
-        None where no pulse with torque is on, or its displacement has no limit.
+        If it were cut now, the knee would coast; a pulse whose rest takes it back may go on as long
+        as that brings it less far. None where no pulse with torque is on, or without a limit.
         """
         unperturbed, pulses = self._unperturbed, self._pulses
         if unperturbed is None or pulses is None:
@@ -170,7 +171,10 @@ class Trial:
         else:
             unperturbed.begin(slot_ns, self._watch.strides, measured)
             self._displaced = True
-        return unperturbed.displacement + LOOK_AHEAD_S * unperturbed.rate
+        coasting = unperturbed.displacement + LOOK_AHEAD_S * unperturbed.rate
+        going_on = coasting + pulses.displacement_to_come(slot_ns)
+        ahead = min(coasting, going_on, key=abs)
+        return max(unperturbed.displacement, ahead, key=abs)
 
     def _act(self, motor: Motor, slot: int, slot_ns: int, *, age_s: float, skipped: int) -> bool:
         """Decide on a torque and send it; False when no more is to come."""

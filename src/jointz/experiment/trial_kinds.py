@@ -101,6 +101,7 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             ),
             journal=setup.journal,
             period_ns=setup.period_ns,
+            inertia=protocol.expected_joint.inertia if protocol.expected_joint else None,
         )
     return Trial(
         Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),

@@ -10,9 +10,7 @@ PER_KG = ParameterEstimate("stiffness_per_mass", None, None, None, "undecided", 
 
 
 def cell(parameters, budget):
-    return CellEstimate(
-        "S1", "LRE", 7.0, tuple(parameters), 99.0, 5, 0, "rigid", budget=budget
-    )
+    return CellEstimate("S1", "LRE", 7.0, tuple(parameters), 99.0, 5, 0, "rigid", budget=budget)
 
 
 def test_an_undecided_cell_has_value_and_errors():
