@@ -24,6 +24,11 @@ class PlannedPulse:
     shape: str = ""  # name of its shape; "" for the only pulse of a protocol
 
     @property
+    def variant(self) -> tuple[str, str, float]:
+        """Timing point, shape and amplitude."""
+        return self.timing_point, self.shape, self.amplitude_nm
+
+    @property
     def sham(self) -> bool:
         """Whether nothing is to be felt."""
         return self.amplitude_nm == 0.0

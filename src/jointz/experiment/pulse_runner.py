@@ -1,5 +1,7 @@
 """Fires the pulses of the plan and writes down what became of each."""
 
+from collections import Counter
+
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.protocols.pulse_models import Pulse, name_of
@@ -12,6 +14,9 @@ from jointz.experiment.torque import PulseCourse
 
 #: So many pulses broken off one after the other, and none done: it would never end.
 _MOST_BROKEN_OFF = 10
+#: So often in a row a pulse of one timing point, shape and amplitude is cut before all of them are
+#: withdrawn: this knee is too soft for them there, and every cut is an exposure without data.
+_MOST_CUT = 3
 
 
 class PulseRunner:
@@ -23,6 +28,7 @@ class PulseRunner:
         "_counted",
         "_course",
         "_courses",
+        "_cuts",
         "_half_period_ns",
         "_journal",
         "_onset_ns",
@@ -65,6 +71,7 @@ class PulseRunner:
         self._onset_ns = self._onset_slot = self._slot = 0
         self._was_steady = self._paused = self._counted = False
         self._broken_off, self._why = 0, ""
+        self._cuts: Counter[tuple[str, str, float]] = Counter()
         self.active: PlannedPulse | None = None
         self.aborted = False
         self.withheld = ""  # why no pulse may begin, for the journal
@@ -120,13 +127,19 @@ class PulseRunner:
         to_come, at = self._to_come[pulse.shape], (slot_ns - self._onset_ns) // 1_000_000
         return pulse.amplitude_nm * to_come[at] if at < len(to_come) else 0.0
 
-    def abort(self, why: str) -> None:
-        """Count the pulse that is on as not done; its torque is faded by the safety gate."""
-        if self.active is None or self.aborted:
+    def abort(self, why: str, *, cut: bool = False) -> None:
+        """Count the pulse that is on as not done; its torque is faded or cut by the safety gate."""
+        pulse = self.active
+        if pulse is None or self.aborted:
             return
         self.aborted, self._why = True, why
-        self._scheduler.requeue(self.active)
-        self._write("pulse_aborted", self.active, reason=why)
+        self._write("pulse_aborted", pulse, reason=why)
+        self._cuts[pulse.variant] += cut
+        if self._cuts[pulse.variant] < _MOST_CUT:
+            self._scheduler.requeue(pulse)
+            return
+        for withdrawn in (pulse, *self._scheduler.withdraw(pulse.variant)):
+            self._write("pulse_withdrawn", withdrawn, reason=f"cut {_MOST_CUT} times in a row")
 
     def _start(self, pulse: PlannedPulse, slot_ns: int) -> None:
         self.active, self.aborted = pulse, False
@@ -146,7 +159,7 @@ class PulseRunner:
 
     def _end(self, pulse: PlannedPulse) -> None:
         if not self.aborted:
-            self._broken_off = 0
+            self._broken_off = self._cuts[pulse.variant] = 0
             self.completed += 1
             self._write("pulse_completed", pulse, onset_slot=self._onset_slot)
             return

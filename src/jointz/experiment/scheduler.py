@@ -67,6 +67,13 @@ class Scheduler:
         self.queue.append(missed)
         return missed
 
+    def withdraw(self, variant: tuple[str, str, float]) -> list[PlannedPulse]:
+        """Take all pulses of a timing point, shape and amplitude out of the queue."""
+        withdrawn = [pulse for pulse in self.queue if pulse.variant == variant]
+        self.queue = deque(pulse for pulse in self.queue if pulse.variant != variant)
+        self._due = self._due and bool(self.queue) and self._since >= self.queue[0].gap_strides
+        return withdrawn
+
     def requeue(self, pulse: PlannedPulse) -> None:
         """Append a pulse that was broken off to the queue."""
         self.queue.append(pulse)

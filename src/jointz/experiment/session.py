@@ -41,6 +41,7 @@ from jointz.experiment.files.journal import (
     is_completed,
     pulses_begun,
     pulses_done,
+    pulses_withdrawn,
     read_journal,
     segments_begun,
     write_salvaged,
@@ -200,7 +201,9 @@ class Session:
             drivers |= devices.named()
             for device in devices.all():
                 stack.push(partial(_close, device))
-            pulses = self._kind.read_plan(self._plan.folder).get(name, ())
+            withdrawn = pulses_withdrawn(events, name)
+            planned = self._kind.read_plan(self._plan.folder).get(name, ())
+            pulses = tuple(pulse for pulse in planned if pulse.number not in withdrawn)
             shams = {pulse.number for pulse in pulses if pulse.amplitude_nm == 0.0}
             felt = sum(number not in shams for number in pulses_begun(events, name))
             gate = self._gate(devices, pulses_before=felt)

@@ -208,7 +208,7 @@ class Trial:
         self._command, self._requested, self._sent = wanted, requested, sent
         self._flags |= gate.flags
         if pulses is not None and (gate.fading or gate.cut):
-            pulses.abort(self._why_aborted(gate))
+            pulses.abort(self._why_aborted(gate), cut=gate.cut)
         return not over
 
     def _why_aborted(self, gate: SafetyGate) -> str:

@@ -81,6 +81,12 @@ class RunReport(PlottedResult):
         repeated_text = ", ".join(f"{count} {name}" for name, count in repeated.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {repeated_text}" if repeated_text else done)
+        left_out = int((table["planned"] - table["completed"]).clip(lower=0).sum())
+        if left_out:
+            lines.append(
+                f"{left_out} pulses withdrawn: they moved a knee beyond safety.displacement_rad, "
+                "three times in a row at the same timing point"
+            )
         for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])

@@ -14,6 +14,7 @@ from jointz.experiment.files.journal import (
     Journal,
     is_completed,
     pulses_done,
+    pulses_withdrawn,
     read_journal,
     salvage_journal,
     segments_begun,
@@ -117,7 +118,8 @@ def _shown(
         at_end = ticks["stride"][np.searchsorted(ticks["slot"], pulse.end_slot)]
         needed_strides = int(at_end) + COOL_DOWN_STRIDES
     planned = WALKING_TRIALS.read_plan(folder).get(name, ())
-    if done >= {pulse.number for pulse in planned} and log.records["stride"][-1] >= needed_strides:
+    needed = {pulse.number for pulse in planned} - pulses_withdrawn(events, name)
+    if done >= needed and log.records["stride"][-1] >= needed_strides:
         yield {"event": "condition_completed", **about, "log_bytes": log.whole_bytes}
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from jointz.core.errors import SafetyStop
 from jointz.core.protocols.protocol_models import PerturbationPlan
 from jointz.core.protocols.pulse_models import PulseSpec
-from jointz.experiment.files.journal import Journal, pulses_done, read_journal
+from jointz.experiment.files.journal import Journal, pulses_done, pulses_withdrawn, read_journal
 from jointz.experiment.plan import PlannedPulse
 from jointz.experiment.pulse_runner import PulseRunner
 from jointz.experiment.scheduler import Scheduler
@@ -234,3 +234,32 @@ def test_a_pulse_that_was_due_when_a_pause_began_is_written_down_and_done_later(
     one.runner.pause(on=False)
     one.until(4 * STRIDE)
     assert one.runner.completed == 1
+
+
+def cut_at(one, slots):
+    """Walk on; a pulse that is on at one of these ticks after its onset is cut."""
+    for _ in range(8 * STRIDE // PERIOD):
+        one.until((one.slot + 2) * PERIOD)
+        active = one.runner.active
+        if active is not None and active.number in slots:
+            one.runner.abort("too far", cut=True)
+    return one
+
+
+def test_pulses_that_are_cut_three_times_in_a_row_are_withdrawn(walk):
+    one = cut_at(walk(pulse(1), pulse(2), pulse(3, amplitude_nm=-17.0)), {1, 2})
+    assert [e["pulse"] for e in one.events("pulse_aborted")] == [1, 2, 1]
+    assert [e["pulse"] for e in one.events("pulse_withdrawn")] == [1, 2]
+    assert [e["pulse"] for e in one.events("pulse_completed")] == [3]
+    assert one.runner.done
+    assert pulses_withdrawn(one.events(), "perturbed") == {1, 2}
+
+
+def test_a_pulse_that_is_completed_between_two_cuts_breaks_the_row(walk):
+    one = cut_at(walk(pulse(1), pulse(2), pulse(3), pulse(4)), {1, 3})
+    told = [(e["event"], e["pulse"]) for e in one.events() if e["event"] != "pulse_started"]
+    aborted, completed, withdrawn = "pulse_aborted", "pulse_completed", "pulse_withdrawn"
+    assert told == [
+        *((aborted, 1), (completed, 2), (aborted, 3), (completed, 4)),
+        *((aborted, 1), (aborted, 3), (aborted, 1), (withdrawn, 1), (withdrawn, 3)),
+    ]

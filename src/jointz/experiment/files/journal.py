@@ -118,6 +118,15 @@ def decode_event(line: bytes) -> Event | None:
     return None if text is None else dict(json.loads(text))
 
 
+def pulses_withdrawn(events: Iterable[Event], condition: str) -> set[int]:
+    """Return the pulses of a condition that are not tried again, by their number in the plan."""
+    return {
+        event["pulse"]
+        for event in events
+        if (event["event"], event["condition"]) == ("pulse_withdrawn", condition)
+    }
+
+
 def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
     """Return the pulses of a condition that were completed, by their number in the plan."""
     done: dict[int, Event] = {}

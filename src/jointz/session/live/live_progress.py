@@ -29,6 +29,7 @@ _TOLD = frozenset(_STATES) | {
     "console_back",
     "pulse_aborted",
     "pulse_missed",
+    "pulse_withdrawn",
     "pulse_lost",
     "records_lost",
 }
@@ -43,6 +44,7 @@ class TrialProgress:
 
     planned: Sequence[Mapping[str, Any]]  # planned pulses of the trial, in order
     done: set[int] = field(default_factory=set)  # numbers of the completed pulses
+    withdrawn: set[int] = field(default_factory=set)  # and of those that are not tried again
     # numbers of the pulses still to be done, in the order in which they are due
     queue: deque[int] = field(default_factory=deque)
     missed: int = 0  # pulses to be done again, so far
@@ -52,7 +54,7 @@ class TrialProgress:
     def begin(self) -> None:
         """Begin a new stretch: pulses that are not done are due in the order of the plan."""
         left = (pulse["number"] for pulse in self.planned)
-        self.queue = deque(number for number in left if number not in self.done)
+        self.queue = deque(number for number in left if number not in self.done | self.withdrawn)
 
     def take(self, kind: str, number: int) -> None:
         """Record the outcome of a pulse."""
@@ -64,7 +66,9 @@ class TrialProgress:
             return
         if number in self.queue:
             self.queue.remove(number)
-        if kind == "pulse_missed":
+        if kind == "pulse_withdrawn":
+            self.withdrawn.add(number)
+        elif kind == "pulse_missed":
             self.missed += 1
             self.queue.append(number)
         elif kind == "pulse_aborted":
@@ -84,7 +88,7 @@ class TrialProgress:
                     "done": 0,
                 },
             )
-            row["planned"] += 1
+            row["planned"] += pulse["number"] not in self.withdrawn
             row["done"] += pulse["number"] in self.done
         return sorted(points.values(), key=lambda row: (row["pct"] is None, row["pct"] or 0.0))
 

@@ -265,7 +265,7 @@ class LiveSession:
         return {
             "points": trial.points(),
             "timing_points": points,
-            "planned": len(trial.planned),
+            "planned": len(trial.planned) - len(trial.withdrawn),
             "done": len(trial.done),
             "missed": trial.missed,
             "aborted": trial.aborted,
