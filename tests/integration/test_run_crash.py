@@ -13,10 +13,16 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError, OutputError, WriteError
+from jointz.core.session_log import WALKING
 from jointz.experiment.files.journal import read_journal
 from jointz.experiment.files.recorder import Recorder
+from jointz.experiment.trial_kinds import WALKING_TRIALS
+from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
 from jointz.sim.simulated_devices import SimulatedActuator
+
+#: Place of the number of the pulse in a record.
+PULSE = [field.name for field in WALKING.fields].index("pulse")
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +53,16 @@ def in_child(work):
     return os.waitpid(child, 0)[1]
 
 
-def killed_at(protocol, out, tick):
-    """Run until the log has taken so many ticks, then be killed; False where it ended before."""
+def killed_at(protocol, out, tick, *, in_pulses=False):
+    """Run until the log has taken so many ticks, then be killed; False where it ended before.
+
+    With ``in_pulses`` only ticks count in which a pulse is on.
+    """
     write, ticks = Recorder.write, itertools.count(1)
 
     def counted(self, *records):
         write(self, *records)
-        if next(ticks) == tick:
+        if (not in_pulses or records[0][PULSE]) and next(ticks) == tick:
             os.kill(os.getpid(), signal.SIGKILL)
 
     with pytest.MonkeyPatch.context() as patch:
@@ -93,6 +102,60 @@ def test_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path, time
     assert Counter(p.timing_point for p in analysis.pulses if p.code != "user") == dict.fromkeys(
         ("LRE", "MST", "TST", "PSW", "ISW", "MSW"), 3
     )
+
+
+def pulses_in_logs(session):
+    """Return number, torque at the onset and ticks of each pulse that began, and all samples."""
+    pulses, n_samples = [], 0
+    logs = (session / "logs").glob("perturbed-*.jzlog")
+    for log in sorted(logs, key=lambda path: int(path.stem.split("-")[-1])):
+        records = read_log(log).records
+        n_samples += np.unique(records["actuator_time_ns"]).size
+        ticks = records[records["part"] == 0]
+        number = ticks["pulse"].astype(int)
+        edges = np.flatnonzero(np.diff(number, prepend=0, append=0))
+        for begin, end in itertools.pairwise(edges):
+            if number[begin]:
+                pulses.append((number[begin], float(ticks["command"][begin]), end - begin))
+    return pulses, n_samples
+
+
+@pytest.mark.parametrize("kills", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_kills_in_pulses_of_several_shapes_keep_the_plan_balanced(short_walking, tmp_path, kills):
+    protocol = short_walking(
+        "walking_doublets",
+        ["perturbed"],
+        count_per_point=8,
+        sham_share=0.25,
+        timing_points={"LRE": 7.0, "ISW": 68.5},
+    )
+    out, rng = tmp_path / "study", np.random.default_rng(7)
+    session = out / "sessions" / "S01"
+    for _ in range(kills):
+        assert killed_at(protocol, out, int(rng.integers(1, 150)), in_pulses=True)
+    run(protocol, out, resume=True)
+
+    plan = {pulse.number: pulse for pulse in WALKING_TRIALS.read_plan(session)["perturbed"]}
+    assert sorted(completed(out)) == sorted(plan)
+    of_variants = Counter((p.timing_point, p.shape, p.amplitude_nm) for p in plan.values())
+    assert len(of_variants) == 2 * (8 + 1)
+    assert {count for (*_, torque), count in of_variants.items() if torque} == {1}
+
+    begun, n_samples = pulses_in_logs(session)
+    felt = [pulse for pulse in begun if not plan[pulse[0]].sham]
+    table = pd.read_csv(out / "S01_perturbed_pulses.csv")
+    assert table["amplitude_nm"].tolist() == [torque for _, torque, _ in felt]
+    assert table["timing_point"].tolist() == [plan[number].timing_point for number, *_ in felt]
+    assert read_recording(out / "S01_perturbed.nc")["time"].size == n_samples
+    cut_s = pd.read_csv(out / "exclusions.csv")["onset_s"].to_numpy()
+    cut = np.isclose(table["onset_s"].to_numpy()[:, None], cut_s, atol=1e-3).any(axis=1)
+    whole = [pulse for pulse, is_cut in zip(felt, cut, strict=True) if not is_cut]
+    assert sorted(number for number, *_ in whole) == [n for n, p in plan.items() if not p.sham]
+    lasts = {"short": 31, "long": 71}  # ticks
+    assert all(ticks == lasts[plan[number].shape] for number, _, ticks in whole)
+    broken_off = [ticks < lasts[plan[number].shape] for number, _, ticks in felt]
+    assert any(broken_off)
+    assert not np.any(np.array(broken_off) & ~cut)
 
 
 def test_a_finished_run_is_left_as_it_is(protocol, compiled):

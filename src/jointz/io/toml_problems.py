@@ -111,6 +111,8 @@ def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str
         if isinstance(error["input"], str):
             return f"{place}: expected text that is not empty; got {shown}."
         return f"{place}: expected at least {error['ctx']['min_length']} of them; got {shown}."
+    if kind == "too_long":
+        return f"{place}: expected at most {error['ctx']['max_length']} of them; got {shown}."
     text = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
     message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else text
     return f"{place}: {message}; got {shown}."
@@ -212,11 +214,17 @@ def _value(model: type[BaseModel], name: str, raw: Any) -> Any:
     is_list = get_origin(field.annotation) is tuple
     if len(models) == 1 and isinstance(raw, Mapping) and not is_list:
         return _draft(models[0], raw)
-    if len(models) == 1 and isinstance(raw, list) and is_list:
-        return tuple(_draft(models[0], e) if isinstance(e, Mapping) else None for e in raw)
+    if models and isinstance(raw, list) and is_list:
+        return tuple(_entry(models, entry) for entry in raw)
     definition: Any = (field.annotation, field)
     alone = create_model(name, __config__=model.model_config, **{name: definition})
     return getattr(alone.model_validate({name: raw}), name)
+
+
+def _entry(models: list[type[BaseModel]], raw: Any) -> BaseModel | None:
+    """Return an entry of a list of tables, None if it is no table or of an unknown kind."""
+    models = _of_kind(models, raw)
+    return _draft(models[0], raw) if len(models) == 1 and isinstance(raw, Mapping) else None
 
 
 def _inconsistencies(part: Any, place: Location) -> Iterator[str]:

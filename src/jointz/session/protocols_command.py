@@ -85,9 +85,12 @@ def show(
         emit_json({"status": "ok", **_about(protocol), "protocol": content, "text": text})
         return
     if not quiet:
+        from textwrap import wrap
+
         from jointz.session.pulse_drawing import drawn_pulses
 
-        emit(f"# {protocol.name}: {_told(protocol)}")
+        for line in wrap(f"{protocol.name}: {_told(protocol)}", 96):
+            emit(f"# {line}")
         for line in drawn_pulses(protocol):
             emit(f"#   {line}".rstrip())
     emit(text.rstrip("\n"))

@@ -111,21 +111,96 @@ def test_a_file_that_may_not_be_read_is_told(own, monkeypatch):
         load_protocol(file)
 
 
-LINES = protocol_text("walking").splitlines()
+PULSE = '[[pulses]]\nname = "a"\nkind = "{}"\namplitudes_nm = [10.0]\n'
+DOUBLET = PULSE.format("doublet") + "durations_s = [0.04, 0.02]\n"
+TABLE = PULSE.format("samples") + "times_s = {}\nshares = {}\n"
+
+
+@pytest.fixture
+def with_pulses(tmp_path):
+    """Write ``walking_doublets`` with other pulses to a file."""
+
+    def write(pulses):
+        text = protocol_text("walking_doublets")
+        begin, end = text.index("[[pulses]]"), text.index("[expected_joint]")
+        file = tmp_path / "pulses.toml"
+        file.write_text(text[:begin] + pulses + text[end:])
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("pulses", "keys"),
+    [
+        ("", {"pulse"}),
+        ("[pulses]\n", {"pulses"}),
+        (DOUBLET + "[pulse]\namplitude_nm = 5.0\nduration_s = 0.1\nhold_s = 0.1\n", {"pulses"}),
+        ("".join(DOUBLET.replace('"a"', f'"a{k}"') for k in range(24)), {"pulses"}),
+        (
+            '[[pulses]]\nkind = "trapezoid"\nhold_s = 0.1\n',
+            {"pulses[1].name", "pulses[1].amplitudes_nm"},
+        ),
+        (PULSE.format("triplet"), {"pulses[1].kind"}),
+        (DOUBLET + "second_level = 1.0\n", {"pulses[1].second_level"}),
+        (DOUBLET + "second_level = nan\n", {"pulses[1].second_level"}),
+        (DOUBLET.replace("10.0", "1e300"), {"pulses[1].amplitudes_nm"}),
+        (DOUBLET.replace("10.0", "7.0, 7.0"), {"pulses[1].amplitudes_nm"}),
+        (DOUBLET.replace('"a"', '"a\\u001b[31m"'), {"pulses[1].name"}),
+        (DOUBLET.replace('"a"', '"=1+1"'), {"pulses[1].name"}),
+        (TABLE.format([0.0, 0.1, 0.05], [1, 0, 0]), {"pulses[1].times_s"}),
+        (TABLE.format([0.0, 1e9, 0.05], [1, 0, 0]), {"pulses[1].times_s"}),
+        (TABLE.format([-0.1, 0.1], [1, 0]), {"pulses[1].times_s[1]"}),
+        (TABLE.format([0.0, 0.1, 0.2], [1, 0]), {"pulses[1].shares"}),
+        (TABLE.format([0.0, 0.1], [0.0, 0.0]), {"pulses[1].shares"}),
+        (TABLE.format([0.0] * 1001, [1.0] * 1001), {"pulses[1].times_s", "pulses[1].shares"}),
+        (
+            DOUBLET.replace("10.0", '"ten"')
+            + TABLE.format([0.0, 0.1, 0.05], [1, 0, 0]).replace('"a"', '"b"'),
+            {"pulses[1].amplitudes_nm[1]", "pulses[2].times_s"},
+        ),
+    ],
+)
+def test_pulses_that_cannot_be_are_refused_at_their_keys(with_pulses, pulses, keys):
+    with pytest.raises(ProtocolError) as caught:
+        load_protocol(with_pulses(pulses))
+    assert {told.split(": ")[0] for told in caught.value.problems} == keys
+    assert not [told for told in caught.value.problems if "Tuple" in told]
+
+
+@pytest.mark.parametrize("lasts_s", ["10.1", "1e9", "1.7e308"])
+def test_pulses_without_end_are_refused_at_once(with_pulses, lasts_s):
+    for pulses in (
+        PULSE.format("trapezoid") + f"hold_s = {lasts_s}\n",
+        DOUBLET.replace("0.04, 0.02", f"{lasts_s}, {lasts_s}"),
+        TABLE.format(f"[0.0, {lasts_s}]", [1, 1]),
+    ):
+        with pytest.raises(ProtocolError, match="pulses of at most 10 s"):
+            load_protocol(with_pulses(pulses))
+
+
+def test_a_table_with_rows_too_close_is_one_problem(with_pulses):
+    times_s = [0.0005 * k + 1e-7 * k * k for k in range(1000)]
+    with pytest.raises(ProtocolError, match=r"times_s: .*at least one period") as caught:
+        load_protocol(with_pulses(TABLE.format(times_s, [1] * 1000)))
+    assert sum("times_s" in told for told in caught.value.problems) == 1
 
 
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    st.integers(0, len(LINES) - 1),
+    st.sampled_from(["walking", "walking_doublets"]),
+    st.floats(0, 1, exclude_max=True),
     st.sampled_from(["", "x = 1", "pulse = 1", "[[conditions]]", "[safety]", "name = [1, {}]"]),
     st.sampled_from(["3", '"x"', "-1", "[]", "{}", "nan", "true", "[[1], 2]"]),
 )
-def test_a_spoilt_file_is_read_or_refused_with_its_problems(tmp_path, k, line, value):
-    spoilt = LINES[k].split("=")[0] + "= " + value if "=" in LINES[k] and not line else line
+def test_a_spoilt_file_is_read_or_refused_with_its_problems(tmp_path, name, place, line, value):
+    lines = protocol_text(name).splitlines()
+    k = int(place * len(lines))
+    spoilt = lines[k].split("=")[0] + "= " + value if "=" in lines[k] and not line else line
     file = tmp_path / "spoilt.toml"
-    file.write_text("\n".join([*LINES[:k], spoilt, *LINES[k + 1 :]]))
+    file.write_text("\n".join([*lines[:k], spoilt, *lines[k + 1 :]]))
 
     with contextlib.suppress(ProtocolError):
         assert load_protocol(file).kind == "walking"

@@ -3,7 +3,7 @@
 import pytest
 
 from jointz.core.protocols.protocol import Protocol
-from jointz.io.protocols import load_protocol, protocol_text
+from jointz.io.protocols import builtin_protocols, load_protocol, protocol_text
 
 
 @pytest.fixture
@@ -57,3 +57,33 @@ def test_what_is_not_there_or_in_the_wrong_place_ends_with_two(jointz, arguments
     outcome = jointz("protocols", *arguments)
     assert outcome.code == 2
     assert told in outcome.out + outcome.err
+
+
+def drawn(jointz, name):
+    text = jointz("protocols", "show", name)
+    return text.out.removesuffix(protocol_text(name)).splitlines()
+
+
+@pytest.mark.parametrize("name", builtin_protocols())
+def test_what_stands_above_a_protocol_has_at_most_a_hundred_columns(jointz, name):
+    assert max(map(len, drawn(jointz, name))) <= 100
+
+
+def test_a_table_that_only_goes_down_is_drawn_below_zero(jointz, tmp_path):
+    text = protocol_text("walking_doublets")
+    table = (
+        f'[[pulses]]\nname = "{"x" * 64}"\nkind = "samples"\n'
+        "amplitudes_nm = [1.123456, 2.123456, 3.123456]\n"
+        "times_s = [0.0, 0.05, 0.1]\nshares = [-0.5, -0.5, -1.0]\n"
+    )
+    begin, end = text.index("[[pulses]]"), text.index("[expected_joint]")
+    file = tmp_path / "table.toml"
+    file.write_text(text[:begin] + table + text[end:])
+    lines = drawn(jointz, file)
+    rows = [line for line in lines if "█" in line]
+    (zero,) = (line for line in lines if "─" in line)
+    assert max(map(len, lines)) <= 100
+    assert lines.index(zero) < lines.index(rows[0])
+    assert [row.count("█") for row in rows] == sorted((r.count("█") for r in rows), reverse=True)
+    assert rows[1].count("█") == 48
+    assert "-3.12346 N*m" in rows[-1]

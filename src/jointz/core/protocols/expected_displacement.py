@@ -10,6 +10,8 @@ if TYPE_CHECKING:
 
 #: Step of the computation; a joint oscillates a hundred times more slowly.
 STEP_S = 5e-4
+#: The longest pulse that it is computed for; the limit of displacement is for short ones.
+LONGEST_PULSE_S = 10.0
 #: A joint goes on moving for so long after the torque.
 _AFTER_S = 0.3
 

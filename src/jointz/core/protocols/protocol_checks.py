@@ -153,8 +153,12 @@ def _pulse_is_used(protocol: ProtocolFields) -> Iterator[Problem]:
 def _pulse_suits_rate(protocol: ProtocolFields) -> Iterator[Problem]:
     period_s = 1.0 / protocol.rates.control_hz
     for place, pulse in placed_pulses(protocol):
+        shortest_s: dict[str, float] = {}
         for key, part_s in pulse.timed_parts:
-            if 0 < part_s < period_s - ROUNDING_S:
+            if part_s > 0.0:
+                shortest_s[key] = min(part_s, shortest_s.get(key, part_s))
+        for key, part_s in shortest_s.items():
+            if part_s < period_s - ROUNDING_S:
                 yield Problem(
                     (*place, key),
                     f"expected 0 or at least one period of control_hz ({period_s:g} s), got "
@@ -258,7 +262,9 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
 
 def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     if protocol.conditions[i].perturbations is not None and not protocol.shapes:
-        yield Problem(("pulse",), f"missing; conditions[{i + 1}].perturbations need it.")
+        several = ", or several [[pulses]]" if protocol.kind == "walking" else ""
+        message = f"missing; conditions[{i + 1}].perturbations need it{several}."
+        yield Problem(("pulse",), message)
 
 
 def _plan_is_whole(protocol: ProtocolFields, i: int) -> Iterator[Problem]:

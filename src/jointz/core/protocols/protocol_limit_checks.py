@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from jointz.core.checked_model import Problem
 from jointz.core.limits import DUTY_WINDOW_S
-from jointz.core.protocols.expected_displacement import expected_displacement
+from jointz.core.protocols.expected_displacement import LONGEST_PULSE_S, expected_displacement
 from jointz.core.protocols.protocol_checks import (
     ROUNDING_S,
     assumed_stride_s,
@@ -41,15 +41,22 @@ def _pulse_within_torque_rate(protocol: ProtocolFields) -> Iterator[Problem]:
     if limit is None:
         return
     for place, pulse in placed_pulses(protocol):
+        steepest: dict[str, tuple[float, float, float]] = {}
         for key, share, ramp_s in pulse.changes:
             change_nm = share * max(pulse.sizes_nm)
             takes_s = ramp_s or 1.0 / protocol.rates.control_hz
-            if change_nm / takes_s > limit * (1.0 + 1e-9):
+            change = change_nm / takes_s, change_nm, takes_s
+            steepest[key] = max(change, steepest.get(key, change))
+        for key, (rate_nm_s, change_nm, takes_s) in steepest.items():
+            if rate_nm_s > limit * (1.0 + 1e-9):
+                most_nm = max(pulse.sizes_nm) * limit / rate_nm_s
+                ramp = key in ("ramp_up_s", "ramp_down_s")
+                remedy = f"{change_nm / limit:.3g} s" if ramp else f"{most_nm:.3g} N*m"
                 yield Problem(
                     (*place, key),
                     f"{change_nm:g} N*m in {takes_s:g} s is steeper than "
-                    f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at least "
-                    f"{change_nm / limit:.3g} s, or raise the limit.",
+                    f"safety.torque_rate_nm_s = {limit:g} N*m/s. Give at "
+                    f"{'least' if ramp else 'most'} {remedy}, or raise the limit.",
                 )
 
 
@@ -83,6 +90,16 @@ def _displacement_expected(protocol: ProtocolFields) -> Iterator[Problem]:
         )
         return
     for place, pulse in placed_pulses(protocol):
+        # Not its length: parts may disagree with it, which is a problem of its own.
+        lasts_s = sum(abs(part_s) for _, part_s in pulse.timed_parts)
+        if lasts_s > LONGEST_PULSE_S:
+            longest_key = max(pulse.timed_parts, key=lambda part: part[1])[0]
+            yield Problem(
+                (*place, longest_key),
+                f"the pulse lasts {lasts_s:g} s; safety.displacement_rad is for pulses of at most "
+                f"{LONGEST_PULSE_S:g} s. Shorten it.",
+            )
+            continue
         moved_rad = max(pulse.sizes_nm) * expected_displacement(pulse, joint).largest_rad
         if moved_rad > limit:
             yield Problem(

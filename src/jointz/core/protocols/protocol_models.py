@@ -15,6 +15,7 @@ from jointz.core.protocols.pulse_models import (
     NamedPulse,
     Pulse,
     PulseSpec,
+    printable_name_problem,
 )
 from jointz.core.protocols.reference_signal_models import Reference
 from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
@@ -108,13 +109,8 @@ class PerturbationPlan(CheckedModel):
             if name == ALL_POINTS:
                 message = "means all of them; expected another name."
                 yield Problem(("timing_points", name), message)
-            if not name.isprintable() or name != name.strip() or not 0 < len(name) <= _LONGEST_NAME:
-                message = (
-                    f"expected a name of at most {_LONGEST_NAME} characters that print, without "
-                )
-                yield Problem(
-                    ("timing_points", name), f"{message}space around it; got {name[:80]!r}."
-                )
+            if problem := printable_name_problem(name):
+                yield Problem(("timing_points", name), f"{problem}; got {name[:80]!r}.")
 
     def _points_in_cycle(self) -> Iterator[Problem]:
         for name, pct in (self.timing_points or {}).items():

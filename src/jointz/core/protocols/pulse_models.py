@@ -13,14 +13,24 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
-from jointz.core.study import Name
+from jointz.core.study import Name, name_problem
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=-1, le=1)]
 Direction = Literal["positive", "negative", "both"]
+_LONGEST_NAME = 64
 #: What times and shares of a protocol may differ by.
 _ROUNDING = 1e-9
+
+
+def printable_name_problem(name: str) -> str:
+    """Return what is wrong with a name that stands in tables and names no file, "" if nothing."""
+    if name.isprintable() and name == name.strip() and 0 < len(name) <= _LONGEST_NAME:
+        return ""
+    return (
+        f"expected a name of at most {_LONGEST_NAME} characters that print, without space around it"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +168,13 @@ class _NamedPulse(_Pulse):
         return self.amplitudes_nm
 
     def checks(self) -> tuple[Check, ...]:
-        """Return the checks of the sizes."""
-        return (self._sizes_differ,)
+        """Return the checks of name and sizes."""
+        return self._named, self._sizes_differ
+
+    def _named(self) -> Iterator[Problem]:
+        problem = printable_name_problem(self.name) or name_problem(self.name)
+        if problem:
+            yield Problem(("name",), f"{problem}; got {self.name[:80]!r}.")
 
     def _sizes_differ(self) -> Iterator[Problem]:
         if len(set(self.amplitudes_nm)) < len(self.amplitudes_nm):
@@ -236,7 +251,8 @@ class SampledPulse(_NamedPulse):
     @property
     def course(self) -> tuple[TorquePart, ...]:
         """One part between two rows."""
-        rows = pairwise(zip(self.times_s, self.shares, strict=True))
+        # Not strict: checks run on tables that lack a row, too, which one of them reports.
+        rows = pairwise(zip(self.times_s, self.shares, strict=False))
         return tuple(TorquePart(t1 - t0, s0, s1) for (t0, s0), (t1, s1) in rows)
 
     @property
