@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import socket
@@ -305,6 +306,7 @@ def test_a_session_is_seen_run_and_stopped_from_a_busy_page(made, page):
     before = picture(page)
     page.wait_for_function(f"{PICTURE} !== '{before}'")  # they move
     assert page.inner_text("#jz-plan").splitlines()[0].startswith("LRE")
+    assert re.search(r"newest pulse: \d+, \+17 N·m, at (LRE|ISW)", page.inner_text("#jz-plan"))
 
     page.fill("#jz-note", "strap & <i>buckle</i>")
     page.keyboard.press("Enter")

@@ -31,7 +31,7 @@ HEADER = {
 }
 PULSES = (
     PlannedPulse(1, "LRE", 10.0, 17.0, 2),
-    PlannedPulse(2, "MSW", 80.0, 17.0, 2),
+    PlannedPulse(2, "MSW", 80.0, -12.0, 2, "long"),
     PlannedPulse(3, "LRE", 10.0, 17.0, 2),
 )
 PLAN = {"perturbed": [asdict(pulse) for pulse in PULSES]}
@@ -309,6 +309,15 @@ def test_onset_errors_are_known_when_the_stride_is_over(study):
         {"point": "LRE", "error_pct": 2.0},
         {"point": "MSW", "error_pct": -1.0},
     ]
+
+
+def test_the_newest_pulse_has_its_shape_and_size(study):
+    begin(study)
+    study.log(walk(1))
+    assert study.status()["newest_pulse"] is None
+    study.log(walk(3, pulses={500 + 60: 1, 1000 + 395: 2})[500:])
+    newest = {"number": 2, "shape": "long", "point": "MSW", "amplitude_nm": -12.0}
+    assert study.status()["newest_pulse"] == newest
 
 
 STOPPED = ("devices_stopped", {})

@@ -277,6 +277,12 @@ const jointzConsole = (() => {
     return row;
   }
 
+  function pulseText(pulse) {
+    const nm = pulse.amplitude_nm;
+    const size = nm === 0 ? "sham" : `${nm > 0 ? "+" : "\u2212"}${Math.abs(nm)} N\u00b7m`;
+    return [`newest pulse: ${pulse.number}`, pulse.shape, size, pulse.point && `at ${pulse.point}`].filter(Boolean).join(", ");
+  }
+
   function plan() {
     const next = status.next, points = status.points || [], items = [];
     const banner = byId("jz-next");
@@ -300,6 +306,7 @@ const jointzConsole = (() => {
       items.push({ text: `${status.done} of ${status.planned} pulses done`
         + (again ? `; ${status.missed} missed and ${status.aborted} broken off are done again` : "") });
     }
+    if (status.newest_pulse) items.push({ text: pulseText(status.newest_pulse) });
     if (!items.length) items.push({ text: "nothing planned yet" });
     lines("jz-plan", items);
   }

@@ -4,7 +4,7 @@ Nothing here can hold up the loop: its log and journal are read, never asked for
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -272,6 +272,7 @@ class LiveSession:
             "strides_planned": spec.get("strides"),
             "duration_s": spec.get("duration_s"),
             "next": self._next(progress, spec),
+            "newest_pulse": self._newest_pulse(trial.planned),
             "onset_errors": self._onset_errors(progress.condition, points, trial.planned),
         }
 
@@ -291,6 +292,17 @@ class LiveSession:
             warm_up = (spec.get("perturbations") or {}).get("warm_up_strides", 0)
             left = warm_up + pulse["gap_strides"] - waited
         return told | {"in_strides": max(left, 0)}
+
+    def _newest_pulse(self, planned: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+        """Return the pulse that began last in the stretch, None before there is one."""
+        if self._motion is None or not self._motion.begun:
+            return None
+        number = self._motion.begun[-1]["pulse"]
+        pulse = next((one for one in planned if one["number"] == number), None)
+        if pulse is None:
+            return None
+        about = {"number": number, "shape": pulse.get("shape", "")}
+        return about | {"point": pulse["timing_point"], "amplitude_nm": pulse["amplitude_nm"]}
 
     def _onset_errors(
         self, condition: str, points: dict[str, float], planned: Any
