@@ -56,7 +56,7 @@ def test_every_option_of_run_is_described_on_its_page():
     assert described == _options(_COMMANDS["run"])
 
 
-#: Row of the README -> row of the benchmark.
+#: Row of the page of methods -> row of the benchmark.
 _ACCURACY = {
     "usual errors, lag unknown": "nominal-lag-unknown",
     "usual errors, lag known to 0.5 ms": "nominal-lag-0.5ms",
@@ -74,8 +74,8 @@ def accuracy(row: str, method: str) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize("name", _ACCURACY)
-def test_the_figures_of_the_readme_are_those_of_the_benchmark(name):
-    shown = next(row for row in cells("README.md") if row[0] == name)
+def test_the_figures_of_the_page_of_methods_are_those_of_the_benchmark(name):
+    shown = next(row for row in cells("docs/methods.md") if row[0] == name)
     ours, theirs = (accuracy(_ACCURACY[name], m) for m in ("rigid", "dissertation"))
     columns = (ours["rmse_pct"], ours["undecided_pct"], theirs["rmse_pct"])
 
