@@ -233,6 +233,11 @@ class Doubt(Code):
         "a signal may be late or wrong, or the device is not strapped to soft tissue; K, B and J "
         "are undecided",
     )
+    RESPONSES_UNLIKE_SIZE = (
+        "responses_unlike_size",
+        "the responses grow with the size of the pulses much more or less than the recorded torque "
+        "does: the motor may have given less than was recorded; K, B and J are undecided",
+    )
     RESPONSES_MISFIT = (
         "responses_misfit",
         "the model of a strapped leg does not explain the responses within their noise; K and B "

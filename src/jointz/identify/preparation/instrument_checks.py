@@ -75,13 +75,18 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
         (p.sign * raw[a:b], p.sign * torque[a:b]) for p, (a, b) in zip(pulses, spans, strict=True)
     ]
     top = max((float(np.nanmax(r)) for r, _ in inside if np.isfinite(r).any()), default=np.nan)
-    clipped = 0
+    levels = []  # of the clipped pulses
     for pulse, (record, driving) in zip(pulses, inside, strict=True):
         at_top = record >= top - _SAME * abs(top)
         if record.size and at_top.mean() > _FLAT_SHARE:
-            reached = float(np.median(driving[at_top])) / abs(pulse.amplitude)
-            clipped += _CLIPPED_SHARES[0] < reached < _CLIPPED_SHARES[1]
-    return Failure.TORQUE_SATURATED if clipped > len(pulses) / 2 else None
+            level = float(np.median(driving[at_top]))
+            if _CLIPPED_SHARES[0] < level / abs(pulse.amplitude) < _CLIPPED_SHARES[1]:
+                levels.append(level)
+    if not levels:
+        return None
+    # Smaller pulses do not reach the limit.
+    larger = np.abs([p.amplitude for p in pulses]) > np.median(levels) / _CLIPPED_SHARES[1]
+    return Failure.TORQUE_SATURATED if len(levels) > larger.sum() / 2 else None
 
 
 def is_unlike_command(recording: xr.Dataset, pulses: Sequence[Pulse]) -> bool:

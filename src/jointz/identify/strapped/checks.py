@@ -4,11 +4,17 @@ import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.identify.prediction.signal_checks import shows_stiff_joint, smallest_response
+from jointz.identify.strapped.map_fit import MapSearch
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.responses import PointResponse
 
 #: Inertia dominates for so long, s; motion against the torque by so many sds has a wrong sign.
 _EARLY_S, _AGAINST_SD = 0.06, 4.0
+#: Torque below this is none, N*m.
+_LEAST_NM = 1e-3
+#: Change of response over torque from small pulses to large ones, in logarithms, and the sds by
+#: which it must differ from 0. K, B and J of a size in the middle are off by half of it.
+_LARGEST_CHANGE, _CHANGE_SD = float(np.log(1.5)), 4.0
 #: Longest lag of the sensor, s.
 _LONGEST_LAG_S = 0.03
 
@@ -46,3 +52,28 @@ def lag_failure(posterior: LegPosterior) -> Failure | None:
     """Return a failure if the sensor is later than any that is modelled."""
     lags = [posterior.shared_moments(name)[0] for name in ("sensor_delay_s", "sensor_lag_s")]
     return Failure.LAG_OUT_OF_RANGE if float(np.exp(lags).sum()) > _LONGEST_LAG_S else None
+
+
+def differs_with_size(posterior: LegPosterior) -> bool:
+    """Return whether large and small pulses are answered as if a torque were recorded wrongly.
+
+    A motor at its limit, whose torque is stated as commanded, moves the joint too little in large
+    pulses. Softening is in the model.
+    """
+    model, fit = posterior.model, posterior.best
+    sizes = [
+        np.log([max(float(np.abs(s.torque).max()), _LEAST_NM) for s in point.shapes])
+        for point in model.points
+    ]
+    every = np.concatenate(sizes)
+    span = float(np.ptp(every))
+    if span == 0.0:
+        return False
+    additions = [
+        np.repeat((own - every.mean()) / span, point.time_s.size)
+        * model.responses(fit.theta[None], k)[0]
+        for k, (own, point) in enumerate(zip(sizes, model.points, strict=True))
+    ]
+    # Of the logarithm of response over torque, from the smallest pulse to the largest.
+    change, sd = MapSearch(model, fit.prior).size_of(fit, additions)
+    return abs(change) > max(_LARGEST_CHANGE, _CHANGE_SD * sd)

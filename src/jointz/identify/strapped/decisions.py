@@ -31,8 +31,16 @@ _LARGEST_MISFIT = 2.0
 _FARTHEST_BODY_SD = 2.0
 #: Prior sds by which a shared parameter may be off; on good data the farthest was 2.0.
 _FARTHEST_INSTRUMENT_SD = 2.5
+#: Less of these than usual is no error: a torque sensor leaves no friction, a goniometer may follow
+#: the bone, and muscles need not answer.
+_MAY_BE_ABSENT = ("friction_nm", "skin_share", "reflex_gain")
 _AGAINST_ALL = frozenset(
-    {Doubt.INERTIA_UNLIKE_BODY, Doubt.INSTRUMENTS_UNLIKELY, Doubt.LAG_UNLIKELY}
+    {
+        Doubt.INERTIA_UNLIKE_BODY,
+        Doubt.INSTRUMENTS_UNLIKELY,
+        Doubt.LAG_UNLIKELY,
+        Doubt.RESPONSES_UNLIKE_SIZE,
+    }
 )
 _LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
 _CI_METHOD = (
@@ -90,10 +98,11 @@ def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple
 def _farthest_sd(posterior: LegPosterior) -> float:
     """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
     fit, layout = posterior.best, posterior.model.layout
-    places = [layout.shared(name) for name in SHARED if name != "inertia"]
+    names = [name for name in SHARED if name != "inertia"]
+    places = [layout.shared(name) for name in names]
     root = np.linalg.cholesky(fit.prior.covariance[np.ix_(places, places)])
     off = np.linalg.solve(root, (fit.theta - fit.prior.mean)[places])
-    return float(np.abs(off).max())
+    return float(np.where(np.isin(names, _MAY_BE_ABSENT), off, np.abs(off)).max())
 
 
 def decided_rows(

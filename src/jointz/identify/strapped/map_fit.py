@@ -45,6 +45,10 @@ class _Weights:
         )
 
 
+#: Share of an addition that the parameters must leave unexplained for its size to be known.
+_LEAST_INFORMATION = 1e-6
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MapFit:
     """The mode of the posterior, and its covariance by the curvature there (Laplace)."""
@@ -97,6 +101,25 @@ class MapSearch:
         hessian, _ = self._normal(theta, residuals, weights)
         return np.asarray(np.linalg.inv(hessian))
 
+    def size_of(self, fit: MapFit, additions: Sequence[np.ndarray]) -> tuple[float, float]:
+        """Return the size, and its sd, of what is added to the responses of every point.
+
+        All parameters are free to take it over: the size is that of what the model cannot explain.
+        """
+        weights = self._weights(fit.theta)
+        residuals, _ = self._cost(fit.theta, weights)
+        shared = np.zeros(fit.theta.size)
+        power = product = 0.0
+        for k, (addition, residual) in enumerate(zip(additions, residuals, strict=True)):
+            added = weights.whitened(k, addition[self._used[k]])
+            columns, slopes = self._slopes(fit.theta, weights, k)
+            shared[columns] += slopes.T @ added
+            power, product = power + float(added @ added), product + float(added @ residual)
+        information = power - float(shared @ fit.covariance @ shared)
+        if not information > _LEAST_INFORMATION * power:
+            return 0.0, np.inf
+        return product / information, float(1.0 / np.sqrt(information))
+
     def _descend(
         self, theta: np.ndarray, weights: _Weights
     ) -> tuple[np.ndarray, list[np.ndarray], float]:
@@ -139,17 +162,20 @@ class MapSearch:
         """Return Gauss and Newton's matrix and the direction of descent."""
         hessian = self._prior.precision.copy()
         gradient = -self._prior.precision @ (theta - self._prior.mean)
-        steps = np.clip(_DERIVATIVE_SD * self._prior.sd, 1e-5, _LONGEST_DERIVATIVE)
-        for k, (used, residual) in enumerate(zip(self._used, residuals, strict=True)):
-            columns = self._model.layout.columns(k)
-            moved = np.tile(theta, (columns.size + 1, 1))
-            moved[np.arange(columns.size) + 1, columns] += steps[columns]
-            responses = self._model.responses(moved, k)[:, used]
-            slopes = ((responses[1:] - responses[0]) / steps[columns, None]).T
-            slopes = weights.whitened(k, slopes)
+        for k, residual in enumerate(residuals):
+            columns, slopes = self._slopes(theta, weights, k)
             hessian[np.ix_(columns, columns)] += slopes.T @ slopes
             gradient[columns] += slopes.T @ residual
         return hessian, gradient
+
+    def _slopes(self, theta: np.ndarray, weights: _Weights, k: int) -> tuple[np.ndarray, ...]:
+        """Return the places of a point's parameters, and its whitened derivatives by them."""
+        columns = self._model.layout.columns(k)
+        steps = np.clip(_DERIVATIVE_SD * self._prior.sd, 1e-5, _LONGEST_DERIVATIVE)[columns]
+        moved = np.tile(theta, (columns.size + 1, 1))
+        moved[np.arange(columns.size) + 1, columns] += steps
+        responses = self._model.responses(moved, k)[:, self._used[k]]
+        return columns, weights.whitened(k, ((responses[1:] - responses[0]) / steps[:, None]).T)
 
     def _weights(self, theta: np.ndarray) -> _Weights:
         factors, measured = [], []

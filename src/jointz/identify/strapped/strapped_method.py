@@ -34,7 +34,7 @@ from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSe
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
-from jointz.identify.strapped.checks import lag_failure, response_failure
+from jointz.identify.strapped.checks import differs_with_size, lag_failure, response_failure
 from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of, speaks_against
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
@@ -156,8 +156,10 @@ class _Explained:
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
-        doubts = doubts_of(self.posterior, self.moments, self.body)
-        return tuple(d | {Doubt.LAG_UNLIKELY} if self.lag_unlikely else d for d in doubts)
+        of_person = {Doubt.LAG_UNLIKELY} if self.lag_unlikely else set()
+        if differs_with_size(self.posterior):
+            of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
+        return tuple(d | of_person for d in doubts_of(self.posterior, self.moments, self.body))
 
 
 class _Participant:

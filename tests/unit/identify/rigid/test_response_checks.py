@@ -82,6 +82,18 @@ def test_a_flat_top_below_the_command_is_saturation(torque, expected):
     assert torque_failure(dataset(torque=torque), PULSES) is expected
 
 
+@pytest.mark.parametrize(("limit", "expected"), [(10.0, Failure.TORQUE_SATURATED), (17.5, None)])
+def test_pulses_below_the_limit_do_not_hide_saturation(limit, expected):
+    sizes = (17.0, 7.0, -7.0, -17.0)
+    pulses = [Pulse(p.onset_s, 0.25, size) for p, size in zip(PULSES, sizes, strict=True)]
+    time = np.arange(3000) / 500.0
+    torque = 0.2 * np.random.default_rng(0).standard_normal(time.size)
+    for p in pulses:
+        torque += p.amplitude * ((time >= p.onset_s) & (time < p.onset_s + 0.25))
+
+    assert torque_failure(dataset(torque=torque.clip(-limit, limit)), pulses) is expected
+
+
 def test_a_channel_of_the_users_own_called_friction_says_nothing_of_saturation():
     torque = torque_of(17.0, 0.2).clip(max=10.0)
     own = {"torque": torque, "friction": np.full(torque.size, 9.0)}

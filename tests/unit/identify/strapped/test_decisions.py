@@ -76,6 +76,7 @@ def test_an_undecided_value_has_one_sided_limits_further_out_if_nothing_is_decid
         (Doubt.INERTIA_UNLIKE_AT_POINT, set(NAMES) - {"inertia"}),
         (Doubt.INERTIA_UNLIKE_BODY, set(NAMES)),
         (Doubt.INSTRUMENTS_UNLIKELY, set(NAMES)),
+        (Doubt.RESPONSES_UNLIKE_SIZE, set(NAMES)),
     ],
 )
 def test_a_doubt_leaves_no_value_and_no_limit(doubt, undecided):
@@ -101,10 +102,10 @@ def test_gains_and_the_device_itself_are_taken_into_account():
     assert gone["inertia"].status == "undecided"
 
 
-def posterior(misfits, *, off_sd=0.0):
+def posterior(misfits, *, off_sd=0.0, of="sensor_delay_s"):
     layout = Layout(len(misfits), 2)
     theta = np.zeros(layout.size)
-    theta[layout.shared("sensor_delay_s")] = 0.8 * off_sd
+    theta[layout.shared(of)] = 0.8 * off_sd
     prior = SimpleNamespace(mean=np.zeros(layout.size), covariance=0.64 * np.eye(layout.size))
     return SimpleNamespace(
         model=SimpleNamespace(points=misfits, layout=layout),
@@ -112,10 +113,19 @@ def posterior(misfits, *, off_sd=0.0):
     )
 
 
-@pytest.mark.parametrize(("off_sd", "doubted"), [(-2.6, True), (2.4, False)])
-def test_an_instrument_far_from_its_prior_is_a_doubt(off_sd, doubted):
+@pytest.mark.parametrize(
+    ("of", "off_sd", "doubted"),
+    [
+        ("sensor_delay_s", -2.6, True),
+        ("sensor_delay_s", 2.4, False),
+        ("friction_nm", 2.6, True),
+        ("friction_nm", -4.0, False),  # none is left in a torque that a load cell measures
+    ],
+)
+def test_an_instrument_far_from_its_prior_is_a_doubt(of, off_sd, doubted):
     body = Body(LogPrior(median=0.3, log_sd=0.45), LogPrior(median=70, log_sd=1), 0, 0.45, True)
-    found = doubts_of(posterior((0.8, 0.9), off_sd=off_sd), moments(same(NARROW, points=2)), body)
+    far = posterior((0.8, 0.9), off_sd=off_sd, of=of)
+    found = doubts_of(far, moments(same(NARROW, points=2)), body)
 
     assert [Doubt.INSTRUMENTS_UNLIKELY in doubts for doubts in found] == [doubted] * 2
 

@@ -11,6 +11,9 @@ from tests.unit.identify.strapped.prior_draws import (
     standardised_errors,
 )
 
+from jointz.identify.strapped.checks import differs_with_size
+from jointz.identify.strapped.posterior import explain
+
 STUDIES = {
     "doublet": {"shapes": (DOUBLET,), "n_pulses": 30, "window_s": 0.2},
     "two sizes and signs": {"shapes": PULSES, "n_pulses": 8, "window_s": 0.15},
@@ -22,6 +25,23 @@ def test_a_leg_from_the_priors_lies_within_its_intervals():
 
     assert np.abs(errors).max() < 4.0
     assert 0.3 < np.sqrt((errors[:3] ** 2).mean()) < 2.0
+
+
+@pytest.mark.parametrize(("given", "differs"), [(1.0, False), (0.6, True)])
+def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs):
+    model, priors, _ = simulated_person(2, **STUDIES["two sizes and signs"])
+    points = [
+        replace(
+            point,
+            shapes=tuple(
+                replace(s, angle=given * s.angle) if np.abs(s.torque).max() > 9.0 else s
+                for s in point.shapes
+            ),
+        )
+        for point in model.points
+    ]
+
+    assert differs_with_size(explain(model.with_points(points), priors, (0.0,))) is differs
 
 
 @pytest.mark.slow
