@@ -16,6 +16,7 @@ from typing import Any
 from unittest.mock import patch
 from urllib.parse import urlsplit
 
+import hypothesis
 import pandas as pd
 import pytest
 
@@ -24,6 +25,10 @@ from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.stop_signals import STOP_SIGNALS
 from jointz.experiment.files.journal import read_journal
+
+# A pause of the machine within an example is no failure of it.
+hypothesis.settings.register_profile("jointz", deadline=None)
+hypothesis.settings.load_profile("jointz")
 
 REPOSITORY = Path(__file__).parent.parent
 
