@@ -18,6 +18,7 @@ from benchmarks.planted_errors.physics import (
     held_joint,
     walk,
 )
+from benchmarks.planted_errors.strapped import WINDOW_S, drawn_strapped, walk_strapped
 
 Params = dict[str, Any]
 
@@ -26,7 +27,7 @@ Params = dict[str, Any]
 class Case:
     """A world with one mistake, or none."""
 
-    family: str  # walking, bench or joint
+    family: str  # walking, strapped, bench or joint
     fault: str  # "" where nothing is wrong
     tag: str = ""
     settings: Params = field(default_factory=dict)
@@ -45,11 +46,16 @@ _EXACT |= {"torque_noise": 0.05, "muscle_nm": 0.0, "angle_lag_s": 0.0, "sizes": 
 _EXACT |= {"signs": (1,), "body": False, "lag_known": False, "clock": True}
 
 
+_WALKING = ("sign_torque", "clip_applied", "clip_sensor", "held_25hz", "late", "drift")
+_WALKING += ("rate_300", "labels", "mass_tenth", "mass_lb", "height_cm", "gain_10")
+_WALKING += ("other_record", "filled")
+#: A strapped leg is tried with what the benches are, too.
+_STRAPPED = (*_WALKING, "sign_angle", "degrees", "n_mm", "exchanged", "rate_half", "rate_double")
+_STRAPPED += ("hum", "quantised")
+
+
 def planted() -> list[Case]:
-    """The forty with a mistake."""
-    walking = ["sign_torque", "clip_applied", "clip_sensor", "held_25hz", "late", "drift"]
-    walking += ["rate_300", "labels", "mass_tenth", "mass_lb", "height_cm", "gain_10"]
-    walking += ["other_record", "filled"]
+    """Those with a mistake."""
     own: dict[str, Params] = {
         "clip_applied": _MANY | {"points": ["PSW", "MSW"]},
         "clip_sensor": _MANY | {"points": ["ISW", "TST"]},
@@ -57,7 +63,10 @@ def planted() -> list[Case]:
         "labels": {"table": True, "points": ["LRE", "TST", "ISW"], "pulses": 14},
         "late": {"people": 2},
     }
-    cases = [Case("walking", f, settings=own.get(f, {})) for f in walking]
+    cases = [Case("walking", f, settings=own.get(f, {})) for f in _WALKING]
+    own = {"rate_300": {"clock": False}}
+    own |= {"rate_half": {"clock": False}, "rate_double": {"clock": False}}
+    cases += [Case("strapped", f, settings=own.get(f, {})) for f in _STRAPPED]
     on_bench = ["sign_angle", "degrees", "n_mm", "clip_applied", "clip_sensor", "held_25hz"]
     on_bench += ["late", "drift", "rate_half", "rate_double", "exchanged", "gain_10", "filled"]
     own = {
@@ -79,7 +88,7 @@ def planted() -> list[Case]:
 
 
 def clean() -> list[Case]:
-    """The twenty without."""
+    """Those without."""
     walking: list[Params] = [
         {},
         {"pulses": 40, "points": ["LRE", "ISW"]},
@@ -93,7 +102,8 @@ def clean() -> list[Case]:
     on_bench += [{"clock": False, "table": True}, {"signs": (1,), "body": True}]
     held: list[Params] = [{}, {"with_command": True}, {"input": "angle"}, {}]
     held += [{"with_command": True}, {"input": "angle"}]
-    families = {"walking": walking, "bench": on_bench, "joint": held}
+    strapped: list[Params] = [{}, {"table": False, "seed": 2}, {"clock": False, "seed": 3}]
+    families = {"walking": walking, "strapped": strapped, "bench": on_bench, "joint": held}
     return [
         Case(family, "", str(number), settings)
         for family, rows in families.items()
@@ -103,6 +113,8 @@ def clean() -> list[Case]:
 
 def _drawn(rng: np.random.Generator, case: Case) -> Params:
     """Draw one person or load; the case's own settings stand over what is drawn."""
+    if case.family == "strapped":
+        return drawn_strapped(case.settings.get("seed", 1)) | {"fault": case.fault} | case.settings
     mass, height = rng.uniform(50, 95), rng.uniform(1.55, 1.95)
     # Winter (2009): shank and foot about the knee; the hip gives way, so that less is felt.
     leg = 0.061 * mass * (0.735 * 0.246 * height) ** 2 * rng.uniform(0.6, 0.75)
@@ -207,16 +219,19 @@ def _write(rec: Recording, path: Path, p: Params) -> None:
 def _head(family: str, p: Params) -> list[str]:
     """Head of a study file."""
     wrong = {"rate_300": 300, "rate_half": p["rate"] / 2, "rate_double": p["rate"] * 2}
-    lines = ["jointz = 1", 'joint = "knee"', f'kind = "{family}"', 'positive = "flexion"']
+    kind = "walking" if family == "strapped" else family
+    lines = ["jointz = 1", 'joint = "knee"', f'kind = "{kind}"', 'positive = "flexion"']
+    lines += ['coupling = "rigid"'] if family == "walking" else []
     lines += ['subjects = "people"'] if family == "bench" and p["body"] else []
     lines += [] if p["clock"] else [f"sample_rate_hz = {float(wrong.get(p['fault'], p['rate']))}"]
     units = {"time": "s"} if p["clock"] else {}
     units |= {"angle": "rad", "torque": "N*m", "command": "N*m"}
     lines += [f'channels.{c} = {{ column = "{c}", unit = "{u}" }}' for c, u in units.items()]
-    if family == "walking":
+    if kind == "walking":
         lines += ['channels.contact = { column = "contact", kind = "contact" }', "[perturbations]"]
         points = ", ".join(f"{name} = {POINTS[name]}" for name in p["points"])
         lines += [f"timing_points = {{ {points} }}"]
+        lines += [f"window_s = {WINDOW_S}"] if family == "strapped" else []
     if p["lag_known"]:
         lags = {"angle_lag_s": p["angle_lag_s"], "torque_lag_s": 0.0}
         lines += ["[calibration]"]
@@ -247,15 +262,18 @@ def _recordings(
 ) -> tuple[dict[str, Recording], Truth]:
     """What one person's or load's files hold, mistake included."""
 
-    def perturbed() -> tuple[Recording, Truth]:
-        return walk(rng, p, perturbed=True) if case.family == "walking" else bench(rng, p)
+    def recorded(condition: str) -> tuple[Recording, Truth]:
+        perturbed = condition != "unperturbed"
+        if case.family == "strapped":
+            return walk_strapped(p, condition, perturbed=perturbed)
+        return walk(rng, p, perturbed=perturbed) if case.family == "walking" else bench(rng, p)
 
-    rec, truth = perturbed()
+    rec, truth = recorded("perturbed")
     if p["fault"] == "other_record":
-        _other_torque(rec, perturbed()[0])
+        _other_torque(rec, recorded("another trial")[0])
     found = {"perturbed": rec}
-    if case.family == "walking":
-        found["unperturbed"] = walk(rng, p, perturbed=False)[0]
+    if case.family in ("walking", "strapped"):
+        found["unperturbed"] = recorded("unperturbed")[0]
     for each in found.values():
         plant(each, p, rng)
     return found, truth

@@ -33,8 +33,9 @@ _UNITS: Mapping[float, str] = {
     1e-3: "grams",
 }
 _ASK = (
-    "Values per kg are withheld ({status}); K, B and J do not depend on it. Correct "
-    "[[participants]] in study.toml; if it is right, divide K and B by it yourself."
+    "Values per kg are withheld ({status}); K, B and J do not depend on it, except by the method "
+    "strapped, which expects a leg of this mass. Correct [[participants]] in study.toml; if it is "
+    "right, divide K and B by it yourself."
 )
 
 
