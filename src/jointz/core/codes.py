@@ -132,6 +132,11 @@ class Failure(FailureCode):
         "opposite_sign",
         "the joint moves against the torque: a sign is wrong (torque_acts_on)",
     )
+    PULSE_SHAPE = (
+        "pulse_shape",
+        "the pulses differ in shape, or push to and fro: this method is for pulses of one shape "
+        "that push one way",
+    )
     ANGLE_OUT_OF_RANGE = (
         "angle_out_of_range",
         "the angle spans more than half a turn, or turns faster than 50 rad/s: degrees taken for "

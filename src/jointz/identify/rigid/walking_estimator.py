@@ -23,6 +23,7 @@ from jointz.identify.prediction.predicted_cells import (
     pulses_by_point,
 )
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
+from jointz.identify.prediction.pulse_shapes import push_one_way
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.calibration import pooled_calibration
@@ -161,7 +162,10 @@ class WalkingEstimator:
             return {cell.label: Failure.WINDOW_TOO_LONG for cell in cells}
         sources = {c.source for cell in cells for c in cell.used}
         angles = {k: angle_failure(self._sources[k].given.recording) for k in sources}
-        return common_failure({cell.label: self._failure_before(cell, angles) for cell in cells})
+        failures = {cell.label: self._failure_before(cell, angles) for cell in cells}
+        return common_failure(
+            {cell.label: _named_by_shape(failures[cell.label], cell) for cell in cells}
+        )
 
     def _failure_before(
         self, cell: PredictedCell, angles: Mapping[int, Failure | None]
@@ -306,6 +310,17 @@ class WalkingEstimator:
             baseline=PREDICTED,
             onset_gait_pct=onset,
         )
+
+
+def _named_by_shape(failure: Failure | None, cell: PredictedCell) -> Failure | None:
+    """Return the shape of the pulses as the failure if this may be why the checks failed.
+
+    They compare pulses by their size, and expect that a joint takes in energy all the time.
+    """
+    if failure not in (Failure.CONSTANT_ANGLE, Failure.OPPOSITE_SIGN):
+        return failure
+    torque = cell.predicted.responses[cell.kept][:, 1:].sum(axis=1)
+    return failure if push_one_way(torque) else Failure.PULSE_SHAPE
 
 
 def _without_steep(
