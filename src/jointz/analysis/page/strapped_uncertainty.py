@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.codes import Doubt
+from jointz.identify.strapped.decisions import with_model_error
 from jointz.report.wording import ABSOLUTE, format_number, parameter_name, pretty_unit
 from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
 from jointz.results.log_posterior import LogPosterior
@@ -38,7 +39,7 @@ _Row = dict[str, Any]
 
 def strapped_undecided(analysis: StudyAnalysis) -> list[_Row]:
     """Return a row for each undecided K, B and J."""
-    sds = {key: sd for posterior in analysis.log_posteriors for key, sd in _log_sds(posterior)}
+    sds = {key: sd for posterior in analysis.log_posteriors for key, sd in log_sds(posterior)}
     doubts = {posterior.label: posterior.doubts for posterior in analysis.log_posteriors}
     return [
         _row(cell, estimate, sds, doubts.get(cell.label, ()))
@@ -51,11 +52,12 @@ def strapped_undecided(analysis: StudyAnalysis) -> list[_Row]:
 _Key = tuple[str, str, str]
 
 
-def _log_sds(posterior: LogPosterior) -> Iterator[tuple[_Key, float]]:
+def log_sds(posterior: LogPosterior) -> Iterator[tuple[_Key, float]]:
     """Yield participant, parameter and timing point with the sd of the logarithm."""
     places = zip(posterior.parameters, posterior.timing_points, strict=True)
     for (name, point), sd in zip(places, np.sqrt(np.diag(posterior.covariance)), strict=True):
-        yield (posterior.label, name, point), float(np.hypot(sd, posterior.gain_sd))
+        whole = np.hypot(with_model_error(name, float(sd)), posterior.gain_sd)
+        yield (posterior.label, name, point), float(whole)
 
 
 def _row(
@@ -67,7 +69,7 @@ def _row(
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     withheld = estimate.ci_low is None
-    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(_half_width(sd))}"
+    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(half_width(sd))}"
     return {
         "participant": cell.label,
         "name": cell.timing_point,
@@ -85,9 +87,9 @@ def _doubted(doubts: Sequence[str]) -> str:
 
 
 def _too_wide(sd: float | None, others: Sequence[float]) -> str:
-    if sd is None or not decides(1.0, _half_width(sd)):
+    if sd is None or not decides(1.0, half_width(sd)):
         return "half of the interval exceeds 50 % of the value"
-    usual = _half_width(float(np.median(others)))
+    usual = half_width(float(np.median(others)))
     return (
         "half of the interval is within 50 %, but the median over the participant's timing points "
         f"is ±\N{NO-BREAK SPACE}{_pct(usual)}: one narrow interval among wide ones may be "
@@ -100,9 +102,9 @@ def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -
     parts = cell.through_instruments.get(estimate.name, {})
     if sd is None or not estimate.unbounded:
         return _NOTHING_ALONE
-    now = _half_width(sd)
+    now = half_width(sd)
     left = {
-        source: _half_width(float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0))))
+        source: half_width(float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0))))
         for source, part in parts.items()
     }
     ordered = sorted(left, key=left.__getitem__)
@@ -115,7 +117,7 @@ def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -
     return f"{_NOTHING_ALONE} by more than a tenth; most by {named[0]}"
 
 
-def _half_width(sd: float) -> float:
+def half_width(sd: float) -> float:
     """Return half of the 95 % interval over the value, of the sd of a logarithm."""
     return float(np.sinh(REACH_95 * sd))
 
