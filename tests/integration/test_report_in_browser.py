@@ -17,11 +17,16 @@ def test_the_report_opens_offline_and_shows_text_and_figures(
     page.on("request", lambda request: asked.append(request.url))
 
     page.goto(report)
+    closed = page.evaluate("document.body.scrollHeight")
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     page.wait_for_timeout(500)
     with Image.open(io.BytesIO(page.screenshot())) as image:
         picture = np.asarray(image.convert("L"))
+    first = page.evaluate("document.querySelector('#first').getBoundingClientRect().bottom")
     context.close()
 
+    assert first < 1400
+    assert closed < 2200
     assert errors == []
     assert [url for url in asked if url != report and not url.startswith("data:")] == []
     assert picture.shape == (4000, 1200)
@@ -32,3 +37,25 @@ def test_the_report_opens_offline_and_shows_text_and_figures(
     # The text is laid out in a column with margins, not run to the edges.
     assert not dark[:, :40].any()
     assert not dark[:, -40:].any()
+
+
+def test_a_link_opens_the_section_it_leads_to_and_print_opens_all(
+    small_study, analyze, tmp_path, browser, script_errors
+):
+    analyze(small_study)
+    page = browser.new_page(viewport={"width": 1200, "height": 1400})
+    errors = script_errors(page)
+    page.goto((tmp_path / "results" / "report.html").as_uri())
+    opened = "[...document.querySelectorAll('details.fold')].filter(d => d.open).length"
+    assert page.evaluate(opened) == 0
+
+    page.click("nav a[href='#excluded']")
+    assert page.evaluate(opened) == 1
+    assert page.locator("#excluded").is_visible()
+
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(opened) == page.locator("details.fold").count()
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(opened) == 1
+    page.close()
+    assert errors == []

@@ -10,43 +10,16 @@ from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     format_count,
-    format_integer,
     format_number,
-    method_name,
     parameter_name,
     pretty_unit,
 )
 from jointz.results.statistics.pooled_estimates import POOLED_METHOD
-from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 #: A count in the description of an interval; not the digits of a word.
 _NUMBER: Final = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
 _MOST_NAMES: Final = 3
-
-
-def summary_paragraph(analysis: StudyAnalysis) -> str:
-    """Say in plain words who was measured, how, and how many estimates are available."""
-    people = list(dict.fromkeys(c.participant for c in analysis.cells))
-    if not people:
-        return "The study has no participants and no pulses, so there is nothing to report."
-    words = subjects(analysis)
-    used, excluded = pulse_counts(analysis)
-    joint = None if words.loads else analysis.settings.get("joint")
-    who = f"{words.counted(len(people))} ({name_range(people)})"
-    method = analysis.settings.get("method")
-    lead = f"With the method “{method_name(method)}”, " if method else ""
-    total = sum(len(c.parameters) for c in analysis.cells)
-    verb = "is" if analysis.n_standing == 1 else "are"
-    sentences = [
-        f"{who}, {f'{joint}, ' if joint else ''}{_timing(analysis)}.",
-        f"{format_count(used, 'pulse was', 'pulses were')} used and "
-        f"{format_integer(excluded)} excluded.",
-        f"{lead}{analysis.n_standing} of {format_count(total, 'estimate')} {verb} available"
-        f"{_status_counts(analysis)}.",
-    ]
-    if words.loads and len(people) > 1:
-        sentences.append(NO_MEANS_ON_A_BENCH)
-    return " ".join([*sentences, *_extremes(analysis.population)])
 
 
 def name_range(names: Sequence[str]) -> str:
@@ -54,25 +27,7 @@ def name_range(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= _MOST_NAMES else f"{names[0]} to {names[-1]}"
 
 
-def _timing(analysis: StudyAnalysis) -> str:
-    points = {c.timing_point for c in analysis.cells if c.timing_point != ALL_POINTS}
-    words = subjects(analysis)
-    of_cycle = " of the gait cycle" if has_onsets(analysis) else ""
-    return f"{format_count(len(points), words.point, words.points)}{of_cycle}"
-
-
-def _status_counts(analysis: StudyAnalysis) -> str:
-    statuses = [p.status for c in analysis.cells for p in c.parameters]
-    counts = {
-        "of these as an upper limit only": statuses.count("at_bound"),
-        "undecided": statuses.count("undecided"),
-        "failed": sum(s.startswith("failed") for s in statuses),
-    }
-    parts = [f"{count} {words}" for words, count in counts.items() if count]
-    return f" ({', '.join(parts)})" if parts else ""
-
-
-def _extremes(population: Sequence[PopulationEstimate]) -> list[str]:
+def stiffness_extremes(population: Sequence[PopulationEstimate]) -> list[str]:
     """Name the timing points of largest and smallest mean stiffness."""
     for parameter in ("stiffness_per_mass", "stiffness"):
         means = [m for m in population if m.parameter == parameter and m.n_participants > 1]

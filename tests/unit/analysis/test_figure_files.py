@@ -17,7 +17,11 @@ from jointz.analysis.page.figure_files import (
 )
 from jointz.analysis.page.impedance_figures import draw_impedance_over_gait
 from jointz.analysis.page.method_figures import draw_methods
-from jointz.analysis.page.response_figures import draw_responses
+from jointz.analysis.page.response_figures import (
+    draw_response_overview,
+    draw_responses,
+    example_cells,
+)
 from jointz.core.events import PulseRecord
 from jointz.report.style import figure_style, new_figure, to_svg
 from jointz.report.subjects import timing_points
@@ -48,8 +52,8 @@ def test_every_figure_is_well_formed_svg_without_outside_references(walking):
     drawn = draw_figures(walking)
     assert time.process_time() - start < 6.0  # ten people and six timing points
     assert list(drawn) == [
-        "impedance_over_gait", "methods", "responses", "onset_accuracy", "strides",
-        "impedance_column",
+        "impedance_overview", "impedance_over_gait", "response_overview", "responses", "methods",
+        "onset_accuracy", "strides", "impedance_column",
     ]  # fmt: skip
     for name, svg in drawn.items():
         root = ET.fromstring(svg)
@@ -109,7 +113,9 @@ def test_another_font_writes_only_what_the_usual_one_lacks(monkeypatch):
 def test_a_bench_study_has_its_groups_on_the_axis(bench):
     figure = plot(draw_impedance_over_gait, bench)
     assert labels(figure.axes[0].get_xticklabels()) == ["k1 I1", "k2 I1", "k1 I2", "k2 I2"]
-    assert set(draw_figures(bench)) == {"impedance_over_gait", "responses", "impedance_column"}
+    assert set(draw_figures(bench)) == {
+        "impedance_overview", "impedance_over_gait", "responses", "impedance_column",
+    }  # fmt: skip
 
 
 def test_nothing_is_drawn_where_nothing_stands(failed):
@@ -164,6 +170,18 @@ def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
     )
     assert "n 48" in labels(angle.texts)
     assert f"{one.cells[0].vaf_pct:.1f} %" in labels(torque.texts)
+
+
+def test_examples_of_responses_are_the_best_the_median_and_the_worst_fit(walking):
+    known = sorted(c.vaf_pct for c in walking.cells if c.response is not None)
+    found = [c.vaf_pct for c in example_cells(walking.cells)]
+    assert (found[0], found[-1]) == (known[-1], known[0])
+    assert len(found) == 3
+
+
+def test_few_people_have_no_figure_of_all_responses_together(walking):
+    few = tuple(c for c in walking.cells if c.participant in ("S01", "S02", "S03"))
+    assert plot(draw_response_overview, replace(walking, cells=few)) is None
 
 
 def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):

@@ -9,7 +9,7 @@ from tests.unit.report.pages import Page, words
 
 from jointz.analysis.page.figure_files import draw_figures, draw_truth_picture
 from jointz.analysis.page.report_page import render_report
-from jointz.report.wording import DASH
+from jointz.report.wording import DASH, format_estimate
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def page(html):
 
 def test_the_page_is_well_formed(html, page):
     assert page.open == []
-    assert page.tags.count("figure") == page.tags.count("svg") == 6
+    assert page.tags.count("figure") == page.tags.count("svg") == 7
     assert len(page.ids) == len(set(page.ids))
     assert {link[1:] for link in page.links} <= set(page.ids)
     assert html.count("<style") == 1  # no rule of a figure reaches the page
@@ -51,8 +51,10 @@ def test_a_browser_may_run_no_script_but_the_copy_button_and_fetch_nothing(html)
     assert "innerHTML" not in script
 
 
-def test_a_bound_is_shown_as_a_bound_and_dust_never(html, page):
-    assert re.search(r"0 \(at most 0\.\d{3}\)", words(page))
+def test_a_bound_is_shown_as_a_bound_and_dust_never(html, page, walking):
+    assert re.search(r"at most \d\d\.\d", words(page))  # of ten people, values only
+    few = replace(walking, cells=tuple(c for c in walking.cells if c.participant < "S05"))
+    assert re.search(r"0 \(at most \d\d\.\d\)", words(Page(render_report(few, {}, title="t"))))
     assert not re.search(r"\d[eE]-\d", re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL))
 
 
@@ -106,13 +108,13 @@ def test_names_stay_text_in_every_table_of_walking(walking, recommended, unpertu
     page = Page(html)
     assert page.open == []
     assert "blink" not in page.tags
-    assert page.text.count(text) > 20
+    assert page.text.count(text) > 10
 
 
 def test_a_study_in_which_nothing_stands_still_has_a_page(failed):
     page = Page(render_report(failed, draw_figures(failed), title="Nothing"))
     assert page.open == []
-    assert "0 of 3 estimates are available (3 failed)" in words(page)
+    assert "0 of 3 values of K, B and J are available (3 failed)" in words(page)
     assert "figure" not in page.tags
 
 
@@ -131,7 +133,45 @@ def test_a_recording_is_shown_by_the_name_its_variables_lead_to(walking):
     html = render_report(renamed, {}, title="Lab")
 
     assert "LAB_DISK" not in html
-    assert html.count(shown) > len(summary) + 1  # in all three tables
+    assert html.count(shown) == 1  # an input; of many recordings, the page has sums only
+
+    few = replace(
+        renamed,
+        strides=strides[:6],
+        pulses=pulses[:6],
+        statistics={**walking.statistics, "strides": summary[:6]},
+    )
+    html = render_report(few, {}, title="Lab")
+    assert "LAB_DISK" not in html
+    assert html.count(shown) > 6 + 1  # in all three tables
+
+
+def test_the_first_page_has_the_answers_in_few_words(html):
+    first = Page(html[html.index('<section id="first">') : html.index("<nav>")])
+    assert len(first.text.split()) <= 350
+    text = words(first)
+    assert "10 participants (S01 to S10)" in text
+    assert "pulses were used and 168 excluded" in text
+    for heading in ("What can be said, and what cannot", "What to do next", "How to cite"):
+        assert heading in text
+    assert "times the mean of the dissertation" in text
+
+
+def test_what_is_below_the_first_page_is_folded_and_can_be_reached(html, page):
+    below = html[html.index("</nav>") :]
+    assert "<details open" not in below
+    assert below.count('<details class="fold"') >= 10
+    reachable = {link[1:] for link in page.links if link.startswith("#")}
+    folded = set(re.findall(r'</summary>\s*<section id="([^"]+)"', below))
+    assert folded == reachable & folded
+
+
+def test_one_person_has_that_persons_values_on_the_first_page(walking):
+    cells = tuple(c for c in walking.cells if c.participant == "S01")
+    html = render_report(replace(walking, cells=cells, population=()), {}, title="One")
+    first = words(Page(html[html.index('<section id="first">') : html.index("<nav>")]))
+    assert format_estimate(cells[0].parameter("stiffness_per_mass")) in first
+    assert "Mean over" not in first
 
 
 def effect(analysis, name, trajectory="A", p=0.01, code=""):

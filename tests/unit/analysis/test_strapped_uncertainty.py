@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointz.analysis.page.next_measures import next_measures
 from jointz.analysis.page.report_page import render_report
-from jointz.analysis.page.uncertainty_section import uncertainty_section
+from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
 from jointz.core.codes import Doubt
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.log_posterior import LogPosterior
@@ -67,7 +68,6 @@ def test_the_best_measurement_stands_first_with_what_it_would_leave():
     lag, pulses = row["remedy"].split("; ")
     assert lag == "lag of the angle (angle_lag_s under [calibration]): ± 41 %"
     assert pulses.startswith("twice as many pulses: ± 7")
-    assert [d["name"] for d in section["details"]] == list(POINTS)
 
 
 def test_sources_that_hardly_help_are_not_sold_as_a_remedy():
@@ -96,6 +96,26 @@ def test_a_doubt_is_the_reason_where_there_are_no_limits():
     assert {row["why"] for row in rows} == {Doubt.INSTRUMENTS_UNLIKELY.meaning}
 
 
+def test_rows_of_one_reason_and_remedy_become_one_that_says_where():
+    rows = uncertainty_section(analysis([cell(p, k=WIDE) for p in POINTS], (WIDE,) * 3))
+
+    (row,) = grouped(rows["undecided"])
+
+    assert (row["where"], row["value"]) == ("S01 LRE, MST, TST", "3 values")
+
+
+def test_the_first_page_names_the_measure_that_decides_most():
+    parts = {"lag": 40.0 * np.sqrt(WIDE**2 - FAIR**2), "pulses": 1.0}
+    made = analysis([cell(p, k=WIDE, parts=parts) for p in POINTS], (WIDE,) * 3)
+
+    sentences = next_measures(made)
+
+    assert sentences == [
+        "Measure the lag of the angle behind the torque (angle_lag_s under [calibration]): "
+        "this alone would decide 3 of 3 undecided values."
+    ]
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_the_report_has_the_section_and_older_results_do_not_need_it(known):
     cells = [cell(p, k=WIDE) for p in POINTS]
@@ -105,5 +125,5 @@ def test_the_report_has_the_section_and_older_results_do_not_need_it(known):
 
     page = render_report(made, {}, title="t")
 
-    assert ("what would decide them" in page) is known
+    assert ('id="undecided"' in page) is known
     assert ("half of its 95 % interval in % of it" in page) is known

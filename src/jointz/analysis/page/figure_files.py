@@ -18,7 +18,9 @@ from jointz.analysis.page.event_figures import (
 from jointz.analysis.page.impedance_figures import (
     draw_impedance_column,
     draw_impedance_over_gait,
+    draw_impedance_overview,
     impedance_caption,
+    overview_caption,
 )
 from jointz.analysis.page.method_figures import (
     TRUTH_CAPTION,
@@ -26,7 +28,12 @@ from jointz.analysis.page.method_figures import (
     draw_truth,
     methods_caption,
 )
-from jointz.analysis.page.response_figures import draw_responses, responses_caption
+from jointz.analysis.page.response_figures import (
+    draw_response_overview,
+    draw_responses,
+    response_overview_caption,
+    responses_caption,
+)
 from jointz.report.html_page import page_figures
 from jointz.report.style import figure_style, to_pdf, to_svg
 from jointz.results.study_analysis import StudyAnalysis
@@ -49,17 +56,23 @@ class _ReportFigure:
 
 #: In the order of the page.
 _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
-    "impedance_over_gait": _ReportFigure(
-        draw_impedance_over_gait, "Impedance", impedance_caption, "impedance"
+    "impedance_overview": _ReportFigure(
+        draw_impedance_overview, "Impedance", overview_caption, "first"
     ),
-    "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
+    "impedance_over_gait": _ReportFigure(
+        draw_impedance_over_gait, "Impedance", impedance_caption, "participants"
+    ),
+    "response_overview": _ReportFigure(
+        draw_response_overview, "Responses to the pulses", response_overview_caption, "responses"
+    ),
+    "responses": _ReportFigure(
+        draw_responses, "Responses to the pulses", responses_caption, "responses"
+    ),
     "budget": _ReportFigure(
         draw_budget, "Sources of the uncertainty", budget_caption, "uncertainty"
     ),
+    "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
     "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),
-    "responses": _ReportFigure(
-        draw_responses, "Responses to the pulses", responses_caption, "participants"
-    ),
     "onset_accuracy": _ReportFigure(
         draw_onset_accuracy, "Accuracy of the onset", onset_caption, "recordings"
     ),
@@ -130,7 +143,9 @@ def figures_by_section(
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the figures of each section of the page, numbered in the order of the page."""
     texts = captions(analysis)
-    names = [name for name in texts if name in svgs]
+    # Of many people, the panels of each would be the longest part of the page.
+    left_out = {"responses"} if "response_overview" in svgs else set()
+    names = [name for name in texts if name in svgs and name not in left_out]
     sections: dict[str, list[dict[str, Any]]] = {}
     numbered = page_figures(
         (name, svgs[name], _REPORT_FIGURES[name].heading, texts[name]) for name in names

@@ -25,6 +25,7 @@ from jointz.report.style import (
     panel_heading,
     place_axes,
     place_legend,
+    place_panels,
     shade_phases,
 )
 from jointz.report.subjects import shown_parameters, subjects, timing_points
@@ -67,6 +68,8 @@ class _Layout:
     above_mm: float  # space above the first panel, without the legend
     below_mm: float  # space below the last panel, added to ``between_mm``
     marks: float = 1.0  # scale of marks and lines
+    phase_names: bool = True  # whether the gait phases are named in the panels
+    bars_beside_means: bool = True  # whether people have bars where there are means over them
 
     @property
     def narrow(self) -> bool:
@@ -77,6 +80,10 @@ class _Layout:
 _CellParameter = tuple[CellEstimate, ParameterEstimate]
 _PAGE: Final = _Layout(WIDTH_MM, 42.0, 16.0, 9.0, -5.0)
 _COLUMN: Final = _Layout(COLUMN_MM, 32.0, 18.5, 10.5, -2.0, marks=0.7)
+#: One of three panels side by side.
+_THIRD: Final = _Layout(
+    WIDTH_MM / 3, 42.0, 0.0, 14.0, 11.0, marks=0.7, phase_names=False, bars_beside_means=False
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +105,37 @@ def draw_impedance_column(analysis: StudyAnalysis) -> "Figure | None":
 def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
     """Draw each person's estimates and the means over people, one panel for each parameter."""
     return _draw_impedance(analysis, _PAGE)
+
+
+def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw people and means over them in one row of panels, for the first page of a report."""
+    parameters = shown_parameters(analysis)
+    if not parameters:
+        return None
+    figure = new_figure(_THIRD.above_mm + _THIRD.panel_mm + _THIRD.below_mm)
+    panels = place_panels(
+        figure,
+        len(parameters),
+        left_mm=_LEFT_MM - 2.0,
+        top_mm=_THIRD.above_mm,
+        height_mm=_THIRD.panel_mm,
+    )
+    for axes, parameter in zip(panels, parameters, strict=True):
+        _draw_parameter(axes, analysis, parameter, _THIRD)
+    bars = {m.parameter for m in _means(analysis, parameters)} < set(parameters)
+    place_legend(figure, _legend(analysis, parameters, people_bars=bars))
+    return figure
+
+
+def overview_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure on the first page."""
+    where = "over the gait cycle" if has_onsets(analysis) else f"at each {subjects(analysis).point}"
+    text = f"Impedance {where}."
+    if has_onsets(analysis):
+        text += " Grey bands: gait phases."
+    if _means(analysis, shown_parameters(analysis)):
+        text += " Beside means, the intervals of each participant are left to the figure below."
+    return text + _missing_panels(analysis)
 
 
 def impedance_caption(analysis: StudyAnalysis) -> str:
@@ -172,10 +210,14 @@ def _draw_parameter(
     if groups == {ALL_POINTS}:
         marks, mean_marks = _draw_people_axis(axes, estimates, means)
     else:
-        positions, fan = _group_axis(axes, [c for c, _ in estimates])
+        positions, fan = _group_axis(
+            axes, [c for c, _ in estimates], phase_names=layout.phase_names
+        )
         marks = _fan_out(estimates, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
         mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
+    if mean_marks and not layout.bars_beside_means:
+        marks = [replace(m, low=None, high=m.high if m.at_bound else None) for m in marks]
     low, high = _fit_height(axes, [*marks, *mean_marks])
     mean_size, mean_width = 4.0 * layout.marks, 1.8 * layout.marks
     beyond = _draw_cut_ends(axes, marks, low, high, colour=SKY, size=2.8 * layout.marks)
@@ -223,7 +265,9 @@ def _draw_people_axis(
     return marks, [_mean_mark(m, len(people)) for m in means[:1]]
 
 
-def _group_axis(axes: "Axes", cells: Sequence[CellEstimate]) -> tuple[dict[str, float], float]:
+def _group_axis(
+    axes: "Axes", cells: Sequence[CellEstimate], *, phase_names: bool
+) -> tuple[dict[str, float], float]:
     """Set up the axis of gait phase, or of the groups of a bench study."""
     onsets: dict[str, list[float]] = {}
     for cell in cells:
@@ -240,7 +284,7 @@ def _group_axis(axes: "Axes", cells: Sequence[CellEstimate]) -> tuple[dict[str, 
     axes.set_xlim(min(-5.0, x[0] - fan - 1.0), max(100.0, x[-1] + fan + 1.0))
     axes.set_xticks(np.arange(0, 101, 10))
     axes.set_xlabel("Gait cycle (%)")
-    shade_phases(axes, names=True)
+    shade_phases(axes, names=phase_names)
     return positions, fan
 
 
@@ -385,7 +429,9 @@ def _note(estimates: Sequence[ParameterEstimate], drawn: int, beyond: int) -> st
     return " · ".join(texts)
 
 
-def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]":
+def _legend(
+    analysis: StudyAnalysis, parameters: Sequence[str], *, people_bars: bool = True
+) -> "list[Line2D]":
     drawn = [
         p for c in analysis.cells for p in c.parameters if p.name in parameters and p.available
     ]
@@ -393,7 +439,9 @@ def _legend(analysis: StudyAnalysis, parameters: Sequence[str]) -> "list[Line2D]
     several = len({c.label for c in analysis.cells}) > 1
     dot = {"marker": "o", "markerfacecolor": BLUE, "markeredgecolor": "white"}
     label = subjects(analysis).one if several else "estimate"
-    handles = [legend_line(f"{label}, {level}", SKY, **dot)]
+    bar = {} if people_bars else {"linestyle": "none"}
+    text = f"{label}, {level}" if people_bars else label
+    handles = [legend_line(text, SKY, **dot, **bar)]
     if _means(analysis, parameters):
         diamond = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
         handles.append(legend_line(f"mean over participants, {level}", INK, **diamond))

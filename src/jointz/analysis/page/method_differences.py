@@ -18,7 +18,6 @@ from jointz.report.wording import (
     format_count,
     format_number,
     format_span,
-    format_vaf,
     joined,
 )
 from jointz.results.estimates import CellEstimate, Response
@@ -223,29 +222,12 @@ def _lead(pairs: Sequence[_Pair]) -> str:
 
 def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str, str]]:
     return [
-        ("VAF is not accuracy.", _vaf_reason(pairs)),
         ("Lag.", _lag_reason(analysis, pairs)),
         ("Baseline.", _baseline_reason(analysis, pairs)),
         ("Bounds.", _bounds_reason(pairs)),
         ("Inertia.", _inertia_reason(pairs)),
         ("Intervals.", _interval_reason(pairs)),
     ]
-
-
-def _vaf_reason(pairs: Sequence[_Pair]) -> str:
-    rigid, other = (
-        [v for c in cells if (v := c.vaf_pct) is not None]
-        for cells in ([p.rigid for p in pairs], [p.other for p in pairs])
-    )
-    if not rigid or not other:
-        return "How closely a curve is followed does not show how accurate its parameters are."
-    return (
-        "Both methods follow the responses closely (mean VAF "
-        f"{format_vaf(float(np.mean(other)))} % of the torque by the dissertation's method, "
-        f"{format_vaf(float(np.mean(rigid)))} % of the angle by the method rigid), so VAF "
-        "does not show which of them is right. Errors of stiffness, damping and inertia can "
-        "compensate a wrong lag or baseline."
-    )
 
 
 def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
@@ -265,9 +247,7 @@ def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     )
     return (
         f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
-        "rigid method estimates the lag from the responses, and its intervals include the "
-        "uncertainty of the lag. The columns “lag alone” show the effect that this lag alone would "
-        "have on the dissertation's fit of the same joint."
+        "method rigid estimates the lag, and its intervals include the uncertainty of the lag."
     )
 
 
@@ -283,9 +263,8 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     at_least = f" (at least {min(strides)} strides)" if strides else ""
     text = (
         f"The dissertation's method subtracts the mean unperturbed stride of another recording; "
-        "differences in posture and pace between the recordings are taken as response. The "
-        "rigid method predicts the unperturbed motion of each pulse from the half second "
-        f"before it. It learns this from unperturbed strides of the same recording{at_least}."
+        "the method rigid predicts the unperturbed motion of each pulse from the half second "
+        f"before it, learned from strides of the same recording{at_least}."
     )
     if not apart:
         return text
@@ -307,17 +286,15 @@ def _bounds_reason(pairs: Sequence[_Pair]) -> str:
     )
     return (
         f"The dissertation's method allows no value below zero ({count}). The method rigid "
-        "fits without bounds, reports the unbounded value, and gives an upper limit if zero cannot "
-        "be excluded. Gravity and body weight can make an apparent stiffness negative."
+        "gives an upper limit if zero cannot be excluded."
     )
 
 
 def _inertia_reason(pairs: Sequence[_Pair]) -> str:
     rigid, other = (_inertia_spread(pairs, get) for get in (lambda p: p.rigid, lambda p: p.other))
     text = (
-        "The dissertation's method fits a separate inertia at each timing point. The rigid "
-        "method lets the timing points of a participant share one inertia as far as the responses "
-        "allow, and tests this."
+        "The dissertation's method fits a separate inertia at each timing point; in the method "
+        "rigid, timing points share one as far as the responses allow."
     )
     if rigid is None or other is None:
         return text
@@ -344,9 +321,8 @@ def _interval_reason(pairs: Sequence[_Pair]) -> str:
         for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
     ]
     return (
-        f"Intervals of the dissertation's method include only differences between pulses; a lag or "
-        "a baseline error common to all pulses is not included. Intervals of the rigid "
-        "method include the uncertainty of the lag, the prediction, the calibration and the model. "
+        f"Intervals of the dissertation's method include only differences between pulses; those of "
+        "the method rigid also lag, prediction, calibration and model. "
         f"Median half width, rigid and {DISSERTATION}: {joined(widths)}."
     )
 

@@ -13,21 +13,23 @@ from markupsafe import Markup
 from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
+from jointz.analysis.page.first_page import first_page
 from jointz.analysis.page.method_differences import differences_section
+from jointz.analysis.page.published_values import published_section
 from jointz.analysis.page.quasi_stiffness_section import quasi_stiffness_section
-from jointz.analysis.page.uncertainty_section import uncertainty_section
+from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
 from jointz.analysis.paper.methods_text import methods_text
 from jointz.analysis.summary import (
     fitted_signals,
     mean_over_people_note,
-    pulse_counts,
-    summary_paragraph,
+    stiffness_extremes,
 )
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.html_page import render_template
 from jointz.report.subjects import subjects, timing_points
 from jointz.report.wording import (
+    ABSOLUTE,
     ALL_PARAMETERS,
     AT_ONSET,
     DASH,
@@ -37,7 +39,7 @@ from jointz.report.wording import (
     format_integer,
     format_interval,
     format_number,
-    format_signed,
+    format_span,
     format_spread,
     format_vaf,
     onset_note,
@@ -47,10 +49,16 @@ from jointz.report.wording import (
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.run_report import RunReport
-from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
 
-_FIRST_ROWS: Final = 12
+#: Longer tables are replaced by a summary and the name of the file with all rows.
+_FIRST_ROWS: Final = 6
 _HASH_DIGITS: Final = 12
+
+#: From this many participants on, the table has values only, with timing points side by side.
+_MANY_PEOPLE: Final = 5
+_MOST_COLUMNS: Final = 8
+_COUNTS: Final = ("n_strikes", "n_accepted", "n_rejected", "n_gaps")
 
 _Row = dict[str, Any]
 
@@ -65,25 +73,29 @@ def render_report(
 ) -> str:
     """Write the report as one HTML page with its figures and styles inside."""
     parameters = _parameters(analysis)
-    columns = _columns(parameters)
+    columns = [name for name in (*ABSOLUTE, *AT_ONSET) if name in parameters]
     words = subjects(analysis)
     provenance, statistics = analysis.provenance, analysis.statistics
     inputs = _inputs(provenance)
-    script = Markup(render_template("copy.js.j2"))
+    matrix = _matrix(analysis, columns)
+    recordings, uncertainty = _recordings(analysis), uncertainty_section(analysis)
+    script = Markup(render_template("copy.js.j2") + render_template("fold.js.j2"))
     return render_template(
         "report.html.j2",
         title=title,
         words=words,
         settings=analysis.settings,
         provenance=provenance,
-        facts=_facts(analysis),
-        summary=summary_paragraph(analysis),
+        first=first_page(analysis, run),
+        extremes=stiffness_extremes(analysis.population),
+        no_means=NO_MEANS_ON_A_BENCH,
         heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters],
         population=_population_rows(analysis, parameters),
         figures=figures_by_section(analysis, figures),
-        columns=[[PARAMETER_UNITS[name] for name in c] for c in columns],
-        column_names=[parameter_name(c[0]) for c in columns],
-        people=_people(analysis, columns),
+        columns=[{"name": parameter_name(c), "unit": PARAMETER_UNITS[c]} for c in columns],
+        vaf=_vaf(statistics),
+        people=[] if matrix else _people(analysis, columns),
+        matrix=matrix,
         onset_note=onset_note(parameters),
         statuses=_statuses(analysis),
         warnings=statistics.get("warnings", ()),
@@ -91,17 +103,21 @@ def render_report(
         excluded=_excluded(analysis),
         names=_names(provenance),
         onsets=statistics.get("onset_accuracy", ()),
-        recordings=_recordings(analysis),
+        recordings=recordings if len(recordings) <= _FIRST_ROWS else [],
+        conditions=_conditions(recordings) if len(recordings) > _FIRST_ROWS else [],
         methods=methods_text(analysis, simulated=truth is not None),
         caveats=caveats(analysis),
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),
         packages=_packages(provenance),
-        inputs=inputs,
+        inputs=inputs if len(inputs) <= _FIRST_ROWS else [],
+        n_inputs=len(inputs),
         study_hash=str(provenance.get("study_sha256", ""))[:_HASH_DIGITS],
         truth=None if truth is None else truth_section(truth),
         differences=differences_section(analysis),
-        uncertainty=uncertainty_section(analysis),
+        published=published_section(analysis),
+        uncertainty=uncertainty,
+        undecided=grouped(uncertainty["undecided"]) if uncertainty else [],
         certificate=certificate_section(analysis.certificate),
         quasi_stiffness=quasi_stiffness_section(analysis),
         fitted=fitted_signals(analysis),
@@ -122,33 +138,10 @@ def _parameters(analysis: StudyAnalysis) -> list[str]:
     return [name for name in ALL_PARAMETERS if name in present]
 
 
-def _columns(parameters: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return parameters with their values per kg, which share a column of the long table."""
-    pairs = (
-        ("stiffness", "stiffness_per_mass"),
-        ("damping", "damping_per_mass"),
-        ("inertia",),
-        *((name,) for name in AT_ONSET),
-    )
-    present = (tuple(name for name in pair if name in parameters) for pair in pairs)
-    return [column for column in present if column]
-
-
-def _facts(analysis: StudyAnalysis) -> list[tuple[str, str]]:
-    """Return the numbers at the top of the page."""
-    used, excluded = pulse_counts(analysis)
-    total = sum(len(c.parameters) for c in analysis.cells)
-    words = subjects(analysis)
-    people = len({c.participant for c in analysis.cells})
-    facts = [
-        (str(people), words.one if people == 1 else words.many),
-        (format_integer(used), f"pulses used, {format_integer(excluded)} excluded"),
-        (f"{analysis.n_standing} of {total}", "estimates available"),
-    ]
-    vaf = analysis.statistics.get("vaf") or {}
-    if vaf.get("mean_pct") is not None:
-        facts.append((f"{format_vaf(vaf['mean_pct'])} %", "mean VAF (fit, not accuracy)"))
-    return facts
+def _vaf(statistics: Mapping[str, Any]) -> str:
+    """Return the mean VAF, "" if there is none."""
+    mean = (statistics.get("vaf") or {}).get("mean_pct")
+    return "" if mean is None else format_vaf(mean)
 
 
 def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list[_Row]:
@@ -175,7 +168,7 @@ def _mean_cell(mean: PopulationEstimate | None) -> _Row:
     return {"text": format_interval(*shown), "note": f"{sd}n {mean.n_participants}"}
 
 
-def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list[_Row]:
+def _people(analysis: StudyAnalysis, columns: Sequence[str]) -> list[_Row]:
     """Return participants, each with a row for each timing point in the order of the cycle."""
     order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
     by_person: dict[str, list[CellEstimate]] = {}
@@ -192,37 +185,65 @@ def _people(analysis: StudyAnalysis, columns: Sequence[tuple[str, ...]]) -> list
     ]
 
 
-def _cell_row(cell: CellEstimate, columns: Sequence[tuple[str, ...]]) -> _Row:
-    shown = [p for names in columns for n in names if (p := cell.parameter(n)) is not None]
-    statuses = {p.status for p in shown}
-    # If everything failed for one reason, one sentence replaces five dashes.
-    common = statuses.pop() if len(statuses) == 1 else ""
-    shift = cell.displacement_rad
+def _matrix(analysis: StudyAnalysis, columns: Sequence[str]) -> _Row | None:
+    """Return values of many people with the timing points side by side, None for few people."""
+    names = [*timing_points(analysis.cells), ALL_POINTS]
+    cells = {(c.label, c.timing_point): c for c in analysis.cells}
+    names = [n for n in names if any(point == n for _, point in cells)]
+    people = list(dict.fromkeys(c.label for c in analysis.cells))
+    if len(people) < _MANY_PEOPLE or len(names) > _MOST_COLUMNS:
+        return None
     return {
-        "name": point_name(cell.timing_point),
-        "onset": DASH if cell.onset_gait_pct is None else f"{cell.onset_gait_pct:.1f}",
-        "cells": [_column_cells(cell, column) for column in columns],
-        "failure": _badge(common) if common.startswith("failed") else None,
-        "vaf": format_vaf(cell.vaf_pct),
-        "displacement": DASH if shift is None else f"{np.degrees(shift):.1f}",
-        "n_used": cell.n_used,
-        "n_excluded": cell.n_excluded,
+        "points": [point_name(n) for n in names],
+        "people": [
+            {
+                "id": person,
+                "rows": [
+                    {
+                        "name": parameter_name(p),
+                        "unit": PARAMETER_UNITS[p],
+                        "cells": [_matrix_cell(cells.get((person, n)), p) for n in names],
+                    }
+                    for p in columns
+                ],
+            }
+            for person in people
+        ],
     }
 
 
-def _column_cells(cell: CellEstimate, names: Sequence[str]) -> list[_Row]:
-    estimates = [p for name in names if (p := cell.parameter(name)) is not None]
-    rows = [_estimate_cell(p) for p in estimates]
-    for row, estimate in zip(rows[1:], estimates[1:], strict=True):
-        if estimate.status == estimates[0].status:
-            row["badge"] = None
-    # A second dash for the same reason would add nothing.
-    return rows if rows and rows[0]["text"] != DASH else rows[:1]
+def _matrix_cell(cell: CellEstimate | None, name: str) -> str:
+    """Return a value without its interval, which the figure shows."""
+    estimate = None if cell is None else cell.parameter(name)
+    if estimate is None:
+        return ""
+    if estimate.status == "ok":
+        return format_number(estimate.value)
+    if estimate.status == "at_bound":
+        return f"at most {format_number(estimate.ci_high)}"
+    return estimate.status.partition(":")[0]
+
+
+def _cell_row(cell: CellEstimate, columns: Sequence[str]) -> _Row:
+    estimates = [cell.parameter(name) for name in columns]
+    statuses = {p.status for p in estimates if p is not None}
+    # If everything failed for one reason, one sentence replaces three dashes.
+    common = statuses.pop() if len(statuses) == 1 else ""
+    return {
+        "name": point_name(cell.timing_point),
+        "cells": [None if p is None else _estimate_cell(p) for p in estimates],
+        "failure": _badge(common) if common.startswith("failed") else None,
+        "vaf": format_vaf(cell.vaf_pct),
+        "n_used": cell.n_used,
+        "n": cell.n_used + cell.n_excluded,
+    }
 
 
 def _estimate_cell(estimate: ParameterEstimate) -> _Row:
     badge = None if estimate.status == "ok" else _badge(estimate.status)
-    return {"text": format_estimate(estimate), "badge": badge}
+    text = format_estimate(estimate)
+    # A dash before the badge would add nothing.
+    return {"text": "" if text == DASH else text, "badge": badge}
 
 
 def _badge(status: str) -> _Row:
@@ -246,7 +267,7 @@ def _excluded(analysis: StudyAnalysis) -> _Row:
             {"kind": kind, "code": code, "count": count, "meaning": exclusion_meaning(code)}
             for (kind, code), count in sorted(counts.items(), key=lambda i: (i[0][0], -i[1]))
         ],
-        "first": frame.head(_FIRST_ROWS).to_dict("records"),
+        "first": frame.head(_FIRST_ROWS).to_dict("records") if len(frame) <= _FIRST_ROWS else [],
         "total": len(frame),
     }
 
@@ -263,6 +284,28 @@ def _recordings(analysis: StudyAnalysis) -> list[_Row]:
         {"participant": p, "recording": r, "n_gaps": len(own), "longest_gap_s": max(own)}
         for (p, r), own in gaps.items()
     ]
+
+
+def _conditions(recordings: Sequence[_Row]) -> list[_Row]:
+    """Return a row for each condition with the totals of its recordings."""
+    rows: dict[str, list[_Row]] = {}
+    for row in recordings:
+        rows.setdefault(str(row.get("condition") or DASH), []).append(row)
+    return [
+        {
+            "condition": condition,
+            "n": len(own),
+            **{key: sum(r.get(key) or 0 for r in own) for key in _COUNTS},
+            "longest_gap_s": max((r.get("longest_gap_s") or 0.0 for r in own), default=0.0),
+            "stride": _spanned([r["mean_s"] for r in own if r.get("mean_s")]),
+            "sd": _spanned([r["sd_s"] for r in own if r.get("sd_s")]),
+        }
+        for condition, own in rows.items()
+    ]
+
+
+def _spanned(values: Sequence[float]) -> str:
+    return format_span(values, "{:.3f}".format) if values else DASH
 
 
 def _packages(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -387,7 +430,7 @@ def _p(value: float | None) -> str:
 
 
 def truth_section(truth: pd.DataFrame) -> _Row:
-    """Return errors and coverage by parameter, and every estimate beside its truth."""
+    """Return errors and coverage of the intervals by parameter."""
     known = truth.dropna(subset=["truth", "estimate"])
     summary = []
     for name in PARAMETERS:
@@ -404,19 +447,4 @@ def truth_section(truth: pd.DataFrame) -> _Row:
                     "n": len(rows),
                 }
             )
-    return {"summary": summary, "rows": [_truth_row(row) for row in truth.to_dict("records")]}
-
-
-def _truth_row(row: dict[Any, Any]) -> _Row:
-    numbers = (row[key] for key in ("estimate", "ci_low", "ci_high"))
-    finite = (None if x is None or not np.isfinite(x) else float(x) for x in numbers)
-    return {
-        "participant": row["participant"],
-        "name": point_name(str(row["timing_point"])),
-        "parameter": parameter_name(row["parameter"]),
-        "unit": PARAMETER_UNITS[row["parameter"]],
-        "truth": format_number(row["truth"]),
-        "estimate": format_interval(*finite),
-        "error": f"{format_signed(row['error_pct'], decimals=1)} %",
-        "covered": "yes" if row["covered"] is True or row["covered"] == 1 else "no",
-    }
+    return {"summary": summary}

@@ -11,6 +11,7 @@ from jointz.core.method_names import STRAPPED
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     BLUE,
+    FAINT,
     INK,
     MUTED,
     PANEL,
@@ -51,6 +52,11 @@ _MOST_FREQUENT: Final = (
     "those of all."
 )
 
+#: Participants from which on all responses are drawn on top of each other.
+_BAND_FROM: Final = 4
+#: Kinds of examples, from the best to the worst VAF.
+_EXAMPLES: Final = ("best fit", "median fit", "worst fit")
+
 _Cells = Mapping[tuple[str, str], CellEstimate]
 
 
@@ -79,10 +85,9 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     height = 32.0 if len(rows) <= 3 else 24.0 if len(rows) <= 6 else 17.0
     pitch = height + (6.0 if wrapped else 3.0)
     figure = new_figure(_TOP_MM + pitch * len(rows) + 8.0)
-    place_text(figure, _LEFT_MM, 10.0, "Angle response (deg)", fontweight="bold", va="center")
     label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
-    right = _LEFT_MM + _BLOCK_MM + _BETWEEN_MM
-    place_text(figure, right, 10.0, "Torque response (N·m)", fontweight="bold", va="center")
+    for left, _, heading in _blocks():
+        place_text(figure, left, 10.0, heading, fontweight="bold", va="center")
     for i, row in enumerate(rows):
         top = _TOP_MM + i * pitch
         if row.first:
@@ -91,7 +96,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
             middle = top + 0.5 * height
             place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=size,
                        fontweight="bold")  # fmt: skip
-        for left, quantity in ((_LEFT_MM, "angle"), (right, "torque")):
+        for left, quantity, _ in _blocks():
             axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
             _draw_row(axes, row, cells, quantity=quantity, window_s=window_s)
             _time_axis(axes, len(row.names), window_s, label=label if i == len(rows) - 1 else "")
@@ -99,6 +104,121 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
                 _name_columns(axes, row.names, window_s)
     place_legend(figure, _legend(responses))
     return figure
+
+
+def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw all people's responses on top of each other, and fits of three examples.
+
+    None for few people, whose responses have room beside each other.
+    """
+    cells = [c for c in analysis.cells if c.response is not None]
+    names = timing_points(cells)
+    if len({c.label for c in cells}) < _BAND_FROM or len(names) > _MOST_COLUMNS:
+        return None
+    window_s = max(float(c.response.time_s[-1]) for c in cells if c.response is not None)
+    figure = new_figure(_TOP_MM + 37.0 + 46.0)
+    for left, quantity, heading in _blocks():
+        place_text(figure, left, 10.0, heading, fontweight="bold", va="center")
+        axes = place_axes(figure, left, _TOP_MM, width_mm=_BLOCK_MM, height_mm=30.0)
+        _draw_band(axes, cells, names, quantity=quantity, window_s=window_s)
+        _time_axis(axes, len(names), window_s, label="")
+        _name_columns(axes, names, window_s)
+    examples = example_cells(cells)
+    row = _Row("", [f"{c.label}, {c.timing_point}" for c in examples], first=True)
+    by_name = {("", name): c for name, c in zip(row.names, examples, strict=True)}
+    label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
+    place_text(figure, 1.0, _TOP_MM + 58.0, "Examples", va="center", fontsize=TINY_PT,
+               fontweight="bold")  # fmt: skip
+    for left, quantity, _ in _blocks():
+        axes = place_axes(figure, left, _TOP_MM + 40.0, width_mm=_BLOCK_MM, height_mm=34.0)
+        _draw_row(axes, row, by_name, quantity=quantity, window_s=window_s)
+        _time_axis(axes, len(row.names), window_s, label=label)
+        _name_columns(axes, row.names, window_s)
+    handles = [
+        legend_line("each participant", FAINT),
+        legend_line("angle: mean, or example", BLUE),
+        legend_line("torque: mean, or example", INK),
+        legend_line("fitted model (VAF)", VERMILION, dashes=(2.5, 1.5)),
+    ]
+    place_legend(figure, handles)
+    return figure
+
+
+def response_overview_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of all people's responses."""
+    return (
+        "Average responses after subtraction of the baseline. Above: every participant (grey) "
+        f"and their mean. Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
+        "figures/responses.pdf shows every participant and timing point. "
+        f"n: {counted_people_and_pulses(analysis)}."
+    )
+
+
+def example_cells(cells: Sequence[CellEstimate]) -> list[CellEstimate]:
+    """Return the cells with the highest, the median and the lowest VAF."""
+    known = [c for c in cells if c.response is not None and c.vaf_pct is not None]
+    ordered = sorted(known, key=lambda c: -(c.vaf_pct or 0.0))
+    at = (0, len(ordered) // 2, len(ordered) - 1)
+    return [ordered[i] for i in dict.fromkeys(at)] if ordered else []
+
+
+def _blocks() -> tuple[tuple[float, str, str], ...]:
+    """Return left edge, quantity and heading of both halves of a figure."""
+    right = _LEFT_MM + _BLOCK_MM + _BETWEEN_MM
+    return (
+        (_LEFT_MM, "angle", "Angle response (deg)"),
+        (right, "torque", "Torque response (N·m)"),
+    )
+
+
+def _draw_band(
+    axes: "Axes",
+    cells: Sequence[CellEstimate],
+    names: Sequence[str],
+    *,
+    quantity: str,
+    window_s: float,
+) -> None:
+    pitch = window_s * (1.0 + _GAP)
+    _panels(axes, len(names), window_s)
+    scale = 180.0 / np.pi if quantity == "angle" else 1.0
+    groups = [[c.response for c in cells if c.response and c.timing_point == n] for n in names]
+    curves = [(i * pitch, r) for i, own in enumerate(groups) for r in own]
+    axes.plot(*_joined(curves, quantity, scale=scale), color=FAINT, linewidth=0.6)
+    means = [
+        (i * pitch + own[0].time_s, scale * _mean(own, quantity))
+        for i, own in enumerate(groups)
+        if own
+    ]
+    axes.plot(*broken_line(means), color=BLUE if quantity == "angle" else INK, linewidth=1.3)
+    _leave_headroom(axes)
+    for i, own in enumerate(groups):
+        axes.text(
+            i * pitch + 0.05 * window_s, 0.97, f"n {len(own)}",
+            transform=axes.get_xaxis_transform(), va="top", fontsize=TINY_PT, color=MUTED,
+        )  # fmt: skip
+
+
+def _mean(responses: Sequence[Response], name: str) -> np.ndarray:
+    """Return the mean curve at the times of the first response."""
+    at = responses[0].time_s
+    curves = [
+        np.interp(at, r.time_s, getattr(r, name), left=np.nan, right=np.nan) for r in responses
+    ]
+    return np.asarray(np.mean(curves, axis=0))
+
+
+def _panels(axes: "Axes", count: int, window_s: float) -> None:
+    """Shade the panels that stand side by side on one pair of axes."""
+    pitch = window_s * (1.0 + _GAP)
+    axes.broken_barh(
+        [(i * pitch, window_s) for i in range(count)],
+        (0, 1),
+        transform=axes.get_xaxis_transform(),
+        facecolor=PANEL,
+        edgecolor="none",
+        zorder=0,
+    )
 
 
 def responses_caption(analysis: StudyAnalysis) -> str:
@@ -131,14 +251,7 @@ def _rows(cells: Sequence[CellEstimate]) -> list[_Row]:
 
 def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s: float) -> None:
     pitch = window_s * (1.0 + _GAP)
-    axes.broken_barh(
-        [(i * pitch, window_s) for i in range(len(row.names))],
-        (0, 1),
-        transform=axes.get_xaxis_transform(),
-        facecolor=PANEL,
-        edgecolor="none",
-        zorder=0,
-    )
+    _panels(axes, len(row.names), window_s)
     row_cells = [cells.get((row.participant, name)) for name in row.names]
     curves = [(i * pitch, c.response) for i, c in enumerate(row_cells) if c and c.response]
     scale = 180.0 / np.pi if quantity == "angle" else 1.0

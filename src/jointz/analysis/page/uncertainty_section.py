@@ -1,5 +1,6 @@
 """Section of the report on uncertainty: undecided estimates, models of people, details."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -13,9 +14,8 @@ from jointz.core.method_names import STRAPPED
 from jointz.identify.rigid.steep_change import MOVED
 from jointz.report.wording import (
     ABSOLUTE,
-    DASH,
-    format_estimate,
     format_number,
+    format_span,
     parameter_name,
     pretty_unit,
 )
@@ -55,6 +55,8 @@ _NOTE: Final = (
     "the quantity were known exactly."
 )
 
+#: Numbers of a reason or remedy, which differ between estimates of one kind.
+_NUMBERS: Final = re.compile(r" \(\d+ %\)|, which would leave ± [^;]*|: ±\s[>\s\d]+%")
 _Row = dict[str, Any]
 
 
@@ -81,10 +83,54 @@ def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
     }
 
 
+def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
+    """Join rows of one parameter, main reason and main remedy, and say where they occur."""
+    kinds: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
+    for row in rows:
+        kinds.setdefault((row["parameter"], _main(row["why"]), _main(row["remedy"])), []).append(
+            row
+        )
+    return [
+        {
+            "where": _where(own),
+            "parameter": parameter,
+            "value": f"{own[0]['value']} {own[0]['unit']}"
+            if len(own) == 1
+            else f"{len(own)} values",
+            "why": own[0]["why"] if len(own) == 1 else why,
+            "remedy": own[0]["remedy"] if len(own) == 1 else remedy,
+        }
+        for (parameter, why, remedy), own in kinds.items()
+    ]
+
+
+def _value(rows: Sequence[Mapping[str, str]]) -> str:
+    return f"{rows[0]['value']} {rows[0]['unit']}" if len(rows) == 1 else f"{len(rows)} values"
+
+
+def _main(text: str) -> str:
+    """Return the first reason or remedy of a text without its numbers."""
+    return _NUMBERS.sub("", text.partition("; ")[0])
+
+
+def _where(rows: Sequence[Mapping[str, str]]) -> str:
+    points: dict[str, list[str]] = {}
+    for row in rows:
+        points.setdefault(row["participant"], []).append(row["name"])
+    return "; ".join(f"{who} {', '.join(own)}" for who, own in points.items())
+
+
 def _details(cells: Sequence[CellEstimate]) -> _Row:
-    first = {cell.label: cell.timing_point for cell in reversed(cells)}
+    """Return ranges over the cells: centre of the window after the onset, and motion."""
+    motions = [np.degrees(d) for c in cells if (d := c.displacement_rad) is not None]
+    apart = [
+        c.centre_gait_pct - c.onset_gait_pct
+        for c in cells
+        if c.centre_gait_pct is not None and c.onset_gait_pct is not None
+    ]
     return {
-        "details": [_details_row(c) | {"first": first[c.label] == c.timing_point} for c in cells],
+        "centre": format_span(apart, "{:.1f}".format) if apart else "",
+        "motion": format_span(motions, "{:.1f}".format) if motions else "",
         "gravity": any(c.gravity_corrected is not None for c in cells),
     }
 
@@ -161,27 +207,3 @@ def likely(probability: float) -> str:
     pct = 100.0 * probability
     number = "< 1" if pct < 1.0 else "> 99" if pct > 99.0 else f"{pct:.0f}"
     return f"{word} ({number} %)"
-
-
-def _details_row(cell: CellEstimate) -> _Row:
-    stiffness, corrected = cell.parameter("stiffness"), cell.gravity_corrected
-    shift = cell.displacement_rad
-    estimates = (cell.parameter(name) for name in ABSOLUTE)
-    return {
-        "participant": cell.label,
-        "name": cell.timing_point,
-        "onset": _one_decimal(cell.onset_gait_pct),
-        "centre": _one_decimal(cell.centre_gait_pct),
-        "motion": _one_decimal(None if shift is None else float(np.degrees(shift))),
-        "apparent": DASH if stiffness is None else _stiffness(stiffness),
-        "corrected": DASH if corrected is None else format_estimate(corrected),
-        "unbounded": [DASH if p is None else format_number(p.unbounded) for p in estimates],
-    }
-
-
-def _stiffness(estimate: ParameterEstimate) -> str:
-    return "undecided" if estimate.status == "undecided" else format_estimate(estimate)
-
-
-def _one_decimal(value: float | None) -> str:
-    return DASH if value is None else f"{value:.1f}"

@@ -1,0 +1,309 @@
+"""First page of the report: what was done, the values, what they mean, what to do next."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from jointz.analysis.page.budget_figure import source_name
+from jointz.analysis.page.details_tables import variance_shares
+from jointz.analysis.page.next_measures import next_measures
+from jointz.analysis.page.published_values import published_clause
+from jointz.analysis.paper.citations import CITATIONS
+from jointz.analysis.summary import chosen_method, name_range, pulse_counts
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.gait_phases import ALL_POINTS
+from jointz.core.method_names import RIGID, STRAPPED
+from jointz.report.subjects import shown_parameters, study_record, subjects, timing_points
+from jointz.report.wording import (
+    ABSOLUTE,
+    AT_ONSET,
+    DASH,
+    PER_MASS,
+    exclusion_meaning,
+    format_count,
+    format_estimate,
+    format_integer,
+    format_interval,
+    format_span,
+    joined,
+    method_name,
+    parameter_name,
+    point_name,
+    status_meaning,
+)
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.run_report import RunReport
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+
+#: More rows than these would push the rest of the first page off it.
+_MOST_ROWS: Final = 12
+_MOST_WARNINGS: Final = 2
+_COUPLINGS: Final = {
+    "strap": "strapped to the leg",
+    "rigid": "coupled rigidly to the bone",
+}
+_WHAT_K_MEANS: Final = (
+    "K and B apply along the measured motion in the window after the onset, not to small "
+    "displacements at the onset"
+)
+
+_Row = dict[str, Any]
+
+
+def first_page(analysis: StudyAnalysis, run: RunReport | None) -> _Row:
+    """Return what the first page shows besides title and figure."""
+    warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
+    return {
+        "done": _done(analysis, run),
+        "warnings": [_first_sentence(text) for text in warnings[:_MOST_WARNINGS]],
+        "more_warnings": max(0, len(warnings) - _MOST_WARNINGS),
+        "table": _table(analysis),
+        "said": _said(analysis),
+        "next": next_measures(analysis),
+        "cite": _citation(analysis),
+    }
+
+
+def _first_sentence(text: str) -> str:
+    head, dot, rest = text.partition(". ")
+    return f"{head}." if dot and rest else text
+
+
+def _citation(analysis: StudyAnalysis) -> str:
+    version = str(analysis.provenance.get("jointz") or "as in provenance.json")
+    return CITATIONS["jointz"].full.replace("version as in the text", f"version {version}")
+
+
+# --- what was done -------------------------------------------------------------------------------
+
+
+def _done(analysis: StudyAnalysis, run: RunReport | None) -> list[str]:
+    people = list(dict.fromkeys(c.participant for c in analysis.cells))
+    if not people:
+        return ["The study has no participants and no pulses, so there is nothing to report."]
+    words = subjects(analysis)
+    points = {c.timing_point for c in analysis.cells if c.timing_point != ALL_POINTS}
+    joint = None if words.loads else analysis.settings.get("joint")
+    parts = [
+        f"{words.counted(len(people))} ({name_range(people)})",
+        str(joint) if joint else "",
+        "walking" if not words.bench else "",
+        format_count(len(points), words.point, words.points),
+        _masses(analysis, people),
+        _stride_times(analysis),
+    ]
+    return [f"{', '.join(p for p in parts if p)}.", _pulses(analysis, run), _device(analysis)]
+
+
+def _masses(analysis: StudyAnalysis, people: Sequence[str]) -> str:
+    entries = study_record(analysis).get("participants") or ()
+    masses = [e["mass_kg"] for e in entries if e.get("id") in people and e.get("mass_kg")]
+    if not masses or subjects(analysis).loads:
+        return ""
+    missing = len(people) - len(masses)
+    some = f" ({missing} without)" if missing > 0 else ""
+    return f"body mass {format_span(masses, '{:.0f}'.format)} kg{some}"
+
+
+def _stride_times(analysis: StudyAnalysis) -> str:
+    rows: Iterable[Mapping[str, Any]] = analysis.statistics.get("strides", ())
+    means = [row["mean_s"] for row in rows if row.get("mean_s")]
+    return f"stride time {format_span(means, '{:.2f}'.format)} s" if means else ""
+
+
+def _pulses(analysis: StudyAnalysis, run: RunReport | None) -> str:
+    used, excluded = pulse_counts(analysis)
+    planned = sum(int(row["planned"]) for row in run.onsets) if run else 0
+    plan = f"{format_count(planned, 'pulse was', 'pulses were')} planned; " if planned else ""
+    codes = Counter(p.code for p in analysis.pulses if p.code)
+    why = ""
+    if codes:
+        why = f" Most frequent reason: {exclusion_meaning(codes.most_common(1)[0][0])}."
+    return (
+        f"{plan}{format_count(used, 'pulse was', 'pulses were')} used and "
+        f"{format_integer(excluded)} excluded.{why}"
+    )
+
+
+def _device(analysis: StudyAnalysis) -> str:
+    method = f"Method: {method_name(chosen_method(analysis))}."
+    if subjects(analysis).bench:
+        return method
+    study = study_record(analysis)
+    stated = study.get("coupling")
+    if not study or (stated is None and chosen_method(analysis) == RIGID):
+        return method
+    by_default = "" if stated else " (default; the study does not state it)"
+    return f"Device: {_COUPLINGS.get(stated or 'strap', str(stated))}{by_default}. {method}"
+
+
+# --- table ---------------------------------------------------------------------------------------
+
+
+def _table(analysis: StudyAnalysis) -> _Row | None:
+    """Return means over people, or estimates if no mean is available."""
+    parameters = _table_parameters(analysis)
+    if not shown_parameters(analysis):
+        return None
+    heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
+    means = [m for m in analysis.population if m.n_participants > 1 and m.parameter in parameters]
+    several = len({c.label for c in analysis.cells}) > 1
+    level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
+    if any(m.value is not None for m in means):
+        numbers = format_span([m.n_participants for m in means], str)
+        rows = _mean_rows(analysis, means, parameters)
+        return {
+            "heads": heads, "rows": rows, "several": False, "more": 0,
+            "note": f"Mean over {numbers} {subjects(analysis).many} [{level}].",
+        }  # fmt: skip
+    rows = [_cell_row(cell, parameters) for cell in _in_order(analysis)]
+    return {
+        "heads": heads,
+        "rows": rows[:_MOST_ROWS],
+        "several": several,
+        "more": max(0, len(rows) - _MOST_ROWS),
+        "note": f"Estimate [{level}].",
+    }
+
+
+def _table_parameters(analysis: StudyAnalysis) -> list[str]:
+    """Return K, B and J as the figure has them; those without any value too."""
+    shown = shown_parameters(analysis)
+    present = {p.name for c in analysis.cells for p in c.parameters}
+    pairs = (*zip(PER_MASS, ABSOLUTE, strict=False), ABSOLUTE[2:])
+    first = (next((n for n in (*shown, *names) if n in names), "") for names in pairs)
+    return [
+        name if name in present else names[-1]
+        for name, names in zip(first, pairs, strict=True)
+        if not present.isdisjoint(names)
+    ]
+
+
+def _mean_rows(
+    analysis: StudyAnalysis, means: Sequence[PopulationEstimate], parameters: Sequence[str]
+) -> list[_Row]:
+    by_place = {(m.timing_point, m.parameter): m for m in means}
+    names = (*timing_points(analysis.cells), ALL_POINTS)
+    found = ((name, [by_place.get((name, p)) for p in parameters]) for name in names)
+    return [
+        {"who": "", "name": point_name(name), "cells": [_mean_text(m) for m in row]}
+        for name, row in found
+        if any(row)
+    ]
+
+
+def _mean_text(mean: PopulationEstimate | None) -> str:
+    if mean is None:
+        return ""
+    if mean.value is None:
+        return mean.status.partition(":")[0]
+    return format_interval(mean.value, mean.ci_low, mean.ci_high)
+
+
+def _in_order(analysis: StudyAnalysis) -> list[CellEstimate]:
+    order = {name: i for i, name in enumerate([*timing_points(analysis.cells), ALL_POINTS])}
+    labels = list(dict.fromkeys(c.label for c in analysis.cells))
+    return sorted(
+        analysis.cells, key=lambda c: (labels.index(c.label), order.get(c.timing_point, 0))
+    )
+
+
+def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
+    texts = [_estimate_text(cell.parameter(name)) for name in parameters]
+    return {"who": cell.label, "name": point_name(cell.timing_point), "cells": texts}
+
+
+def _estimate_text(estimate: ParameterEstimate | None) -> str:
+    if estimate is None:
+        return ""
+    text = format_estimate(estimate)
+    return text if text != DASH else estimate.status.partition(":")[0]
+
+
+# --- what can and what cannot be said ------------------------------------------------------------
+
+
+def _said(analysis: StudyAnalysis) -> list[str]:
+    estimates = [(c, p) for c in analysis.cells for p in c.parameters if p.name in ABSOLUTE]
+    if not estimates:
+        return []
+    sentences = [_decided(estimates), _means(analysis), published_clause(analysis)]
+    return [s for s in (*sentences, _meaning(analysis)) if s]
+
+
+def _decided(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str:
+    statuses = [p.status for _, p in estimates]
+    counts = {
+        "as an upper limit only": statuses.count("at_bound"),
+        "undecided": statuses.count("undecided"),
+        "failed": sum(s.startswith("failed") for s in statuses),
+    }
+    parts = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
+    available = sum(p.available for _, p in estimates)
+    verb = "is" if available == 1 else "are"
+    reason = _reason(estimates)
+    return (
+        f"{available} of {len(estimates)} values of K, B and J {verb} available"
+        f"{f' ({parts})' if parts else ''}.{f' {reason}' if reason else ''}"
+    )
+
+
+def _reason(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str:
+    """Name the most frequent reason why values are missing."""
+    reasons = Counter(
+        _why_missing(c, p) for c, p in estimates if not p.available
+    )  # fmt: skip
+    reasons.pop("", None)
+    if not reasons:
+        return ""
+    reason, count = reasons.most_common(1)[0]
+    return f"Most frequent reason ({count}): {reason}."
+
+
+def _why_missing(cell: CellEstimate, estimate: ParameterEstimate) -> str:
+    if estimate.status.startswith("failed"):
+        return status_meaning(estimate.status)
+    if cell.method == STRAPPED:
+        if estimate.ci_low is None:
+            return "the model does not explain the responses"
+        return "the interval is too wide"
+    shares = variance_shares(cell, estimate.name)
+    if not shares:
+        return "the interval is too wide"
+    largest = max(shares, key=lambda name: shares[name])
+    return f"the interval is too wide (largest source of error: {source_name(largest)})"
+
+
+def _means(analysis: StudyAnalysis) -> str:
+    """Say at how many timing points each mean is decided."""
+    means = [m for m in analysis.population if m.n_participants > 1]
+    own = {n: [m for m in means if m.parameter == n] for n in shown_parameters(analysis)}
+    counts = {n: (sum(m.value is not None for m in ms), len(ms)) for n, ms in own.items() if ms}
+    many = subjects(analysis).many
+    if not counts:
+        return ""
+    if not any(decided for decided, _ in counts.values()):
+        return f"No mean over {many} is decided."
+    if all(decided == total for decided, total in counts.values()):
+        return f"All means over {many} are decided."
+    texts = [f"{parameter_name(n).lower()} at {a} of {b}" for n, (a, b) in counts.items()]
+    return f"Means over {many} are decided: {joined(texts)} timing points."
+
+
+def _meaning(analysis: StudyAnalysis) -> str:
+    """Say which displacement, and which moment, K belongs to."""
+    if subjects(analysis).loads or not any(
+        p.available for c in analysis.cells for p in c.parameters if p.name == "stiffness"
+    ):
+        return ""
+    names = {p.name for c in analysis.cells for p in c.parameters}
+    shifts = [np.degrees(c.displacement_rad) for c in analysis.cells if c.displacement_rad]
+    size = f" of up to {max(shifts):.1f}°" if shifts else ""
+    if not names.isdisjoint(AT_ONSET):
+        return f"{_WHAT_K_MEANS}, which the table of each {subjects(analysis).one} has."
+    return (
+        f"K applies to displacements{size} within the window after the onset; small displacements "
+        "may be met by a higher stiffness."
+    )

@@ -1,0 +1,179 @@
+"""Measurements that would decide the most undecided values, for the first page of a report."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from jointz.analysis.page.strapped_uncertainty import half_width, log_sds
+from jointz.core.method_names import STRAPPED
+from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
+from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+
+#: Source of uncertainty -> what to do about it.
+_MEASURES: Final[Mapping[str, str]] = {
+    "pulses": "Record twice as many pulses",
+    "lag": "Measure the lag of the angle behind the torque (angle_lag_s under [calibration])",
+    "friction": "Measure the torque, or the friction of the actuator on the bench",
+    "cross_talk": "Test how torque changes the reading of the angle while the joint is fixed",
+    "strap": "Measure resonance and damping of strap and tissue, and the inertia of the device",
+    "softening": "Apply pulses of several sizes, which show how stiffness falls with displacement",
+    "reflex": "Apply pulses of both directions, which show the strength of the reflex",
+    "gain": "Calibrate the gain of the torque",
+    "inertia": "Measure the inertia of leg and device by other means",
+}
+_PERTURB: Final = (
+    "Record the same task with pulses: without them the impedance cannot be estimated. The section "
+    "on quasi-stiffness has moment over angle, if a moment was recorded."
+)
+_MOST: Final = 2
+#: A measure is named if it makes the interval narrower by this share.
+_WORTH_NAMING: Final = 0.1
+#: Half-width of a mean that a study is planned for, over the mean.
+_TARGET: Final = 0.2
+_FEWEST_PEOPLE: Final = 3  # from which a number of people can be extrapolated
+_MOST_PEOPLE: Final = 500
+
+
+@dataclass(frozen=True, slots=True)
+class _Gain:
+    """Half-widths of one undecided value over the value: now, and if a source were known."""
+
+    now: float
+    left: Mapping[str, float]  # by source
+
+
+def next_measures(analysis: StudyAnalysis) -> list[str]:
+    """Return up to two sentences on what would decide most, and one on the number of people."""
+    if nobody_perturbed(analysis):
+        return [_PERTURB]
+    gains = [*_gains(analysis)]
+    sentences = _ranked(gains) if gains else []
+    return [*sentences[:_MOST], *_after_failures(analysis), *_more_people(analysis)]
+
+
+def _gains(analysis: StudyAnalysis) -> Iterator[_Gain]:
+    sds = dict(pair for posterior in analysis.log_posteriors for pair in log_sds(posterior))
+    for cell in analysis.cells:
+        for name in ABSOLUTE:
+            estimate = cell.parameter(name)
+            if estimate is None or estimate.status != "undecided" or not estimate.unbounded:
+                continue
+            if cell.method == STRAPPED:
+                sd = sds.get((cell.label, name, cell.timing_point))
+                if sd is not None and estimate.ci_low is not None:
+                    yield _strapped_gain(cell, estimate, sd)
+            elif cell.budget.get(name):
+                yield _rigid_gain(cell, estimate)
+
+
+def _strapped_gain(cell: CellEstimate, estimate: ParameterEstimate, sd: float) -> _Gain:
+    value = estimate.unbounded or 1.0
+    parts = cell.through_instruments.get(estimate.name, {})
+    left = {n: half_width(_remaining(sd, part / value)) for n, part in parts.items()}
+    return _Gain(half_width(sd), left)
+
+
+def _rigid_gain(cell: CellEstimate, estimate: ParameterEstimate) -> _Gain:
+    value, budget = abs(estimate.unbounded or 1.0), cell.budget[estimate.name]
+    sd = float(np.linalg.norm(list(budget.values()))) / value
+    parts = {n: part / value for n, part in cell.through_instruments.get(estimate.name, {}).items()}
+    # Twice as many pulses halve the variance by noise.
+    parts["pulses"] = budget.get("noise", 0.0) / value / np.sqrt(2.0)
+    left = {n: REACH_95 * _remaining(sd, part) for n, part in parts.items()}
+    return _Gain(REACH_95 * sd, left)
+
+
+def _remaining(sd: float, part: float) -> float:
+    return float(np.sqrt(max(sd**2 - part**2, 0.0)))
+
+
+def _ranked(gains: list[_Gain]) -> list[str]:
+    """Return a sentence for each measure that helps, the most useful one first."""
+    decided = Counter(n for g in gains for n, left in g.left.items() if _decides(g, left))
+    narrower = {
+        name: float(np.median([1.0 - g.left.get(name, g.now) / g.now for g in gains]))
+        for name in {n for g in gains for n in g.left}
+    }
+    ordered = sorted(narrower, key=lambda n: (-decided[n], -narrower[n], n))
+    worth = [n for n in ordered if decided[n] or narrower[n] >= _WORTH_NAMING]
+    if not worth:
+        return [
+            "No single measurement would make the intervals of the undecided values much narrower."
+        ]
+    return [_sentence(n, decided[n], narrower[n], len(gains)) for n in worth]
+
+
+def _decides(gain: _Gain, left: float) -> bool:
+    # A narrow interval may be withheld for another reason, which no measurement removes.
+    return decides(1.0, left) and not decides(1.0, gain.now)
+
+
+def _sentence(name: str, decided: int, narrower: float, total: int) -> str:
+    measure = _MEASURES.get(name, f"Measure {name.replace('_', ' ')}")
+    if decided:
+        return f"{measure}: this alone would decide {decided} of {total} undecided values."
+    return f"{measure}: this narrows the undecided intervals by {100 * narrower:.0f} % (median)."
+
+
+def _after_failures(analysis: StudyAnalysis) -> list[str]:
+    """Return what to look at if estimates failed and pulses were excluded."""
+    failed = any(
+        p.status.startswith("failed") for c in analysis.cells for p in c.parameters
+    )  # fmt: skip
+    codes = Counter(p.code for p in analysis.pulses if p.code)
+    if not failed or not codes:
+        return []
+    code, count = codes.most_common(1)[0]
+    return [
+        f"Check why pulses were excluded; most often ({format_count(count, 'pulse')}): "
+        f"{exclusion_meaning(code)}."
+    ]
+
+
+def _more_people(analysis: StudyAnalysis) -> list[str]:
+    """Return how many people a mean within 20 % needs, if people vary as these do."""
+    means = [
+        m
+        for name in shown_parameters(analysis)[:1]
+        for m in analysis.population
+        if m.parameter == name and m.status == "ok" and m.n_participants >= _FEWEST_PEOPLE
+    ]
+    if not means:
+        return _more_than_few(analysis)
+    needed = max(_people_needed(m) for m in means)
+    have = max(m.n_participants for m in means)
+    name = parameter_name(means[0].parameter).lower()
+    target = f"a mean {name} within ±{100 * _TARGET:.0f} % at every timing point with a mean"
+    if needed <= have:
+        return [f"More {subjects(analysis).many} are not needed for {target}."]
+    number = f"about {needed}" if needed < _MOST_PEOPLE else f"more than {_MOST_PEOPLE}"
+    return [f"For {target}, plan {number} {subjects(analysis).many}, if they vary as these do."]
+
+
+def _more_than_few(analysis: StudyAnalysis) -> list[str]:
+    """Ask for more people where there are too few for any mean."""
+    means = [m for m in analysis.population if m.n_participants > 1]
+    many = subjects(analysis).many
+    if not means or any(m.value is not None for m in means):
+        return []
+    count = max(m.n_participants for m in means)
+    return [f"Measure more {many}: {count} of them decide no mean over {many}."]
+
+
+def _people_needed(mean: PopulationEstimate) -> int:
+    """Return the number of people at which the t interval is as narrow as the target."""
+    from scipy.stats import t
+
+    if not mean.value or mean.ci_low is None or mean.ci_high is None:
+        return _FEWEST_PEOPLE
+    n = mean.n_participants
+    half = 0.5 * (mean.ci_high - mean.ci_low) / abs(mean.value)
+    spread = half * np.sqrt(n) / t.ppf(0.975, n - 1)
+    numbers = np.arange(_FEWEST_PEOPLE, _MOST_PEOPLE + 1)
+    enough = t.ppf(0.975, numbers - 1) * spread / np.sqrt(numbers) <= _TARGET
+    return int(numbers[np.argmax(enough)]) if enough.any() else _MOST_PEOPLE

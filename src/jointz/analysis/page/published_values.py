@@ -1,0 +1,94 @@
+"""Section of the report that sets estimates beside published values."""
+
+from dataclasses import dataclass
+from statistics import fmean, stdev
+from typing import Any, Final
+
+from jointz.core.gait_phases import TIMING_POINTS
+from jointz.reference import chapter4
+from jointz.report.subjects import subjects
+from jointz.report.wording import (
+    DASH,
+    format_estimate,
+    format_interval,
+    format_number,
+    parameter_label,
+)
+from jointz.results.study_analysis import StudyAnalysis
+
+_COMPARED: Final = ("stiffness_per_mass", "damping_per_mass", "inertia")
+
+
+@dataclass(frozen=True, slots=True)
+class _Ours:
+    """A value of this study: a mean over people, or the estimate of the only one."""
+
+    value: float
+    text: str
+
+
+def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
+    """Return a table of both, None if there are no published values of this joint."""
+    values = {name: _values(analysis, name) for name in _COMPARED}
+    names = [name for name in _COMPARED if values[name]]
+    points = [p for p in TIMING_POINTS if any(p in values[name] for name in names)]
+    if not points:
+        return None
+    return {
+        "heads": [parameter_label(name) for name in names],
+        "rows": [
+            {"name": p, "cells": [_cell(name, p, values[name].get(p)) for name in names]}
+            for p in points
+        ],
+    }
+
+
+def published_clause(analysis: StudyAnalysis) -> str:
+    """Return a sentence that compares the stiffness with the published means, or ""."""
+    ours = _values(analysis, "stiffness_per_mass")
+    ratios = [v.value / _published("stiffness_per_mass", p)[0] for p, v in ours.items()]
+    if not ratios:
+        return ""
+    low, high = (format_number(x, digits=2) for x in (min(ratios), max(ratios)))
+    span = low if low == high else f"{low} to {high}"
+    return (
+        f"Stiffness per body mass is {span} times the mean of the dissertation's ten participants."
+    )
+
+
+def _values(analysis: StudyAnalysis, name: str) -> dict[str, _Ours]:
+    """Return the values of this study by timing point of the published tables."""
+    if subjects(analysis).bench or analysis.settings.get("joint") != "knee":
+        return {}
+    means = [m for m in analysis.population if m.parameter == name and m.n_participants > 1]
+    if means:
+        return {
+            m.timing_point: _Ours(m.value, format_interval(m.value, m.ci_low, m.ci_high))
+            for m in means
+            if m.value is not None and m.timing_point in TIMING_POINTS
+        }
+    if len({c.label for c in analysis.cells}) != 1:
+        return {}
+    return {
+        c.timing_point: _Ours(p.value, format_estimate(p))
+        for c in analysis.cells
+        if c.timing_point in TIMING_POINTS
+        and (p := c.parameter(name)) is not None
+        and p.status == "ok"
+        and p.value is not None
+    }
+
+
+def _published(name: str, point: str) -> tuple[float, float]:
+    """Return mean and standard deviation over the dissertation's participants."""
+    row = chapter4.TABLES[name][point]
+    values = [row[subject].value for subject in chapter4.SUBJECTS]
+    return fmean(values), stdev(values)
+
+
+def _cell(name: str, point: str, ours: _Ours | None) -> dict[str, str]:
+    mean, sd = _published(name, point)
+    return {
+        "ours": DASH if ours is None else ours.text,
+        "published": f"{format_number(mean)} ± {format_number(sd, like=mean)}",
+    }
