@@ -301,9 +301,19 @@ def _meaning(analysis: StudyAnalysis) -> str:
     names = {p.name for c in analysis.cells for p in c.parameters}
     shifts = [np.degrees(c.displacement_rad) for c in analysis.cells if c.displacement_rad]
     size = f" of up to {max(shifts):.1f}°" if shifts else ""
+    with_device = "" if _device_inertia_is_known(analysis) else " J includes the device."
     if not names.isdisjoint(AT_ONSET):
-        return f"{_WHAT_K_MEANS}, which the table of each {subjects(analysis).one} has."
+        table = f"which the table of each {subjects(analysis).one} has"
+        return f"{_WHAT_K_MEANS}, {table}.{with_device}"
     return (
         f"K applies to displacements{size} within the window after the onset; small displacements "
-        "may be met by a higher stiffness."
+        f"may be met by a higher stiffness.{with_device}"
     )
+
+
+def _device_inertia_is_known(analysis: StudyAnalysis) -> bool:
+    """Return whether an inertia of the device was subtracted anywhere."""
+    study = study_record(analysis)
+    entries = (*(study.get("participants") or ()), *(study.get("recordings") or ()))
+    calibrations = [analysis.settings, study, *entries]
+    return any("intrinsic_inertia" in (c.get("calibration") or {}) for c in calibrations)
