@@ -107,6 +107,7 @@ def render_report(
         conditions=_conditions(recordings) if len(recordings) > _FIRST_ROWS else [],
         methods=methods_text(analysis, simulated=truth is not None),
         caveats=caveats(analysis),
+        common_number=_common_number(analysis),
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),
         packages=_packages(provenance),
@@ -148,24 +149,34 @@ def _population_rows(analysis: StudyAnalysis, parameters: Sequence[str]) -> list
     if not any(m.n_participants > 1 for m in analysis.population):
         return []
     by_place = {(m.timing_point, m.parameter): m for m in analysis.population}
+    with_n = _common_number(analysis) is None
     rows = []
     for name in (*timing_points(analysis.cells), ALL_POINTS):
         means = [by_place.get((name, p)) for p in parameters]
         if any(means):
-            rows.append({"name": point_name(name), "cells": [_mean_cell(m) for m in means]})
+            cells = [_mean_cell(m, with_n=with_n) for m in means]
+            rows.append({"name": point_name(name), "cells": cells})
     return rows
 
 
-def _mean_cell(mean: PopulationEstimate | None) -> _Row:
+def _common_number(analysis: StudyAnalysis) -> int | None:
+    """Return the number of participants that all means share, None if it differs."""
+    numbers = {m.n_participants for m in analysis.population if m.value is not None}
+    return numbers.pop() if len(numbers) == 1 else None
+
+
+def _mean_cell(mean: PopulationEstimate | None, *, with_n: bool) -> _Row:
     if mean is None:
         return {"text": "", "note": ""}
     if mean.value is None:
         # The table of statuses explains it; in every cell the sentence makes the table too wide.
-        undecided = mean.status == "undecided"
-        return {"text": DASH, "note": mean.status if undecided else status_meaning(mean.status)}
+        if mean.status == "undecided":
+            return {"text": mean.status, "note": ""}
+        return {"text": DASH, "note": status_meaning(mean.status)}
     shown = (mean.value, mean.ci_low, mean.ci_high)
-    sd = f"SD {format_spread(mean.sd, *shown)}, " if mean.sd is not None else ""
-    return {"text": format_interval(*shown), "note": f"{sd}n {mean.n_participants}"}
+    sd = f"SD {format_spread(mean.sd, *shown)}" if mean.sd is not None else ""
+    n = f"n {mean.n_participants}" if with_n else ""
+    return {"text": format_interval(*shown), "note": ", ".join(x for x in (sd, n) if x)}
 
 
 def _people(analysis: StudyAnalysis, columns: Sequence[str]) -> list[_Row]:
