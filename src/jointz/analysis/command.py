@@ -12,15 +12,12 @@ from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
 from jointz.terminal.output import (
     EXIT_NO_ESTIMATE,
     EXIT_OK,
-    emit,
     emit_json,
-    emit_table,
 )
 from jointz.terminal.progress_bars import progress_bar
 
 if TYPE_CHECKING:
-    from jointz.results.estimates import CellEstimate, ParameterEstimate
-    from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+    from jointz.results.study_analysis import StudyAnalysis
     from jointz.tasks.task_store import TaskStore
 
 
@@ -142,7 +139,9 @@ def analyze(
     if as_json:
         emit_json(_as_json(analysis, out))
     elif not quiet:
-        _print(analysis, report)
+        from jointz.analysis.printed_analysis import print_analysis
+
+        print_analysis(analysis, report)
     raise typer.Exit(EXIT_OK if analysis.n_standing else EXIT_NO_ESTIMATE)
 
 
@@ -197,65 +196,3 @@ def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
         "estimates": [row for cell in analysis.cells for row in cell.rows()],
         "statistics": dict(analysis.statistics),
     }
-
-
-def _print(analysis: "StudyAnalysis", report: Path) -> None:
-    from jointz.report.wording import onset_note
-
-    for warning in analysis.statistics.get("warnings", []):
-        emit(f"WARNING: {warning}")
-    if any(p.n_participants > 1 for p in analysis.population):
-        rows = [
-            [p.timing_point, p.parameter, *_value_cells(p, p.status), str(p.n_participants)]
-            for p in analysis.population
-        ]
-        header = ["timing point", "parameter", "mean", "95 % interval", "unit", "people"]
-        emit_table(rows, header, title="Means over people")
-    else:
-        _print_cells(analysis)
-    if note := onset_note(p.name for c in analysis.cells for p in c.parameters):
-        emit(note)
-    emit(_counts(analysis))
-    for note in analysis.statistics.get("notes", []):
-        emit(f"note: {note}")
-    missing = {p.status for c in analysis.cells for p in c.parameters if not p.available}
-    if missing:
-        emit(f"without an estimate: {', '.join(sorted(missing))}")
-    emit(f"Report: {report}")
-
-
-def _counts(analysis: "StudyAnalysis") -> str:
-    """Count participants, cells and pulses, and name the methods."""
-    from jointz.analysis.summary import counted_people, pulse_counts
-
-    used, excluded = pulse_counts(analysis)
-    methods = dict.fromkeys(c.method for c in analysis.cells)
-    return (
-        f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
-        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded."
-    )
-
-
-def _print_cells(analysis: "StudyAnalysis") -> None:
-    from jointz.report.subjects import subjects
-
-    words = subjects(analysis)
-    rows = [row for cell in analysis.cells for row in _cell_rows(cell)]
-    name = f"{words.one}, {words.point}"
-    header = [name, "parameter", "value", "95 % interval", "unit", "status"]
-    emit_table(rows, header, title="Estimates")
-
-
-def _cell_rows(cell: "CellEstimate") -> list[list[str]]:
-    name = f"{cell.label} {cell.timing_point}"
-    statuses = {p.status for p in cell.parameters}
-    if len(statuses) == 1 and not cell.parameters[0].available:
-        return [[name, "all", "-", "-", "-", statuses.pop()]]
-    return [[name, p.name, *_value_cells(p, "-"), p.status] for p in cell.parameters]
-
-
-def _value_cells(row: "ParameterEstimate | PopulationEstimate", missing: str) -> list[str]:
-    """Return value, interval and unit."""
-    value = missing if row.value is None else f"{row.value:.4g}"
-    interval = "-" if row.ci_low is None else f"{row.ci_low:.4g} to {row.ci_high:.4g}"
-    return [value, interval, row.unit]

@@ -9,6 +9,10 @@ from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json, emit_table
 from jointz.terminal.progress_bars import experiment_bars
 
+_ALIKE = "in an exoskeleton that pushes the knee; their recordings are analysed like real ones."
+_WHOLE = f"Ten simulated people walk {_ALIKE} This takes a few minutes and 1.2 GB of disk."
+_QUICK = f"Two simulated people walk {_ALIKE} This takes half a minute."
+
 
 def demo(
     out: Annotated[Path, typer.Option("--out", help="The demo's folder.")] = Path("jointz-demo"),
@@ -30,6 +34,8 @@ def demo(
     from jointz.demo.demo_study import run_demo
 
     shown = not (quiet or as_json)
+    if shown:
+        emit(_QUICK if quick else _WHOLE)
     with experiment_bars(shown=shown) as bars:
         demonstration = run_demo(
             out, quick=quick, seed=seed, run_progress=bars.experiment, progress=bars.analysis
@@ -61,3 +67,4 @@ def demo(
     emit_table(rows, header, title="Truth against estimate (simulated study)")
     emit(f"Mean VAF {vaf:.2f} %: a fit that looks this good says little about accuracy.")
     emit(f"Report: {demonstration.report}")
+    emit(f"Next: jointz explore {out / 'results'}, or your own file: jointz inspect FILE")

@@ -286,5 +286,5 @@ def test_one_person_reads_the_estimates_and_why_some_are_missing(jointz, small_s
     outcome = jointz("analyze", small_study.root, "--out", tmp_path / "out", *FEW)
 
     assert outcome.code == 1
-    assert "S01 LRE\tall\t-\t-\t-\tfailed:" in outcome.out
+    assert "S01 LRE\tfailed:" in outcome.out
     assert "exclusions.csv: no pulse or stride begins at 0.1 s" in outcome.out

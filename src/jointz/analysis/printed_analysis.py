@@ -1,0 +1,109 @@
+"""What ``jointz analyze`` prints: one table, the notes that matter most, where the report is."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from jointz.analysis.summary import counted_people, pulse_counts
+from jointz.report.subjects import subjects
+from jointz.report.wording import joined, onset_note
+from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.terminal.output import emit, emit_table
+
+#: More are in the report.
+_MOST_NOTES = 5
+_LEFT_TO_FILES = ("_per_mass", "_onset")
+
+
+def print_analysis(analysis: StudyAnalysis, report: Path) -> None:
+    """Print an analysis for people."""
+    for warning in analysis.statistics.get("warnings", []):
+        emit(f"WARNING: {warning}")
+    # Means of which none is decided say less than everybody's own values.
+    if any(p.n_participants > 1 and p.value is not None for p in analysis.population):
+        _print_means(analysis)
+    else:
+        _print_cells(analysis)
+    emit(_counts(analysis))
+    _print_notes(analysis)
+    emit(_standing(analysis))
+    emit(f"Report: {report}")
+
+
+def _print_means(analysis: StudyAnalysis) -> None:
+    means = [p for p in analysis.population if _is_shown(p.parameter)]
+    points = dict.fromkeys(p.timing_point for p in means)
+    people = max(p.n_participants for p in means)
+    rows = {(p.timing_point, p.parameter): _written(p) for p in means}
+    names = {p.parameter: p.unit for p in means}
+    emit_table(
+        [[point, *(rows.get((point, name), "-") for name in names)] for point in points],
+        ["timing point", *(f"{name} {unit}" for name, unit in names.items())],
+        title=f"Means over {people} people [95 % interval]",
+    )
+
+
+def _print_cells(analysis: StudyAnalysis) -> None:
+    words = subjects(analysis)
+    names = {
+        p.name: p.unit for cell in analysis.cells for p in cell.parameters if _is_shown(p.name)
+    }
+    emit_table(
+        [_cell_row(cell, list(names)) for cell in analysis.cells],
+        [f"{words.one}, {words.point}", *(f"{name} {unit}" for name, unit in names.items())],
+        title="Estimates [95 % interval]",
+    )
+
+
+def _cell_row(cell: CellEstimate, names: Sequence[str]) -> list[str]:
+    found = [cell.parameter(name) for name in names]
+    texts = ["-" if p is None else _written(p) for p in found]
+    if len(set(texts)) == 1:  # one status of the whole cell is told once
+        texts[1:] = [""] * (len(texts) - 1)
+    return [f"{cell.label} {cell.timing_point}", *texts]
+
+
+def _written(row: ParameterEstimate | PopulationEstimate) -> str:
+    """Write value and interval; what is no plain value says its status."""
+    if row.value is None or row.ci_low is None or row.ci_high is None:
+        return row.status
+    text = f"{row.value:.3g} [{row.ci_low:.3g}, {row.ci_high:.3g}]"
+    return text if row.status == "ok" else f"{text} {row.status}"
+
+
+def _is_shown(parameter: str) -> bool:
+    return not parameter.endswith(_LEFT_TO_FILES)
+
+
+def _counts(analysis: StudyAnalysis) -> str:
+    """Count participants, cells and pulses, and name the methods."""
+    used, excluded = pulse_counts(analysis)
+    methods = dict.fromkeys(c.method for c in analysis.cells)
+    return (
+        f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
+        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded."
+    )
+
+
+def _print_notes(analysis: StudyAnalysis) -> None:
+    notes = list(analysis.statistics.get("notes", []))
+    if note := onset_note(p.name for c in analysis.cells for p in c.parameters):
+        notes.append(note)
+    for note in notes[:_MOST_NOTES]:
+        emit(f"note: {note}")
+    left = len(notes) - _MOST_NOTES
+    if left > 0:
+        emit(f"note: {left} more in the report.")
+
+
+def _standing(analysis: StudyAnalysis) -> str:
+    """Say how many estimates stand and why the others do not; the exit status in words."""
+    rows = [p for c in analysis.cells for p in c.parameters if _is_shown(p.name)]
+    reasons = Counter(p.status for p in rows if not p.available)
+    why = joined([f"{n} {status}" for status, n in reasons.most_common()])
+    if not analysis.n_standing:
+        finding = f"No estimate stands ({why}): a finding about the data" if why else "No estimate"
+        return f"{finding}, exit status 1."
+    stand = len(rows) - reasons.total()
+    return f"{stand} of {len(rows)} estimates stand" + (f"; {why}." if why else ".")
