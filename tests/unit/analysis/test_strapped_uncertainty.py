@@ -1,11 +1,12 @@
 """Why estimates of the method strapped are undecided, and what would decide them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from jointz.analysis.page.next_measures import next_measures
+from jointz.analysis.page.next_measures import instrument_shares, next_measures
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
 from jointz.core.codes import Doubt
@@ -114,6 +115,17 @@ def test_the_first_page_names_the_measure_that_decides_most():
         "Measure the lag of the angle behind the torque (angle_lag_s under [calibration]): "
         "this alone would decide 3 of 3 undecided values."
     ]
+
+
+def test_the_instruments_share_of_the_variance_is_named_largest_first():
+    parts = {"lag": 0.5 * 40.0 * NARROW, "strap": 0.7 * 40.0 * NARROW, "pulses": 1.0}
+    made = analysis([cell(p, k=NARROW, parts=parts) for p in POINTS], (NARROW,) * 3)
+    only_k = tuple(replace(c, parameters=c.parameters[:1]) for c in made.cells)
+
+    text = instrument_shares(replace(made, cells=only_k))
+
+    # Half-widths are those of a logarithm: slightly more than in proportion to the sd.
+    assert re.search(r": strap and tissue (49|50) %, lag of the angle (25|26) %\.", text)
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -26,6 +26,18 @@ _MEASURES: Final[Mapping[str, str]] = {
     "gain": "Calibrate the gain of the torque",
     "inertia": "Measure the inertia of leg and device by other means",
 }
+#: Source -> property of device, sensors or leg.
+_INSTRUMENTS: Final[Mapping[str, str]] = {
+    "lag": "lag of the angle",
+    "friction": "friction of the actuator",
+    "cross_talk": "angle reading that changes with torque",
+    "strap": "strap and tissue",
+    "softening": "stiffness that falls with displacement",
+    "reflex": "reflex",
+    "gain": "gain of the torque",
+}
+_MOST_INSTRUMENTS: Final = 4
+_SMALLEST: Final = 0.01  # share of the variance that is named
 _PERTURB: Final = (
     "Record the same task with pulses: without them the impedance cannot be estimated. The section "
     "on quasi-stiffness has moment over angle, if a moment was recorded."
@@ -56,12 +68,34 @@ def next_measures(analysis: StudyAnalysis) -> list[str]:
     return [*sentences[:_MOST], *_after_failures(analysis), *_more_people(analysis)]
 
 
-def _gains(analysis: StudyAnalysis) -> Iterator[_Gain]:
+def instrument_shares(analysis: StudyAnalysis) -> str:
+    """Say how much of the variance exact knowledge of each instrument would remove, or ""."""
+    gains = [*_gains(analysis, undecided_only=False)]
+    names = {n for g in gains for n in g.left if n in _INSTRUMENTS}
+    shares = {n: float(np.median([_share(g, n) for g in gains])) for n in names}
+    ordered = [n for n in sorted(shares, key=lambda n: (-shares[n], n)) if shares[n] >= _SMALLEST]
+    if not ordered:
+        return ""
+    texts = [f"{_INSTRUMENTS[n]} {100 * shares[n]:.0f} %" for n in ordered[:_MOST_INSTRUMENTS]]
+    return (
+        "Share of the variance that would vanish if a property of the device, the sensors or the "
+        f"leg were known exactly (median over all estimates): {', '.join(texts)}. The shares "
+        "overlap and do not add up."
+    )
+
+
+def _share(gain: _Gain, name: str) -> float:
+    return 1.0 - (gain.left.get(name, gain.now) / gain.now) ** 2
+
+
+def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[_Gain]:
     sds = dict(pair for posterior in analysis.log_posteriors for pair in log_sds(posterior))
     for cell in analysis.cells:
         for name in ABSOLUTE:
             estimate = cell.parameter(name)
-            if estimate is None or estimate.status != "undecided" or not estimate.unbounded:
+            if estimate is None or not estimate.unbounded:
+                continue
+            if undecided_only and estimate.status != "undecided":
                 continue
             if cell.method == STRAPPED:
                 sd = sds.get((cell.label, name, cell.timing_point))

@@ -15,6 +15,7 @@ from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.first_page import first_page
 from jointz.analysis.page.method_differences import differences_section
+from jointz.analysis.page.next_measures import instrument_shares
 from jointz.analysis.page.published_values import published_section
 from jointz.analysis.page.quasi_stiffness_section import quasi_stiffness_section
 from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
@@ -118,6 +119,7 @@ def render_report(
         differences=differences_section(analysis),
         published=published_section(analysis),
         uncertainty=uncertainty,
+        instruments=instrument_shares(analysis),
         undecided=grouped(uncertainty["undecided"]) if uncertainty else [],
         certificate=certificate_section(analysis.certificate),
         quasi_stiffness=quasi_stiffness_section(analysis),
