@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -81,3 +82,22 @@ def test_a_reflex_path_explains_clearly_more_than_the_linear_model(
     assert found.parameter("stiffness").ci_high < found.linear_stiffness
     delay = found.parameter("reflex_delay")
     assert 0.03 < delay.ci_low < delay.value < delay.ci_high < 0.06
+
+
+@pytest.mark.parametrize("model", ["kbj", "irf"])
+def test_what_a_reflex_biases_is_shown_as_doubtful_with_the_command_that_decides(
+    jointz: Callable[..., Any], real_data: Path, model: str
+) -> None:
+    file = real_data / "reklab_ankle" / "z_df.csv.gz"
+    columns = ("--angle", "position_rad", "--torque", "torque_Nm", "--time", "time_s")
+    given = (file, *columns, "--input", "angle", "--torque-acts-on", "device", "--model", model)
+    told = jointz("identify", "joint", *given)
+    shown = next(line.split("\t") for line in told.out.splitlines() if line.startswith("stiff"))
+    assert told.code == 1
+    assert float(shown[1]) == pytest.approx(105.0, abs=2.0)
+    assert shown[2:] == ["-", "N*m/rad", "doubtful"]
+    assert told.out.count("--model reflex") == 1
+    assert told.out.splitlines()[-1].endswith("exit status 1.")
+    found = jointz("identify", "joint", *given, "--json").json
+    assert found["status"] == found["parameters"]["damping"]["status"] == "doubtful"
+    assert found["parameters"]["damping"]["ci"] == [None, None]

@@ -327,6 +327,7 @@ def joint(
     Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
     del debug
+    from jointz.identification.doubtful_values import with_doubtful_values
     from jointz.identification.identify_file import identify_file
     from jointz.identify.series.joint import identify_joint
 
@@ -344,7 +345,7 @@ def joint(
             cutoff_hz=cutoff_hz,
             torque_acts_on=torque_acts_on.value,
         )
-    output.report(fit, columns, file=file)
+    output.report(with_doubtful_values(fit), columns, file=file)
 
 
 identify.command("actuator")(actuator)

@@ -56,7 +56,7 @@ def parameter_line(
         return f"{name:<{width}} {p.status}{limits}"
     measure = f"{name:<{width}} {p.value:.{digits}g} {p.unit}"
     if p.ci_low is None or p.ci_high is None:
-        return f"{measure} ({p.ci_method if p.status == 'ok' else 'no interval; undecided'})"
+        return f"{measure} ({p.ci_method if p.status == 'ok' else f'no interval; {p.status}'})"
     return f"{measure} ({p.ci_level:.0%} interval {_ends(p, digits)}; {p.status})"
 
 

@@ -1,6 +1,6 @@
 """Output of the commands of ``jointz identify``."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,8 +84,10 @@ class Output:
             emit_json({**content, **(more or {}), "file": str(file), "columns": echoed})
         elif not self.quiet:
             _print_table(table)
-            emit(fit.summary())
+            emit(_without_rows(fit.summary(), set(table["parameter"])))
         standing = bool(table["status"].isin(["ok", "at_bound"]).any())
+        if not (standing or self.as_json or self.quiet):
+            emit("No estimate stands: a finding about the record, exit status 1.")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 
 
@@ -116,15 +118,26 @@ def save_canvas(canvas: "Canvas", figure: Path) -> None:
         canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)
 
 
+def _without_rows(summary: str, names: Container[str]) -> str:
+    """Return a summary without the lines that the table above it has."""
+    title, *lines = summary.splitlines()
+    kept = [line for line in lines if (line.split() or [""])[0] not in names]
+    return "\n".join([title, *kept])
+
+
 def _print_table(table: "pd.DataFrame") -> None:
     def number(value: float | None) -> str:
         return "-" if value is None or value != value else f"{value:.4g}"
+
+    def interval(low: float | None, high: float | None) -> str:
+        ends = number(low), number(high)
+        return "-" if ends == ("-", "-") else " to ".join(ends)
 
     rows: list[list[str]] = [
         [
             row["parameter"],
             number(row["value"]),
-            f"{number(row['ci_low'])} to {number(row['ci_high'])}",
+            interval(row["ci_low"], row["ci_high"]),
             row["unit"],
             row["status"],
         ]
