@@ -134,7 +134,7 @@ def test_methods_are_not_mixed_unless_asked() -> None:
         "rigid": 3, "dissertation": 1,
     }  # fmt: skip
     mixed = pool_catalog(table, mix_methods=True)
-    assert (only(mixed)["methods"], only(mixed)["n_studies"]) == ("dissertation, recommended", 4)
+    assert (only(mixed)["methods"], only(mixed)["n_studies"]) == ("dissertation, rigid", 4)
     twice = pd.concat([table, rows("lab-a", LABS["lab-a"], method="dissertation")])
     with pytest.raises(DataError, match="lab-a has several"):
         pool_catalog(twice.reset_index(drop=True), mix_methods=True)
