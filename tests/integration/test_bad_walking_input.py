@@ -43,7 +43,8 @@ def walk() -> Walk:
     model = exoskeleton(rig.build(worn=True)).torque_model
     known = model.model_dump(exclude_none=True, exclude_defaults=True)
     lines = ["jointz = 1", 'joint = "knee"', 'kind = "walking"', 'coupling = "rigid"']
-    lines += ['positive = "flexion"', 'torque_acts_on = "joint"', '[channels.time]\ncolumn = "time"\nunit = "s"']
+    lines += ['positive = "flexion"', 'torque_acts_on = "joint"']
+    lines += ['[channels.time]\ncolumn = "time"\nunit = "s"']
     lines += [f'[channels.{c}]\ncolumn = "{c}"\nunit = "{unit}"' for c, unit in UNITS.items()]
     lines += ['[channels.contact]\ncolumn = "contact"\nkind = "contact"', "[torque_model]"]
     lines += [f"{name} = {value}" for name, value in known.items()]
