@@ -80,8 +80,8 @@ _RIGID: Final = (
     (
         "Undecided is a result.",
         "No value is given if the interval reaches further than half the value, or if an upper "
-        "limit is too large to be informative. The section on the uncertainty of the estimates "
-        "says why, and which measurement would decide it.",
+        "limit is too large to be informative. The section on undecided values says why, and which "
+        "measurement would decide it.",
     ),
     _DISPLACEMENT,
 )
@@ -97,8 +97,8 @@ _STRAPPED: Final = (
     (
         "Undecided is a result.",
         "No value is given if the interval is too wide, if the model does not explain the "
-        "responses, or if the inertia is not that of such a leg. The section on the uncertainty "
-        "of the estimates says why, and what would decide it. One-sided 95 % limits of an "
+        "responses, or if the inertia is not that of such a leg. The section on undecided values "
+        "says why, and what would decide it. One-sided 95 % limits of an "
         "undecided value are in estimates.csv.",
     ),
     _DISPLACEMENT,

@@ -11,7 +11,7 @@ from jointz.analysis.page.details_tables import variance_shares
 from jointz.analysis.page.next_measures import next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
-from jointz.analysis.summary import chosen_method, name_range, pulse_counts
+from jointz.analysis.summary import chosen_method, name_range, pulse_counts, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import RIGID, STRAPPED
@@ -44,6 +44,7 @@ _COUPLINGS: Final = {
     "strap": "strapped to the leg",
     "rigid": "coupled rigidly to the bone",
 }
+_SIMULATED: Final = "All recordings are simulated: no person was measured."
 _WHAT_K_MEANS: Final = (
     "K and B apply along the measured motion in the window after the onset, not to small "
     "displacements at the onset"
@@ -52,11 +53,11 @@ _WHAT_K_MEANS: Final = (
 _Row = dict[str, Any]
 
 
-def first_page(analysis: StudyAnalysis, run: RunReport | None) -> _Row:
+def first_page(analysis: StudyAnalysis, run: RunReport | None, *, simulated: bool) -> _Row:
     """Return what the first page shows besides title and figure."""
     warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
     return {
-        "done": _done(analysis, run),
+        "done": [*_done(analysis, run), *([_SIMULATED] if simulated else [])],
         "warnings": [_first_sentence(text) for text in warnings[:_MOST_WARNINGS]],
         "more_warnings": max(0, len(warnings) - _MOST_WARNINGS),
         "table": _table(analysis),
@@ -286,10 +287,11 @@ def _means(analysis: StudyAnalysis) -> str:
         return ""
     if not any(decided for decided, _ in counts.values()):
         return f"No mean over {many} is decided."
+    extremes = " ".join(["", *stiffness_extremes(analysis.population)])
     if all(decided == total for decided, total in counts.values()):
-        return f"All means over {many} are decided."
+        return f"All means over {many} are decided.{extremes}"
     texts = [f"{parameter_name(n).lower()} at {a} of {b}" for n, (a, b) in counts.items()]
-    return f"Means over {many} are decided: {joined(texts)} timing points."
+    return f"Means over {many} are decided: {joined(texts)} timing points.{extremes}"
 
 
 def _meaning(analysis: StudyAnalysis) -> str:

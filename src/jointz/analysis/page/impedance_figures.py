@@ -134,7 +134,7 @@ def overview_caption(analysis: StudyAnalysis) -> str:
     if has_onsets(analysis):
         text += " Grey bands: gait phases."
     if _means(analysis, shown_parameters(analysis)):
-        text += " Beside means, the intervals of each participant are left to the figure below."
+        text += " Figure 2 has the intervals of each participant."
     return text + _missing_panels(analysis)
 
 
@@ -146,8 +146,8 @@ def impedance_caption(analysis: StudyAnalysis) -> str:
     note = onset_note(p.name for c in analysis.cells for p in c.parameters)
     note = f" {note} Values at the onset are not drawn." if note else ""
     axis = (
-        "The participants of a timing point are spread sideways about the mean measured onset, in "
-        f"the order of the table. Bands: phases of the gait cycle, {_PHASE_NAMES}."
+        "Participants are spread sideways in the order of the table. Bands: phases of the gait "
+        f"cycle, {_PHASE_NAMES}."
         if walking
         else f"{words.points.capitalize()} are in the order of the study."
     )

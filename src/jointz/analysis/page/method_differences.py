@@ -15,7 +15,6 @@ from jointz.report.wording import (
     DASH,
     MINUS,
     SYMBOLS,
-    format_count,
     format_number,
     format_span,
     joined,
@@ -224,7 +223,6 @@ def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str,
     return [
         ("Lag.", _lag_reason(analysis, pairs)),
         ("Baseline.", _baseline_reason(analysis, pairs)),
-        ("Bounds.", _bounds_reason(pairs)),
         ("Inertia.", _inertia_reason(pairs)),
         ("Intervals.", _interval_reason(pairs)),
     ]
@@ -271,22 +269,6 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
     return (
         f"{text} The two average angles, one low-pass filtered and one as sampled, are up to "
         f"{max(apart):.1f}° apart (median {np.median(apart):.1f}°)."
-    )
-
-
-def _bounds_reason(pairs: Sequence[_Pair]) -> str:
-    estimates = [p.other.parameter(name) for p in pairs for name in ABSOLUTE]
-    at_zero = sum(e is not None and e.status == "at_bound" for e in estimates)
-    verb = "is" if at_zero == 1 else "are"
-    count = (
-        f"{format_count(at_zero, 'estimate')} {verb} at zero, which the other two parameters "
-        "compensate"
-        if at_zero
-        else "none is at zero"
-    )
-    return (
-        f"The dissertation's method allows no value below zero ({count}). The method rigid "
-        "gives an upper limit if zero cannot be excluded."
     )
 
 

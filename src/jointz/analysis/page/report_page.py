@@ -78,6 +78,7 @@ def render_report(
     words = subjects(analysis)
     provenance, statistics = analysis.provenance, analysis.statistics
     inputs = _inputs(provenance)
+    averaged = [p for p in parameters if f"{p}_per_mass" not in parameters]
     matrix = _matrix(analysis, columns)
     recordings, uncertainty = _recordings(analysis), uncertainty_section(analysis)
     script = Markup(render_template("copy.js.j2") + render_template("fold.js.j2"))
@@ -85,14 +86,14 @@ def render_report(
         "report.html.j2",
         title=title,
         words=words,
-        settings=analysis.settings,
+        settings={k: v for k, v in analysis.settings.items() if v not in (None, "", {})},
         provenance=provenance,
-        first=first_page(analysis, run),
+        first=first_page(analysis, run, simulated=truth is not None),
         extremes=stiffness_extremes(analysis.population),
         no_means=NO_MEANS_ON_A_BENCH,
-        heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters],
-        population=_population_rows(analysis, parameters),
-        figures=figures_by_section(analysis, figures),
+        heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in averaged],
+        population=_population_rows(analysis, averaged),
+        figures=figures_by_section(analysis, _without_repeats(figures, run)),
         columns=[{"name": parameter_name(c), "unit": PARAMETER_UNITS[c]} for c in columns],
         vaf=_vaf(statistics),
         people=[] if matrix else _people(analysis, columns),
@@ -129,6 +130,12 @@ def render_report(
         script=script,
         script_hash=_script_hash(script),
     )
+
+
+def _without_repeats(figures: Mapping[str, str], run: RunReport | None) -> dict[str, str]:
+    """Leave out the figure of the onsets if the report of the experiment has them in a table."""
+    left_out = "onset_accuracy" if run is not None and run.onsets else ""
+    return {name: svg for name, svg in figures.items() if name != left_out}
 
 
 def _script_hash(script: str) -> str:
