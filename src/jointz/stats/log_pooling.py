@@ -19,6 +19,8 @@ _STEPS = 2000
 _STEP_SIZE = 0.35
 _START = 0.7  # of the prior's sd
 _SEED = 1
+#: A relative sd beyond which a mean has no interval: the device's own part is all of it.
+_NO_SD = 5.0
 #: Information about a mean that keeps it proper where nobody has any.
 _NEARLY_FLAT = 1e-4
 
@@ -29,7 +31,7 @@ class LogMean:
 
     value: float  # arithmetic mean, SI
     sd: float  # between people, SI
-    ci_low: float
+    ci_low: float  # NaN, as ci_high, if too uncertain for an interval
     ci_high: float
     n_people: int  # people whose data count
     decided: bool
@@ -77,7 +79,7 @@ def log_means(
     kinds = [tuple(parameters).index(name) for _, name in elements]
     drawn = _drawn(found, np.array(kinds), [name.removesuffix("_onset") for name in parameters])
     means, covariance, spread = drawn
-    intrinsic = _intrinsic(own, elements)
+    intrinsic = _intrinsic(own, elements, log_scale or {})
     result = {}
     for k, (point, name) in enumerate(elements):
         widths = found.half_widths[:, k]
@@ -86,13 +88,15 @@ def log_means(
             continue
         whole = float(np.exp(means[k]))
         value = whole - float(intrinsic[k])
-        if value <= 0.0:
-            continue
+        between = whole * float(np.sqrt(np.expm1(spread[kinds[k]] ** 2)))
         shared = float(np.hypot(SHARED_SD[name.removesuffix("_onset")], _gain_sd(own)))
-        sd = float(np.hypot(np.sqrt(covariance[k, k]), shared)) * whole / value
+        sd = float(np.hypot(np.sqrt(covariance[k, k]), shared)) * whole
+        if not sd < _NO_SD * value:
+            result[point, name] = LogMean(value, between, np.nan, np.nan, n, decided=False)
+            continue
+        sd /= value
         low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])
         half = max((high - low) / 2.0, value * float(np.nanmedian(widths)))
-        between = whole * float(np.sqrt(np.expm1(spread[kinds[k]] ** 2)))
         result[point, name] = LogMean(
             value, between, float(low), float(high), n, bool(decides(value, half))
         )
@@ -211,11 +215,18 @@ def _log_prior(log_sds: np.ndarray, prior: np.ndarray) -> float:
 
 
 def _intrinsic(
-    people: Sequence[Sequence[LogPosterior]], elements: Sequence[tuple[str, str]]
+    people: Sequence[Sequence[LogPosterior]],
+    elements: Sequence[tuple[str, str]],
+    log_scale: Mapping[str, float],
 ) -> np.ndarray:
     """Return the device's own part of each element, which the torque includes: mean over people."""
     names = [name for _, name in elements]
-    rows = [[dict(p.intrinsic).get(name, 0.0) for name in names] for own in people for p in own]
+    rows = [
+        np.array([dict(p.intrinsic).get(name, 0.0) for name in names])
+        * np.exp(-log_scale.get(p.participant, 0.0))
+        for own in people
+        for p in own
+    ]
     return np.asarray(np.mean(rows, axis=0))
 
 

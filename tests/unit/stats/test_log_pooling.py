@@ -96,6 +96,25 @@ def test_values_per_kg_are_pooled_per_kg_and_the_device_is_taken_off():
     assert less["LRE", "inertia"].sd == with_device.sd
 
 
+def test_the_device_is_taken_off_values_per_kg_by_each_person_s_mass():
+    sound = people(6)
+    worn = [replace(p, intrinsic=(("stiffness", 10.0),)) for p in sound]
+    masses_kg = 50.0 + 10.0 * np.arange(6)
+    log_masses = dict(zip([p.participant for p in sound], np.log(masses_kg), strict=True))
+    own, less = (log_means(p, NAMES[:2], log_scale=log_masses) for p in (sound, worn))
+    own_part = np.mean(10.0 / masses_kg)
+    for point in POINTS:
+        expected = own[point, "stiffness"].value - own_part
+        assert less[point, "stiffness"].value == pytest.approx(expected)
+
+
+def test_a_mean_that_is_the_device_s_own_is_undecided():
+    """It is no mean of too few people."""
+    worn = [replace(p, intrinsic=(("stiffness", 150.0),)) for p in people(6)]
+    mean = log_means(worn, NAMES)["LRE", "stiffness"]
+    assert (mean.decided, mean.n_people) == (False, 6)
+
+
 def test_what_all_people_share_does_not_average_out():
     shares = {}
     for n in (5, 80):
