@@ -62,7 +62,7 @@ def test_the_pulses_recorded_are_those_that_were_planned(study):
 
 def test_both_methods_find_a_clean_load(study, tmp_path):
     truth = json.loads((study / "ground_truth.json").read_text())["participants"]["case-1"]["load"]
-    analysis = jointz.analyze(study, method="rigid", resamples=20)
+    analysis = jointz.analyze(study, method="recommended", resamples=20)
     (cell,) = analysis.cells
     assert (cell.participant, cell.timing_point, cell.method) == ("case-1", "A", "full_record")
     assert (cell.n_used, cell.n_excluded) == (16, 0)

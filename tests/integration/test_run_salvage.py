@@ -1,7 +1,6 @@
 """Nothing intact is lost to damaged files: flipped bits and cut ends in log, journal and plan."""
 
 import shutil
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from jointz.core.errors import DataError
 from jointz.core.recording import damage_of
 from jointz.experiment.files.journal import decode_event, is_completed, pulses_done, read_journal
 from jointz.experiment.files.session_files import keep_plan
+from jointz.experiment.plan import written_pulse
 from jointz.experiment.trial_kinds import WALKING_TRIALS
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
@@ -179,7 +179,7 @@ def test_a_damaged_journal_costs_no_pulse(protocol, session, harm, tries):
 def test_a_damaged_plan_is_read_from_its_other_copy(session, name, harm, tries):
     file, whole = session / name, WALKING_TRIALS.read_plan(session)
     content, rng = file.read_bytes(), np.random.default_rng(5)
-    plan = {trial: [asdict(pulse) for pulse in pulses] for trial, pulses in whole.items()}
+    plan = {trial: [written_pulse(pulse) for pulse in pulses] for trial, pulses in whole.items()}
     assert keep_plan(session, plan) == ""
     for _ in range(tries):
         spoilt = harm(content, rng)

@@ -4,7 +4,8 @@ Made once from the protocol and a seed, and written down: what was planned can
 be compared with what was done, and an interrupted session goes on with the rest.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,11 @@ class PlannedPulse:
     def sham(self) -> bool:
         """Whether nothing is to be felt."""
         return self.amplitude_nm == 0.0
+
+
+def written_pulse(pulse: Any) -> dict[str, Any]:
+    """Return a planned pulse as plans have always held it, with a shape only where it has one."""
+    return {key: value for key, value in asdict(pulse).items() if (key, value) != ("shape", "")}
 
 
 def make_plan(

@@ -16,7 +16,7 @@ import time
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -56,6 +56,7 @@ from jointz.experiment.files.session_files import (
 )
 from jointz.experiment.files.whole_files import make_folder
 from jointz.experiment.loop import ControlLoop, undisturbed
+from jointz.experiment.plan import written_pulse
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.trial_kinds import AnyTrial, TrialSetup, trial_kind
 
@@ -180,7 +181,7 @@ class Session:
             return {}
         return {
             name: [
-                _written(planned)
+                written_pulse(planned)
                 for planned in self._kind.make_plan(condition, protocol.shapes, rng)
             ]
             for condition in protocol.conditions
@@ -292,11 +293,6 @@ class Session:
             "control_hz": self._plan.protocol.rates.control_hz,
             "devices": devices.to_dict(),
         }
-
-
-def _written(pulse: Any) -> dict[str, Any]:
-    """Return a planned pulse as plans have always held it, the name of its shape if it has one."""
-    return {key: value for key, value in asdict(pulse).items() if (key, value) != ("shape", "")}
 
 
 def _confirm_stop(note: Callable[..., None], not_stopped: Collection[str]) -> None:
