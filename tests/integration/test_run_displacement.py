@@ -5,6 +5,7 @@ import pytest
 
 from jointz.core.errors import SafetyStop
 from jointz.core.limits import LimitsOverride, tightened
+from jointz.core.protocols.pulse_models import SampledPulse
 from jointz.core.session_log import Flag
 from jointz.experiment import trial
 from jointz.experiment.files.journal import pulses_done
@@ -114,3 +115,48 @@ def test_a_limit_that_no_pulse_reaches_changes_nothing(
     fields = [n for n in mine.dtype.names if n not in ("host_time_ns", "busy_us", "crc")]
     for name in fields:
         np.testing.assert_array_equal(mine[name], theirs[name], err_msg=name)
+
+
+@pytest.fixture
+def walk_with_zero(spied_session, short_walking, tmp_path):
+    """Two pulses a point, each with zero torque in its middle; no more are allowed."""
+    there_and_back = SampledPulse(
+        kind="samples",
+        name="there and back",
+        amplitudes_nm=[10.0],
+        times_s=[0.0, 0.05, 0.06, 0.12, 0.13, 0.2],
+        shares=[1.0, 1.0, 0.0, 0.0, -1.0, -1.0],
+    )
+    protocol = short_walking(conditions=["perturbed"], count_per_point=2, warm_up_strides=5)
+    changed = {"pulse": None, "pulses": (there_and_back,)}
+    safety = protocol.safety.model_copy(update={"pulse_count": 12})
+    return spied_session(protocol.model_copy(update={**changed, "safety": safety}), tmp_path)
+
+
+def test_a_pulse_that_passes_through_zero_counts_once(walk_with_zero):
+    walk_with_zero.run()
+    assert len(pulses_done(walk_with_zero.events(), "perturbed")) == 12
+
+
+def test_a_pulse_that_is_faded_stays_at_zero_when_its_torque_comes_back(
+    walk_with_zero, monkeypatch
+):
+    whole, faded_slots = trial.GaitWatch.update, []
+
+    def update(self, slot_ns, *samples):
+        stride = whole(self, slot_ns, *samples)
+        commanded = walk_with_zero.commands[-1:]
+        if not faded_slots and commanded and commanded[0][1] > 5.0:
+            faded_slots.append(slot_ns)
+        # Gait is steady again before the pulse goes on.
+        if faded_slots and slot_ns < faded_slots[0] + 80_000_000:
+            self.steady = False
+        return stride
+
+    monkeypatch.setattr(trial.GaitWatch, "update", update)
+    with pytest.raises(SafetyStop, match="limit 12"):  # it is done again, as a thirteenth
+        walk_with_zero.run()
+    ticks = walk_with_zero.records()
+    faded = ticks["pulse"] == ticks["pulse"][(ticks["flags"] & Flag.FADING) != 0][0]
+    first = np.flatnonzero(faded)[: round(0.2 / PERIOD_S)]
+    assert np.all(np.abs(ticks["sent_torque"][first][round(0.13 / PERIOD_S) :]) < 2.0)

@@ -104,6 +104,12 @@ class Trial:
         """Strides accepted so far."""
         return self._watch.strides.strides
 
+    @property
+    def _pulse_is_felt(self) -> bool:
+        """Whether a pulse that is no sham is on."""
+        pulse = None if self._pulses is None else self._pulses.active
+        return pulse is not None and not pulse.sham
+
     def request_stop(self) -> None:
         """End the trial soon: a pulse that is on is faded out first."""
         self._stopping = True
@@ -148,7 +154,7 @@ class Trial:
             (self._streams.newest_angle.value, self._streams.newest_actuator.velocity),
             accepted=accepted,
             retracted=watch.retracted,
-            pulse=pulses.active is not None and not pulses.active.sham,
+            pulse=self._pulse_is_felt,
         )
         pulses.withheld = "" if unperturbed.known else "unperturbed angle not known yet"
 
@@ -161,7 +167,7 @@ class Trial:
         unperturbed, pulses = self._unperturbed, self._pulses
         if unperturbed is None or pulses is None:
             return None
-        if pulses.active is None or pulses.active.sham:
+        if not self._pulse_is_felt:
             self._displaced = False
             return None
         streams = self._streams
@@ -196,7 +202,8 @@ class Trial:
             angle=self._streams.newest_angle.value,
             age_s=age_s,
             steady=self._watch.steady and not self._stopping,
-            pulse_active=wanted != 0.0,
+            # Not its torque: a pulse may pass through zero.
+            pulse_active=self._pulse_is_felt,
             displacement=self._displacement(slot_ns),
         )
         over = gate.tripped is not None or (self._stopping and not (gate.fading and sent != 0.0))

@@ -7,6 +7,8 @@ from pydantic import ValidationError
 
 from jointz.core.errors import ProtocolError
 from jointz.core.limits import LimitsOverride, SafetyLimits, tightened
+from jointz.core.protocols.device_limits import limits_on_device
+from jointz.io.protocols import load_protocol
 
 OWN = {
     "torque_nm": 30.0,
@@ -40,6 +42,21 @@ def test_a_device_without_a_limit_of_displacement_takes_the_protocol_s():
     assert tightened(own, LimitsOverride(displacement_rad=0.2)).displacement_rad == 0.2
     with pytest.raises(ValidationError, match="less than or equal to 1"):
         LimitsOverride(displacement_rad=1.1)
+
+
+@pytest.mark.parametrize("name", ["qdd-chirp", "calibration-spring"])
+def test_a_device_s_limit_of_displacement_keeps_no_bench_from_running(name):
+    own = SafetyLimits(**{**OWN, "torque_nm": 60.0, "torque_rate_nm_s": 1e5, "current_a": 60.0,
+                          "angle_min_rad": -3.0, "angle_max_rad": 3.0, "velocity_rad_s": 30.0,
+                          "sensor_age_s": 0.1, "consecutive_overruns": 10, "fade_s": 0.1,
+                          "temperature_c": 100.0})  # fmt: skip
+    assert limits_on_device(load_protocol(name), own, torque_per_ampere=10.0)
+
+
+def test_a_device_s_limit_of_displacement_asks_walking_for_the_expected_joint():
+    own = SafetyLimits(**{**OWN, "torque_rate_nm_s": 1e5})
+    with pytest.raises(ProtocolError, match="expected_joint: missing"):
+        limits_on_device(load_protocol("walking"), own, torque_per_ampere=10.0)
 
 
 @pytest.mark.parametrize("name", ["fade_s", "sensor_age_s"])

@@ -1,6 +1,7 @@
 """The angle without the pulse: known after a few strides, and right where strides repeat."""
 
 from math import cos, pi, sin
+from types import SimpleNamespace
 
 import pytest
 
@@ -74,6 +75,13 @@ def test_a_knee_that_repeats_itself_is_not_displaced_even_over_a_heel_strike(pha
     assert found[0][0] == 0.0
     assert max(abs(x) for x, _ in found) < 0.002
     assert max(abs(rate) for _, rate in found) < 0.02
+
+
+def test_a_phase_that_rounding_puts_before_the_heel_strike_is_one_of_the_cycle():
+    walk = Walk().until(6 * STRIDE)
+    strides = SimpleNamespace(mean_ns=STRIDE, phase_pct=lambda _: -1e-16)
+    walk.unperturbed.begin(walk.now, strides, knee(walk.now))
+    assert walk.unperturbed.displacement == 0.0
 
 
 def test_what_a_pulse_adds_is_the_displacement():

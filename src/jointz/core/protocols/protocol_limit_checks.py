@@ -83,6 +83,8 @@ def _displacement_expected(protocol: ProtocolFields) -> Iterator[Problem]:
             yield Problem(("expected_joint",), message)
         return
     if joint is None:
+        if protocol.kind != "walking" or not protocol.shapes:
+            return  # a device may have a limit that concerns none of its pulses
         yield Problem(
             ("expected_joint",),
             "missing; safety.displacement_rad needs it: [expected_joint] with the stiffness "

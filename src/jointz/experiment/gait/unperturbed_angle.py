@@ -123,7 +123,7 @@ class UnperturbedAngle:
     def follow(self, slot_ns: int, measured: tuple[float, float]) -> None:
         """Compute displacement and rate of a tick since the onset."""
         place = (self._onset_place + (slot_ns - self._onset_ns) * self._place_per_ns) % _BINS
-        low = int(place)
+        low = min(int(place), _BINS - 1)  # just below 0, the remainder rounds up to 100
         share = place - low
         angle, velocity = self._mean_angle, self._mean_velocity
         predicted = angle[low] + share * (angle[low + 1] - angle[low])
