@@ -1,14 +1,17 @@
 """A limit of displacement in a walking session: torque, log, journal, and what is done again."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 
+import jointz
 from jointz.core.errors import SafetyStop
 from jointz.core.limits import LimitsOverride, tightened
 from jointz.core.protocols.pulse_models import SampledPulse
 from jointz.core.session_log import Flag
 from jointz.experiment import trial
-from jointz.experiment.files.journal import pulses_done
+from jointz.experiment.files.journal import Journal, pulses_done
 from jointz.experiment.gait import unperturbed_angle
 from jointz.session.session_check import missing_events
 
@@ -160,3 +163,46 @@ def test_a_pulse_that_is_faded_stays_at_zero_when_its_torque_comes_back(
     faded = ticks["pulse"] == ticks["pulse"][(ticks["flags"] & Flag.FADING) != 0][0]
     first = np.flatnonzero(faded)[: round(0.2 / PERIOD_S)]
     assert np.all(np.abs(ticks["sent_torque"][first][round(0.13 / PERIOD_S) :]) < 2.0)
+
+
+@pytest.fixture
+def too_soft_at_tst(limit_displacement, monkeypatch):
+    """A knee that every pulse at TST moves too far."""
+    limit_displacement(0.9)
+
+    def displacement(self, slot_ns):
+        del slot_ns
+        pulse = self._pulses and self._pulses.active
+        return None if pulse is None else 2.0 if pulse.timing_point == "TST" else 0.0
+
+    monkeypatch.setattr(trial.Trial, "_displacement", displacement)
+
+
+@pytest.mark.parametrize("writes", [None, 6, 16, 24, 26])
+@pytest.mark.usefixtures("too_soft_at_tst")
+def test_withdrawn_pulses_stay_so_when_a_session_is_resumed(
+    short_walking, tmp_path, monkeypatch, writes
+):
+    points = {"LRE": 7.0, "TST": 40.5, "ISW": 68.5}
+    protocol = short_walking(conditions=["perturbed"], count_per_point=4, timing_points=points)
+    out = tmp_path / "study"
+    if writes is not None:  # as a kill: nothing is written after so many events
+        write, counted = Journal.write, count(1)
+
+        def killed(self, event, **details):
+            if next(counted) >= writes:
+                raise KeyboardInterrupt
+            write(self, event, **details)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Journal, "write", killed)
+            with pytest.raises(KeyboardInterrupt):
+                jointz.run(protocol, out=out, seed=5)
+    report = jointz.run(protocol, out=out, seed=5, resume=writes is not None).report
+    rows = report.to_frame().set_index("timing_point")
+    assert rows[["planned", "completed", "withdrawn"]].to_numpy().tolist() == [
+        [4, 4, 0],
+        [4, 0, 4],
+        [4, 4, 0],
+    ]
+    assert "4 pulses withdrawn: they moved" in report.summary()

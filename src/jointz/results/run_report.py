@@ -24,6 +24,7 @@ _COLUMNS = (
     "missed",
     "aborted",
     "lost",
+    "withdrawn",
     "n",
     "n_missing",
     "error_mean_pct",
@@ -43,11 +44,11 @@ class RunReport(PlottedResult):
     protocol: str  # name of the protocol
     seed: int  # seed of plan and simulation
     # ``participant, condition, timing_point, planned_pct, planned, completed, missed, aborted,
-    # lost`` (completed, but the log lost them) and the error of the onsets, broken-off pulses
-    # included, as the time since the heel strike over the duration of the same stride: ``n,
-    # n_missing`` (outside accepted strides), ``error_mean_pct, error_sd_pct`` and
-    # ``theory_sd_pct``, the SD that the variation of the strides alone makes; all in % of the gait
-    # cycle
+    # lost`` (completed, but the log lost them), ``withdrawn`` (not tried again; not in older
+    # reports) and the error of the onsets, broken-off pulses included, as the time since the heel
+    # strike over the duration of the same stride: ``n, n_missing`` (outside accepted strides),
+    # ``error_mean_pct, error_sd_pct`` and ``theory_sd_pct``, the SD that the variation of the
+    # strides alone makes; all in % of the gait cycle
     onsets: tuple[Mapping[str, Any], ...]
     # ``participant, condition, fewest, most, planned_fewest, planned_most``: strides between pulses
     gaps: tuple[Mapping[str, Any], ...]
@@ -70,6 +71,17 @@ class RunReport(PlottedResult):
         """Return plain values, ready for JSON, which has no NaN."""
         return Result.to_dict(self) | {"onsets": self.onset_rows()}
 
+    @property
+    def withdrawn_text(self) -> str:
+        """How many pulses were withdrawn and why, "" for none."""
+        n = int(self.to_frame()["withdrawn"].sum())
+        if not n:
+            return ""
+        return (
+            f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
+            "safety.displacement_rad, three times in a row at the same timing point"
+        )
+
     def summary(self) -> str:
         """Return a few lines of text."""
         table = self.to_frame()
@@ -81,12 +93,8 @@ class RunReport(PlottedResult):
         repeated_text = ", ".join(f"{count} {name}" for name, count in repeated.items() if count)
         done = f"{table['completed'].sum()} of {table['planned'].sum()} pulses"
         lines.append(f"{done}; done again: {repeated_text}" if repeated_text else done)
-        left_out = int((table["planned"] - table["completed"]).clip(lower=0).sum())
-        if left_out:
-            lines.append(
-                f"{left_out} pulses withdrawn: they moved a knee beyond safety.displacement_rad, "
-                "three times in a row at the same timing point"
-            )
+        if self.withdrawn_text:
+            lines.append(self.withdrawn_text)
         for name, row in self.pooled_onsets().to_dict("index").items():
             lines.append(f"{name}: {_onset_sentence(row)}")
         return "\n".join([*lines, *self.salvaged])
@@ -151,6 +159,17 @@ class StudyRun(PlottedResult):
     def to_frame(self) -> pd.DataFrame:
         """Return the onsets as a table, one row a participant, condition and timing point."""
         return self.report.to_frame()
+
+    @property
+    def withdrawn_text(self) -> str:
+        """How many pulses were withdrawn and why, "" for none."""
+        n = int(self.to_frame()["withdrawn"].sum())
+        if not n:
+            return ""
+        return (
+            f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
+            "safety.displacement_rad, three times in a row at the same timing point"
+        )
 
     def summary(self) -> str:
         """Return a few lines of text."""

@@ -187,6 +187,7 @@ def _numbers(made: "StudyRun") -> dict[str, Any]:
         "pulses_missed": int(table["missed"].sum()),
         "pulses_aborted": int(table["aborted"].sum()),
         "pulses_lost": int(table["lost"].sum()),
+        "pulses_withdrawn": int(table["withdrawn"].sum()),
         "onsets": made.report.onset_rows(),
         "gaps": [dict(row) for row in made.report.gaps],
         "timing": [dict(row) for row in made.report.timing],
@@ -213,6 +214,8 @@ def _print(made: "StudyRun") -> None:
     for line in made.report.summary().splitlines()[:2]:
         if line not in made.report.salvaged:
             emit(line)
+    if made.report.withdrawn_text:
+        emit(made.report.withdrawn_text)
     for text in made.report.salvaged:
         emit(f"salvaged: {text}")
     emit(f"Study: {made.study / 'study.toml'}")

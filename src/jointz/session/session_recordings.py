@@ -20,7 +20,12 @@ from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.recording import build_recording
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Stretch
-from jointz.experiment.files.journal import Event, pulses_done, segments_begun
+from jointz.experiment.files.journal import (
+    Event,
+    pulses_done,
+    pulses_withdrawn,
+    segments_begun,
+)
 from jointz.experiment.files.session_files import has_content, log_path
 from jointz.experiment.gait.onset_errors import onset_accuracy
 from jointz.experiment.trial_kinds import BENCH_TRIALS, WALKING_TRIALS, TrialKind
@@ -262,6 +267,7 @@ class WalkingRecordings(SessionRecordings):
         outcomes = {
             "planned": list(point_of),
             "completed": list(pulses_done(self.events, condition.name)),
+            "withdrawn": list(pulses_withdrawn(self.events, condition.name)),
             **{
                 outcome: [
                     event["pulse"]
@@ -372,7 +378,7 @@ class BenchRecordings(SessionRecordings):
         count = sum(len(self.plans.get(name, ())) for name in condition.trial_names)
         row: dict[str, Any] = {"participant": self.participant, "condition": condition.name}
         row |= {"timing_point": "", "planned_pct": None, "planned": count, "completed": count}
-        row |= dict.fromkeys(("missed", "aborted", "lost", "n", "n_missing"), 0)
+        row |= dict.fromkeys(("missed", "aborted", "lost", "withdrawn", "n", "n_missing"), 0)
         row |= dict.fromkeys(("error_mean_pct", "error_sd_pct", "theory_sd_pct"))
         return [row] if count else []
 

@@ -17,3 +17,15 @@ def test_an_old_report_has_whole_counts_and_says_where_there_is_no_onset():
         f"{r['completed']} of {r['planned']}, {r['n']} ({r['n_missing']})"
         for r in run_section(report)["rows"]
     ] == ["6 of 6, 6 (0)", "3 of 3, 1 (0)", "3 of 3, 0 (0)"]
+
+
+def test_only_withdrawn_pulses_are_called_withdrawn():
+    """A pulse may also be missing because the log was damaged."""
+    row = {"participant": "S01", "condition": "perturbed", "timing_point": "LRE", "planned": 4}
+    row |= {"planned_pct": 7.0, "completed": 3, "n": 0}
+    one_less = RunReport("walking", 1, (row | {"withdrawn": 0},), (), ())
+    older = RunReport("walking", 1, (row,), (), ())
+    assert one_less.withdrawn_text == older.withdrawn_text == ""
+    assert "withdrawn" not in one_less.summary() + older.summary()
+    withdrawn = RunReport("walking", 1, (row | {"withdrawn": 1},), (), ())
+    assert "1 pulse withdrawn" in withdrawn.summary()

@@ -304,7 +304,8 @@ const jointzConsole = (() => {
     if (status.planned) {
       const again = status.missed + status.aborted;
       items.push({ text: `${status.done} of ${status.planned} pulses done`
-        + (again ? `; ${status.missed} missed and ${status.aborted} broken off are done again` : "") });
+        + (again ? `; ${status.missed} missed and ${status.aborted} broken off are done again` : "")
+        + (status.withdrawn ? `; ${status.withdrawn} withdrawn: they move this knee too far` : "") });
     }
     if (status.newest_pulse) items.push({ text: pulseText(status.newest_pulse) });
     if (!items.length) items.push({ text: "nothing planned yet" });

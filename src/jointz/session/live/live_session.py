@@ -269,6 +269,7 @@ class LiveSession:
             "done": len(trial.done),
             "missed": trial.missed,
             "aborted": trial.aborted,
+            "withdrawn": len(trial.withdrawn),
             "strides_planned": spec.get("strides"),
             "duration_s": spec.get("duration_s"),
             "next": self._next(progress, spec),
