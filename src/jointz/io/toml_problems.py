@@ -114,6 +114,9 @@ def _sentence(error: Mapping[str, Any], model: type[BaseModel], raw: Mapping[str
     if kind == "too_long":
         return f"{place}: expected at most {error['ctx']['max_length']} of them; got {shown}."
     text = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
+    if kind == "value_error" and isinstance(error["input"], Mapping):
+        # Of a whole table: its text names the keys.
+        return f"{place}: {text}." if place else f"{text}."
     message = f"expected {_EXPECTED[kind]}" if kind in _EXPECTED else text
     return f"{place}: {message}; got {shown}."
 

@@ -134,10 +134,15 @@ def _of_person(
     """Return a person's elements and moments; sessions and sides are averaged.
 
     Their errors are taken to be fully shared (instruments, prior, model): covariances are averaged.
-    Only elements that all of them have count, or those of the one that has most.
+    Only sessions with the same elements can be averaged. A session in which some are missing or
+    doubted takes these away from the others, or is left out, whichever leaves more values.
     """
     places = [_places(posterior, elements) for posterior in posteriors]
-    together = set.intersection(*map(set, places)) or max(map(set, places), key=len)
+    sets = [frozenset(at) for at in places]
+    together = max(
+        [frozenset.intersection(*sets), *sets],
+        key=lambda kept: len(kept) * sum(kept <= other for other in sets),
+    )
     used = [(p, at) for p, at in zip(posteriors, places, strict=True) if together <= set(at)]
     kept = sorted(together)
     moments = []

@@ -5,6 +5,7 @@ from pydantic import ValidationError
 
 from jointz.core.errors import ProtocolError, StudyError
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.study import StudySpec
 from jointz.io.toml_problems import all_problems, parse_toml, shape_problems
 
 CONDITION = {"name": "a", "condition": "perturbed", "prompt": "", "duration_s": 5.0}
@@ -123,3 +124,13 @@ def test_what_is_no_toml_is_said_to_be_none(text, error):
 
 def test_a_mark_at_the_start_of_the_file_is_no_trouble():
     assert parse_toml("f.toml", b"\xef\xbb\xbfa = 1", error=StudyError) == {"a": 1}
+
+
+def test_a_problem_between_keys_of_a_study_names_them_alone():
+    raw = {"jointz": 1, "joint": "knee", "kind": "bench", "coupling": "strap", "channels": {}}
+    raw |= {"participants": [{"id": "S01"}], "recordings": [{"participant": "S01", "file": "a"}]}
+    with pytest.raises(ValidationError) as caught:
+        StudySpec.model_validate(raw)
+    assert shape_problems(caught.value, StudySpec, raw) == [
+        'coupling: belongs to kind "walking", and this is "bench"; remove it.'
+    ]

@@ -83,6 +83,13 @@ def test_sessions_of_one_person_are_one_person():
     assert log_means(twice, NAMES) == log_means(sound, NAMES)
 
 
+def test_a_session_that_is_mostly_doubted_does_not_take_the_others_values_away():
+    sound = people(6)
+    doubted = (True,) * 4 + (False,) * 2
+    second = [replace(p, session="2", doubted=doubted, mean=p.mean + 0.1) for p in sound]
+    assert log_means([*sound, *second], NAMES) == log_means(sound, NAMES)
+
+
 def test_values_per_kg_are_pooled_per_kg_and_the_device_is_taken_off():
     sound = people(6)
     masses = {p.participant: np.log(70.0) for p in sound}
