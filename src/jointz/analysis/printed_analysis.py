@@ -27,7 +27,7 @@ def print_analysis(analysis: StudyAnalysis, report: Path) -> None:
         _print_cells(analysis)
     emit(_counts(analysis))
     _print_notes(analysis)
-    emit(_standing(analysis))
+    emit(_availability(analysis))
     emit(f"Report: {report}")
 
 
@@ -97,13 +97,13 @@ def _print_notes(analysis: StudyAnalysis) -> None:
         emit(f"note: {left} more in the report.")
 
 
-def _standing(analysis: StudyAnalysis) -> str:
-    """Say how many estimates stand and why the others do not; the exit status in words."""
+def _availability(analysis: StudyAnalysis) -> str:
+    """Say how many estimates are available and why the others are not; the exit status in words."""
     rows = [p for c in analysis.cells for p in c.parameters if _is_shown(p.name)]
     reasons = Counter(p.status for p in rows if not p.available)
     why = joined([f"{n} {status}" for status, n in reasons.most_common()])
     if not analysis.n_standing:
-        finding = f"No estimate stands ({why}): a finding about the data" if why else "No estimate"
-        return f"{finding}, exit status 1."
-    stand = len(rows) - reasons.total()
-    return f"{stand} of {len(rows)} estimates stand" + (f"; {why}." if why else ".")
+        finding = f" ({why}): a finding about the data" if why else ""
+        return f"No estimate is available{finding}, exit status 1."
+    available = len(rows) - reasons.total()
+    return f"{available} of {len(rows)} estimates are available" + (f"; {why}." if why else ".")

@@ -87,7 +87,7 @@ class Output:
             emit(_without_rows(fit.summary(), set(table["parameter"])))
         standing = bool(table["status"].isin(["ok", "at_bound"]).any())
         if not (standing or self.as_json or self.quiet):
-            emit("No estimate stands: a finding about the record, exit status 1.")
+            emit("No estimate is available: a finding about the record, exit status 1.")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 
 
