@@ -211,7 +211,7 @@ def program(tmp_path):
 
     def started(code):
         return subprocess.Popen(
-            [sys.executable, "-m", "program", "demo", code],
+            [sys.executable, "-m", "program", "demo", "--quiet", code],
             cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
 
