@@ -134,7 +134,7 @@ class Failure(FailureCode):
     )
     PULSE_SHAPE = (
         "pulse_shape",
-        "the pulses differ in shape, or push to and fro: this method is for pulses of one shape "
+        "the pulses differ in shape, or push both ways: this method is for pulses of one shape "
         "that push one way",
     )
     ANGLE_OUT_OF_RANGE = (

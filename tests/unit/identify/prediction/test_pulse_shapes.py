@@ -60,7 +60,7 @@ def test_many_different_torques_are_joined_and_one_pulse_is_a_shape():
     [
         (((5.0, 60, 0), (10.0, 60, 0)), True),  # two sizes
         (((-5.0, 60, 0), (-10.0, 60, 0)), True),  # torque of the wrong sign
-        (((10.0, 30, 30), (10.0, 30, 30)), False),  # to and fro
+        (((10.0, 30, 30), (10.0, 30, 30)), False),  # both ways
         (((10.0, 20, 0), (10.0, 60, 0)), False),  # short and long
     ],
 )
