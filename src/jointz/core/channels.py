@@ -26,6 +26,9 @@ RECORD_UNITS: Mapping[str, str] = MappingProxyType(
     {**{n: units[0] for n, units in CHANNEL_UNITS.items()}, "acceleration": "rad/s^2"}
 )
 
+#: Columns of a single record whose unit does not matter: a level, or a sign.
+UNITLESS_RECORD_COLUMNS = ("contact", "direction")
+
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
 CONTACT_KINDS = ("contact", "voltage", "pulse")

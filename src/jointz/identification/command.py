@@ -10,6 +10,7 @@ import typer
 
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
+from jointz.identification.bench_commands import dither, static
 from jointz.terminal.file_options import (
     Decimal,
     DecimalSign,
@@ -350,3 +351,5 @@ def joint(
 
 identify.command("actuator")(actuator)
 identify.command("bandwidth")(bandwidth)
+identify.command("static")(static)
+identify.command("dither")(dither)

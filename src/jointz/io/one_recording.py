@@ -10,7 +10,7 @@ import xarray as xr
 from pydantic import ValidationError
 
 from jointz.core.acquisition import Acquisition, SignalGroup
-from jointz.core.channels import RECORD_UNITS
+from jointz.core.channels import RECORD_UNITS, UNITLESS_RECORD_COLUMNS
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.units import conversion
@@ -40,7 +40,8 @@ def read(
         Layout of a text file: the keys of ``[files]`` in ``study.toml``.
     **channels : str
         Channel = ``"COLUMN"`` or ``"COLUMN:UNIT"``, such as ``angle="knee:deg"``: only these
-        columns are read, and converted to SI.
+        columns are read, and converted to SI. Those of ``contact`` and ``direction`` have no
+        unit.
 
     Returns
     -------
@@ -79,10 +80,11 @@ def read_channels(
     file: Path, channels: Mapping[str, str], files: Mapping[str, Any] | None = None
 ) -> tuple[xr.Dataset, dict[str, Column]]:
     """Read columns as channels in SI; return the dataset, and the parsed columns by channel."""
-    unknown = [name for name in channels if name not in RECORD_UNITS]
+    known = [*RECORD_UNITS, *UNITLESS_RECORD_COLUMNS]
+    unknown = [name for name in channels if name not in known]
     if unknown:
         raise DataError(
-            f"read: expected channels out of {', '.join(RECORD_UNITS)}; got {', '.join(unknown)}. "
+            f"read: expected channels out of {', '.join(known)}; got {', '.join(unknown)}. "
             "Leave the channels out to read every column under its own name."
         )
     if strange := [name for name, text in channels.items() if not isinstance(text, str)]:
@@ -96,9 +98,10 @@ def read_channels(
     check_samples(file, table)
     signals = {}
     for name, column in columns.items():
-        factor, offset = conversion(column.unit, RECORD_UNITS[name])
+        unit = RECORD_UNITS.get(name, "1")
+        factor, offset = conversion(column.unit, unit)
         values = np.asarray(table.columns[str(keys[name])], dtype=float)
-        signals[name] = ("time", factor * values + offset, {"units": RECORD_UNITS[name]})
+        signals[name] = ("time", factor * values + offset, {"units": unit})
     attributes = {"file": file.name, "first_row": table.first_row, "sha256": table.sha256}
     return xr.Dataset(signals, attrs=attributes), columns
 

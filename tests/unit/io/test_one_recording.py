@@ -58,3 +58,10 @@ def test_one_of_several_groups_has_to_be_named(tmp_path):
     forces = jointz.read(path, group="analogs")
     assert forces["force"].attrs["units"] == "N"
     assert forces["time"].values[-1] == pytest.approx(5 / 200.0)
+
+
+def test_a_contact_is_read_without_a_unit(tmp_path):
+    file = tmp_path / "walk.csv"
+    file.write_text("t,foot [V]\n0,0\n0.01,3.3\n")
+    recording = jointz.read(file, time="t", contact="foot [V]")
+    assert recording["contact"].values.tolist() == [0.0, 3.3]

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from jointz.core.channels import RECORD_UNITS
+from jointz.core.channels import RECORD_UNITS, UNITLESS_RECORD_COLUMNS
 from jointz.core.errors import DataError, UnitError
 from jointz.core.units import conversion
 from jointz.io.text.column_names import known_unit_in_name
 
 #: Other quantity of a command -> SI unit.
-_QUANTITIES = {"rotor-inertia": "kg*m^2", "smooth-velocity": "rad/s"}
+_QUANTITIES = {"inertia": "kg*m^2", "rotor-inertia": "kg*m^2", "smooth-velocity": "rad/s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,8 @@ class Column:
 
 def parse_column(text: str, channel: str, columns: list[str] | None = None) -> Column:
     """Read ``COL[:unit]``; without, the unit that the column's name ends in, else SI."""
+    if channel in UNITLESS_RECORD_COLUMNS:
+        return Column(text, "1")
     name, colon, unit = text.rpartition(":")
     if not colon or (columns is not None and text in columns):
         return Column(text, _unit_in(text, channel) or RECORD_UNITS[channel])
