@@ -11,16 +11,21 @@ import typer
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identification.bench_commands import dither, static
+from jointz.identification.cycle_commands import time_varying
 from jointz.terminal.file_options import (
+    ActsOn,
     Decimal,
     DecimalSign,
     Delimiter,
     Figure,
     File,
+    Input,
     NoHeader,
+    Perturbed,
     Rate,
     SkipRows,
     Time,
+    TorqueActsOn,
     given_columns,
     text_layout,
 )
@@ -224,20 +229,6 @@ def _reference_advised(file: Path, command: str, files: Mapping[str, Any]) -> It
         ) from exc
 
 
-class Perturbed(StrEnum):
-    """Choices of ``--input``."""
-
-    TORQUE = "torque"
-    ANGLE = "angle"
-
-
-class ActsOn(StrEnum):
-    """Choices of ``--torque-acts-on``."""
-
-    JOINT = "joint"
-    DEVICE = "device"
-
-
 class Model(StrEnum):
     """Choices of ``--model``."""
 
@@ -283,12 +274,8 @@ def joint(
     ] = None,
     time: Time = None,
     rate: Rate = None,
-    perturbed: Annotated[
-        Perturbed, typer.Option("--input", help="What was perturbed.")
-    ] = Perturbed.TORQUE,
-    torque_acts_on: Annotated[
-        ActsOn, typer.Option("--torque-acts-on", help="device: the sign is flipped.")
-    ] = ActsOn.JOINT,
+    perturbed: Input = Perturbed.TORQUE,
+    torque_acts_on: TorqueActsOn = ActsOn.JOINT,
     model: Annotated[
         Model,
         typer.Option(
@@ -353,3 +340,4 @@ identify.command("actuator")(actuator)
 identify.command("bandwidth")(bandwidth)
 identify.command("static")(static)
 identify.command("dither")(dither)
+identify.command("time-varying")(time_varying)

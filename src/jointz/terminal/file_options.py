@@ -14,12 +14,30 @@ class Decimal(StrEnum):
     COMMA = ","
 
 
+class Perturbed(StrEnum):
+    """Choices of ``--input``."""
+
+    TORQUE = "torque"
+    ANGLE = "angle"
+
+
+class ActsOn(StrEnum):
+    """Choices of ``--torque-acts-on``."""
+
+    JOINT = "joint"
+    DEVICE = "device"
+
+
 File = Annotated[
     Path, typer.Argument(dir_okay=False, help="Recording: csv, csv.gz, parquet, nc, mat.")
 ]
 Time = Annotated[str | None, typer.Option("--time", help="COL[:unit] of time (s).")]
 Rate = Annotated[
     float | None, typer.Option("--rate", help="Sampling rate in Hz, without a time column.")
+]
+Input = Annotated[Perturbed, typer.Option("--input", help="What was perturbed.")]
+TorqueActsOn = Annotated[
+    ActsOn, typer.Option("--torque-acts-on", help="device: the sign is flipped.")
 ]
 Figure = Annotated[Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")]
 Delimiter = Annotated[

@@ -1,6 +1,6 @@
 """Output of the commands of ``jointz identify``."""
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Samples for the figure alone: not part of what ``--json`` prints.
 _FOR_FIGURES = "series"
+#: What to do about a file that the system does not let be written.
+_UNWRITTEN = "Make room or ask for permission, or name another file."
 
 
 class Fit(Protocol):
@@ -34,6 +36,19 @@ class Fit(Protocol):
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+
+
+class Curves(Protocol):
+    """Interface of curves over the gait cycle."""
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Return one row a curve and phase."""
+
+    def summary(self) -> str:
+        """Return a short text."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -76,45 +91,83 @@ class Output:
     ) -> None:
         """Write the figure, print the result and leave with its exit status."""
         if self.figure is not None:
-            _save(fit, self.figure, self.size)
+            _save(fit.plot, self.figure, self.size)
         table = fit.to_frame()
         if self.as_json:
-            echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
             content = {k: v for k, v in fit.to_dict().items() if k != _FOR_FIGURES}
-            emit_json({**content, **(more or {}), "file": str(file), "columns": echoed})
+            emit_json({**content, **(more or {}), **file_origin(file, columns)})
         elif not self.quiet:
             _print_table(table)
             emit(_without_rows(fit.summary(), set(table["parameter"])))
-        standing = bool(table["status"].isin(["ok", "at_bound"]).any())
+        self._leave(standing=bool(table["status"].isin(["ok", "at_bound"]).any()))
+
+    def report_curves(
+        self,
+        curves: Curves,
+        draw: "Callable[[Axes], object]",
+        *,
+        out: Path | None,
+        more: Mapping[str, Any],
+        standing: bool,
+    ) -> None:
+        """Write figure and csv file, print the result and leave with its exit status."""
+        if self.figure is not None:
+            _save(draw, self.figure, self.size)
+        if out is not None:
+            with whole_file(out, _UNWRITTEN) as partial:
+                curves.to_frame().to_csv(partial, index=False)
+        if self.as_json:
+            emit_json({**curves.to_dict(), **more})
+        elif not self.quiet:
+            emit(curves.summary())
+        self._leave(standing=standing)
+
+    def _leave(self, *, standing: bool) -> None:
         if not (standing or self.as_json or self.quiet):
-            emit("No estimate is available: a finding about the record, exit status 1.")
+            emit("No estimate stands: a finding about the record, exit status 1.")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
+
+
+def file_origin(file: Path, columns: "Mapping[str, Column]") -> dict[str, Any]:
+    """Return the file and its columns as they were understood."""
+    echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
+    return {"file": str(file), "columns": echoed}
 
 
 def check_figure(figure: Path | None) -> None:
     """Refuse a figure that could not be written."""
-    kinds = (".svg", ".pdf", ".png")
-    if figure is None:
+    _check_target("--figure", figure, (".svg", ".pdf", ".png"))
+
+
+def check_table(out: Path | None) -> None:
+    """Refuse a csv file that could not be written."""
+    _check_target("--out", out, (".csv",))
+
+
+def _check_target(option: str, file: Path | None, kinds: tuple[str, ...]) -> None:
+    if file is None:
         return
-    if figure.suffix.lower() not in kinds:
-        raise typer.BadParameter(f"--figure {figure}: expected a name that ends in {kinds}.")
-    if figure.is_dir() or not figure.absolute().parent.is_dir():
-        raise typer.BadParameter(f"--figure {figure}: expected a file in a folder that exists.")
+    if file.suffix.lower() not in kinds:
+        raise typer.BadParameter(
+            f"{option} {file}: expected a name that ends in {' or '.join(kinds)}."
+        )
+    if file.is_dir() or not file.absolute().parent.is_dir():
+        raise typer.BadParameter(f"{option} {file}: expected a file in a folder that exists.")
 
 
-def _save(fit: Fit, figure: Path, size: tuple[float, float]) -> None:
+def _save(draw: "Callable[[Axes], object]", figure: Path, size: tuple[float, float]) -> None:
     """Write the figure, whole or not at all."""
     from matplotlib.figure import Figure
 
     canvas = Figure(figsize=size)
-    fit.plot(canvas.subplots())
+    draw(canvas.subplots())
     save_canvas(canvas, figure)
 
 
 def save_canvas(canvas: "Canvas", figure: Path) -> None:
     """Write a figure, whole or not at all."""
     kind = figure.suffix.removeprefix(".")
-    with whole_file(figure, "Make room or ask for permission, or name another file.") as partial:
+    with whole_file(figure, _UNWRITTEN) as partial:
         canvas.savefig(partial, format=kind, bbox_inches="tight", dpi=150)
 
 

@@ -115,12 +115,12 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
     DataError
         When the samples or the strides cannot be trusted: missing channel,
         unequal lengths, NaN, gap, heel strikes out of order, fewer than 30 strides
-        inside the accepted band of durations.
+        inside the accepted band of durations; a number outside its range.
     EstimationError
         ``no_heel_strikes``, ``constant_angle``, ``constant_torque``, or
         ``constant_command`` where the perturbation repeats with the stride.
     ValueError
-        A setting outside its range; the message states it.
+        ``input`` or ``torque_acts_on`` is not one of the two words.
 
     Notes
     -----

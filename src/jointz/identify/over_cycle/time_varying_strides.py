@@ -44,12 +44,12 @@ class TimeVaryingSettings:
     ci_level: float
 
     def check(self, rate_hz: float) -> None:
-        """Raise ValueError for a setting outside its range."""
+        """Raise DataError for a setting outside its range."""
         highest = rate_hz / _SAMPLES_PER_PERIOD
         if not 0.0 < self.cutoff_hz <= highest:
-            raise ValueError(
-                f"cutoff_hz: expected 0 < cutoff_hz <= {highest:g} Hz (five samples a period at "
-                f"{rate_hz:g} Hz), got {self.cutoff_hz:g}"
+            raise DataError(
+                f"{_WHERE}: cutoff_hz: expected 0 < cutoff_hz <= {highest:g} Hz (five samples a "
+                f"period at {rate_hz:g} Hz), got {self.cutoff_hz:g}"
             )
         shortest = (_FEWEST_SAMPLES - 1) / (_SAMPLES_PER_PERIOD * self.cutoff_hz)
         ranges = {
@@ -61,7 +61,9 @@ class TimeVaryingSettings:
         }
         for name, (value, low, high) in ranges.items():
             if not low <= value <= high:
-                raise ValueError(f"{name}: expected {low:.4g} <= {name} <= {high:g}, got {value:g}")
+                raise DataError(
+                    f"{_WHERE}: {name}: expected {low:.4g} <= {name} <= {high:g}, got {value:g}"
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +95,8 @@ def locate_strikes(
             )
         return strikes
     if isinstance(recording, xr.Dataset):
+        if "time" not in recording.coords:  # xarray would count samples
+            recording = recording.assign_coords(time=record.time)
         return find_heel_strikes(recording).time_s
     if recording is None or "contact" not in recording:
         raise EstimationError(

@@ -1,0 +1,170 @@
+"""``jointz identify time-varying``: impedance over the gait cycle."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jointz.terminal.file_options import (
+    ActsOn,
+    Decimal,
+    DecimalSign,
+    Delimiter,
+    Figure,
+    File,
+    Input,
+    NoHeader,
+    Perturbed,
+    Rate,
+    SkipRows,
+    Time,
+    TorqueActsOn,
+    given_columns,
+    text_layout,
+)
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.printout import Output, check_table, file_origin
+
+if TYPE_CHECKING:
+    import numpy as np
+
+#: Size of a figure of curves, inches.
+_SIZE = (7.0, 4.0)
+
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", help="Write the curves: a csv file, one row a parameter and phase."),
+]
+
+
+def time_varying(
+    file: File,
+    angle: Annotated[str, typer.Option("--angle", help="COL[:unit] of the angle (rad).")],
+    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque (N*m).")],
+    command: Annotated[
+        str | None,
+        typer.Option("--command", help="COL[:unit] of the commanded random torque (N*m)."),
+    ] = None,
+    contact: Annotated[
+        str | None, typer.Option("--contact", help="COL of a footswitch, for the heel strikes.")
+    ] = None,
+    force: Annotated[
+        str | None,
+        typer.Option(
+            "--force",
+            help="COL[:unit] of the vertical ground reaction force (N), for the heel strikes.",
+        ),
+    ] = None,
+    heel_strikes: Annotated[
+        Path | None,
+        typer.Option(
+            "--heel-strikes",
+            dir_okay=False,
+            help="Text file with the times of the heel strikes (s), one in each line, on the clock "
+            "of --time; with --rate from 0.",
+        ),
+    ] = None,
+    time: Time = None,
+    rate: Rate = None,
+    perturbed: Input = Perturbed.TORQUE,
+    torque_acts_on: TorqueActsOn = ActsOn.JOINT,
+    segment_s: Annotated[
+        float, typer.Option("--segment-s", help="Length of the segments about each phase, s.")
+    ] = 0.1,
+    n_phases: Annotated[
+        int, typer.Option("--n-phases", help="Phases, evenly over the cycle.")
+    ] = 50,
+    cutoff_hz: Annotated[
+        float, typer.Option("--cutoff-hz", help="Low-pass of all signals.")
+    ] = 20.0,
+    length_s: Annotated[
+        float | None,
+        typer.Option(
+            "--length-s",
+            help="Longest lag of the impulse response, s; by default 0.3 for torque input, 0.04 to "
+            "each side for angle input.",
+        ),
+    ] = None,
+    resamples: Annotated[
+        int, typer.Option("--resamples", help="Bootstrap resamples of the strides.")
+    ] = 1000,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling.")] = 0,
+    out: Out = None,
+    figure: Figure = None,
+    delimiter: Delimiter = None,
+    decimal: DecimalSign = Decimal.POINT,
+    skip_rows: SkipRows = 0,
+    no_header: NoHeader = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Fit K, B and J at phases of the gait cycle to walking with a random torque.
+
+    Give --contact, --force or --heel-strikes. At least 30 strides.
+
+    Example: jointz identify time-varying walk.csv --angle q --torque tau --contact foot --time t
+    """
+    del debug
+    if sum(source is not None for source in (contact, force, heel_strikes)) != 1:
+        raise typer.BadParameter("Give --contact, --force or --heel-strikes, one of them.")
+    check_table(out)
+    output = Output("time_varying", figure, as_json, quiet, _SIZE)
+    from jointz.identification.identify_file import identify_file
+    from jointz.identify.over_cycle.time_varying import identify_time_varying
+
+    strikes_s = None if heel_strikes is None else _times(heel_strikes)
+    with output.failures():
+        fit, columns = identify_file(
+            identify_time_varying,
+            file,
+            given_columns(
+                angle=angle,
+                torque=torque,
+                time=time,
+                command=command,
+                contact=contact,
+                ground_reaction_force=force,
+            ),
+            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            rate_hz=rate,
+            heel_strikes=strikes_s,
+            input=perturbed.value,
+            torque_acts_on=torque_acts_on.value,
+            segment_s=segment_s,
+            n_phases=n_phases,
+            cutoff_hz=cutoff_hz,
+            length_s=length_s,
+            resamples=resamples,
+            seed=seed,
+        )
+    output.report_curves(
+        fit,
+        fit.plot,
+        out=out,
+        more={"model": "time_varying", **file_origin(file, columns)},
+        standing=any(curve.n_decided for curve in fit.parameters),
+    )
+
+
+def _times(file: Path) -> "np.ndarray":
+    """Read times in s, one in each line."""
+    import numpy as np
+
+    from jointz.core.errors import DataError
+
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as exc:
+        raise DataError(f"--heel-strikes {file}: cannot be read ({exc}).", path=str(file)) from exc
+    times = []
+    for row, line in enumerate(lines, 1):
+        try:
+            times += [float(line)] if line.strip() else []
+        except ValueError as exc:
+            raise DataError(
+                f"--heel-strikes {file}, row {row}: expected a time in s, got {line[:40]!r}.",
+                path=str(file),
+                row=row,
+            ) from exc
+    return np.array(times)
