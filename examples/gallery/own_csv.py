@@ -61,6 +61,7 @@ study_toml = """
 jointz = 1
 joint = "knee"
 kind = "walking"
+coupling = "rigid"                  # of these simulated people; leave it out for cuffs on skin
 positive = "flexion"
 torque_acts_on = "device"
 files = { delimiter = ";", decimal = ",", skip_rows = 3 }

@@ -1,4 +1,4 @@
-"""What couples the device to the leg, where a walking study does not say it."""
+"""Coupling of device and leg, where a walking study does not state it."""
 
 import json
 from typing import Any
@@ -29,6 +29,6 @@ def _rigid_preset(study: Study) -> str | None:
         conditions = [c for person in truth["participants"].values() for c in person.values()]
         bodies = [condition["settings"]["body"] for condition in conditions]
         preset = str(truth["preset"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
     return preset if bodies and not any(bodies) else None

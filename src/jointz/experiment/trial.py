@@ -180,7 +180,8 @@ class Trial:
         coasting = unperturbed.displacement + LOOK_AHEAD_S * unperturbed.rate
         going_on = coasting + pulses.displacement_to_come(slot_ns)
         ahead = min(coasting, going_on, key=abs)
-        return max(unperturbed.displacement, ahead, key=abs)
+        # What is no number is too far: max would leave it out.
+        return ahead if ahead != ahead else max(unperturbed.displacement, ahead, key=abs)
 
     def _act(self, motor: Motor, slot: int, slot_ns: int, *, age_s: float, skipped: int) -> bool:
         """Decide on a torque and send it; False when no more is to come."""

@@ -15,7 +15,7 @@ _POINT_SD: Mapping[str, float] = {"stiffness": 0.25, "damping": 0.25, "inertia":
 #: Sd of the error of the model (of logarithms), which no number of people averages out.
 SHARED_SD: Mapping[str, float] = {"stiffness": 0.08, "damping": 0.08, "inertia": 0.04}
 #: Steps of the search over the six sds, of which the first quarter is left out.
-_STEPS = 2000
+_STEPS = 4000
 _STEP_SIZE = 0.35
 _START = 0.7  # of the prior's sd
 _SEED = 1
