@@ -11,7 +11,7 @@ import typer
 from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identification.bench_commands import dither, static
-from jointz.identification.cycle_commands import time_varying
+from jointz.identification.cycle_commands import phase_curve, time_varying
 from jointz.terminal.file_options import (
     ActsOn,
     Decimal,
@@ -341,3 +341,4 @@ identify.command("bandwidth")(bandwidth)
 identify.command("static")(static)
 identify.command("dither")(dither)
 identify.command("time-varying")(time_varying)
+identify.command("phase-curve")(phase_curve)

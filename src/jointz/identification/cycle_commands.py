@@ -1,4 +1,4 @@
-"""``jointz identify time-varying``: impedance over the gait cycle."""
+"""``jointz identify time-varying`` and ``phase-curve``: impedance over the gait cycle."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,6 +27,8 @@ from jointz.terminal.printout import Output, check_table, file_origin
 
 if TYPE_CHECKING:
     import numpy as np
+
+    from jointz.analysis.saved_analysis import Analysis
 
 #: Size of a figure of curves, inches.
 _SIZE = (7.0, 4.0)
@@ -145,6 +147,71 @@ def time_varying(
         more={"model": "time_varying", **file_origin(file, columns)},
         standing=any(curve.n_decided for curve in fit.parameters),
     )
+
+
+def phase_curve(
+    results: Annotated[
+        Path,
+        typer.Argument(file_okay=False, help="Results folder of jointz analyze --method rigid."),
+    ],
+    participant: Annotated[
+        str | None,
+        typer.Option(
+            "--participant",
+            help="One participant, with session and side if the study has them, such as "
+            "'S01, left'; by default all participants and the mean over them.",
+        ),
+    ] = None,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter",
+            help="Such as stiffness; may be repeated. By default stiffness, damping and both per "
+            "kg. The figure shows the first.",
+        ),
+    ] = None,
+    out: Out = None,
+    figure: Figure = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Draw stiffness and damping of a walking study as smooth curves over the gait cycle.
+
+    Example: jointz identify phase-curve results --out curves.csv --figure stiffness.svg
+    """
+    del debug
+    check_table(out)
+    output = Output("phase_curve", figure, as_json, quiet, _SIZE)
+    from functools import partial
+
+    from jointz.identify.over_cycle.phase_curve import phase_curve as curves_of
+
+    analysis = _load(results, quiet=quiet)
+    chosen = {"parameters": parameter} if parameter else {}
+    with output.failures():
+        curves = curves_of(analysis, participant, **chosen)
+    output.report_curves(
+        curves,
+        partial(curves.plot, parameter=curves.bands[0].parameter),
+        out=out,
+        more={"model": "phase_curve", "status": "ok", "results": str(results)},
+        standing=True,
+    )
+
+
+def _load(results: Path, *, quiet: bool) -> "Analysis":
+    """Load results; say on stderr which of their files were changed."""
+    import warnings
+
+    from jointz.analysis.saved_analysis import load
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        analysis = load(results)
+    for warning in [] if quiet else caught:
+        typer.echo(f"jointz: {warning.message}", err=True)
+    return analysis
 
 
 def _times(file: Path) -> "np.ndarray":

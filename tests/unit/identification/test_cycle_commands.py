@@ -1,9 +1,15 @@
-"""``jointz identify time-varying``."""
+"""``jointz identify time-varying`` and ``phase-curve``."""
+
+import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
+
+import jointz as package
+from jointz.analysis.results_folder import write_results
 
 RATE = 500.0
 STRIDE_S, STRIDES = 1.0, 40
@@ -120,3 +126,90 @@ def test_a_torque_that_does_not_move_the_joint_exits_1_without_an_estimate(joint
 
     assert outcome.code == 1
     assert "No estimate stands" in outcome.out
+
+
+# --- phase-curve ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="session")
+def results(recommended, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("curves") / "results"
+    write_results(recommended, folder, figures=False)
+    return folder
+
+
+def test_phase_curves_are_those_of_python_as_json_csv_and_figure(jointz, results, tmp_path):
+    out, figure = tmp_path / "curves.csv", tmp_path / "curves.png"
+    options = ("--parameter", "damping", "--out", out, "--figure", figure, "--json")
+    outcome = jointz("identify", "phase-curve", results, "--participant", "S02", *options)
+
+    assert outcome.code == 0
+    found = outcome.json
+    assert (found["model"], found["status"]) == ("phase_curve", "ok")
+    expected = package.phase_curve(package.load(results), "S02", parameters=["damping"])
+    (band,) = found["bands"]
+    assert band["value"] == pytest.approx(expected.band("damping", "S02").value)
+    assert list(pd.read_csv(out)["value"]) == pytest.approx(band["value"])
+    assert figure.stat().st_size > 1000
+
+
+def test_phase_curves_of_everybody_are_summarised_unless_it_is_quiet(jointz, results):
+    printed = jointz("identify", "phase-curve", results)
+    quiet = jointz("identify", "phase-curve", results, "--quiet")
+
+    assert printed.code == quiet.code == 0
+    assert "damping              mean over people" in printed.out
+    assert (quiet.out, quiet.err) == ("", "")
+
+
+def test_a_bench_has_no_phase_curve_and_exits_1_with_the_code(jointz, bench, tmp_path):
+    write_results(bench, tmp_path / "results", figures=False)
+    outcome = jointz("identify", "phase-curve", tmp_path / "results", "--json")
+    assert outcome.code == 1
+    assert outcome.json["status"] == "failed:no_pulses"
+
+
+def test_a_parameter_without_estimates_is_named(jointz, results):
+    outcome = jointz("identify", "phase-curve", results, "--parameter", "stiffness_per_mass")
+    assert outcome.code == 1
+    assert "no participant has estimates of stiffness_per_mass" in outcome.err
+
+
+def test_a_changed_file_of_the_results_is_named_without_a_traceback(jointz, recommended, tmp_path):
+    write_results(recommended, tmp_path / "results", figures=False)
+    (tmp_path / "results" / "estimates.csv").write_text("changed")
+    outcome = jointz("identify", "phase-curve", tmp_path / "results", "--json")
+
+    assert outcome.code == 0
+    assert json.loads(outcome.out)["bands"]
+    assert outcome.err.startswith("jointz: ")
+    assert "estimates.csv" in outcome.err
+
+
+def test_results_by_strapped_are_refused(jointz, recommended, tmp_path):
+    cells = tuple(replace(cell, method="strapped") for cell in recommended.cells)
+    write_results(replace(recommended, cells=cells), tmp_path / "results", figures=False)
+    outcome = jointz("identify", "phase-curve", tmp_path / "results")
+    assert outcome.code == 2
+    assert "strapped" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--participant", "S99"), "S99"),
+        (("--parameter", "torque"), "torque"),
+        (("--figure", "curve.txt"), "--figure"),
+        (("--out", "curve.json"), "--out"),
+    ],
+)
+def test_what_phase_curve_cannot_use_exits_2(jointz, results, options, word):
+    outcome = jointz("identify", "phase-curve", results, *options)
+    assert outcome.code == 2
+    assert word in outcome.err
+
+
+def test_a_folder_without_results_exits_2(jointz, tmp_path):
+    outcome = jointz("identify", "phase-curve", tmp_path)
+    assert outcome.code == 2
+    assert "analysis.json" in outcome.err

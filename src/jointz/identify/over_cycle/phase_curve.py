@@ -160,7 +160,10 @@ def phase_curve(
             mean = _mean_band(name, placed, steep_people)
             bands += [] if mean is None else [mean]
     if not bands:
-        raise EstimationError(Failure.NO_PULSES.value, f"phase_curve: {' '.join(warnings)}")
+        missing = f"no participant has estimates of {' or '.join(parameters)} at {_FEWEST} phases"
+        raise EstimationError(
+            Failure.NO_PULSES.value, " ".join([f"phase_curve: {missing}.", *warnings])
+        )
     return PhaseCurve(
         gait_pct=tuple(_GRID_PCT.tolist()),
         bands=tuple(bands),
