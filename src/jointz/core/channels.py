@@ -21,9 +21,15 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
-#: Column of a single record -> SI unit; an acceleration is no channel of a study.
+#: Column of a single record -> unit; an acceleration and those of a mean stride are no channels of
+#: a study.
 RECORD_UNITS: Mapping[str, str] = MappingProxyType(
-    {**{n: units[0] for n, units in CHANNEL_UNITS.items()}, "acceleration": "rad/s^2"}
+    {
+        **{n: units[0] for n, units in CHANNEL_UNITS.items()},
+        "acceleration": "rad/s^2",
+        "torque_per_mass": "N*m/kg",
+        "gait_pct": "%",
+    }
 )
 
 #: Columns of a single record whose unit does not matter: a level, or a sign.

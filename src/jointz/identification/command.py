@@ -12,6 +12,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import EstimationError
 from jointz.identification.bench_commands import dither, static
 from jointz.identification.cycle_commands import phase_curve, time_varying
+from jointz.identification.stride_command import stride
 from jointz.terminal.file_options import (
     ActsOn,
     Decimal,
@@ -342,3 +343,4 @@ identify.command("static")(static)
 identify.command("dither")(dither)
 identify.command("time-varying")(time_varying)
 identify.command("phase-curve")(phase_curve)
+identify.command("stride")(stride)

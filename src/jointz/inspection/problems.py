@@ -181,7 +181,7 @@ def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -
         return (
             f"it holds one mean over the cycle, {rows} points of column '{percent}', not strides "
             "in time; impedance needs pulses and what surrounds them.",
-            "jointz.stats.quasi_stiffness takes a mean cycle.",
+            "jointz identify stride takes a mean cycle of angle and torque.",
         )
     numbers = [c for c in columns if not c.column.is_text]
     if "time" not in assigned and len(numbers) > 1 and all(_stamps(c) for c in numbers):

@@ -150,7 +150,7 @@ def _checked_curve(
     if np.abs(angles).max() > _LARGEST_ANGLE_RAD:
         raise DataError(
             f"quasi_stiffness: angle must be in rad, the largest is {np.abs(angles).max():g}: "
-            "these look like degrees. Pass numpy.radians(angle)"
+            "these look like degrees. Pass numpy.radians(angle), or COLUMN:deg in a command"
         )
     return places, angles, moments
 
