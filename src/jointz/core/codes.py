@@ -238,6 +238,12 @@ class Doubt(Code):
         "a signal may be late or wrong, or the device is not strapped to soft tissue; K, B and J "
         "are undecided",
     )
+    HELD_TORQUE = (
+        "held_torque",
+        "the pulses hold one torque for as long as data are used, which does not tell the "
+        "stiffness of a leg from its softening and drift: K is undecided, with limits; use "
+        "doublets, or short pulses of several sizes",
+    )
     RESPONSES_UNLIKE_SIZE = (
         "responses_unlike_size",
         "the responses grow with the size of the pulses much more or less than the recorded torque "

@@ -80,7 +80,11 @@ def _mean(
         ci_level=_LEVEL,
     )
     if means is not None:
-        return _with_log_mean(row, means.get((row.timing_point, row.parameter)))
+        found = _with_log_mean(row, means.get((row.timing_point, row.parameter)))
+        undecided = int((rows["status"] == "undecided").sum())
+        # Where nobody's data count, people are there: it is the data that do not decide.
+        nobody = found.status == row.status and undecided >= _FEWEST_PEOPLE
+        return replace(found, status="undecided") if nobody else found
     if n < _FEWEST_PEOPLE:
         return row
     mean = decided_mean(values, level=_LEVEL)

@@ -14,6 +14,7 @@ from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import SHARED
 from jointz.identify.strapped.posterior import LegPosterior
+from jointz.identify.strapped.responses import PointResponse
 from jointz.results.estimates import ONE_SIDED_95, REACH_95, ParameterEstimate, decides
 
 #: A value is judged by its half-width and by the geometric mean of that and the median of the
@@ -23,6 +24,10 @@ _JUDGED_BY_MEDIAN = ("stiffness", "stiffness_onset")
 #: Where the data decide nothing of a person, errors of the model exceed Laplace's: one-sided limits
 #: are so many times further out (docs/estimator.md).
 _WIDER_LIMITS = 2.0
+#: Torque against the pulse's sign, torque at the end and sizes, over the largest, of pulses that
+#: hold one torque. After 250 ms of it, 10 of 60 K of ten simulated people of another world were
+#: decided, 72 % too high on average.
+_BACK, _STILL_ON, _SAME_SIZE = 0.2, 0.5, 1.2
 #: An estimate of a larger sd (of its logarithm) has no limits that mean anything.
 _NO_SD = 5.0
 #: Chi-square of a point over its samples, above which the model does not explain it.
@@ -94,8 +99,21 @@ def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple
         of_person
         | ({Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set())
         | ({Doubt.INERTIA_UNLIKE_AT_POINT} if unlike[point] else set())
+        | ({Doubt.HELD_TORQUE} if holds_one_torque(posterior.model.points[point]) else set())
         for point, misfit in enumerate(posterior.best.misfits)
     )
+
+
+def holds_one_torque(point: PointResponse) -> bool:
+    """Return whether all pulses hold the same torque, either sign, to the end of the data."""
+    torques = np.stack([shape.torque for shape in point.shapes])
+    largest = np.abs(torques).argmax(axis=1)
+    peaks = torques[np.arange(len(torques)), largest]
+    signed = torques / np.where(peaks == 0.0, 1.0, peaks)[:, None]
+    last = signed[:, -max(1, signed.shape[1] // 4) :].mean(axis=1)
+    held = (signed.min(axis=1) > -_BACK) & (last > _STILL_ON)
+    sizes = np.abs(peaks)
+    return bool(held.all() and sizes.max() < _SAME_SIZE * sizes.min())
 
 
 def _farthest_sd(posterior: LegPosterior) -> float:
@@ -121,7 +139,12 @@ def speaks_against(name: str, doubts: Collection[Doubt]) -> bool:
     """Return whether doubts leave an estimand without value and limits."""
     # Such an inertia or instrument shows that device or signals are not those of the model.
     against_all = not _AGAINST_ALL.isdisjoint(doubts)
-    return against_all or bool(doubts and name != "inertia")
+    return against_all or bool(set(doubts) - {Doubt.HELD_TORQUE} and name != "inertia")
+
+
+def leaves_limits_only(name: str, doubts: Collection[Doubt]) -> bool:
+    """Return whether the pulses do not decide an estimand, however narrow its interval."""
+    return Doubt.HELD_TORQUE in doubts and name in _JUDGED_BY_MEDIAN
 
 
 def _row(
@@ -144,8 +167,10 @@ def _row(
         return undecided
     half, usual = _relative_half_width(sd), _median_half_width(name, moments)
     together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
-    if not decides(1.0, max(half, together)):
-        reach = ONE_SIDED_95 * sd * (1.0 if decides(1.0, usual) else _WIDER_LIMITS)
+    limits_only = leaves_limits_only(name, doubts)
+    if limits_only or not decides(1.0, max(half, together)):
+        narrow = decides(1.0, usual) and not limits_only
+        reach = ONE_SIDED_95 * sd * (1.0 if narrow else _WIDER_LIMITS)
         low, high = value * np.exp([-reach, reach])
         return replace(undecided, ci_low=float(low), ci_high=float(high), ci_method=_LIMITS)
     low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])

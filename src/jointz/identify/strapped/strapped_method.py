@@ -35,7 +35,13 @@ from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import differs_with_size, lag_failure, response_failure
-from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of, speaks_against
+from jointz.identify.strapped.decisions import (
+    Decision,
+    decided_rows,
+    doubts_of,
+    leaves_limits_only,
+    speaks_against,
+)
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
 from jointz.identify.strapped.leg_model import LegModel
@@ -411,7 +417,9 @@ class _Participant:
             prior_covariance=moments.prior_covariance,
             doubts=tuple(ordered),
             doubted=tuple(
-                bool(failures[cell.label]) or speaks_against(name, found)
+                bool(failures[cell.label])
+                or speaks_against(name, found)
+                or leaves_limits_only(name, found)
                 for name in ESTIMANDS
                 for cell, found in zip(explained.cells, doubts, strict=True)
             ),

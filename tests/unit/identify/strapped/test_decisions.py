@@ -11,7 +11,12 @@ from jointz.core.priors import LogPrior
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.strapped.body import Body, body_of, shank_and_foot
 from jointz.identify.strapped.checks import response_failure
-from jointz.identify.strapped.decisions import Decision, decided_rows, doubts_of
+from jointz.identify.strapped.decisions import (
+    Decision,
+    decided_rows,
+    doubts_of,
+    holds_one_torque,
+)
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import Layout
 
@@ -103,13 +108,43 @@ def test_gains_and_the_device_itself_are_taken_into_account():
     assert gone["inertia"].status == "undecided"
 
 
+BOTH_WAYS = np.repeat([17.0, -17.0, 0.0], 40)
+HELD = np.full(120, 17.0)
+SHORT = np.repeat([17.0, 0.0, 0.0], 40)
+
+
+def pulses(*torques):
+    return SimpleNamespace(shapes=[SimpleNamespace(torque=torque) for torque in torques])
+
+
+@pytest.mark.parametrize(
+    ("torques", "held"),
+    [
+        ((HELD,), True), ((HELD, -HELD), True), ((HELD, 0.5 * HELD), False),
+        ((SHORT,), False), ((BOTH_WAYS,), False), ((HELD, SHORT), False),
+    ],
+)  # fmt: skip
+def test_pulses_that_hold_one_torque_to_the_end_are_told_from_others(torques, held):
+    assert holds_one_torque(pulses(*torques)) is held
+
+
+def test_after_a_held_torque_stiffness_alone_is_undecided_with_limits():
+    found = rows(same(NARROW), doubts={Doubt.HELD_TORQUE})
+
+    open_ = {name for name, p in found.items() if p.status == "undecided"}
+    assert open_ == {"stiffness", "stiffness_per_mass", "stiffness_onset"}
+    assert found["stiffness"].ci == pytest.approx(
+        (60 * np.exp(-2 * 0.1645), 60 * np.exp(2 * 0.1645)), rel=1e-3
+    )
+
+
 def posterior(misfits, *, off_sd=0.0, of="sensor_delay_s"):
     layout = Layout(len(misfits), 2)
     theta = np.zeros(layout.size)
     theta[layout.shared(of)] = 0.8 * off_sd
     prior = SimpleNamespace(mean=np.zeros(layout.size), covariance=0.64 * np.eye(layout.size))
     return SimpleNamespace(
-        model=SimpleNamespace(points=misfits, layout=layout),
+        model=SimpleNamespace(points=[pulses(BOTH_WAYS)] * len(misfits), layout=layout),
         best=SimpleNamespace(misfits=misfits, theta=theta, prior=prior),
     )
 
