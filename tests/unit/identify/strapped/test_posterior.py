@@ -51,7 +51,8 @@ def test_errors_of_24_legs_are_as_large_as_their_sds_say(study):
     errors = np.array([standardised_errors(seed, **STUDIES[study]) for seed in range(24)])
 
     sds = errors[:, :3].std(axis=(0, 2))  # K, B, J
-    assert np.all((sds > 0.8) & (sds < 1.25)), sds
+    # Errors of J are alike at all points of a leg: of 24 legs their sd is known to 1 / sqrt(48).
+    assert np.all((sds > [0.8, 0.8, 0.7]) & (sds < [1.25, 1.25, 1.3])), sds
 
 
 def test_without_drift_a_point_has_one_stiffness_over_the_pulse():
