@@ -1,4 +1,4 @@
-"""What ``jointz analyze`` prints: one table, the notes that matter most, where the report is."""
+"""Printed summary of an analysis: one table, the notes that matter most, the report's place."""
 
 from collections import Counter
 from collections.abc import Sequence

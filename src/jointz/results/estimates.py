@@ -30,6 +30,11 @@ FIT_SOURCES = (
 )
 
 
+def relative_half_width(sd: float) -> float:
+    """Return half of the 95 % interval over the value, of the sd of a logarithm."""
+    return float(np.sinh(REACH_95 * sd))
+
+
 def decides(value: float, reach: float) -> bool:
     """Return whether an interval of this half-width is narrow enough to decide a value."""
     return reach <= _WIDEST * abs(value)

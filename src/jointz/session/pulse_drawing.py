@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from textwrap import wrap
 
-from jointz.core.protocols.expected_displacement import expected_displacement
+from jointz.core.protocols.expected_displacement import largest_displacement_rad
 from jointz.core.protocols.protocol_models import ProtocolFields
 from jointz.core.protocols.pulse_models import Pulse, TorquePart, name_of
 
@@ -25,9 +25,7 @@ def drawn_pulses(protocol: ProtocolFields) -> Iterator[str]:
         yield from _chart(pulse, longest_s)
         if protocol.expected_joint is not None:
             largest_nm = max(pulse.sizes_nm)
-            moved_rad = (
-                largest_nm * expected_displacement(pulse, protocol.expected_joint).largest_rad
-            )
+            moved_rad = largest_nm * largest_displacement_rad(pulse, protocol.expected_joint)
             yield (
                 f"  {largest_nm:g} N*m move the expected joint by at most {moved_rad:.3f} rad "
                 f"(limit {protocol.safety.displacement_rad:g} rad)"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.results.estimates import REACH_95, decides
+from jointz.results.estimates import REACH_95, decides, relative_half_width
 from jointz.results.log_posterior import LogPosterior
 
 #: Half-normal priors of the sd between people, of logarithms: level of a person, own of a point.
@@ -124,7 +124,7 @@ def _likelihoods(
         own = inverse @ (mean - shift) - prior_inverse @ (prior_mean - shift)
         # What the clipped directions hold is no information either.
         weighted[i, kept] = vectors @ ((values > 0.0) * (vectors.T @ own))
-        half_widths[i, kept] = np.sinh(REACH_95 * np.sqrt(np.diag(covariance)))
+        half_widths[i, kept] = [relative_half_width(sd) for sd in np.sqrt(np.diag(covariance))]
     return _Likelihoods(precision, weighted, half_widths)
 
 

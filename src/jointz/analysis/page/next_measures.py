@@ -7,11 +7,17 @@ from typing import Final
 
 import numpy as np
 
-from jointz.analysis.page.strapped_uncertainty import half_width, log_sds
+from jointz.analysis.page.strapped_uncertainty import log_sds
 from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
 from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
-from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.estimates import (
+    REACH_95,
+    CellEstimate,
+    ParameterEstimate,
+    decides,
+    relative_half_width,
+)
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 #: Source of uncertainty -> what to do about it.
@@ -108,8 +114,8 @@ def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[
 def _strapped_gain(cell: CellEstimate, estimate: ParameterEstimate, sd: float) -> _Gain:
     value = estimate.unbounded or 1.0
     parts = cell.through_instruments.get(estimate.name, {})
-    left = {n: half_width(_remaining(sd, part / value)) for n, part in parts.items()}
-    return _Gain(half_width(sd), left)
+    left = {n: relative_half_width(_remaining(sd, part / value)) for n, part in parts.items()}
+    return _Gain(relative_half_width(sd), left)
 
 
 def _rigid_gain(cell: CellEstimate, estimate: ParameterEstimate) -> _Gain:

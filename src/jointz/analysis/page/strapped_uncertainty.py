@@ -8,7 +8,12 @@ import numpy as np
 from jointz.core.codes import Doubt
 from jointz.identify.strapped.decisions import with_model_error
 from jointz.report.wording import ABSOLUTE, format_number, parameter_name, pretty_unit
-from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
+from jointz.results.estimates import (
+    CellEstimate,
+    ParameterEstimate,
+    decides,
+    relative_half_width,
+)
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -69,7 +74,7 @@ def _row(
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
     withheld = estimate.ci_low is None
-    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(half_width(sd))}"
+    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
     return {
         "participant": cell.label,
         "name": cell.timing_point,
@@ -87,9 +92,9 @@ def _doubted(doubts: Sequence[str]) -> str:
 
 
 def _too_wide(sd: float | None, others: Sequence[float]) -> str:
-    if sd is None or not decides(1.0, half_width(sd)):
+    if sd is None or not decides(1.0, relative_half_width(sd)):
         return "half of the interval exceeds 50 % of the value"
-    usual = half_width(float(np.median(others)))
+    usual = relative_half_width(float(np.median(others)))
     return (
         "half of the interval is within 50 %, but the median over the participant's timing points "
         f"is ±\N{NO-BREAK SPACE}{_pct(usual)}: one narrow interval among wide ones may be "
@@ -102,9 +107,11 @@ def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -
     parts = cell.through_instruments.get(estimate.name, {})
     if sd is None or not estimate.unbounded:
         return _NOTHING_ALONE
-    now = half_width(sd)
+    now = relative_half_width(sd)
     left = {
-        source: half_width(float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0))))
+        source: relative_half_width(
+            float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0)))
+        )
         for source, part in parts.items()
     }
     ordered = sorted(left, key=left.__getitem__)
@@ -115,11 +122,6 @@ def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -
     if worth or not named:
         return "; ".join(named[:worth]) or _NOTHING_ALONE
     return f"{_NOTHING_ALONE} by more than a tenth; most by {named[0]}"
-
-
-def half_width(sd: float) -> float:
-    """Return half of the 95 % interval over the value, of the sd of a logarithm."""
-    return float(np.sinh(REACH_95 * sd))
 
 
 def _pct(share: float) -> str:

@@ -94,9 +94,7 @@ def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
         {
             "where": _where(own),
             "parameter": parameter,
-            "value": f"{own[0]['value']} {own[0]['unit']}"
-            if len(own) == 1
-            else f"{len(own)} values",
+            "value": _value(own),
             "why": own[0]["why"] if len(own) == 1 else why,
             "remedy": own[0]["remedy"] if len(own) == 1 else remedy,
         }

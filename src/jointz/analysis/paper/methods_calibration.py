@@ -28,7 +28,7 @@ _CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
     "tissue_hz": ("resonance of the soft tissue below the sensor", 1.0, "Hz"),
 }
 #: Entries whose sd only the method ``rigid`` uses.
-_OF_RECOMMENDED: Final = ("friction_gain", "tissue_hz")
+_OF_RIGID: Final = ("friction_gain", "tissue_hz")
 #: Entries whose sd does not affect K, B and J.
 _OF_POSTURE: Final = ("angle_zero_rad",)
 
@@ -84,7 +84,7 @@ def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
 def _in_intervals(key: str, used: Sequence[str]) -> bool:
     if key == "friction_gain" and STRAPPED in used:
         return True
-    return key not in _OF_POSTURE and (key not in _OF_RECOMMENDED or RIGID in used)
+    return key not in _OF_POSTURE and (key not in _OF_RIGID or RIGID in used)
 
 
 def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:

@@ -1,6 +1,5 @@
 """Motion of the expected joint after a pulse, computed before a session."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from jointz.core.protocols.pulse_models import Pulse, TorquePart
@@ -16,36 +15,19 @@ LONGEST_PULSE_S = 10.0
 _AFTER_S = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectedMotion:
-    """Torque and displacement for an amplitude of 1 N*m, every ``STEP_S`` from the onset."""
-
-    torque: tuple[float, ...]  # share of the amplitude
-    displacement_rad: tuple[float, ...]
-
-    @property
-    def largest_rad(self) -> float:
-        """The largest displacement, rad for 1 N*m."""
-        return max(map(abs, self.displacement_rad))
-
-
-def expected_displacement(pulse: Pulse, joint: "ExpectedJoint") -> ExpectedMotion:
-    """Return the motion of a joint with constant stiffness, damping and inertia."""
-    torque = torque_course(pulse.course) + [0.0] * round(_AFTER_S / STEP_S)
-    x = v = 0.0
-    moved = []
-    for share in torque:
-        moved.append(x)
-        # Implicit in the velocity: a stiff or strongly damped joint stays stable.
-        stiff = joint.damping + STEP_S * joint.stiffness
-        v = (joint.inertia * v + STEP_S * (share - joint.stiffness * x)) / (
-            joint.inertia + STEP_S * stiff
-        )
+def largest_displacement_rad(pulse: Pulse, joint: "ExpectedJoint") -> float:
+    """Return the largest displacement for 1 N*m; stiffness, damping and inertia are constant."""
+    x = v = largest = 0.0
+    # Implicit in the velocity: a stiff or strongly damped joint stays stable.
+    inertia = joint.inertia + STEP_S * (joint.damping + STEP_S * joint.stiffness)
+    for share in _torque_course(pulse.course) + [0.0] * round(_AFTER_S / STEP_S):
+        v = (joint.inertia * v + STEP_S * (share - joint.stiffness * x)) / inertia
+        largest = max(largest, abs(x))
         x += STEP_S * v
-    return ExpectedMotion(tuple(torque), tuple(moved))
+    return largest
 
 
-def torque_course(course: tuple[TorquePart, ...]) -> list[float]:
+def _torque_course(course: tuple[TorquePart, ...]) -> list[float]:
     """Return the share of the amplitude every ``STEP_S``."""
     shares: list[float] = []
     for part in course:

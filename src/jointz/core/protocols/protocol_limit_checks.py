@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from jointz.core.checked_model import Problem
 from jointz.core.limits import DUTY_WINDOW_S
-from jointz.core.protocols.expected_displacement import LONGEST_PULSE_S, expected_displacement
+from jointz.core.protocols.expected_displacement import LONGEST_PULSE_S, largest_displacement_rad
 from jointz.core.protocols.protocol_checks import (
     ROUNDING_S,
     assumed_stride_s,
@@ -102,7 +102,7 @@ def _displacement_expected(protocol: ProtocolFields) -> Iterator[Problem]:
                 f"{LONGEST_PULSE_S:g} s. Shorten it.",
             )
             continue
-        moved_rad = max(pulse.sizes_nm) * expected_displacement(pulse, joint).largest_rad
+        moved_rad = max(pulse.sizes_nm) * largest_displacement_rad(pulse, joint)
         if moved_rad > limit:
             yield Problem(
                 (*place, pulse.size_key),

@@ -15,7 +15,13 @@ from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import SHARED
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.responses import PointResponse
-from jointz.results.estimates import ONE_SIDED_95, REACH_95, ParameterEstimate, decides
+from jointz.results.estimates import (
+    ONE_SIDED_95,
+    REACH_95,
+    ParameterEstimate,
+    decides,
+    relative_half_width,
+)
 
 #: A value is judged by its half-width and by the geometric mean of that and the median of the
 #: person's points: a single narrow one may be so by chance. Of these, the median itself may not be
@@ -165,7 +171,7 @@ def _row(
     sd = float(np.hypot(whole * sd, own_sd)) / value
     if not sd < _NO_SD:  # NaN, too
         return undecided
-    half, usual = _relative_half_width(sd), _median_half_width(name, moments)
+    half, usual = relative_half_width(sd), _median_half_width(name, moments)
     together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
     limits_only = leaves_limits_only(name, doubts)
     if limits_only or not decides(1.0, max(half, together)):
@@ -189,13 +195,8 @@ def with_model_error(name: str, sd: float) -> float:
     return float(np.hypot(sd, _MODEL_SD.get(name.removesuffix("_onset"), 0.0)))
 
 
-def _relative_half_width(sd: float) -> float:
-    """Return half of the 95 % interval over the value, of the sd of a logarithm."""
-    return float(np.sinh(REACH_95 * sd))
-
-
 def _median_half_width(name: str, moments: LogMoments) -> float:
     """Return the median half-width over the person's timing points."""
     n_points = moments.mean.size // len(ESTIMANDS)
     sds = [with_model_error(name, moments.of(name, point)[1]) for point in range(n_points)]
-    return float(np.median([_relative_half_width(sd) for sd in sds]))
+    return float(np.median([relative_half_width(sd) for sd in sds]))
