@@ -1,4 +1,4 @@
-"""The tutorial of own files: its steps are its study, and every command of it runs as told."""
+"""The tutorial of own files: its study is that of the folder, and every command runs as told."""
 
 import re
 import shlex
@@ -23,12 +23,10 @@ def blocks(language: str) -> list[str]:
     return [body for found, body in _FENCE.findall(PAGE) if found == language]
 
 
-def split_page() -> tuple[list[str], str, str]:
-    """Return the steps, the whole study, and what is changed in it later."""
-    toml = blocks("toml")
-    whole = next(k for k, body in enumerate(toml) if "jointz = 1" in body)
-    (later,) = toml[whole + 1 :]
-    return toml[:whole], toml[whole], later
+def studies() -> tuple[str, str]:
+    """Return the whole study, and what is changed in it later."""
+    whole, later = blocks("toml")
+    return whole, later
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +49,14 @@ def test_the_files_come_out_of_their_seed_bit_for_bit(maker, tmp_path):
 # --- the page ------------------------------------------------------------------------------------
 
 
-def test_the_steps_together_are_the_whole_study_of_the_folder():
-    steps, whole, _ = split_page()
-    study, merged = tomllib.loads(whole), {"jointz": 1}
-    for body in steps:
-        for key, value in tomllib.loads(body).items():
-            merged[key] = merged[key] | value if isinstance(merged.get(key), dict) else value
+def test_the_study_names_every_recording_of_the_folder():
+    study = tomllib.loads(studies()[0])
 
-    assert merged == study
     assert {r["file"] for r in study["recordings"]} == {f.name for f in FOLDER.glob("P*.csv")}
 
 
 def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
-    _, whole, later = split_page()
+    whole, later = studies()
     monkeypatch.chdir(tmp_path)
     shutil.copytree(FOLDER, "my-study")
     commands = [shlex.split(line)[1:] for body in blocks("bash") for line in body.splitlines()]
@@ -151,7 +144,7 @@ def own_estimates(folder: str) -> pd.DataFrame:
     ],
 )
 def test_wrong_answers_look_as_the_page_says(jointz, tmp_path, old, new, said):
-    whole = split_page()[1]
+    whole = studies()[0]
     assert whole.count(old) == 1
     study = tmp_path / "s"
     study.mkdir()
