@@ -1,13 +1,12 @@
-"""Write from-matlab.md out of its rows: ``python docs/make_from_matlab.py``.
+"""Write from-matlab.md and its files of programs: ``python docs/make_from_matlab.py``.
 
 With ``--reference`` it first runs the other side of every row in Octave and R, and with
-``--spm1d PYTHON`` in a Python that has spm1d, and stores what they say. A test compares the page
-with what this makes, and what is stored with what jointz gives.
+``--spm1d PYTHON`` in a Python that has spm1d, and stores their numbers. A test compares the page
+and the files with what this script makes, and the stored numbers with those of jointz.
 """
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,50 +14,60 @@ from from_matlab.programs import make_reference, stored
 from from_matlab.rows import Row, Topic, all_rows, topics
 
 PAGE = Path(__file__).parent / "from-matlab.md"
+TABLES = Path(__file__).parent / "tables"
 
-# Code is wide: the tables take the place of the list of headings, and break lines where they must.
 _HEAD = """\
----
-html_theme.sidebar_secondary.remove: true
----
 # From MATLAB
-
-```{{raw}} html
-<style>
-.bd-main .bd-content .bd-article-container {{ max-width: 90em; }}
-.bd-article table {{ table-layout: fixed; width: 100%; }}
-.bd-article table th:first-child {{ width: 30%; }}
-.bd-article table code {{ overflow-wrap: anywhere; }}
-</style>
-```
 
 <!-- Made by docs/make_from_matlab.py out of docs/from_matlab; do not edit. -->
 
-Calls of MATLAB and other programs, their equivalents here, and the number on which both agree.
-Of {n} rows {tested} are
-compared, each number to the share stated, on the same data; the other {untested} say why not. In
-{run} of them the left side ran in the program named *in italics*: {by}. In the
-other {formulas}, *Octave, the formula*, Octave does not have the function: what ran is its
-published formula written out, not the function itself. The tests of jointz run the right side.
+This page lists the Python equivalent of each call you know from MATLAB, NLID and spm1d, and the
+differences that change numbers without an error. `.mat` files need no translation: name their
+structs and units in [the study file](study-format.md).
 
-MATLAB itself was not at hand. *Octave* means that Octave and its packages ran the call, spelled as
-Octave wants it where that differs; *R* and *spm1d* that those did. Made with
-{versions}.
+`p = [q v w] \\ m`, with its filters and derivatives, becomes
 
-Given to all rows, SI throughout and angles in rad:
+```python
+import numpy as np
+import pandas as pd
+import jointz
 
-- `rate` (500 Hz), `t`, `theta`, `tau`, `command`: 20 s of a joint of 60 N\\*m/rad,
-  1 N\\*m\\*s/rad and 0.05 kg\\*m^2 under a random torque; `u`, `v`: white noise and what a filter
-  makes of it;
-- `contact`, `knee`: a walk; `knee_mean`, `knee_moment`: one cycle of 101 nodes;
-- `pulse_theta`, `pulse_velocity`, `pulse_acceleration`, `pulse_tau`, `soft_tau`: pulses by samples;
-  `draws`: which pulses a replicate holds, counted from 1;
-- `current`, `motor_speed`, `motor_acceleration`, `sensor_torque`: a motor on a bench;
-- `subject`, `point`, `stiffness`: one row a participant and timing point; `curves_a`, `curves_b`:
-  people by nodes; `x`, `y`, `x_nan`: two small samples, and one with holes.
+ankle = pd.read_csv("ankle.csv")  # angle in degrees, 500 Hz
+angle = np.deg2rad(ankle["pos"])
+fit = jointz.identify_joint(angle=angle, torque=ankle["tau"], rate_hz=500, input="angle")
+print(fit.parameter("stiffness").value)
+```
 
-`np` is numpy, `pd` pandas. Your own .mat
-files need no translation: [the study file](study-format.md) names their structs and units.
+The file under each table has both programs of every row, its notes and the share to which the
+numbers agree. Of {n} rows {tested} are compared on the same data: in {run} the left side ran in
+{programs} ({by}); in {formulas} its published formula ran, because Octave lacks the function.
+MATLAB itself was not run. `np` is numpy, `pd` pandas.
+"""
+_DATA = """\
+Data of all programs (SI units, angles in rad; np is numpy, pd is pandas)
+
+rate (500 Hz), t, theta, tau, command
+    20 s of a joint of 60 N*m/rad, 1 N*m*s/rad and 0.05 kg*m^2 under a random torque
+u, v
+    white noise, and the same after a filter
+contact, knee
+    a walk
+knee_mean, knee_moment
+    one gait cycle of 101 nodes
+pulse_theta, pulse_velocity, pulse_acceleration, pulse_tau, soft_tau
+    pulses by samples
+draws
+    pulses of each bootstrap replicate, counted from 1
+current, motor_speed, motor_acceleration, sensor_torque
+    a motor on a bench
+subject, point, stiffness
+    one row a participant and timing point
+curves_a, curves_b
+    people by nodes
+x, y, x_nan
+    two small samples, and one with missing values
+
+Made with {versions}.
 """
 
 
@@ -67,62 +76,69 @@ def page() -> str:
     return "\n".join([_head(), *(_section(topic) for topic in topics())])
 
 
+def program_files() -> dict[str, str]:
+    """Return the text of the files of programs by name, one for each topic."""
+    data = _DATA.format(versions=_versions())
+    return {
+        _file_name(topic): "\n".join([topic.title, "", data, *map(_programs, topic.rows)])
+        for topic in topics()
+    }
+
+
+def _file_name(topic: Topic) -> str:
+    return f"from-matlab-{topic.name}.txt"
+
+
 def _head() -> str:
     rows = all_rows()
     compared = [row for row in rows if row.program]
     ran = Counter(row.program for row in compared if not row.formula)
-    programs: dict[str, dict[str, str]] = stored()["programs"]
-    versions = [
-        ", ".join(f"{name} {version}" for name, version in found.items())
-        for found in programs.values()
-    ]
     return _HEAD.format(
         n=len(rows),
         tested=len(compared),
-        untested=len(rows) - len(compared),
         run=ran.total(),
         formulas=len(compared) - ran.total(),
-        by=", ".join(f"{n} with {program}" for program, n in ran.most_common()),
-        versions="; ".join(versions),
+        programs=" or ".join([", ".join([*ran][:-1]), [*ran][-1]]),
+        by=", ".join(str(n) for n in ran.values()),
+    )
+
+
+def _versions() -> str:
+    programs: dict[str, dict[str, str]] = stored()["programs"]
+    return "; ".join(
+        ", ".join(f"{name} {version}" for name, version in found.items())
+        for found in programs.values()
     )
 
 
 def _section(topic: Topic) -> str:
-    table = ["| step | MATLAB | here |", "|---|---|---|"]
-    return "\n".join([f"## {topic.title}\n", topic.text, "", *table, *map(_line, topic.rows), ""])
+    table = ["| MATLAB | here | caution |", "|---|---|---|"]
+    lines = [_line(row) for row in topic.rows if row.call]
+    programs = f"Programs: {{download}}`{_file_name(topic)} <tables/{_file_name(topic)}>`"
+    return "\n".join([f"## {topic.title}\n", topic.text, "", *table, *lines, "", programs, ""])
 
 
 def _line(row: Row) -> str:
-    step = "<br>".join(filter(None, (f"**{row.step}**", row.note, _compared(row))))
-    cells = (step, _code(row.matlab), _code(row.python) or "none")
+    cells = (row.call, row.equivalent, row.caution)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def _code(snippet: str) -> str:
-    """Return the lines of a snippet, each as code; words that say there is none as they are."""
-    if snippet.startswith("none"):
-        return snippet
-    return "<br>".join(f"`{line.strip()}`" for line in _joined(snippet.splitlines()))
+def _programs(row: Row) -> str:
+    parts = [f"{row.step}\n{'-' * len(row.step)}", row.note, _compared(row)]
+    parts += [f"MATLAB\n{_indented(row.matlab)}", f"Python\n{_indented(row.python or 'none')}"]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def _joined(lines: list[str]) -> Iterator[str]:
-    """Yield lines with those that end inside a bracket joined to the next."""
-    held = ""
-    for line in lines:
-        held = f"{held} {line.strip()}".strip()
-        if held.count("(") == held.count(")"):
-            yield held.replace("( ", "(")
-            held = ""
-    if held:
-        yield held
+def _indented(program: str) -> str:
+    return "\n".join(f"    {line}" for line in program.splitlines())
 
 
 def _compared(row: Row) -> str:
     if row.untested:
-        return f"*Not compared:* {row.untested}"
-    name = "Octave, the formula" if row.formula else row.program
+        return f"Not compared: {row.untested}"
+    name = "the published formula in Octave" if row.formula else row.program
     share = "exactly" if row.rtol == 0.0 else f"to {row.rtol:.0e}".replace("e-0", "e-")
-    return f"*{name}, {share}*"
+    return f"Agrees with {name} {share}."
 
 
 def _arguments() -> Any:
@@ -137,3 +153,5 @@ if __name__ == "__main__":
     if chosen.reference:
         make_reference(spm1d=chosen.spm1d)
     PAGE.write_text(page(), encoding="utf-8")
+    for name, text in program_files().items():
+        (TABLES / name).write_text(text, encoding="utf-8")

@@ -20,10 +20,15 @@ class Row:
         Name of the row, unique on the page.
     step : str
         What is done.
+    call, equivalent : str
+        The call in MATLAB and the one in Python, as the page shows them; a row without them is in
+        the file of programs only.
+    caution : str
+        Difference that changes numbers, in a few words.
     matlab : str
-        Their snippet, as the page shows it.
+        Their program.
     python : str
-        Our snippet; ``""`` where there is none.
+        Our program; ``""`` if jointz has none.
     theirs, ours : str
         Expressions that are compared.
     rtol : float
@@ -41,6 +46,9 @@ class Row:
     id: str
     step: str
     matlab: str
+    call: str = ""
+    equivalent: str = ""
+    caution: str = ""
     python: str = ""
     theirs: str = ""
     ours: str = ""
@@ -71,14 +79,17 @@ class Topic:
 
     Parameters
     ----------
+    name : str
+        Name of its file of rows.
     title : str
         Its heading.
     text : str
-        What stands above the table.
+        Paragraph above the table.
     rows : tuple of Row
         The table.
     """
 
+    name: str
     title: str
     text: str
     rows: tuple[Row, ...] = field(default=())
@@ -97,7 +108,7 @@ def all_rows() -> tuple[Row, ...]:
 def _topic(path: Path) -> Topic:
     content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     rows = tuple(Row(**{k: _tidy(v) for k, v in row.items()}) for row in content["row"])
-    return Topic(content["title"], _tidy(content["text"]), rows)
+    return Topic(path.stem, content["title"], _tidy(content["text"]), rows)
 
 
 def _tidy(value: Any) -> Any:

@@ -100,3 +100,10 @@ def test_the_page_is_what_the_script_makes():
     assert page == made.page(), "run python docs/make_from_matlab.py"
     assert set(STORED["rows"]) == set(COMPARED)
     assert len(COMPARED) >= 30
+
+
+@pytest.mark.parametrize("name", made.program_files())
+def test_the_files_of_programs_are_what_the_script_makes(name):
+    stored = (DOCS / "tables" / name).read_text(encoding="utf-8")
+
+    assert stored == made.program_files()[name], "run python docs/make_from_matlab.py"
