@@ -5,12 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointz.report.style import (
-    BLUE,
-    FAINT,
-    INK,
-    VERMILION,
-    WIDTH_MM,
-    figure_style,
     legend_line,
     new_figure,
     panel_heading,
@@ -18,6 +12,7 @@ from jointz.report.style import (
     place_legend,
     to_svg,
 )
+from jointz.results.figure_style import BLUE, FAINT, INK, VERMILION, WIDTH_MM, figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

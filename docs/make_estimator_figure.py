@@ -21,13 +21,6 @@ from jointz.identify.preparation.sources import (
 from jointz.identify.study_kinds import WALKING
 from jointz.io.recordings import read_pulse_table, read_recording
 from jointz.report.style import (
-    BLUE,
-    FAINT,
-    INK,
-    MUTED,
-    SKY,
-    VERMILION,
-    figure_style,
     legend_line,
     new_figure,
     panel_heading,
@@ -36,6 +29,7 @@ from jointz.report.style import (
     to_svg,
 )
 from jointz.results.estimates import CellEstimate
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, SKY, VERMILION, figure_style
 
 IMAGE = Path(__file__).parent / "images" / "estimator.svg"
 POINT = "ISW"

@@ -9,7 +9,8 @@ import pytest
 from jointz.analysis.page.details_tables import SOURCES
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
+from jointz.results.estimates import CellEstimate, ParameterEstimate, PulseExample, Response
+from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
@@ -43,6 +44,28 @@ def estimate(rng, name, truth, spread=0.08, status="ok"):
     )  # fmt: skip
 
 
+def pulse_example(rng, person, answer):
+    """Return a pulse of a cell: its response with noise, on a line as baseline."""
+    line = 0.3 + 2.0 * answer.time_s
+    noisy = answer.angle + 0.002 * rng.standard_normal(answer.angle.size)
+    return PulseExample(
+        f"{person}_ewp.csv", 20.0, answer.time_s, line + noisy, answer.torque, line,
+        0.0 * line, noisy if answer.fitted_angle is not None else answer.torque,
+    )  # fmt: skip
+
+
+def mean_strides(rng, person):
+    """Return the mean strides without the device and with it."""
+    gait_pct = np.linspace(0.0, 100.0, 101)
+    turn = 2 * np.pi * gait_pct / 100.0
+    waves = sum(rng.normal(0.0, 0.02) * np.sin(k * turn + k) for k in range(1, 6))
+    return tuple(
+        MeanStride(person, condition, 60, gait_pct, 0.4 - 0.4 * np.cos(turn) + shift + waves,
+                   np.full(101, 0.03), None if condition == "no_device" else np.sin(turn))
+        for condition, shift in (("no_device", 0.0), ("unperturbed", 0.05 + 0.02 * np.sin(turn)))
+    )  # fmt: skip
+
+
 def walking_cell(rng, person, mass, point, *, method="rigid", bias=1.0, status="ok"):
     onset = TIMING_POINTS[point]
     k, b = bias * mass * STIFFNESS_PER_KG[point], bias * mass * DAMPING_PER_KG[point]
@@ -57,12 +80,15 @@ def walking_cell(rng, person, mass, point, *, method="rigid", bias=1.0, status="
     ]
     if method == "dissertation":
         parameters.append(estimate(rng, "inertia", bias * 0.0045 * mass, spread=0.2))
+    answer = None if failed or method == "dissertation" else response(rng, k, b, 0.3)
     return CellEstimate(
         person, point, None if failed else onset + rng.normal(0, 0.3), tuple(parameters),
         vaf_pct=None if failed else rng.uniform(95, 99.9), n_used=0 if failed else PULSES,
         n_excluded=50 if failed else 50 - PULSES, method=method, baseline="predicted",
         displacement_rad=None if failed else 0.2,
-        response=None if failed or method == "dissertation" else response(rng, k, b, 0.3),
+        response=answer,
+        # Of its own generator: the other numbers stay as they were.
+        example=answer and pulse_example(np.random.default_rng(0), person, answer),
     )  # fmt: skip
 
 
@@ -148,6 +174,10 @@ def walking_analysis(people=10, *, minutes=27.5, seed=1):
     return StudyAnalysis(
         tuple(cells), tuple(comparison), population(cells), tuple(pulses), tuple(strides),
         tuple(gaps),
+        mean_strides=tuple(
+            m for i in range(people)
+            for m in mean_strides(np.random.default_rng(i), f"S{i + 1:02d}")
+        ),
         statistics={
             "onset_accuracy": [
                 {"timing_point": n, "n": 480, "mean_pct": t + 0.1, "sd_pct": 0.15 + 0.02 * t,
@@ -241,9 +271,11 @@ def recommended_analysis(people=3, *, seed=5, undecided=((0, "ISW", "stiffness")
     settings = {"method": "rigid", "baseline": "predicted", "window_s": 0.1,
                 "cutoff_hz": 20.0, "resamples": 1000, "seed": 1, "kind": "walking",
                 "joint": "knee", "calibration": {}}  # fmt: skip
+    walked = [m for i in range(people) for m in mean_strides(np.random.default_rng(i), f"S{i}")]
     return StudyAnalysis(
-        tuple(cells), tuple(comparison), population(cells), models=tuple(models), settings=settings
-    )
+        tuple(cells), tuple(comparison), population(cells), models=tuple(models), settings=settings,
+        mean_strides=tuple(walked),
+    )  # fmt: skip
 
 
 def failed_analysis(code="no_pulses"):

@@ -294,6 +294,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
         single=tuple(p for r in results.values() for p in r.single),
         models=tuple(m for r in results.values() for m in r.models),
         log_posteriors=posteriors,
+        mean_strides=tuple(m for r in results.values() for m in r.mean_strides),
         statistics=statistics,
         settings=_settings_record(request),
         provenance={

@@ -48,6 +48,7 @@ def analyze(
         bool,
         typer.Option(" /--no-figures", help="Write tables and report without figures."),
     ] = True,
+    pdf: Annotated[bool, typer.Option("--pdf", help="Write the figures as PDF, too.")] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -125,7 +126,13 @@ def analyze(
             if progress:
                 progress(1, 1, "drawing the report")
             report = write_results(
-                analysis, out, overwrite=overwrite, before=before, figures=figures, engine=engine
+                analysis,
+                out,
+                overwrite=overwrite,
+                before=before,
+                figures=figures,
+                pdf=pdf,
+                engine=engine,
             )
         complete = not _has_broken(analysis)
         if store and complete:

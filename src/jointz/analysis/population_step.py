@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
+from jointz.analysis.device_effect import device_effect
+from jointz.analysis.level_tests import level_tests
 from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
@@ -54,6 +56,7 @@ def study_statistics(
         **_nuisance(cells),
         **_pulse_effects(single),
         **_quasi_stiffness(study, results),
+        **_group_tests(study, cells, results),
         "warnings": stride_warnings(strides) if study.spec.kind == "walking" else [],
         "notes": [
             *_exclusion_notes(study, pulses, strides),
@@ -91,6 +94,16 @@ def _quasi_stiffness(study: Study, results: Collection[ParticipantResult]) -> di
     points = study.spec.perturbations.timing_points or TIMING_POINTS
     rows = quasi_stiffness_rows(curves, points)
     return {"quasi_stiffness": rows} if rows else {}
+
+
+def _group_tests(
+    study: Study, cells: Sequence[CellEstimate], results: Collection[ParticipantResult]
+) -> dict[str, Any]:
+    """Return the tests over people: between levels, and with against without the device."""
+    if study.spec.kind != "walking":
+        return {}
+    strides = [m for r in results for m in r.mean_strides]
+    return {**level_tests(cells), **device_effect(strides)}
 
 
 def _pulse_effects(single: Sequence[PulseEstimate]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ _FLOAT_FORMAT = "%.10g"
 _TIMES = ("onset_s", "start_s")
 
 
-def write_results(
+def write_results(  # noqa: PLR0913 - a public face, keywords only
     analysis: StudyAnalysis,
     out: Path,
     *,
@@ -42,6 +42,7 @@ def write_results(
     truth: pd.DataFrame | None = None,
     run: RunReport | None = None,
     figures: bool = True,
+    pdf: bool = False,
     engine: Engine | None = None,
 ) -> Path:
     """Write estimates, exclusions, figures and report of an analysis.
@@ -63,6 +64,8 @@ def write_results(
         Report of the experiment, for the report.
     figures : bool
         Whether to draw figures, which takes as long as the estimates of a few people.
+    pdf : bool
+        Whether to write the figures as PDF, too.
     engine : Engine, optional
         Engine that draws several figures at once.
 
@@ -79,14 +82,14 @@ def write_results(
     with new_folder(
         out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS, before=before
     ) as folder:
-        drawings = _drawings(analysis, engine or Serial()) if figures else {}
+        drawings = _drawings(analysis, engine or Serial(), pdf=pdf) if figures else {}
         _write_tables(analysis, folder)
         write_json(folder / "statistics.json", dict(analysis.statistics))
         write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
         _write_paper(analysis, folder, simulated=truth is not None)
         drawn = {name: drawing() for name, drawing in drawings.items()}
         if truth is not None and figures:
-            drawn["truth"] = draw_truth_picture(truth)
+            drawn["truth"] = draw_truth_picture(truth, pdf=pdf)
         pictures = {name: picture for name, picture in drawn.items() if picture is not None}
         _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
@@ -102,10 +105,12 @@ def write_results(
     return out / "report.html"
 
 
-def _drawings(analysis: StudyAnalysis, engine: Engine) -> dict[str, Callable[[], Picture | None]]:
+def _drawings(
+    analysis: StudyAnalysis, engine: Engine, *, pdf: bool
+) -> dict[str, Callable[[], Picture | None]]:
     """Start to draw the figures; the last, which takes longest, first."""
     names = FIGURES[::-1]
-    calls = [partial(draw_picture, analysis, name) for name in names]
+    calls = [partial(draw_picture, analysis, name, pdf=pdf) for name in names]
     return dict(zip(names, shared_out(engine, calls), strict=True))
 
 
@@ -114,7 +119,8 @@ def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
         folder.mkdir()
     for name, picture in pictures.items():
         (folder / f"{name}.svg").write_text(picture.svg, encoding="utf-8")
-        (folder / f"{name}.pdf").write_bytes(picture.pdf)
+        if picture.pdf is not None:
+            (folder / f"{name}.pdf").write_bytes(picture.pdf)
 
 
 def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> None:

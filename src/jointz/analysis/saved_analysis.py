@@ -20,7 +20,12 @@ class Analysis(StudyAnalysis):
     """Analysis of a study, as :func:`jointz.analyze` and :func:`jointz.load` return it."""
 
     def save(
-        self, folder: str | os.PathLike[str], *, overwrite: bool = False, figures: bool = True
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        overwrite: bool = False,
+        figures: bool = True,
+        pdf: bool = False,
     ) -> Path:
         """Write the folder of results that ``jointz analyze`` writes: whole or not at all.
 
@@ -32,6 +37,8 @@ class Analysis(StudyAnalysis):
             Replace a folder of results that exists.
         figures : bool
             Whether to draw figures.
+        pdf : bool
+            Whether to write the figures as PDF, too.
 
         Returns
         -------
@@ -45,7 +52,7 @@ class Analysis(StudyAnalysis):
         WriteError
             When it cannot be written.
         """
-        return write_results(self, Path(folder), overwrite=overwrite, figures=figures)
+        return write_results(self, Path(folder), overwrite=overwrite, figures=figures, pdf=pdf)
 
 
 def load(folder: str | os.PathLike[str]) -> Analysis:

@@ -9,6 +9,7 @@ import pandas as pd
 from jointz.core.study import CalibrationSpec
 from jointz.results.base import Result
 from jointz.results.bench.calibration_fit import CalibrationFit
+from jointz.results.figure_style import axes_or_new, in_figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,6 +70,7 @@ class Calibration(Result):
         lines = [f"{name}: {fit.summary()}" for name, fit in self.fits.items()]
         return "\n".join([head, *lines, *(f"Note: {note}" for note in self.notes)])
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw measured and modelled samples of all participants in one figure.
 
@@ -82,9 +84,7 @@ class Calibration(Result):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 4.0), layout="constrained")[1]
+        axes = axes_or_new(ax, (8.0, 4.0))
         for k, (participant, fit) in enumerate(self.fits.items()):
             shown, colour = fit.series, f"C{k % 10}"
             axes.plot(shown.x, shown.measured, ".", ms=2.0, color=colour, label=participant)

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from jointz.collections.catalog_columns import CATALOG_COLUMNS
 from jointz.core.plain_tables import plain_rows, typed_table
 from jointz.results.base import Result, checked_values, plain
+from jointz.results.figure_style import axes_or_new, in_figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,11 +125,10 @@ class QueryResult(Result):
             lines.append(f"  {without_onset_note(self.without_onset)}")
         return "\n".join(lines + [f"  cite: {text}" for text in self.cites.values()])
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the parameter with the most values, over the gait cycle if phases are known."""
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+        axes = axes_or_new(ax, (6.0, 4.0))
         rows = typed_table(self._standing(), CATALOG_COLUMNS)
         rows = rows.assign(label=rows["parameter"] + " (" + rows["unit"] + ")")
         label = str(rows["label"].mode().get(0, "nothing found"))

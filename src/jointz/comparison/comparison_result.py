@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 
 from jointz.results.base import Result
+from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.statistics.comparison_rows import (
     Difference,
     FactorTest,
@@ -123,6 +124,7 @@ class Comparison(Result):
             lines += [f"    {difference_text(d)}" for d in below]
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the mean of every source with its interval, for the first parameter.
 
@@ -136,9 +138,7 @@ class Comparison(Result):
         matplotlib.axes.Axes
             The axes drawn on.
         """
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+        axes = axes_or_new(ax, (6.0, 4.0))
         parameter = next(iter(self.parameters), "")
         shown = [m for m in self.means if m.parameter == parameter and m.mean is not None]
         points = list(dict.fromkeys(m.timing_point for m in shown))

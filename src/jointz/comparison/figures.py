@@ -9,6 +9,16 @@ import numpy as np
 from jointz.comparison.comparison_result import Comparison
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.report.style import (
+    broken_line,
+    legend_line,
+    new_figure,
+    panel_heading,
+    place_axes,
+    place_legend,
+    to_svg,
+)
+from jointz.report.wording import MINUS, PARAMETERS, parameter_label, point_name, pretty_unit
+from jointz.results.figure_style import (
     BLUE,
     FAINT,
     GREEN,
@@ -19,16 +29,8 @@ from jointz.report.style import (
     PURPLE,
     VERMILION,
     WIDTH_MM,
-    broken_line,
     figure_style,
-    legend_line,
-    new_figure,
-    panel_heading,
-    place_axes,
-    place_legend,
-    to_svg,
 )
-from jointz.report.wording import MINUS, PARAMETERS, parameter_label, point_name, pretty_unit
 from jointz.results.statistics.comparison_rows import PAIRED, Difference, PersonValue
 
 if TYPE_CHECKING:

@@ -128,6 +128,7 @@ def with_new_estimates(
     single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
     models = {p: r.models for p, r in results.items()}
     log_posteriors = {p: r.log_posteriors for p, r in results.items()}
+    mean_strides = {p: r.mean_strides for p, r in results.items()}
     posteriors = _replaced(people, analysis.log_posteriors, log_posteriors)
     changed = replace(
         analysis,
@@ -143,6 +144,7 @@ def with_new_estimates(
         single=_replaced(people, analysis.single, single),
         models=_replaced(people, analysis.models, models),
         log_posteriors=posteriors,
+        mean_strides=_replaced(people, analysis.mean_strides, mean_strides),
         pooled=(),
     )
     if method != RIGID or len(people) < 2 or not any(map(has_budget, cells)):

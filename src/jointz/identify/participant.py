@@ -16,7 +16,11 @@ from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.estimate_checks import check_estimates
 from jointz.identify.estimators import METHODS, ParticipantData
-from jointz.identify.over_cycle.stride_curves import StrideCurves, stride_curves
+from jointz.identify.over_cycle.stride_curves import (
+    StrideCurves,
+    mean_strides,
+    stride_curves,
+)
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -27,6 +31,7 @@ from jointz.identify.preparation.sources import (
 from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
+from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
 
 
@@ -47,6 +52,7 @@ class ParticipantResult:
     log_posteriors: tuple[LogPosterior, ...] = ()
     # strides of a participant recorded without a device only, if a moment was recorded
     curves: tuple[StrideCurves, ...] = ()
+    mean_strides: tuple[MeanStride, ...] = ()  # in walking
     sampling: tuple[SamplingRecord, ...] = ()
     # recordings whose footswitch does not rest at the two declared levels
     unclean_switches: tuple[str, ...] = ()
@@ -113,6 +119,9 @@ def _analyze_group(
         evidence=tuple(replace(e, session=session, side=side) for e in evidence),
         log_posteriors=tuple(replace(p, session=session, side=side) for p in log_posteriors),
         curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
+        mean_strides=mean_strides(participant, (session, side), sources)
+        if settings.kind.by_gait
+        else (),
         sampling=tuple(
             SamplingRecord(
                 participant,

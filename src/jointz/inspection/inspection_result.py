@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.results.base import Result
+from jointz.results.figure_style import axes_or_new, in_figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -167,13 +168,12 @@ class Inspection(Result):
         lines += [f"  {advice}" for advice in self.advice]
         return "\n".join(lines)
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the course of every column, each on its own scale."""
-        import matplotlib.pyplot as plt
-
         drawn = [c for c in self.channels if any(v is not None for v in c.outline)]
         size = (7.0, max(2.0, 0.45 * len(drawn) + 0.8))
-        axes = ax if ax is not None else plt.subplots(figsize=size, layout="constrained")[1]
+        axes = axes_or_new(ax, size)
         for k, channel in enumerate(reversed(drawn)):
             course = np.array([np.nan if v is None else v for v in channel.heights()])
             where = (np.arange(course.size) + 0.5) / course.size

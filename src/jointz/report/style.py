@@ -2,73 +2,20 @@
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from jointz.core.gait_phases import PHASES
+from jointz.results.figure_style import MM_PER_INCH, MUTED, PANEL, SMALL_PT, WIDTH_MM
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-
-#: Double and single column of most journals, mm.
-WIDTH_MM: Final = 180.0
-COLUMN_MM: Final = 85.0
-_MM_PER_INCH = 25.4
-
-# Okabe and Ito's palette, safe for colour-blind readers; each differs from the others in
-# lightness as well, and marks differ in shape, so that grey prints stay readable.
-INK: Final = "#1b1f24"
-MUTED: Final = "#5f6872"
-FAINT: Final = "#b9c0c8"
-PANEL: Final = "#eff2f5"
-BLUE: Final = "#0072b2"
-SKY: Final = "#7fb2d3"
-VERMILION: Final = "#d55e00"
-ORANGE: Final = "#e69f00"
-GREEN: Final = "#009e73"
-PURPLE: Final = "#a0508c"
-
-SMALL_PT: Final = 6.5
-TINY_PT: Final = 6.0
-
-_RC: Mapping[str, Any] = {
-    # DejaVu Sans comes with matplotlib: outlines drawn from it look the same everywhere.
-    "font.family": "DejaVu Sans",
-    "font.size": 8.0,
-    "axes.labelsize": 8.0,
-    "axes.titlesize": 8.0,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
-    "legend.fontsize": 7.0,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": MUTED,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.unicode_minus": True,
-    "legend.frameon": False,
-    "lines.linewidth": 1.0,
-    "hatch.linewidth": 0.4,
-    "text.parse_math": False,  # a participant may be called "$1"
-    "svg.fonttype": "path",
-    "svg.hashsalt": "jointz",
-    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3, and text can be searched
-}
 
 # Two decimals of a point are 4 micrometres. Numbers below one may be scales and stay.
 _LONG_NUMBER = re.compile(r"(?<![\w.#])(-?[1-9]\d*\.\d\d)\d+")
@@ -79,35 +26,23 @@ _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 
 
-@contextmanager
-def figure_style() -> Iterator[None]:
-    """Set the style of figures drawn inside, and restore the user's afterwards."""
-    import matplotlib
-
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        settings: Any = matplotlib.rcParams  # its stubs allow literal keys only
-        settings.update(_RC)
-        yield
-
-
 def new_figure(height_mm: float, *, width_mm: float = WIDTH_MM) -> "Figure":
     """Return an empty figure outside pyplot."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH))
+    return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH))
 
 
 def width_of(figure: "Figure") -> float:
     """Return the width of a figure, mm."""
-    return float(figure.get_figwidth() * _MM_PER_INCH)
+    return float(figure.get_figwidth() * MM_PER_INCH)
 
 
 def place_axes(
     figure: "Figure", left_mm: float, top_mm: float, *, width_mm: float, height_mm: float
 ) -> "Axes":
     """Add axes at a place counted from the figure's upper left corner."""
-    total = figure.get_figheight() * _MM_PER_INCH
+    total = figure.get_figheight() * MM_PER_INCH
     bottom = total - top_mm - height_mm
     across = width_of(figure)
     box = (left_mm / across, bottom / total, width_mm / across, height_mm / total)
@@ -133,7 +68,7 @@ def place_panels(
 
 def place_text(figure: "Figure", left_mm: float, top_mm: float, text: str, **style: Any) -> None:
     """Write text at a place counted from the figure's upper left corner."""
-    total = figure.get_figheight() * _MM_PER_INCH
+    total = figure.get_figheight() * MM_PER_INCH
     figure.text(left_mm / width_of(figure), 1.0 - top_mm / total, text, **style)
 
 
@@ -141,7 +76,7 @@ def place_legend(
     figure: "Figure", handles: "Sequence[Artist]", *, columns: int | None = None
 ) -> None:
     """Put a legend at the top of a figure, by default in one row."""
-    below_edge = 1.0 / (figure.get_figheight() * _MM_PER_INCH)
+    below_edge = 1.0 / (figure.get_figheight() * MM_PER_INCH)
     figure.legend(
         handles=handles,
         loc="upper center",

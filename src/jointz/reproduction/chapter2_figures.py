@@ -7,13 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jointz.report.style import (
-    BLUE,
-    FAINT,
-    INK,
-    MUTED,
-    SMALL_PT,
-    VERMILION,
-    WIDTH_MM,
     legend_line,
     new_figure,
     panel_heading,
@@ -23,6 +16,7 @@ from jointz.report.style import (
 )
 from jointz.report.wording import MINUS, format_signed, parameter_label, pretty_unit
 from jointz.reproduction.chapter_page import Drawings, draw_figures, numbers
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, SMALL_PT, VERMILION, WIDTH_MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -314,7 +308,7 @@ def _write_values(axes: "Axes", values: np.ndarray, decimals: int) -> None:
         axes.text(
             (value if np.isfinite(value) else 0.0) + side * 0.03 * reach, row,
             format_signed(value, decimals=decimals), ha="left" if side > 0 else "right",
-            va="center", fontsize=SMALL_PT - 0.5, color=INK,
+            va="center", fontsize=SMALL_PT, color=INK,
         )  # fmt: skip
 
 

@@ -5,23 +5,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from jointz.report.style import (
-    BLUE,
-    FAINT,
-    INK,
-    MUTED,
-    SKY,
-    SMALL_PT,
-    VERMILION,
-    WIDTH_MM,
-    legend_line,
-    new_figure,
-    panel_heading,
-    place_axes,
-    place_legend,
-)
+from jointz.report.style import legend_line, new_figure, panel_heading, place_axes, place_legend
 from jointz.report.wording import MINUS, format_signed
 from jointz.reproduction.chapter_page import Drawings, draw_figures, every, mark, numbers
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, SKY, SMALL_PT, VERMILION, WIDTH_MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jointz.report.html_page import inline_svg, render_template
-from jointz.report.style import figure_style, to_svg
+from jointz.report.style import to_svg
 from jointz.report.wording import format_integer
 from jointz.reproduction.chapter_tables import table_cells
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import ClaimTable, Table, texts
+from jointz.results.figure_style import figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

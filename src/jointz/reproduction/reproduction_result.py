@@ -10,6 +10,7 @@ from jointz.core.provenance import now, software
 from jointz.reproduction.chapter_tables import table_lines
 from jointz.reproduction.reproduction_tables import Compared, ComparedTable, Table, texts
 from jointz.results.base import Result
+from jointz.results.figure_style import axes_or_new, in_figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,11 +74,10 @@ class Reproduction(Result):
         lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
         return "\n".join(lines)
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw ours over the printed numbers, where units are percent."""
-        import matplotlib.pyplot as plt
-
-        axes = ax if ax is not None else plt.subplots(layout="constrained")[1]
+        axes = axes_or_new(ax, (6.4, 4.8))
         frame = self.to_frame().query("unit == '%'")
         for name, marker in (("dissertation", "o"), ("recommended", "s")):
             axes.plot(*frame[["printed", name]].to_numpy(float).T, marker, linestyle="", label=name)

@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 from pydantic import BeforeValidator, InstanceOf, TypeAdapter
 
+from jointz.results.figure_style import axes_or_new, in_figure_style
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -87,8 +89,9 @@ class PlottedResult(Result):
     """Base of results with a figure; a subclass draws it in ``_draw``."""
 
     __slots__ = ()
-    FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 4.0)  # inches
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (8.0, 4.0)  # width and height
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the result.
 
@@ -200,15 +203,6 @@ def columns_with(kind: type, column: str, *, after: str) -> list[str]:
     columns = [f.name for f in fields(kind)]
     columns.insert(columns.index(after) + 1, column)
     return columns
-
-
-def axes_or_new(ax: "Axes | None", size: tuple[float, float]) -> "Axes":
-    """Return the axes, or those of a new figure (width and height in inches) if None."""
-    if ax is not None:
-        return ax
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(figsize=size, layout="constrained")[1]
 
 
 def summary_text(title: str, lines: Iterable[str], notes: Iterable[str] = ()) -> str:

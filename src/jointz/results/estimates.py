@@ -115,6 +115,22 @@ class Response(Result):
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PulseExample(Result):
+    """One pulse as measured, with its baseline: the pulse of median distance from the average."""
+
+    recording: str  # file of the recording
+    onset_s: float  # time of the onset in the recording, s
+    time_s: Array  # time from the onset
+    angle: Array  # measured angle, raw or filtered, as the method uses it, rad
+    torque: Array  # measured torque, raw or filtered, as the method uses it, N*m
+    baseline_angle: Array  # angle without the pulse, rad
+    baseline_torque: Array  # torque without the pulse, N*m
+    # measured minus baseline of the signal that is fitted, with the sign and the corrections of
+    # the average response: rad or N*m
+    response: Array
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class CellEstimate(Result):
     """Impedance of one participant at one timing point, case or group.
@@ -163,6 +179,8 @@ class CellEstimate(Result):
         of K, B and J, SI; empty for methods without priors.
     session, side : str
         Of the perturbed recordings; "" where the study does not state them, and on a bench.
+    example : PulseExample or None
+        One of the pulses, for figures.
     """
 
     participant: str
@@ -186,6 +204,7 @@ class CellEstimate(Result):
     prior_effects: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     session: str = ""
     side: str = ""
+    example: PulseExample | None = None
 
     @property
     def label(self) -> str:

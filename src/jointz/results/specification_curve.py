@@ -10,6 +10,7 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.results.base import Result, columns_with, record_frame, summary_text
+from jointz.results.figure_style import MM_PER_INCH, WIDTH_MM, in_figure_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,6 +125,7 @@ class SpecificationCurve(Result):
         title = f"Specification curve of {self.participant}: {n} sets of choices."
         return summary_text(title, lines)
 
+    @in_figure_style
     def plot(
         self,
         ax: "Axes | None" = None,
@@ -155,7 +157,8 @@ class SpecificationCurve(Result):
         import matplotlib.pyplot as plt
 
         room = {"left": 0.22, "right": 0.97}
-        axes = ax if ax is not None else plt.subplots(figsize=(8.0, 7.0), gridspec_kw=room)[1]
+        size = (WIDTH_MM / MM_PER_INCH, 6.0)
+        axes = ax if ax is not None else plt.subplots(figsize=size, gridspec_kw=room)[1]
         points = self.timing_points
         point = timing_point or (points[0] if points else "")
         estimates = self.of(parameter, point)
@@ -182,7 +185,7 @@ def _draw_choices(axes: "Axes", estimates: Sequence[SpecificationEstimate]) -> N
             at = [k for k, e in enumerate(estimates) if getattr(e, name) == value]
             below.plot(at, [len(labels)] * len(at), "|", color="black", markersize=4.0)
             labels.append(_label(name, value))
-    below.set_yticks(range(len(labels)), labels, fontsize="x-small")
+    below.set_yticks(range(len(labels)), labels, fontsize="small")
     below.invert_yaxis()
     below.set_xlabel("sets of choices, by their estimate")
 

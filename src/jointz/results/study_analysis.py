@@ -1,23 +1,28 @@
 """The analysis of a whole study, with everything needed to reproduce it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
-from jointz.results.base import Result, axes_or_new, record_frame, summary_text
+from jointz.results.base import Result, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.figure_style import BLUE, FAINT, axes_or_new, in_figure_style
 from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
+from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+#: Marks that tell people apart in grey, too.
+_MARKS = "osD^vPX*"
 #: Said where a bench has more than one "participant".
 NO_MEANS_ON_A_BENCH = (
     "Means over participants are left out: those of a bench study are loads, and a mean over "
@@ -81,6 +86,8 @@ class StudyAnalysis(Result):
     log_posteriors : tuple of LogPosterior
         Joint posterior of each walker's impedance at all timing points; of methods that provide
         it.
+    mean_strides : tuple of MeanStride
+        Mean stride of each walker in each condition, over the strides without pulses.
     certificate : Certificate or None
         What error to expect in this study; of walking by the method ``rigid``.
     statistics : mapping
@@ -103,6 +110,7 @@ class StudyAnalysis(Result):
     pooled: tuple[CellEstimate, ...] = ()
     models: tuple[ParticipantModel, ...] = ()
     log_posteriors: tuple[LogPosterior, ...] = ()
+    mean_strides: tuple[MeanStride, ...] = ()
     certificate: Certificate | None = None
     statistics: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -178,6 +186,7 @@ class StudyAnalysis(Result):
         )
         return summary_text(title, lines)
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
         """Draw one parameter with its intervals, over the gait cycle or the groups of a bench.
 
@@ -210,13 +219,29 @@ class StudyAnalysis(Result):
         places = {name: at for at, name in enumerate(dict.fromkeys(table["timing_point"]))}
         at = table["onset_gait_pct"] if walking else table["timing_point"].map(places)
         people = list(table.groupby(["participant", "session", "side"], sort=False))
+        means = [m for m in self.population if m.parameter == parameter and m.value is not None]
         for number, (key, rows) in enumerate(people):
             # Groups have one place; intervals stand beside each other. Onsets differ by themselves.
             beside = 0.0 if walking else (number - (len(people) - 1) / 2) * 0.05
+            # Where there are means, people are the background.
+            look: dict[str, Any] = {"color": FAINT, "linewidth": 0.6, "markersize": 2.5}
+            mark = _MARKS[number % len(_MARKS)]
             (line,) = axes.plot(
-                at[rows.index] + beside, rows["value"], "o-", label=row_label(*map(str, key))
+                at[rows.index] + beside,
+                rows["value"],
+                marker=mark,
+                linestyle="-" if walking else "",
+                label="" if means else row_label(*map(str, key)),
+                **(look if means else {}),
             )
-            axes.vlines(at[rows.index] + beside, rows["ci_low"], rows["ci_high"], line.get_color())
+            axes.vlines(
+                at[rows.index] + beside,
+                rows["ci_low"],
+                rows["ci_high"],
+                line.get_color(),
+                linewidth=line.get_linewidth(),
+            )
+        self._draw_means(axes, means, places, walking=bool(walking))
         unit = table["unit"].iloc[0] if len(table) else ""
         axes.set_xlabel("gait cycle (%)" if walking else "")
         if not walking:
@@ -224,8 +249,28 @@ class StudyAnalysis(Result):
         axes.set_ylabel(f"{parameter} ({unit})")
         axes.set_title(f"Vertical lines: {self.settings.get('ci_level', 0.95):.0%} intervals")
         if people:
-            axes.legend(frameon=False)
+            axes.legend(ncols=-(-len(people) // 8) if not means else 1)
         return axes
+
+    def _draw_means(
+        self,
+        axes: "Axes",
+        means: Sequence[PopulationEstimate],
+        places: Mapping[str, int],
+        *,
+        walking: bool,
+    ) -> None:
+        onsets = {m.timing_point: m.onset_gait_pct for m in means if m.onset_gait_pct is not None}
+        at_points: Mapping[str, float] = onsets if walking else places
+        drawn = [m for m in means if m.timing_point in at_points]
+        if not drawn:
+            return
+        ends = np.array([(m.ci_low, m.value, m.ci_high) for m in drawn], dtype=float)
+        at = [at_points[m.timing_point] for m in drawn]
+        label = f"mean over {drawn[0].n_participants} participants"
+        axes.plot(at, ends[:, 1], "o", color=BLUE, markersize=5.0, zorder=3, label=label)
+        axes.vlines(at, ends[:, 0], ends[:, 2], BLUE, linewidth=2.0, zorder=3)
+        axes.plot([], [], marker="o", color=FAINT, markersize=2.5, label="each participant")
 
 
 def _excluded(

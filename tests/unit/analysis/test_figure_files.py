@@ -23,9 +23,10 @@ from jointz.analysis.page.response_figures import (
     example_cells,
 )
 from jointz.core.events import PulseRecord
-from jointz.report.style import figure_style, new_figure, to_svg
+from jointz.report.style import new_figure, to_svg
 from jointz.report.subjects import timing_points
 from jointz.results.estimates import ParameterEstimate
+from jointz.results.figure_style import figure_style
 from jointz.results.study_analysis import StudyAnalysis
 
 
@@ -52,14 +53,14 @@ def test_every_figure_is_well_formed_svg_without_outside_references(walking):
     drawn = draw_figures(walking)
     assert time.process_time() - start < 6.0  # ten people and six timing points
     assert list(drawn) == [
-        "impedance_overview", "impedance_over_gait", "response_overview", "responses", "methods",
-        "onset_accuracy", "strides", "impedance_column",
+        "impedance_overview", "impedance_over_gait", "pulse_example", "response_overview",
+        "responses", "methods", "gait", "onset_accuracy", "strides", "impedance_column",
     ]  # fmt: skip
     for name, svg in drawn.items():
         root = ET.fromstring(svg)
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
         width_mm = float(root.attrib["width"].removesuffix("pt")) * 25.4 / 72.0
-        assert width_mm == pytest.approx(85.0 if name.endswith("_column") else 180.0, abs=0.01)
+        assert width_mm == pytest.approx(85.0 if name.endswith("_column") else 175.0, abs=0.01)
         links = [v for e in root.iter() for k, v in e.attrib.items() if k.endswith("href")]
         assert links
         assert all(link.startswith("#") for link in links)
@@ -68,10 +69,10 @@ def test_every_figure_is_well_formed_svg_without_outside_references(walking):
 
 
 def test_a_picture_has_a_pdf_of_its_size_with_its_fonts_and_without_a_date(recommended):
-    picture, again = (draw_picture(recommended, "budget") for _ in range(2))
+    picture, again = (draw_picture(recommended, "budget", pdf=True) for _ in range(2))
     assert (again.svg, again.pdf) == (picture.svg, picture.pdf)
     (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", picture.pdf)
-    assert float(box) * 25.4 / 72.0 == pytest.approx(180.0, abs=0.01)
+    assert float(box) * 25.4 / 72.0 == pytest.approx(175.0, abs=0.01)
     for word in (b"CreationDate", b"ModDate", b"Producer", b"/Creator", b"/Type3"):
         assert word not in picture.pdf
     assert b"/FontFile2" in picture.pdf
@@ -84,12 +85,12 @@ def texts(figure):
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_no_text_is_smaller_than_six_points_at_its_printed_size(walking, recommended, name):
+def test_no_text_is_smaller_than_seven_points_at_its_printed_size(walking, recommended, name):
     with figure_style():
         drawn = [figure_files._REPORT_FIGURES[name].draw(a) for a in (walking, recommended)]
         sizes = [t.get_fontsize() for f in drawn if f is not None for t in texts(f)]
     assert sizes
-    assert min(sizes) >= 6.0
+    assert min(sizes) >= 7.0
 
 
 def test_drawing_neither_reads_nor_changes_the_users_settings(bench):

@@ -266,7 +266,7 @@ def test_quiet_prints_nothing_and_writes_all(jointz, small_study, tmp_path):
         "estimates.csv", "comparison.csv", "population.csv", "excluded.csv", "statistics.json",
         "figures", "report.html", "provenance.json",
     }  # fmt: skip
-    assert {p.suffix for p in (out / "figures").iterdir()} == {".svg", ".pdf"}
+    assert {p.suffix for p in (out / "figures").iterdir()} == {".svg"}
     assert json.loads((out / "provenance.json").read_text())["seed"] == 0
 
 

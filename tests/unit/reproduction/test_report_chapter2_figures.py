@@ -4,9 +4,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from jointz.report.style import figure_style
 from jointz.reproduction import chapter2_figures
 from jointz.reproduction.chapter2_figures import draw_chapter2
+from jointz.results.figure_style import figure_style
 
 TRUTH = {
     "stiffness": dict(zip("12345", (165.0, 279.0, 165.0, 279.0, 165.0), strict=True)),
@@ -108,7 +108,7 @@ def test_every_curve_gives_its_figure_in_well_formed_svg(curves):
     assert list(drawn) == ["figure_2_5", "figure_intrinsic", "figure_2_6", "figure_mechanisms"]
     for svg in drawn.values():
         root = ET.fromstring(svg)
-        assert root.attrib["width"].startswith("510.23")  # 180 mm in points
+        assert root.attrib["width"].startswith("496.06")  # 175 mm in points
         assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", svg)
 
 

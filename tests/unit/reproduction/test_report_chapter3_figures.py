@@ -4,9 +4,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from jointz.report.style import figure_style
 from jointz.reproduction import chapter3_figures
 from jointz.reproduction.chapter3_figures import draw_chapter3
+from jointz.results.figure_style import figure_style
 
 
 def torque_models():
@@ -91,7 +91,7 @@ def test_every_curve_gives_its_figure_in_well_formed_svg(curves):
     assert list(drawn) == ["figure_3_3", "figure_3_4", "figure_3_5", "figure_3_6"]
     for svg in drawn.values():
         root = ET.fromstring(svg)
-        assert root.attrib["width"].startswith("510.23")  # 180 mm in points
+        assert root.attrib["width"].startswith("496.06")  # 175 mm in points
         assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]*"', "", svg)
         assert len(svg) < 1e6
 

@@ -1,6 +1,6 @@
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.report.style import figure_style
 from jointz.reproduction.chapter4.figures import DRAWINGS
+from jointz.results.figure_style import figure_style
 
 PARAMETERS = {"stiffness_per_mass": 1.0, "damping_per_mass": 0.04, "inertia": 0.05}
 

@@ -2,10 +2,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from jointz.report.style import figure_style
 from jointz.reproduction.chapter4.published_statistics import published_statistics
 from jointz.reproduction.chapter4.statistics_figures import STATISTICS_DRAWINGS as DRAWINGS
 from jointz.reproduction.chapter_page import draw_figures
+from jointz.results.figure_style import figure_style
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_both_figures_are_well_formed_and_small(curves):
     made = draw_figures(DRAWINGS, curves)
     assert list(made) == ["figure_pairs", "figure_replicates"]
     for svg in made.values():
-        assert ET.fromstring(svg).attrib["width"].startswith("510.23")  # 180 mm in points
+        assert ET.fromstring(svg).attrib["width"].startswith("496.06")  # 175 mm in points
         assert len(svg) < 150e3
     assert draw_figures(DRAWINGS, curves) == made
 

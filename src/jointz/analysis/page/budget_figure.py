@@ -7,7 +7,11 @@ import numpy as np
 
 from jointz.analysis.page.details_tables import SOURCES, variance_shares
 from jointz.analysis.summary import counted_people
-from jointz.report.style import (
+from jointz.report.style import new_figure, panel_heading, place_legend, place_panels
+from jointz.report.subjects import subjects, timing_points
+from jointz.report.wording import ABSOLUTE, parameter_name
+from jointz.results.estimates import CellEstimate
+from jointz.results.figure_style import (
     BLUE,
     FAINT,
     GREEN,
@@ -18,16 +22,8 @@ from jointz.report.style import (
     PURPLE,
     SKY,
     SMALL_PT,
-    TINY_PT,
     VERMILION,
-    new_figure,
-    panel_heading,
-    place_legend,
-    place_panels,
 )
-from jointz.report.subjects import subjects, timing_points
-from jointz.report.wording import ABSOLUTE, parameter_name
-from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -167,7 +163,7 @@ def _finish(axes: "Axes", names: Sequence[str], sizes: Sequence[float], *, first
         if np.isfinite(size):
             axes.text(
                 at, 101.5, f"{100 * size:.2g} %", ha="center", va="bottom",
-                fontsize=TINY_PT, color=MUTED,
+                fontsize=SMALL_PT, color=MUTED,
             )  # fmt: skip
 
 

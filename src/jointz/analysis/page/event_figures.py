@@ -10,17 +10,6 @@ import numpy as np
 from jointz.core.codes import Exclusion
 from jointz.core.events import StrideRecord
 from jointz.report.style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    PURPLE,
-    SKY,
-    SMALL_PT,
-    TINY_PT,
-    VERMILION,
-    WIDTH_MM,
     legend_line,
     new_figure,
     place_axes,
@@ -29,6 +18,18 @@ from jointz.report.style import (
     ticks_at,
 )
 from jointz.report.wording import MINUS, format_count, format_signed
+from jointz.results.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SMALL_PT,
+    VERMILION,
+    WIDTH_MM,
+)
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.description import onset_errors
 
@@ -61,11 +62,11 @@ def draw_strides(analysis: StudyAnalysis) -> "Figure | None":
     longest = _longest(analysis.strides)
     boxes = _column_boxes([longest[name] for name in conditions])
     for (left, _), name in zip(boxes, [*conditions, "accepted"], strict=True):
-        place_text(figure, left, 11.0, name, fontweight="bold", va="center")
+        place_text(figure, left, 11.0, name.replace("_", " "), fontsize=SMALL_PT, va="center")
     for i, ((person, _), by_condition) in enumerate(grid.items()):
         top, last = 14.0 + i * pitch, i == len(grid) - 1
         place_text(figure, 1.0, top + 0.5 * height, person, fontweight="bold", va="center",
-                   fontsize=7.0 if len(person) <= 6 else TINY_PT)  # fmt: skip
+                   fontsize=SMALL_PT)  # fmt: skip
         limits = _duration_limits([s for own in by_condition.values() for s in own])
         for (left, width), condition in zip(boxes[:-1], conditions, strict=True):
             axes = place_axes(figure, left, top, width_mm=width, height_mm=height)
@@ -245,7 +246,7 @@ def _duration_axis(
     axes.locator_params(axis="x", nbins=5)
     axes.tick_params(labelsize=SMALL_PT, labelleft=labelled, labelbottom=last)
     if last:
-        axes.set_xlabel("Time (s)", fontsize=SMALL_PT + 0.5)
+        axes.set_xlabel("Time (s)", fontsize=SMALL_PT)
 
 
 def _draw_histogram(
@@ -260,7 +261,7 @@ def _draw_histogram(
         sd = f" ± {np.std(accepted, ddof=1):.3f}" if len(accepted) > 1 else ""
         axes.text(
             1.0, 0.96, f"{mean:.2f}{sd} s", transform=axes.transAxes,
-            ha="right", va="top", fontsize=TINY_PT, color=MUTED,
+            ha="right", va="top", fontsize=SMALL_PT, color=MUTED,
         )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import pandas as pd
@@ -14,6 +15,12 @@ from jointz.analysis.page.event_figures import (
     draw_strides,
     onset_caption,
     strides_caption,
+)
+from jointz.analysis.page.gait_figures import (
+    draw_gait,
+    draw_pulse_example,
+    gait_caption,
+    pulse_example_caption,
 )
 from jointz.analysis.page.impedance_figures import (
     draw_impedance_column,
@@ -35,7 +42,8 @@ from jointz.analysis.page.response_figures import (
     responses_caption,
 )
 from jointz.report.html_page import page_figures
-from jointz.report.style import figure_style, to_pdf, to_svg
+from jointz.report.style import to_pdf, to_svg
+from jointz.results.figure_style import figure_style
 from jointz.results.study_analysis import StudyAnalysis
 
 if TYPE_CHECKING:
@@ -62,6 +70,9 @@ _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
     "impedance_over_gait": _ReportFigure(
         draw_impedance_over_gait, "Impedance", impedance_caption, "participants"
     ),
+    "pulse_example": _ReportFigure(
+        draw_pulse_example, "One pulse", pulse_example_caption, "responses"
+    ),
     "response_overview": _ReportFigure(
         draw_response_overview, "Responses to the pulses", response_overview_caption, "responses"
     ),
@@ -73,6 +84,7 @@ _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
     ),
     "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
     "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),
+    "gait": _ReportFigure(draw_gait, "Mean stride", gait_caption, "recordings"),
     "onset_accuracy": _ReportFigure(
         draw_onset_accuracy, "Accuracy of the onset", onset_caption, "recordings"
     ),
@@ -101,7 +113,7 @@ class Picture:
     """A figure in the formats that it is written in."""
 
     svg: str  # one ``<svg>`` element; text is outlines
-    pdf: bytes  # the same, with text in embedded TrueType fonts
+    pdf: bytes | None = None  # the same, with text in embedded TrueType fonts, if requested
 
 
 def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
@@ -119,14 +131,14 @@ def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
     return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
 
 
-def draw_picture(analysis: StudyAnalysis, name: str) -> Picture | None:
-    """Draw one figure once, and write it in every format; None if there is no data for it."""
-    return _written(_REPORT_FIGURES[name].draw, analysis, _to_picture)
+def draw_picture(analysis: StudyAnalysis, name: str, *, pdf: bool = False) -> Picture | None:
+    """Draw one figure once, as SVG and on request as PDF; None if there is no data for it."""
+    return _written(_REPORT_FIGURES[name].draw, analysis, partial(_to_picture, pdf=pdf))
 
 
-def draw_truth_picture(truth: pd.DataFrame) -> Picture | None:
+def draw_truth_picture(truth: pd.DataFrame, *, pdf: bool = False) -> Picture | None:
     """Draw estimates against the truth of a simulation; None if there is nothing to compare."""
-    return _written(draw_truth, truth, _to_picture)
+    return _written(draw_truth, truth, partial(_to_picture, pdf=pdf))
 
 
 def captions(analysis: StudyAnalysis) -> dict[str, str]:
@@ -155,8 +167,8 @@ def figures_by_section(
     return sections
 
 
-def _to_picture(figure: "Figure") -> Picture:
-    return Picture(to_svg(figure), to_pdf(figure))
+def _to_picture(figure: "Figure", *, pdf: bool) -> Picture:
+    return Picture(to_svg(figure), to_pdf(figure) if pdf else None)
 
 
 def _written(

@@ -14,12 +14,6 @@ from jointz.analysis.summary import (
 )
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.report.style import (
-    BLUE,
-    COLUMN_MM,
-    FAINT,
-    INK,
-    SKY,
-    WIDTH_MM,
     legend_line,
     new_figure,
     panel_heading,
@@ -37,6 +31,7 @@ from jointz.report.wording import (
     parameter_name,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, INK, SKY, WIDTH_MM
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 if TYPE_CHECKING:

@@ -15,7 +15,17 @@ from jointz.analysis.summary import (
 )
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.report.style import (
+from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
+from jointz.report.subjects import shown_parameters, subjects, timing_points
+from jointz.report.wording import (
+    PARAMETERS,
+    format_count,
+    method_name,
+    parameter_label,
+    parameter_name,
+    pretty_unit,
+)
+from jointz.results.figure_style import (
     BLUE,
     FAINT,
     GREEN,
@@ -26,20 +36,6 @@ from jointz.report.style import (
     SMALL_PT,
     VERMILION,
     WIDTH_MM,
-    legend_line,
-    new_figure,
-    panel_heading,
-    place_legend,
-    place_panels,
-)
-from jointz.report.subjects import shown_parameters, subjects, timing_points
-from jointz.report.wording import (
-    PARAMETERS,
-    format_count,
-    method_name,
-    parameter_label,
-    parameter_name,
-    pretty_unit,
 )
 from jointz.results.study_analysis import StudyAnalysis
 

@@ -14,6 +14,7 @@ from jointz.analysis.page.caveats import caveats
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import figures_by_section
 from jointz.analysis.page.first_page import first_page
+from jointz.analysis.page.level_tests_section import device_effect_clause, level_tests_section
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.next_measures import instrument_shares
 from jointz.analysis.page.published_values import published_section
@@ -112,6 +113,8 @@ def render_report(
         common_number=_common_number(analysis),
         mean_note=mean_over_people_note(analysis),
         effects=effects_section(statistics),
+        tests=level_tests_section(statistics),
+        device_effect=device_effect_clause(analysis),
         packages=_packages(provenance),
         inputs=inputs if len(inputs) <= _FIRST_ROWS else [],
         n_inputs=len(inputs),

@@ -10,15 +10,6 @@ from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
 from jointz.core.method_names import STRAPPED
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
-    BLUE,
-    FAINT,
-    INK,
-    MUTED,
-    PANEL,
-    SMALL_PT,
-    TINY_PT,
-    VERMILION,
-    WIDTH_MM,
     broken_line,
     legend_line,
     new_figure,
@@ -29,6 +20,16 @@ from jointz.report.style import (
 from jointz.report.subjects import timing_points
 from jointz.report.wording import DASH, format_vaf
 from jointz.results.estimates import CellEstimate, Response
+from jointz.results.figure_style import (
+    BLUE,
+    FAINT,
+    INK,
+    MUTED,
+    PANEL,
+    SMALL_PT,
+    VERMILION,
+    WIDTH_MM,
+)
 from jointz.results.study_analysis import StudyAnalysis
 
 if TYPE_CHECKING:
@@ -92,9 +93,8 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
         top = _TOP_MM + i * pitch
         if row.first:
             lines = row.participant.split(", ")  # with session and side, one below the other
-            size = 7.0 if max(map(len, lines)) <= 5 else TINY_PT
             middle = top + 0.5 * height
-            place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=size,
+            place_text(figure, 1.0, middle, "\n".join(lines), va="center", fontsize=SMALL_PT,
                        fontweight="bold")  # fmt: skip
         for left, quantity, _ in _blocks():
             axes = place_axes(figure, left, top, width_mm=_BLOCK_MM, height_mm=height)
@@ -127,7 +127,7 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
     row = _Row("", [f"{c.label}, {c.timing_point}" for c in examples], first=True)
     by_name = {("", name): c for name, c in zip(row.names, examples, strict=True)}
     label = f"Time from {'commanded ' if onset_is_commanded(analysis) else ''}onset (ms)"
-    place_text(figure, 1.0, _TOP_MM + 58.0, "Examples", va="center", fontsize=TINY_PT,
+    place_text(figure, 1.0, _TOP_MM + 58.0, "Examples", va="center", fontsize=SMALL_PT,
                fontweight="bold")  # fmt: skip
     for left, quantity, _ in _blocks():
         axes = place_axes(figure, left, _TOP_MM + 40.0, width_mm=_BLOCK_MM, height_mm=34.0)
@@ -149,7 +149,7 @@ def response_overview_caption(analysis: StudyAnalysis) -> str:
     return (
         "Average responses after subtraction of the baseline. Above: every participant (grey) "
         f"and their mean. Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
-        "figures/responses.pdf shows every participant and timing point. "
+        "figures/responses.svg shows every participant and timing point. "
         f"n: {counted_people_and_pulses(analysis)}."
     )
 
@@ -195,7 +195,7 @@ def _draw_band(
     for i, own in enumerate(groups):
         axes.text(
             i * pitch + 0.05 * window_s, 0.97, f"n {len(own)}",
-            transform=axes.get_xaxis_transform(), va="top", fontsize=TINY_PT, color=MUTED,
+            transform=axes.get_xaxis_transform(), va="top", fontsize=SMALL_PT, color=MUTED,
         )  # fmt: skip
 
 
@@ -268,7 +268,7 @@ def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s
         text = _panel_text(cell, quantity)
         axes.text(
             i * pitch + 0.05 * window_s, 0.97, text, transform=axes.get_xaxis_transform(),
-            va="top", fontsize=TINY_PT, color=MUTED,
+            va="top", fontsize=SMALL_PT, color=MUTED,
         )  # fmt: skip
 
 
@@ -312,10 +312,10 @@ def _time_axis(axes: "Axes", count: int, window_s: float, *, label: str) -> None
     if not label:
         axes.set_xticks([])
         return
-    axes.set_xticks(ticks, ["0", f"{1000 * window_s:.0f}"] * count, fontsize=TINY_PT)
+    axes.set_xticks(ticks, ["0", f"{1000 * window_s:.0f}"] * count, fontsize=SMALL_PT)
     for i, tick in enumerate(axes.get_xticklabels()):
         tick.set_horizontalalignment("right" if i % 2 else "left")
-    axes.set_xlabel(label, fontsize=SMALL_PT + 0.5)
+    axes.set_xlabel(label, fontsize=SMALL_PT)
 
 
 def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:
@@ -326,7 +326,7 @@ def _name_columns(axes: "Axes", names: Sequence[str], window_s: float) -> None:
         axes.text(
             i * window_s * (1.0 + _GAP) + 0.5 * window_s, 1.03, text,
             transform=axes.get_xaxis_transform(), ha="center", va="bottom",
-            fontsize=TINY_PT if long else 7.0, linespacing=1.0,
+            fontsize=SMALL_PT, linespacing=1.0,
         )  # fmt: skip
 
 

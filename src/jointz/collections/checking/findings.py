@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.results.base import Result
+from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class CollectionCheck(Result):
         head = f"{_counted(len(self.entries), 'entry')}: {problems if broken else 'no problems.'}"
         return "\n".join([head, *(f"  {finding}" for finding in self.findings)])
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the number of problems of each entry."""
         return _drawn({name: len(self.of(name)) for name in self.entries}, ax)
@@ -104,6 +106,7 @@ class CatalogBuild(Result):
         head += f"; {_counted(len(self.skipped_entries), 'entry')} skipped."
         return "\n".join([head, *(f"  {finding}" for finding in self.skipped)])
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the number of problems of each entry; entries with problems are skipped."""
         return _drawn(self._problems(), ax)
@@ -116,9 +119,7 @@ def _counted(n: int, noun: str) -> str:
 
 
 def _drawn(problems: Mapping[str, int], ax: "Axes | None") -> "Axes":
-    import matplotlib.pyplot as plt
-
-    axes = ax if ax is not None else plt.subplots(figsize=(6.0, 4.0), layout="constrained")[1]
+    axes = axes_or_new(ax, (6.0, 4.0))
     at = np.arange(len(problems))
     colours = [MODEL if n else INK for n in problems.values()]
     axes.barh(at, list(problems.values()), color=colours)

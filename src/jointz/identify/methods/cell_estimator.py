@@ -13,13 +13,15 @@ from jointz.identify.bench.pulse_estimates import pulse_estimates
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.cell_windows import WindowCutter, unfiltered_source
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
+from jointz.identify.prediction.predicted_cells import example_place
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.baselines import Baseline
 from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import CellData, Fit, FitSettings, Windows, dead_signals
+from jointz.identify.preparation.conditioning import ANGLE, TORQUE
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.study_kinds import StudyKind
-from jointz.results.estimates import CellEstimate
+from jointz.results.estimates import CellEstimate, PulseExample
 
 #: Unfiltered windows begin this much before the onset and end this much after the window, for
 #: the low-pass of what is in it.
@@ -150,9 +152,8 @@ class CellEstimator:
         if self._method.raw:
             raw_windows, unperturbed = self._raw.cut(used)
             raw = Windows(raw_windows, signs, unperturbed, self._lead)
-        fit = self._method.fit(
-            CellData(Windows(windows, signs, baseline), raw), self._fit_settings(used)
-        )
+        filtered = Windows(windows, signs, baseline)
+        fit = self._method.fit(CellData(filtered, raw), self._fit_settings(used))
         return CellEstimate(
             participant=self._participant,
             timing_point=label,
@@ -167,6 +168,22 @@ class CellEstimator:
             displacement_rad=fit.displacement_rad,
             response=fit.response,
             nuisance=fit.nuisance,
+            example=self._example(used, filtered),
+        )
+
+    def _example(self, used: Sequence[Candidate], windows: Windows) -> PulseExample:
+        torque = windows.responses()[:, TORQUE]
+        best = example_place(torque)
+        recorded, baseline = windows.recorded[best], windows.baseline.mean()[best]
+        return PulseExample(
+            recording=used[best].record.recording,
+            onset_s=used[best].pulse.onset_s,
+            time_s=np.arange(recorded.shape[1]) / self._sources[used[0].source].signals.rate_hz,
+            angle=recorded[ANGLE],
+            torque=recorded[TORQUE],
+            baseline_angle=baseline[ANGLE],
+            baseline_torque=baseline[TORQUE],
+            response=torque[best],
         )
 
     def _fit_settings(self, used: Sequence[Candidate]) -> FitSettings:

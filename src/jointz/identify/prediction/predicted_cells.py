@@ -12,6 +12,7 @@ from jointz.identify.prediction.pulse_checks import copied_pulses, ineffective_p
 from jointz.identify.prediction.pulse_shapes import pulse_shapes
 from jointz.identify.prediction.unperturbed_prediction import (
     FEWEST_STRIDES,
+    LEAD_SAMPLES,
     Predicted,
     UnperturbedPredictor,
     join_predictions,
@@ -19,9 +20,16 @@ from jointz.identify.prediction.unperturbed_prediction import (
 )
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.cell_data import dead_signals
-from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals
+from jointz.identify.preparation.raw_signals import (
+    DRIVING,
+    FRICTION,
+    RAW_ANGLE,
+    common_rate_hz,
+    raw_signals,
+)
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
 from jointz.kernels.robust_spread import robust_moments, robust_sd
+from jointz.results.estimates import PulseExample
 
 #: If more than this share of the pulses did not reach the joint, the others did not in full.
 _MOST_UNFELT = 0.3
@@ -50,6 +58,12 @@ class PredictedCell:
         codes = self.predicted.codes
         predicted = [c for c, code in zip(self.candidates, codes, strict=True) if not code]
         return [c for c, keep in zip(predicted, self.kept, strict=True) if keep]
+
+
+def example_place(responses: np.ndarray) -> int:
+    """Return the pulse whose response (pulse, n) has the median distance from their average."""
+    distances = ((responses - responses.mean(axis=0)) ** 2).sum(axis=1)
+    return int(np.argsort(distances)[len(distances) // 2])
 
 
 class CellPredictor:
@@ -109,6 +123,30 @@ class CellPredictor:
             stride_s=float(np.median(strides.duration_s)) if strides is not None else np.nan,
         )
         return cell, codes
+
+    def example(
+        self, cell: PredictedCell, chosen: np.ndarray | None = None, *, n: int
+    ) -> PulseExample:
+        """Return n samples of one of the used pulses, or of those chosen."""
+        places = np.arange(len(cell.used)) if chosen is None else np.flatnonzero(chosen)
+        responses = cell.predicted.responses[cell.kept][places, :, :n]
+        best = example_place(responses[:, 0])
+        candidate, response = cell.used[places[best]], responses[best]
+        begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * cell.period_s])
+        signals = self._predictor(candidate.source).signals
+        cut, _ = signals.cut(begin, before_s=0.0, after_s=n * cell.period_s)
+        angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
+        sign = candidate.pulse.sign
+        return PulseExample(
+            recording=candidate.record.recording,
+            onset_s=candidate.pulse.onset_s,
+            time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
+            angle=angle,
+            torque=torque,
+            baseline_angle=angle - sign * response[0],
+            baseline_torque=torque - sign * response[1:].sum(axis=0),
+            response=response[0],
+        )
 
     def _checked(
         self, predicted: Predicted, candidates: Sequence[Candidate], *, by_shape: bool

@@ -100,7 +100,7 @@ class UnperturbedPredictor:
         window_s: float,
         others: Sequence[tuple[Source, Conditioned]] = (),
     ) -> None:
-        self._signals = signals
+        self.signals = signals
         self._window_s = window_s
         self._recording = _Lesson(source, signals, window_s)
         self._relative = bool(others)
@@ -109,11 +109,11 @@ class UnperturbedPredictor:
     @property
     def rate_hz(self) -> float:
         """Sampling rate of the prediction."""
-        return self._signals.rate_hz
+        return self.signals.rate_hz
 
     def predict(self, candidates: Sequence[Candidate]) -> Predicted:
         """Predict the windows of the pulses of one cell."""
-        lead_s = LEAD_SAMPLES / self._signals.rate_hz
+        lead_s = LEAD_SAMPLES / self.signals.rate_hz
         pulses = self._recording.moments(np.array([c.pulse.onset_s - lead_s for c in candidates]))
         usable = pulses.valid & np.isfinite(pulses.ratio)
         middle = _middle(pulses.ratio[usable])
@@ -123,7 +123,7 @@ class UnperturbedPredictor:
         # Angles relative to the level before the onset do not include the posture.
         levels_rad = pulses.features[usable, 0] if self._relative else np.zeros(1)
         pulses = pulses.relative() if self._relative else pulses
-        n = round(self._window_s * self._signals.rate_hz) + 1 + LEAD_SAMPLES
+        n = round(self._window_s * self.signals.rate_hz) + 1 + LEAD_SAMPLES
         virtual = self._virtual(
             pulses.ratio[usable], middle, label=candidates[0].record.timing_point
         )

@@ -272,6 +272,7 @@ class WalkingEstimator:
             through_instruments=instrument_shares(i, posterior),
             covariance=tuple(map(tuple, covariance.tolist())),
             prior_effects=effects,
+            example=self._predictor.example(cell, n=response.angle.size),
         )
 
     def _gravity_corrected(

@@ -121,8 +121,7 @@ def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> 
     time_s = np.arange(angle.size) * period_s
     recorded = driving + value_of(known.friction_gain, 1.0) * friction
     torque = np.interp(time_s + late_s, time_s, recorded)
-    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
-    angle = angle - shown * torque
+    angle = angle - shown_per_torque(known) * torque
     # Beyond, the torque was recorded after the end of the window.
     known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
     return ShapeAverage(
@@ -131,6 +130,11 @@ def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> 
         n_pulses=len(responses),
         used=known_torque & usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
     )
+
+
+def shown_per_torque(known: CalibrationSpec) -> float:
+    """Return the angle that the sensor shows per torque by the twist of its mount, rad/(N*m)."""
+    return value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
 
 
 def usable_samples(angle: np.ndarray, time_s: np.ndarray) -> np.ndarray:

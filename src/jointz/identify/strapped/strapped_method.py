@@ -47,9 +47,20 @@ from jointz.identify.strapped.information import remaining_sds
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.posterior import CYCLE_SHARES, LegPosterior, explain
 from jointz.identify.strapped.prior import STEADY, LegPriors
-from jointz.identify.strapped.responses import FIT_S, PointResponse, point_response
+from jointz.identify.strapped.responses import (
+    FIT_S,
+    PointResponse,
+    point_response,
+    shown_per_torque,
+)
 from jointz.identify.study_kinds import StudyKind
-from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, Response
+from jointz.results.estimates import (
+    REACH_95,
+    CellEstimate,
+    ParameterEstimate,
+    PulseExample,
+    Response,
+)
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
 from jointz.results.log_posterior import LogPosterior
 
@@ -370,7 +381,18 @@ class _Participant:
             through_instruments=_through_sources(k, explained, parameters),
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], point, centre),
+            example=self._example(cell, point, explained.known),
         )
+
+    def _example(
+        self, cell: PredictedCell, point: PointResponse, known: CalibrationSpec
+    ) -> PulseExample:
+        """Return a pulse of the most frequent shape; its response is as signed."""
+        most = int(np.argmax([s.n_pulses for s in point.shapes]))
+        example = self._predictor.example(cell, point.shape_of_pulse == most, n=point.time_s.size)
+        torque = example.torque - example.baseline_torque
+        shown = shown_per_torque(known) * torque
+        return replace(example, response=example.angle - example.baseline_angle - shown)
 
     def _gravity_corrected(
         self,

@@ -3,7 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from jointz.report.style import (
+from jointz.report.style import legend_line, new_figure, place_axes, place_legend, shade_phases
+from jointz.report.wording import DASH, parameter_label
+from jointz.reproduction.chapter4 import statistics_figures
+from jointz.reproduction.chapter_page import Drawings, draw_figures, mark
+from jointz.results.figure_style import (
     BLUE,
     FAINT,
     GREEN,
@@ -14,15 +18,7 @@ from jointz.report.style import (
     SKY,
     SMALL_PT,
     VERMILION,
-    legend_line,
-    new_figure,
-    place_axes,
-    place_legend,
-    shade_phases,
 )
-from jointz.report.wording import DASH, parameter_label
-from jointz.reproduction.chapter4 import statistics_figures
-from jointz.reproduction.chapter_page import Drawings, draw_figures, mark
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

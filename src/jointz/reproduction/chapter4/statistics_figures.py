@@ -6,16 +6,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from jointz.report.style import (
-    BLUE,
-    FAINT,
-    GREEN,
-    INK,
-    MUTED,
-    PANEL,
-    SKY,
-    SMALL_PT,
-    VERMILION,
-    WIDTH_MM,
     broken_line,
     legend_line,
     new_figure,
@@ -26,6 +16,18 @@ from jointz.report.style import (
 )
 from jointz.report.wording import MINUS, pretty_unit
 from jointz.reproduction.chapter_page import Drawings, numbers
+from jointz.results.figure_style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    MUTED,
+    PANEL,
+    SKY,
+    SMALL_PT,
+    VERMILION,
+    WIDTH_MM,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import Result, axes_or_new, summary_text
+from jointz.results.base import Result, summary_text
+from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK
 
 if TYPE_CHECKING:
@@ -139,6 +140,7 @@ class PhaseCurve(Result):
         )
         return summary_text(title, (_range(b, self.gait_pct) for b in self.bands), self.warnings)
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None, *, parameter: str = "stiffness") -> "Axes":
         """Draw the curves of one parameter over the cycle, with band and estimates.
 

@@ -12,7 +12,8 @@ from scipy.special import stdtrit
 
 from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
 from jointz.kernels.statistics.multivariate_random_effects import MultivariateFit
-from jointz.results.base import Array, PlottedResult, Result, axes_or_new, summary_text
+from jointz.results.base import Array, PlottedResult, Result, summary_text
+from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class RandomEffects(Result):
         ]
         return summary_text(title, lines)
 
+    @in_figure_style
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw a forest plot: the studies, their mean below them."""
         f = self.fit

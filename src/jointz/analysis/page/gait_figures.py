@@ -1,0 +1,227 @@
+"""Figures of the mean stride with the onsets of the pulses, and of one pulse with its fit."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from jointz.analysis.device_effect import mean_strides_of_people
+from jointz.core.gait_phases import circular_mean_pct
+from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
+from jointz.report.subjects import subjects, timing_points
+from jointz.results.estimates import CellEstimate
+from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, PANEL, SMALL_PT, VERMILION
+from jointz.results.statistics.waveform_test import WaveformTest
+from jointz.results.study_analysis import StudyAnalysis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEFT_MM: Final = 13.0
+_TOP_MM: Final = 13.0
+_HEIGHT_MM: Final = 38.0
+_LOOKS: Final = {
+    "no_device": ("without the device", INK, "--"),
+    "unperturbed": ("with the device", BLUE, "-"),
+    "perturbed": ("perturbed recordings, strides without a pulse", VERMILION, ":"),
+}
+
+
+# --- mean stride -----------------------------------------------------------------------------
+
+
+def draw_gait(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw mean angle and torque over the cycle with the onsets, and the effect of the device."""
+    curves = _shown_conditions(analysis)
+    if not curves:
+        return None
+    test = device_effect_of(analysis)
+    figure = new_figure(_TOP_MM + _HEIGHT_MM + 10.0)
+    axes = place_panels(figure, 3, left_mm=_LEFT_MM, top_mm=_TOP_MM, height_mm=_HEIGHT_MM)
+    headings = ["Angle (deg)", "Torque of the device (N·m)", "Effect of the device (deg)"]
+    with_torque = any(torque is not None for _, torque in curves.values())
+    for panel, heading, drawn in zip(axes, headings, (True, with_torque, test), strict=True):
+        if not drawn:
+            panel.remove()
+            continue
+        panel_heading(panel, heading, stacked=True)
+        panel.set(xlim=(0.0, 100.0), xticks=range(0, 101, 20), xlabel="Gait cycle (%)")
+    _draw_means(axes[0], {c: np.degrees(angle) for c, (angle, _) in curves.items()})
+    _draw_means(axes[1], {c: torque for c, (_, torque) in curves.items() if torque is not None})
+    if test is not None:
+        _draw_effect(axes[2], test)
+    for panel in axes[: 1 + with_torque]:
+        _mark_onsets(panel, analysis)
+    handles = [legend_line(*_LOOKS[c][:2], linestyle=_LOOKS[c][2]) for c in curves]
+    place_legend(figure, handles)
+    return figure
+
+
+def gait_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of the mean stride."""
+    curves = _shown_conditions(analysis)
+    n = max((len(angle) for angle, _ in curves.values()), default=0)
+    spread = "between participants" if n > 1 else "between strides"
+    text = f"Mean over {n} participants" if n > 1 else "Mean over the strides of the participant"
+    text += f" of strides without a pulse; band: SD {spread}. Vertical lines: mean onsets of the"
+    text += " pulses."
+    test = device_effect_of(analysis)
+    if test is None:
+        return text
+    return (
+        f"{text} Right: angle with minus without the device, mean of {test.n_a} participants, with "
+        f"its {100 * (1 - test.alpha):.0f} % band for the whole cycle (statistical parametric "
+        "mapping, paired t test); shaded where it differs from zero."
+    )
+
+
+def device_effect_of(analysis: StudyAnalysis) -> WaveformTest | None:
+    """Return the stored test of the angle with against without the device."""
+    stored = analysis.statistics.get("device_effect")
+    return WaveformTest.from_dict(stored["test"]) if stored else None
+
+
+def _shown_conditions(
+    analysis: StudyAnalysis,
+) -> dict[str, tuple[np.ndarray, np.ndarray | None]]:
+    """Return angle (person, n), and torque if there is one, of each condition."""
+    curves = mean_strides_of_people(analysis.mean_strides)
+    # Perturbed recordings are drawn if nothing else was recorded with the device.
+    worn = "unperturbed" if "unperturbed" in curves else "perturbed"
+    return {
+        name: (np.stack([a for a, _ in people.values()]), _stacked([t for _, t in people.values()]))
+        for name, people in curves.items()
+        if name in ("no_device", worn)
+    }
+
+
+def _stacked(torques: Sequence[np.ndarray | None]) -> np.ndarray | None:
+    known = [t for t in torques if t is not None]
+    return np.stack(known) if known else None
+
+
+def _draw_means(axes: "Axes", curves: Mapping[str, np.ndarray]) -> None:
+    for condition, rows in curves.items():
+        _, colour, line = _LOOKS[condition]
+        mean, at = rows.mean(axis=0), np.linspace(0.0, 100.0, rows.shape[1])
+        axes.plot(at, mean, line, color=colour, linewidth=1.2)
+        if len(rows) > 1:
+            sd = rows.std(axis=0, ddof=1)
+            axes.fill_between(at, mean - sd, mean + sd, color=colour, alpha=0.15, linewidth=0)
+
+
+def _mark_onsets(axes: "Axes", analysis: StudyAnalysis) -> None:
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.22 * (high - low))
+    for k, name in enumerate(timing_points(analysis.cells)):
+        own = [
+            c.onset_gait_pct
+            for c in analysis.cells
+            if c.timing_point == name and c.onset_gait_pct is not None
+        ]
+        if own:
+            at = circular_mean_pct(own)
+            axes.axvline(at, color=FAINT, linewidth=0.8, zorder=0)
+            axes.text(
+                at, 1.0 - 0.08 * (k % 2), name, transform=axes.get_xaxis_transform(),
+                ha="center", va="top", fontsize=SMALL_PT, color=MUTED,
+            )  # fmt: skip
+
+
+def _draw_effect(axes: "Axes", test: WaveformTest) -> None:
+    at = np.linspace(0.0, 100.0, len(test.t))
+    low, middle, high = (np.degrees(c) for c in (test.ci_low, test.difference, test.ci_high))
+    per_node = 100.0 / (len(test.t) - 1)
+    for cluster in test.clusters:
+        axes.axvspan(
+            cluster.start_node * per_node, cluster.end_node * per_node, color=PANEL, zorder=0
+        )
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    axes.fill_between(at, low, high, color=BLUE, alpha=0.2, linewidth=0)
+    axes.plot(at, middle, color=BLUE, linewidth=1.2)
+
+
+# --- one pulse -------------------------------------------------------------------------------
+
+
+def draw_pulse_example(analysis: StudyAnalysis) -> "Figure | None":
+    """Draw one pulse as measured, its baseline, response, fit and residual."""
+    cell = example_cell(analysis)
+    if cell is None or cell.example is None or cell.response is None:
+        return None
+    example, response = cell.example, cell.response
+    by_angle = response.fitted_angle is not None
+    fitted = response.fitted_torque if response.fitted_angle is None else response.fitted_angle
+    scale, unit = (180.0 / np.pi, "deg") if by_angle else (1.0, "N·m")
+    colour = BLUE if by_angle else INK
+    figure = new_figure(_TOP_MM + _HEIGHT_MM + 10.0)
+    sizes = {"left_mm": _LEFT_MM, "top_mm": _TOP_MM, "height_mm": _HEIGHT_MM}
+    torque, angle, right = place_panels(figure, 3, **sizes)
+    at = 1000.0 * example.time_s
+    torque.plot(at, example.torque, color=INK)
+    torque.plot(at, example.baseline_torque, color=VERMILION, linestyle=":", linewidth=1.2)
+    panel_heading(torque, "Torque (N·m)")
+    angle.plot(at, np.degrees(example.angle), color=BLUE)
+    angle.plot(
+        at, np.degrees(example.baseline_angle), color=VERMILION, linestyle=":", linewidth=1.2
+    )
+    panel_heading(angle, "Angle (deg)")
+    upper, lower = _halves(figure, right)
+    upper.plot(at, scale * example.response, color=colour)
+    fit = np.interp(example.time_s, response.time_s, fitted, left=np.nan, right=np.nan)
+    upper.plot(at, scale * fit, color=VERMILION, dashes=(2.5, 1.5), linewidth=1.2)
+    panel_heading(upper, f"Response ({unit})")
+    upper.set_xticklabels([])
+    lower.axhline(0.0, color=FAINT, linewidth=0.8)
+    lower.plot(at, scale * (example.response - fit), color=MUTED)
+    panel_heading(lower, f"Residual ({unit})")
+    for panel in (torque, angle, upper, lower):
+        panel.axvline(0.0, color=FAINT, linewidth=0.8, zorder=0)
+        panel.set_xlim(at[0], at[-1])
+    for panel in (torque, angle, lower):
+        panel.set_xlabel("Time from onset (ms)")
+    handles = [
+        legend_line("measured torque", INK),
+        legend_line("measured angle", BLUE),
+        legend_line("baseline", VERMILION, linestyle=":"),
+        legend_line("fit to the average", VERMILION, dashes=(2.5, 1.5)),
+        legend_line("residual", MUTED),
+    ]
+    place_legend(figure, handles)
+    return figure
+
+
+def pulse_example_caption(analysis: StudyAnalysis) -> str:
+    """Return the caption of the figure of one pulse."""
+    cell = example_cell(analysis)
+    if cell is None or cell.example is None:
+        return ""
+    word = subjects(analysis).point
+    at = f"{cell.example.onset_s:.2f} s"
+    return (
+        f"One pulse of {cell.label} at {cell.timing_point}, {at} into its recording: the {word} "
+        "of median VAF, and its pulse of median distance from the average. The fit is to the "
+        f"average of the {cell.n_used} pulses, so the residual includes what differs from pulse to "
+        "pulse."
+    )
+
+
+def example_cell(analysis: StudyAnalysis) -> CellEstimate | None:
+    """Return the cell of median VAF among those with an example."""
+    known = [
+        c
+        for c in analysis.cells
+        if c.example is not None and c.response is not None and c.vaf_pct is not None
+    ]
+    ordered = sorted(known, key=lambda c: c.vaf_pct or 0.0)
+    return ordered[len(ordered) // 2] if ordered else None
+
+
+def _halves(figure: "Figure", axes: "Axes") -> "tuple[Axes, Axes]":
+    """Replace axes by two, the lower of which is smaller."""
+    box = axes.get_position()
+    axes.remove()
+    upper = figure.add_axes((box.x0, box.y0 + 0.48 * box.height, box.width, 0.52 * box.height))
+    lower = figure.add_axes((box.x0, box.y0, box.width, 0.27 * box.height))
+    return upper, lower
