@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks.accuracy.page import RANK_ROWS, draw_ranks, page_of
+from benchmarks.accuracy.page import RANK_ROWS, draw_ranks, page_of, write_tables
 from benchmarks.accuracy.rows import Row, all_rows
 from benchmarks.accuracy.runs import Cache, Job, jobs_of, run_jobs
 from benchmarks.accuracy.summaries import read_summaries, summarise, verdicts, write_summary
@@ -67,16 +67,18 @@ def _run(rows: Sequence[Row], methods: Sequence[str], asked: argparse.Namespace)
 
 
 def _write_page(results: Path, page: Path, order: Sequence[str]) -> None:
-    """Write the page from every row that has been run, now or earlier."""
+    """Write the page and its tables from every row that has been run, now or earlier."""
     summaries = read_summaries(results, order)
     there = {s["method"] for summary in summaries for s in summary["scores"]}
     judged = _JUDGED if _JUDGED in there or not there else sorted(there)[0]
+    by_row = {summary["row"]: summary for summary in summaries}
     drawn = [
-        summary["row"]
-        for summary in summaries
-        if summary["row"] in RANK_ROWS
-        and draw_ranks(summary, judged, page.parent / "images" / f"accuracy-{summary['row']}.svg")
+        row
+        for row in RANK_ROWS
+        if row in by_row
+        and draw_ranks(by_row[row], judged, page.parent / "images" / f"accuracy-{row}.svg")
     ]
+    write_tables(summaries, judged, page.parent / "tables")
     page.write_text(page_of(summaries, judged, drawn))
     print(f"Page: {page}")
 

@@ -240,8 +240,14 @@ def test_two_participants_go_through_a_row(finished: Path) -> None:
     assert summary["misfit"] == pytest.approx(1.0, abs=0.3)
     assert summary["errors"] == {"least_squares": 0}
     text = (finished / "accuracy.md").read_text()
-    assert "(accuracy-three-pulses)=" in text
-    assert "| `least_squares` | J |" in text
+    assert "`csv <tables/accuracy-three-pulses.csv>`" in text
+    table = pd.read_csv(finished / "tables" / "accuracy-three-pulses.csv")
+    assert set(table["method"]) == {"least_squares"}
+    assert "inertia" in set(table["parameter"])
+    unnamed = [
+        c for c in table.columns if f"`{c}`" not in text and f"`.{c.split('.')[-1]}`" not in text
+    ]
+    assert unnamed == []
 
 
 def test_a_second_run_does_nothing_again(
