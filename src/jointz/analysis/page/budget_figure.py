@@ -162,7 +162,7 @@ def _finish(axes: "Axes", names: Sequence[str], sizes: Sequence[float], *, first
     for at, size in enumerate(sizes):
         if np.isfinite(size):
             axes.text(
-                at, 101.5, f"{100 * size:.2g} %", ha="center", va="bottom",
+                at, 101.5, f"{100 * size:.2g}", ha="center", va="bottom",
                 fontsize=SMALL_PT, color=MUTED,
             )  # fmt: skip
 

@@ -77,7 +77,7 @@ _PAGE: Final = _Layout(WIDTH_MM, 42.0, 16.0, 9.0, -5.0)
 _COLUMN: Final = _Layout(COLUMN_MM, 32.0, 18.5, 10.5, -2.0, marks=0.7)
 #: One of three panels side by side.
 _THIRD: Final = _Layout(
-    WIDTH_MM / 3, 42.0, 0.0, 14.0, 11.0, marks=0.7, phase_names=False, bars_beside_means=False
+    WIDTH_MM / 3, 42.0, 0.0, 14.0, 14.0, marks=0.7, phase_names=False, bars_beside_means=False
 )
 
 
@@ -278,7 +278,9 @@ def _group_axis(
     fan = min(_WIDEST_FAN_PCT, 0.42 * float(np.diff(x).min())) if x.size > 1 else _WIDEST_FAN_PCT
     axes.set_xlim(min(-5.0, x[0] - fan - 1.0), max(100.0, x[-1] + fan + 1.0))
     axes.set_xticks(np.arange(0, 101, 10))
-    axes.set_xlabel("Gait cycle (%)")
+    several = len({c.label for c in cells}) > 1
+    between = "; " if phase_names else "\n"
+    axes.set_xlabel(f"Gait cycle (%){f'{between}participants side by side' if several else ''}")
     shade_phases(axes, names=phase_names)
     return positions, fan
 
