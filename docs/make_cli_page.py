@@ -27,7 +27,7 @@ nothing else; an error is then an object with `"status": "error"`, `error` and `
 
 | exit status | meaning |
 |---|---|
-| 0 | done; of an analysis or a fit: at least one estimate stands |
+| 0 | done; of an analysis or a fit: at least one estimate is available |
 | 1 | every estimate failed or is undecided; results could not be written; all workers were lost |
 | 2 | the input cannot be trusted, an option is wrong, or the output folder must be kept |
 | 3 | a device failed, or the safety gate tripped |

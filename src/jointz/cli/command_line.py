@@ -35,22 +35,34 @@ _EXIT_BUG = 70
 #: Wrong options; typer gives it no name of its own.
 _UsageError: Any = typer.BadParameter.__base__
 
-#: Commands in the order of the help, and where they are.
+#: Commands in the order of the help: where they are, and what they do, in one line of a terminal.
 _COMMANDS = {
-    "demo": "jointz.demo.command:demo",
-    "protocols": "jointz.session.protocols_command:protocols",
-    "run": "jointz.session.command:run",
-    "console": "jointz.console.command:console",
-    "stream": "jointz.session.stream_command:stream",
-    "calibrate": "jointz.calibration.command:calibrate",
-    "inspect": "jointz.inspection.command:inspect",
-    "convert": "jointz.conversion.command:convert",
-    "analyze": "jointz.analysis.command:analyze",
-    "identify": "jointz.identification.command:identify",
-    "compare": "jointz.comparison.command:compare",
-    "collect": "jointz.collections.command:collect",
-    "explore": "jointz.explorer.command:explore",
-    "reproduce": "jointz.reproduction.command:reproduce",
+    "demo": ("jointz.demo.command:demo", "See it work on ten simulated people."),
+    "inspect": (
+        "jointz.inspection.command:inspect",
+        "Show what is in a file, and draft study.toml.",
+    ),
+    "analyze": ("jointz.analysis.command:analyze", "Estimate K, B and J, and write the report."),
+    "explore": ("jointz.explorer.command:explore", "Look at every pulse and fit in a browser."),
+    "compare": (
+        "jointz.comparison.command:compare",
+        "Compare conditions, days, groups or methods.",
+    ),
+    "collect": ("jointz.collections.command:collect", "Collect and pool results of several labs."),
+    "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
+    "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),
+    "protocols": (
+        "jointz.session.protocols_command:protocols",
+        "List, show and check experiments.",
+    ),
+    "run": ("jointz.session.command:run", "Run an experiment, on devices or simulated."),
+    "console": ("jointz.console.command:console", "Run an experiment from a page in a browser."),
+    "calibrate": (
+        "jointz.calibration.command:calibrate",
+        "Measure lags, gains and the device itself.",
+    ),
+    "stream": ("jointz.session.stream_command:stream", "Put a session on Lab Streaming Layer."),
+    "reproduce": ("jointz.reproduction.command:reproduce", "Repeat the dissertation, simulated."),
 }
 
 
@@ -77,9 +89,11 @@ def _jointz(
         bool, typer.Option("--debug", help="Show the traceback of an error, for a bug report.")
     ] = False,
 ) -> None:
-    """Joint mechanical impedance: stiffness, damping and inertia with honest intervals.
+    """Estimate stiffness (K), damping (B) and inertia (J) of a joint from recordings of pushes.
 
-    Start with: jointz demo
+    What the data do not decide is called undecided.
+
+    Start with: jointz demo. Your own files: jointz inspect FILE
     """
     del version, debug
     note_command(context.invoked_subcommand)
@@ -111,12 +125,13 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
     )
     app.callback()(_jointz)
     for name in [named] if named else _COMMANDS:
-        module, attribute = _COMMANDS[name].split(":")
+        place, sentence = _COMMANDS[name]
+        module, attribute = place.split(":")
         command = getattr(import_module(module), attribute)
         if isinstance(command, typer.Typer):
-            app.add_typer(command, name=name)
+            app.add_typer(command, name=name, short_help=sentence)
         else:
-            app.command(name)(command)
+            app.command(name, short_help=sentence)(command)
     return app
 
 
