@@ -53,6 +53,7 @@ def _average(cells: Sequence["CellEstimate"]) -> "CellEstimate":
         condition_number=None,
         displacement_rad=None,
         response=None,
+        example=None,
         nuisance=(),
         gravity_corrected=None,
         budget={name: _budget(kept, name) for name in budgets},
