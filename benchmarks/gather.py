@@ -25,6 +25,7 @@ from benchmarks.figures import SCHEMA, write_json
 from benchmarks.growth_figure import draw_growth
 from benchmarks.machine import commit, machine
 from benchmarks.page import broken, growth, missed, page_of
+from benchmarks.page_tables import write_tables
 
 from jointz.core.provenance import now
 
@@ -158,14 +159,14 @@ def kept_part(part: Part, kept: Path) -> dict[str, Any] | None:
 
 
 def write_page(parts: Sequence[dict[str, Any]], page: Path, *, quick: bool) -> None:
-    """Write the page and its figure.
+    """Write the page, its figure and its tables.
 
     Parameters
     ----------
     parts : sequence of dict
         What the parts measured.
     page : pathlib.Path
-        File to write; the figure goes into ``images`` beside it.
+        File to write; figure and tables go into ``images`` and ``tables`` beside it.
     quick : bool
         Whether little work was done, which the page then says.
     """
@@ -173,6 +174,7 @@ def write_page(parts: Sequence[dict[str, Any]], page: Path, *, quick: bool) -> N
     page.parent.mkdir(parents=True, exist_ok=True)
     if grown:
         draw_growth(grown, page.parent / _IMAGE)
+    write_tables(parts, page.parent / "tables", quick=quick)
     image = _IMAGE.as_posix() if grown else ""
     page.write_text(page_of(parts, image=image, quick=quick), encoding="utf-8")
 
