@@ -1,4 +1,4 @@
-"""Walk the built site: no dead internal link, nothing fetched from elsewhere.
+"""Walk the built site: no dead internal link, nothing fetched from elsewhere, examples to download.
 
 ``python docs/check_site.py docs/_build/html`` prints what is wrong and ends with 1.
 """
@@ -24,6 +24,10 @@ _FETCHED_LINKS = {"stylesheet", "preload", "prefetch", "icon", "shortcut", "modu
 _EXTERNAL = ("http://", "https://", "//")
 #: How a style sheet fetches from elsewhere.
 _FETCHED_BY_STYLES = ("url(http", "url(//", "@import url(http", '@import "http')
+
+#: Folders of examples, and the files that each of their pages must offer for download.
+_EXAMPLES = ("gallery", "traps")
+_DOWNLOADS = (".py", ".ipynb")
 
 
 class Page(HTMLParser):
@@ -85,10 +89,19 @@ def problems(site: Path) -> Iterator[str]:
     for file in pages:
         for problem in _of_page(file, pages):
             yield f"{file.relative_to(site)}: {problem}"
+        if str(file.parent.relative_to(site)) in _EXAMPLES and file.stem != "index":
+            for suffix in _missing_downloads(file, pages[file].links):
+                yield f"{file.relative_to(site)}: offers no {file.stem}{suffix} for download"
     for file in sorted(site.rglob("*.css")):
         text = file.read_text(encoding="utf-8")
         for start in (start for start in _FETCHED_BY_STYLES if start in text):
             yield f"{file.relative_to(site)}: fetches from elsewhere ({start})"
+
+
+def _missing_downloads(file: Path, links: list[str]) -> Iterator[str]:
+    """Yield suffixes of files that the page of an example should link to and does not."""
+    names = {Path(unquote(link)).name for link in links if "_downloads/" in link}
+    yield from (suffix for suffix in _DOWNLOADS if file.stem + suffix not in names)
 
 
 def _of_page(file: Path, pages: dict[Path, Page]) -> Iterator[str]:
