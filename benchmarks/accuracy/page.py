@@ -27,37 +27,36 @@ MAIN_ROWS = (
     "anthropometric",
     "inside",
 )
+#: Part of a title that most rows share.
+_USUAL_LAG = ", lag known to 0.5 ms"
 _INTRODUCTION = """<!-- Generated from benchmarks/accuracy/page.py -->
 # Accuracy
 
-This page says how far estimates are from the truth, in simulated people whose impedance is known.
-How accurate your own study is: [certificate](certificate.md).
+This page gives the errors of estimates in simulated people, whose impedance is known. For your own
+study see [certificate](certificate.md).
 
 ## Simulation
 
 Each person walks 60 strides without and then with pulses of 17 N\\*m x 250 ms at six timing
-points, 50 each unless the row says otherwise. The simulation shares no code for the joint with
-the methods. `nominal` people have the inertias printed in the dissertation (0.03 to 0.07
-kg\\*m^2) and the usual errors of instruments; `hard` have larger ones (friction model 30 % off,
-more noise, a goniometer up to 20 ms late); `anthropometric` have the inertia of shank and foot
-(0.1 to 0.5 kg\\*m^2) and a device strapped to skin and muscle. Pulses are fired at the true gait
-phase, without the real-time loop.
+points, 50 each unless the row says otherwise. Simulation and methods share no code for the joint.
+`nominal` people have the inertias of the dissertation (0.03 to 0.07 kg\\*m^2) and usual instrument
+errors; `hard` people have larger errors (friction model 30 % off, more noise, goniometer up to
+20 ms late); `anthropometric` people have the inertia of shank and foot (0.1 to 0.5 kg\\*m^2) and a
+device strapped to skin and muscle. Pulses start at the true gait phase, without the real-time loop.
 
-- **Truth**: K (gravity of limb and device included), B and J, averaged over the 100 ms after the
-  onset, weighted by information, and over the pulses. One J for all timing points is compared with
-  the mean of their true J.
+- **Truth**: K (with gravity), B and J, averaged over pulses and, weighted by information, over the
+  100 ms after the onset. A J common to all timing points is compared with the mean true J.
 - **RMSE**: root mean square of estimate / truth - 1 over decided estimates (status `ok` or
-  `at_bound`). Zero truths count only in coverage and in the RMSE in SI units.
-- **Coverage**: share of the 95 % intervals that contain the truth; 0.95 is right, less is
+  `at_bound`). True values of zero count only in coverage and in the RMSE in SI units.
+- **Coverage**: share of 95 % intervals that contain the truth; 0.95 is right, less is
   overconfident.
 - **Undecided**: estimates without a value. RMSE and coverage describe only the others.
 """
 _STRAPPED = """(accuracy-anthropometric)=
 ## Devices strapped to the leg
 
-`rigid` is the wrong method for a strapped leg: of `anthropometric` people it leaves almost all K
-and B undecided, and those it gives are wrong (K 47 % too low). Use `strapped`, the default, with
-short pulses or doublets:
+`rigid` is wrong for a strapped leg: for `anthropometric` people almost all K and B are undecided
+and the others wrong (K 47 % too low). Use `strapped`, the default, with short pulses or doublets:
 
 | people | pulses | decided % K / B / J | RMSE % K / B / J |
 | --- | --- | --- | --- |
@@ -66,54 +65,52 @@ short pulses or doublets:
 | the same | 60 ms, two sizes, both signs, window 0.15 s | 97 / 72 / - | 10 / 19 / 6 |
 | the same | hold pulses of 250 ms | 0 / 0 / - | - / - / 10 |
 
-Coverage of the first row is 0.93 / 0.91 / 0.95, and its B is 13 % too high on average; every
-interval of B by `strapped` includes this error of the model (sd 8 %). A wrong torque gain scales
-K, B and J and is not noticed. More: [strapped](estimator.md#a-device-strapped-to-the-leg).
+Coverage of the first row is 0.93 / 0.91 / 0.95, and its B is 13 % too high on average; intervals
+of B include this model error (SD 8 %). A wrong torque gain scales K, B and J unnoticed. More:
+[strapped](estimator.md#a-device-strapped-to-the-leg).
 """
 _LIMITS = """(accuracy-hard-lag-unknown)=
 ## Where the estimates are wrong
 
 | condition | effect | remedy |
 | --- | --- | --- |
-| large errors, lag unknown (`hard`) | 95 % of J undecided; six of ten intervals of the rest contain the truth | measure the lag; without it do not use J |
+| large errors, lag unknown (`hard`) | 95 % of J undecided; six of ten other intervals contain the truth | measure the lag; without it do not use J |
 | velocity reflex of 30 % of K after 30 ms | K 10 % off; coverage of K and B 0.89 | pulses of both directions ([refusals](refusals.md)) |
-| K and B change quickly over the cycle | RMSE of K doubles; intervals widen with it | none needed: coverage holds |
-| 10 pulses a timing point or fewer | intervals widen; of K a quarter is undecided with 3, more than half with 1 | more pulses |
+| K and B change over the cycle (smooth row) | RMSE of K doubles; intervals widen accordingly | none needed: coverage holds |
+| at most 10 pulses per timing point | intervals widen; a quarter of K is undecided with 3 pulses, over half with 1 | more pulses |
 | K near zero in swing | errors in % are meaningless | read the RMSE in SI units |
 | prior medians doubled or halved | none | - |
-| friction 30 %, gain 3 % or torsion 0.5 deg off | RMSE grows by less than 0.5 percentage points | - |
+| friction 30 %, gain 3 % or torsion 0.5 deg off | RMSE grows by under 0.5 percentage points | - |
 
-The method `dissertation`, for comparison: RMSE of 25 to 153 %, coverage of 0.13 to 0.66 in these
-rows.
+For comparison, `dissertation` has an RMSE of 25 to 153 % and a coverage of 0.13 to 0.66 here.
 """  # noqa: E501
 _TARGETS = """## Targets that are not met
 
 {met} of {n} targets of `{method}` are met
 ({{download}}`all targets <tables/accuracy-targets.csv>`). The others:
 
-- **Coverage above its band** in `nominal` and `hard` rows: intervals are 10 to 20 % wider than
-  these people need, because they allow for a reflex and a varying inertia that these people lack.
-  In people drawn as widely as the priors assume (the last row of the table) coverage is right.
-  The band is the central 95 % of a rate of 0.95, with the number of estimates divided by the
-  design effect of people (at least 1).
-- **RMSE of B** where the target lies below, or within 4 % of, the bound of the right model.
+- **Coverage above its band** in `nominal` and `hard` rows: intervals are 10 to 20 % too wide,
+  because they allow for reflexes and varying inertia that these people lack. In people as varied
+  as the priors assume (last row of the table) coverage is right. The band is the central 95 % of a rate of
+  0.95, with the number of estimates divided by the design effect of people (at least 1).
+- **RMSE of B** where the target is below, or within 4 % of, the bound.
 - **J, `hard`, lag unknown**, and **K, B and J of `anthropometric`**: see above.
 - **Coverage under a velocity reflex after 30 ms**: 0.885 and 0.891 instead of 0.90.
 
-The bound is the Bayesian Cramer-Rao bound of the same estimates: true joint and sensor, best
-linear prediction of the unperturbed motion, the lab's knowledge of lag, gains and friction, K and
-B known to 100 % beforehand. A method with narrower priors may be below it. It ignores changes of
-K and B in the window: where these are large (smooth over phase) the misfit, chi-squared per
-sample of the mean response about the bound's joint, is above 1 and the bound too low.
+The bound is the Bayesian Cramer-Rao bound for true joint and sensor models, the best linear
+prediction of unperturbed motion, the lab's knowledge of lag, gains and friction, and priors of K
+and B with an SD of 100 %. Methods with narrower priors may be below it. It ignores changes of K
+and B in the window: where these are large (smooth over phase) the misfit, chi-squared per sample
+of the mean response around that joint, is above 1 and the bound too low.
 """
 _FILES = """## All figures
 
 - {download}`accuracy-rows.csv <tables/accuracy-rows.csv>`: every row, method and parameter over
-  all timing points, with people, seed, pulses a timing point and misfit.
-- {download}`accuracy-ranks.csv <tables/accuracy-ranks.csv>`: rank histograms: estimates
-  (`cells`), their effective number, Kolmogorov-Smirnov distance and its 95 % limit, p of
+  all timing points, with people, seed, pulses per timing point and misfit.
+- {download}`accuracy-ranks.csv <tables/accuracy-ranks.csv>`: rank histograms: number of
+  estimates (`cells`), effective number, Kolmogorov-Smirnov distance and its 95 % limit, p of
   chi-squared, counts.
-- The file of a row (column csv, or below): every method, parameter and timing point.
+- The csv of a row: every method, parameter and timing point.
 
 | column | meaning |
 | --- | --- |
@@ -126,16 +123,16 @@ _FILES = """## All figures
 | `zero_width`, `one_sided_pct` | intervals of width 0; values `at_bound` |
 | `bound_pct`, `ratio` | Cramer-Rao bound; RMSE over it |
 | `coverage.rate`, `.low`, `.high` | coverage and its band |
-| `coverage.design_effect` | of estimates of the same person |
-| `seconds` | median analysis of a person, without reading |
+| `coverage.design_effect` | for estimates of the same person |
+| `seconds` | median analysis time per person, without reading |
 """
 _RERUN = """## Run it again
 
-From the root of the repository; a stopped run continues where it was:
+From the root of the repository (a stopped run continues):
 
     python -m benchmarks.accuracy --rows all --methods all --participants 400 --seed 20260
 
-`--list` lists the rows, `--page-only` writes this page and its files from the stored figures.
+`--list` lists the rows; `--page-only` only writes this page and its files.
 """
 
 
@@ -162,7 +159,7 @@ def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str]) -
         _LIMITS,
         _targets_text(summaries, method),
         _FILES,
-        f"Other rows: {', '.join(_download(s['title'], s) for s in rest)}.\n" if rest else "",
+        f"Other rows: {', '.join(_download(_title(s), s) for s in rest)}.\n" if rest else "",
         _RERUN,
     ]
     return "\n".join(filter(None, parts))
@@ -272,7 +269,7 @@ def _overview(summaries: Sequence[Summary], method: str) -> str:
         mine = _overall(summary, method)
         lines.append(
             [
-                summary["title"],
+                _title(summary),
                 _slashed([s.rmse_pct for s in mine], ".0f"),
                 _slashed([s.coverage.rate for s in mine], ".2f"),
                 _slashed([s.undecided_pct + s.failed_pct for s in mine], ".0f"),
@@ -281,7 +278,10 @@ def _overview(summaries: Sequence[Summary], method: str) -> str:
         )
     several = {summary["participants"] for summary in summaries}
     people = " or ".join(str(n) for n in sorted(several, reverse=True))
-    said = f"K / B / J over all timing points; {people} people a row.\n"
+    said = (
+        f"K / B / J over all timing points; {people} people per row. The lag is known to 0.5 ms "
+        "unless a row says otherwise.\n"
+    )
     return f"## Errors of `{method}`\n\n{said}\n{_table(head, lines)}\n"
 
 
@@ -292,8 +292,8 @@ def _ranks_text(figures: Sequence[str], method: str) -> str:
     links = ", ".join(f"[{row}](images/accuracy-{row}.svg)" for row in others)
     more = f" Others: {links}." if links else ""
     return (
-        f"Position of the truth in the posterior of `{method}` (row `{shown}`): flat if intervals "
-        "are right, a hollow if they are too narrow, a hill if too wide."
+        f"Rank of the truth in the posterior of `{method}` (row `{shown}`): flat if intervals are "
+        "right, U-shaped if too narrow, peaked if too wide."
         f"{more}\n\n![rank histograms](images/accuracy-{shown}.svg)\n"
     )
 
@@ -307,6 +307,11 @@ def _targets_text(summaries: Sequence[Summary], method: str) -> str:
 
 def _file_name(summary: Summary) -> str:
     return f"accuracy-{summary['row']}.csv"
+
+
+def _title(summary: Summary) -> str:
+    """Return the title of a row without the usual knowledge of the lag, which the page states."""
+    return str(summary["title"]).replace(_USUAL_LAG, "")
 
 
 def _download(text: str, summary: Summary) -> str:
