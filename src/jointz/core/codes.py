@@ -33,11 +33,17 @@ class Exclusion(Code):
     """Why a stride or a pulse was left out of the analysis."""
 
     GAP = "gap", "a gap in the time stamps lies inside it"
-    DAMAGED_LOG = "damaged_log", "damaged records of the session's log were left out inside it"
-    NOT_FINITE = "not_finite", "samples without a number lie inside it"
+    DAMAGED_LOG = (
+        "damaged_log",
+        "damaged records of the session's log inside it were discarded",
+    )
+    NOT_FINITE = (
+        "not_finite",
+        "it contains samples without a number",
+    )
     MISSING_STRIKE = (
         "missing_strike",
-        "no heel strike where one was due: longer than the accepted band",
+        "a heel strike is missing: longer than the accepted band",
     )
     SPURIOUS_STRIKE = (
         "spurious_strike",
@@ -45,7 +51,7 @@ class Exclusion(Code):
     )
     PULSE_IN_STRIDE = (
         "pulse_in_stride",
-        "a pulse, or its aftermath, lies in a stride used as unperturbed",
+        "the unperturbed stride contains a pulse or its aftermath",
     )
     NO_RECENT_STRIDES = (
         "no_recent_strides",
@@ -58,31 +64,52 @@ class Exclusion(Code):
     OUTSIDE_GROUPS = "outside_groups", "its group channel lies outside all edges"
     LABEL_CONTRADICTS_PHASE = (
         "label_contradicts_phase",
-        "its onset is more than 10 % of the gait cycle from the timing point that its table names",
+        "its onset is more than 10 % of the gait cycle from its timing point in the table",
     )
     LONE_PULSE = "lone_pulse", "the only pulse at its timing point: nothing to resample"
-    UNUSUAL_GAIT = "unusual_gait", "the walker moved before it as in no unperturbed stride"
-    UNUSUAL_RESPONSE = "unusual_response", "the response is far from that of all other pulses here"
+    UNUSUAL_GAIT = (
+        "unusual_gait",
+        "the gait before it is unlike that of all unperturbed strides",
+    )
+    UNUSUAL_RESPONSE = (
+        "unusual_response",
+        "the response is far from all others at this timing point",
+    )
     CONSTANT_ANGLE = (
         "constant_angle",
-        "the measured angle stands still in its window: a dead sensor",
+        "the measured angle is constant in its window: a dead sensor",
     )
     CONSTANT_TORQUE = (
         "constant_torque",
-        "the measured torque stands still in its window: a dead sensor",
+        "the measured torque is constant in its window: a dead sensor",
     )
-    COPIED_PULSE = "copied_pulse", "its samples are those of an earlier pulse: a copy"
+    COPIED_PULSE = (
+        "copied_pulse",
+        "its samples are a copy of an earlier pulse",
+    )
     NO_TORQUE = "no_torque", "the measured torque does not follow the command: no pulse was given"
-    NO_RESPONSE = "no_response", "torque never reached the joint: it did not move as in the others"
-    USER = "user", "left out by the study's exclusions.csv"
+    NO_RESPONSE = (
+        "no_response",
+        "the joint did not move as in the other pulses: torque did not reach it",
+    )
+    USER = (
+        "user",
+        "excluded by the study's exclusions.csv",
+    )
 
 
 class Failure(FailureCode):
     """Why a cell has no estimate; written as ``failed:CODE``."""
 
     NO_PULSES = "no_pulses", "no pulse at this timing point"
-    TOO_FEW_PULSES = "too_few_pulses", "one pulse only: no interval can be made"
-    ALL_PULSES_EXCLUDED = "all_pulses_excluded", "every pulse was left out; excluded.csv says why"
+    TOO_FEW_PULSES = (
+        "too_few_pulses",
+        "one pulse allows no interval",
+    )
+    ALL_PULSES_EXCLUDED = (
+        "all_pulses_excluded",
+        "all pulses are excluded; excluded.csv gives the reasons",
+    )
     NO_HEEL_STRIKES = "no_heel_strikes", "no heel strikes in the perturbed recording"
     NO_PERTURBED_RECORDING = "no_perturbed_recording", "the participant has no perturbed recording"
     NO_UNPERTURBED_RECORDING = (
@@ -91,41 +118,56 @@ class Failure(FailureCode):
     )
     NO_UNPERTURBED_STRIDES = (
         "no_unperturbed_strides",
-        "too few accepted unperturbed strides to make a baseline of",
+        "too few accepted unperturbed strides for a baseline",
     )
     CONSTANT_ANGLE = "constant_angle", "the angle does not move in response to the pulses"
     CONSTANT_TORQUE = "constant_torque", "the torque does not change during the pulses"
     ILL_CONDITIONED = (
         "ill_conditioned",
-        "the responses cannot tell stiffness, damping and inertia apart",
+        "the responses do not separate stiffness, damping and inertia",
     )
     CONSTANT_CURRENT = (
         "constant_current",
-        "the motor current does not change: it cannot tell the constant",
+        "the motor current is constant: the torque constant is not identifiable",
     )
     CONSTANT_COMMAND = "constant_command", "the commanded torque does not change"
-    NO_COMMAND = "no_command", "the method needs the commanded torque, and none is recorded"
-    TOO_FEW_SAMPLES = "too_few_samples", "the window holds too few samples for the method"
-    NOT_COHERENT = "not_coherent", "command and torque have nothing in common where it matters"
-    BELOW_RESOLUTION = "below_resolution", "the bandwidth lies below what the record can resolve"
-    ABOVE_BAND = "above_band", "the gain has not fallen where the command still excites"
+    NO_COMMAND = (
+        "no_command",
+        "the method needs a commanded torque; none is recorded",
+    )
+    TOO_FEW_SAMPLES = (
+        "too_few_samples",
+        "the window has too few samples for the method",
+    )
+    NOT_COHERENT = (
+        "not_coherent",
+        "command and torque are not coherent at the frequencies that matter",
+    )
+    BELOW_RESOLUTION = (
+        "below_resolution",
+        "the bandwidth is below the frequency resolution of the record",
+    )
+    ABOVE_BAND = (
+        "above_band",
+        "the gain does not fall within the frequencies of the command",
+    )
     MASS_MISSING = "mass_missing", "values per kg need the participant's mass_kg in study.toml"
     MASS_UNLIKELY = (
         "mass_unlikely",
-        "mass_kg contradicts height, inertia or what people weigh: is its unit right? A note asks",
+        "mass_kg contradicts height, inertia or the usual mass of people: check its unit",
     )
     TOO_FEW_PARTICIPANTS = (
         "too_few_participants",
-        "an interval over people needs at least two of them",
+        "an interval over people needs at least two",
     )
     TOO_FEW_STUDIES = (
         "too_few_studies",
-        "no study has a mean with an error: one person, or no value, in each",
+        "no study has a mean with an error: each has one person or no value",
     )
     TORQUE_SATURATED = (
         "torque_saturated",
-        "the torque stands at one largest value below the command: a clipped sensor (nothing "
-        "to be done), or a motor at its limit (give the torque it reached as amplitude_nm in "
+        "the torque stays at one largest value below the command: a clipped sensor (no "
+        "remedy) or a motor at its limit (give the torque it reached as amplitude_nm in "
         "the pulse table)",
     )
     OPPOSITE_SIGN = (
@@ -134,18 +176,15 @@ class Failure(FailureCode):
     )
     PULSE_SHAPE = (
         "pulse_shape",
-        "the pulses differ in shape, or push both ways: this method is for pulses of one shape "
-        "that push one way",
+        "the pulses differ in shape or direction, but the method needs one shape and one direction",
     )
     ANGLE_OUT_OF_RANGE = (
         "angle_out_of_range",
-        "the angle spans more than half a turn, or turns faster than 50 rad/s: degrees taken for "
-        "rad?",
+        "the angle spans more than half a turn or exceeds 50 rad/s: degrees declared as rad?",
     )
     TORQUE_HELD = (
         "torque_held",
-        "the torque keeps each value for more than 10 ms: it was sampled too slowly, and B and J "
-        "follow from the steps",
+        "the torque repeats each value for more than 10 ms: sampled too slowly for B and J",
     )
     LAG_OUT_OF_RANGE = (
         "lag_out_of_range",
@@ -153,11 +192,11 @@ class Failure(FailureCode):
     )
     OUT_OF_STEP = (
         "out_of_step",
-        "torque out of step: motion comes before it, or it comes without command",
+        "motion precedes torque, or torque comes without command",
     )
     OUTSIDE_RANGE = (
         "outside_range",
-        "K, B or J beyond what any joint has: wrong units, or no contact",
+        "K, B or J is impossible for a joint: wrong units, or no contact",
     )
     MODEL_MISFIT = (
         "model_misfit",
@@ -166,24 +205,28 @@ class Failure(FailureCode):
     BELOW_ZERO = (
         "below_zero",
         "below zero by more than its error: the intrinsic impedance or another calibration "
-        "contradicts the data",
+        "is wrong",
     )
     TORQUE_UNLIKE_COMMAND = (
         "torque_unlike_command",
-        "the torque is more than three times its command, or on a bench less than a third: is a "
-        "unit wrong, or the gain of the torque?",
+        "the torque is more than three times its command, or on a bench less than a third: "
+        "check units and gain of the torque",
     )
     NOT_ONE_LOAD = (
         "not_one_load",
-        "one linear load explains less than 95 % of the torque of the whole trials: torque and "
-        "angle may not share a clock; if the load moves by itself, ask for the method dissertation",
+        "one linear load explains less than 95 % of the torque of whole trials: torque and "
+        "angle may not share a clock; if the load moves by itself, use the method "
+        "dissertation",
     )
     WINDOW_TOO_LONG = (
         "window_too_long",
-        "K and B change in a window of more than 0.12 s (method strapped: 0.25 s) in ways that "
-        "the method does not follow: shorten window_s",
+        "the window exceeds 0.12 s (method strapped: 0.25 s), in which K and B change too "
+        "much for the method: shorten window_s",
     )
-    ANALYSIS_BROKE = "analysis_broke", "this participant's analysis broke off; a note says why"
+    ANALYSIS_BROKE = (
+        "analysis_broke",
+        "this participant's analysis stopped with an error; a note gives the cause",
+    )
 
 
 class NotPooled(Code):
@@ -200,54 +243,52 @@ class Doubt(Code):
 
     RESPONSES_DIFFER_WITH_DIRECTION = (
         "responses_differ_with_direction",
-        "pulses of the two directions are answered differently: a reflex, a contact or "
-        "friction unlike its model may be why; intervals are widened by what that does to the"
-        " average of both",
+        "responses to pulses of the two directions differ: perhaps a reflex, a contact or "
+        "wrong friction; intervals are widened by the effect on the average",
     )
     RESPONSES_NOT_PROPORTIONAL = (
         "responses_not_proportional",
-        "larger pulses are not answered in proportion: stiffness that changes with the "
-        "displacement, a contact or a reflex may be why; the values are those of the average "
-        "size",
+        "responses are not proportional to the pulses: perhaps stiffness changes with the "
+        "displacement, or a contact or a reflex; values are those of the average size",
     )
     STEEP_CHANGE = (
         "steep_change",
-        "K seems to change steeply inside the window of a timing point whose neighbour is "
-        "near: K and B are undecided there, and a shorter window hardly helps; phase_curve "
-        "shows how far they may be off",
+        "K seems to change steeply inside the window of a timing point close to another: K "
+        "and B are undecided there, a shorter window hardly helps; phase_curve shows the "
+        "possible error",
     )
     LAG_UNLIKELY = (
         "lag_unlikely",
-        "the responses speak against the calibrated lag by more than 100 to 1: a lag that is "
-        "5 ms off changes J by a third",
+        "the responses contradict the calibrated lag by more than 100 to 1: a lag error of "
+        "5 ms changes J by a third",
     )
     INERTIA_UNLIKE_BODY = (
         "inertia_unlike_body",
-        "the inertia differs from that of a leg of this mass and height by more than 2 prior "
-        "sds: mass, height or units may be wrong, or the device is not strapped to soft tissue;"
-        " K, B and J are undecided",
+        "the inertia differs by more than 2 prior sds from a leg of this mass and height: "
+        "mass, height or units may be wrong, or the device is not strapped to soft tissue; "
+        "K, B and J are undecided",
     )
     INERTIA_UNLIKE_AT_POINT = (
         "inertia_unlike_at_point",
-        "the inertia at a timing point is not that of a leg of this mass and height, though that "
-        "of the other points is; K and B are undecided there",
+        "the inertia fits a leg of this mass and height at the other timing points, but "
+        "not at this one; K and B are undecided there",
     )
     INSTRUMENTS_UNLIKELY = (
         "instruments_unlikely",
-        "the responses need a sensor, strap or reflex more than 2.5 prior sds from what is usual: "
-        "a signal may be late or wrong, or the device is not strapped to soft tissue; K, B and J "
-        "are undecided",
+        "the responses need a sensor, strap or reflex more than 2.5 prior sds from the "
+        "usual: a signal may be late or wrong, or the device is not strapped to soft "
+        "tissue; K, B and J are undecided",
     )
     HELD_TORQUE = (
         "held_torque",
-        "the pulses hold one torque for as long as data are used, which does not tell the "
-        "stiffness of a leg from its softening and drift: K is undecided, with limits; use "
-        "doublets, or short pulses of several sizes",
+        "the pulses hold one torque throughout the window, so that stiffness cannot be "
+        "separated from softening and drift: K is undecided, with limits; use doublets, or "
+        "short pulses of several sizes",
     )
     RESPONSES_UNLIKE_SIZE = (
         "responses_unlike_size",
-        "the responses grow with the size of the pulses much more or less than the recorded torque "
-        "does: the motor may have given less than was recorded; K, B and J are undecided",
+        "the responses do not grow with the recorded torque of the pulses: the motor may "
+        "have given less than was recorded; K, B and J are undecided",
     )
     RESPONSES_MISFIT = (
         "responses_misfit",
