@@ -91,8 +91,8 @@ _TARGETS = """## Targets that are not met
 
 - **Coverage above its band** in `nominal` and `hard` rows: intervals are 10 to 20 % too wide,
   because they allow for reflexes and varying inertia that these people lack. In people as varied
-  as the priors assume (last row of the table) coverage is right. The band is the central 95 % of a rate of
-  0.95, with the number of estimates divided by the design effect of people (at least 1).
+  as the priors assume (last row of the table) coverage is right. The band is the central 95 % of
+  a rate of 0.95, with the number of estimates divided by the design effect of people (at least 1).
 - **RMSE of B** where the target is below, or within 4 % of, the bound.
 - **J, `hard`, lag unknown**, and **K, B and J of `anthropometric`**: see above.
 - **Coverage under a velocity reflex after 30 ms**: 0.885 and 0.891 instead of 0.90.
