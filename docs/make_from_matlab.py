@@ -21,9 +21,9 @@ _HEAD = """\
 
 <!-- Made by docs/make_from_matlab.py out of docs/from_matlab; do not edit. -->
 
-This page lists the Python equivalent of each call you know from MATLAB, NLID and spm1d, and the
-differences that change numbers without an error. `.mat` files need no translation: name their
-structs and units in [the study file](study-format.md).
+This page lists Python equivalents of calls of MATLAB, NLID and spm1d, and the differences that
+change numbers without an error. `.mat` files need no translation: name their structs and units in
+[the study file](study-format.md).
 
 `p = [q v w] \\ m`, with its filters and derivatives, becomes
 
@@ -38,10 +38,9 @@ fit = jointz.identify_joint(angle=angle, torque=ankle["tau"], rate_hz=500, input
 print(fit.parameter("stiffness").value)
 ```
 
-The file under each table has both programs of every row, its notes and the share to which the
-numbers agree. Of {n} rows {tested} are compared on the same data: in {run} the left side ran in
-{programs} ({by}); in {formulas} its published formula ran, because Octave lacks the function.
-MATLAB itself was not run. `np` is numpy, `pd` pandas.
+The file under each table has all rows, plain renames included, with both programs, notes and
+agreement. Of {n} rows {tested} are compared on the same data: {run} in {programs} ({by}),
+{formulas} by the published formula, because Octave lacks the function. MATLAB itself was not run.
 """
 _DATA = """\
 Data of all programs (SI units, angles in rad; np is numpy, pd is pandas)
@@ -112,7 +111,7 @@ def _versions() -> str:
 
 
 def _section(topic: Topic) -> str:
-    table = ["| MATLAB | here | caution |", "|---|---|---|"]
+    table = ["| MATLAB | Python | caution |", "|---|---|---|"]
     lines = [_line(row) for row in topic.rows if row.call]
     programs = f"Programs: {{download}}`{_file_name(topic)} <tables/{_file_name(topic)}>`"
     return "\n".join([f"## {topic.title}\n", topic.text, "", *table, *lines, "", programs, ""])
