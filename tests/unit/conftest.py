@@ -50,7 +50,7 @@ def pulse_example(rng, person, answer):
     noisy = answer.angle + 0.002 * rng.standard_normal(answer.angle.size)
     return PulseExample(
         f"{person}_ewp.csv", 20.0, answer.time_s, line + noisy, answer.torque, line,
-        0.0 * line, noisy if answer.fitted_angle is not None else answer.torque,
+        0.0 * line, noisy if answer.fitted_angle is not None else answer.torque, PULSES,
     )  # fmt: skip
 
 

@@ -12,40 +12,33 @@ from jointz.stats import spm_paired_t
 #: Fewer pairs have no test.
 _FEWEST_PEOPLE: Final = 3
 
-_Curves = tuple[np.ndarray, np.ndarray | None]
 
-
-def mean_strides_of_people(strides: Iterable[MeanStride]) -> dict[str, dict[str, _Curves]]:
-    """Return condition -> participant -> angle (rad) and torque (N*m), over sessions and sides."""
+def strides_by_person(strides: Iterable[MeanStride]) -> dict[str, dict[str, list[MeanStride]]]:
+    """Return condition -> participant -> mean strides of all sessions and sides."""
     groups: dict[str, dict[str, list[MeanStride]]] = {}
     for stride in strides:
         groups.setdefault(stride.condition, {}).setdefault(stride.participant, []).append(stride)
-    return {
-        condition: {person: _mean(own) for person, own in people.items()}
-        for condition, people in groups.items()
-    }
+    return groups
 
 
 def device_effect(strides: Sequence[MeanStride]) -> Mapping[str, Any]:
     """Return the test of the mean angle with against without the device, as statistics.
 
-    Strides with the device are those of unperturbed recordings. Empty without three people who
-    walked in both conditions.
+    Strides with the device are those of unperturbed recordings. Both conditions are compared
+    within session and side; a participant's differences are averaged. Empty without three people
+    who have such a pair.
     """
-    curves = mean_strides_of_people(strides)
-    without, worn = curves.get("no_device", {}), curves.get("unperturbed", {})
-    people = [person for person in worn if person in without]
-    if len(people) < _FEWEST_PEOPLE:
+    angles = {(m.participant, m.session, m.side, m.condition): m.angle for m in strides}
+    pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for (person, session, side, condition), angle in angles.items():
+        without = angles.get((person, session, side, "no_device"))
+        if condition == "unperturbed" and without is not None:
+            pairs.setdefault(person, []).append((angle, without))
+    if len(pairs) < _FEWEST_PEOPLE:
         return {}
-    angles = (np.stack([own[p][0] for p in people]) for own in (worn, without))
+    means = np.array([np.mean(own, axis=0) for own in pairs.values()])
     try:
-        test = spm_paired_t(*angles)
+        test = spm_paired_t(means[:, 0], means[:, 1])
     except DataError:  # such as the same curves twice
         return {}
-    return {"device_effect": {"participants": people, "test": test.to_dict()}}
-
-
-def _mean(strides: Sequence[MeanStride]) -> _Curves:
-    torques = [s.torque for s in strides if s.torque is not None]
-    angle = np.mean([s.angle for s in strides], axis=0)
-    return angle, np.mean(torques, axis=0) if torques else None
+    return {"device_effect": {"participants": list(pairs), "test": test.to_dict()}}

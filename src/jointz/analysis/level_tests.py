@@ -1,7 +1,6 @@
 """Tests whether timing points, sessions or sides differ, of the decided values of people."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, Final
 
 import pandas as pd
@@ -9,85 +8,100 @@ import pandas as pd
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.results.estimates import CellEstimate
+from jointz.results.statistics.mixed_model_fit import MixedModelFit
 from jointz.stats.mixed_models import mixed_model
 
 _PARAMETERS: Final = ("stiffness", "damping", "inertia")
-#: Fewer participants have no test.
+#: Levels of fewer participants are not tested.
 _FEWEST_PEOPLE: Final = 3
 #: Factors of which the levels are compared within a participant.
 _FACTORS: Final = ("timing_point", "session", "side")
 
 
-@dataclass(frozen=True, slots=True)
-class _Value:
-    """A decided value of a participant at a level."""
-
-    participant: str
-    level: str
-    point: str
-    value: float
-
-
 def level_tests(cells: Sequence[CellEstimate]) -> dict[str, Any]:
     """Return the tests of each parameter and factor, as statistics; empty if none is possible.
 
-    K, B and J with status ``ok`` enter as rows of ``value ~ level + (1 | participant)`` with the
-    degrees of freedom of Kenward and Roger; pairs are adjusted by Holm.
+    K, B and J with status ``ok`` enter as rows of ``value ~ level + (1 | participant)``. Of a
+    participant with several sessions and sides (or, between sessions and sides, timing points),
+    those count that have a value at every level that the participant has; they are averaged.
     """
     tests = [
         test
         for factor in _FACTORS
         for parameter in _PARAMETERS
-        for test in _tests(cells, factor, parameter)
+        if (test := _test(cells, factor, parameter)) is not None
     ]
     return {"level_tests": tests} if tests else {}
 
 
-def _tests(cells: Sequence[CellEstimate], factor: str, parameter: str) -> Iterator[dict[str, Any]]:
-    values = list(_values(cells, factor, parameter))
-    levels = list(dict.fromkeys(v.level for v in values))
-    people = {v.participant for v in values}
-    if len(levels) < 2 or len(people) < _FEWEST_PEOPLE:
-        return
-    table = pd.DataFrame([(v.participant, v.level, v.point, v.value) for v in values],
-                         columns=["participant", "level", "point", "value"])  # fmt: skip
-    if factor != "timing_point":
-        table = _over_common_points(table, len(levels))
+def _test(cells: Sequence[CellEstimate], factor: str, parameter: str) -> dict[str, Any] | None:
+    estimates = _estimates(cells, factor, parameter)
+    decided = estimates[estimates["status"] == "ok"]
+    levels = _known_levels(decided)
+    table = _averaged(decided[decided["level"].isin(levels)])
+    if len(levels) < 2 or _known_levels(table) != levels:
+        return None
     table["level"] = pd.Categorical(table["level"], categories=levels)
     try:
         fit = mixed_model(table, response="value", within="level", participant="participant")
-        pairs = fit.pairs("holm")
-    except (DataError, EstimationError):  # too few values, or no spread
-        return
-    planned = len({c.participant for c in cells}) * len(levels)
-    yield {
+    except (DataError, EstimationError):  # values that do not vary, or of too few people
+        return None
+    tested = estimates[estimates["level"].isin(levels)]
+    return {
         "factor": factor,
         "parameter": parameter,
         "levels": levels,
         "n_participants": fit.n_participants,
         "n_values": fit.n_rows,
-        "n_without_value": planned - fit.n_rows,
-        "F": fit.f_test.F,
-        "df_num": fit.f_test.df_num,
-        "df_den": fit.f_test.df_den,
-        "p": fit.f_test.p,
-        "pairs": pairs.to_dict("records"),
+        "n_without_value": int((tested["status"] != "ok").sum()),
+        **_f_test(fit),
+        "pairs": fit.pairs("holm", error="paired").to_dict("records"),
     }
 
 
-def _values(cells: Sequence[CellEstimate], factor: str, parameter: str) -> Iterator[_Value]:
-    for cell in cells:
-        estimate = cell.parameter(parameter)
-        level = str(getattr(cell, factor))
-        if estimate is None or estimate.status != "ok" or estimate.value is None or not level:
-            continue
-        if factor == "timing_point" and level == ALL_POINTS:
-            continue
-        yield _Value(cell.participant, level, cell.timing_point, estimate.value)
+def _f_test(fit: MixedModelFit) -> dict[str, Any]:
+    """Return the F test, with Greenhouse and Geisser's p if no value is missing."""
+    test, complete = fit.f_test, fit.repeated_measures
+    return {
+        "F": test.F,
+        "df_num": test.df_num,
+        "df_den": test.df_den,
+        "p": test.p if complete is None else complete.p_epsilon,
+        "p_of": "kenward-roger" if complete is None else "greenhouse-geisser",
+    }
 
 
-def _over_common_points(table: pd.DataFrame, n_levels: int) -> pd.DataFrame:
-    """Average a participant's levels over the timing points that have a value at each level."""
-    counts = table.groupby(["participant", "point"])["level"].transform("nunique")
-    common = table[counts == n_levels].groupby(["participant", "level"], sort=False)["value"]
-    return common.mean().reset_index()
+def _estimates(cells: Sequence[CellEstimate], factor: str, parameter: str) -> pd.DataFrame:
+    """Return level, value and status of each estimate, and what else tells it from others."""
+    others = [name for name in _FACTORS if name != factor]
+    rows = [
+        (
+            cell.participant,
+            str(getattr(cell, factor)),
+            *(str(getattr(cell, name)) for name in others),
+            estimate.value,
+            estimate.status,
+        )
+        for cell in cells
+        if (estimate := cell.parameter(parameter)) is not None
+        and cell.timing_point != ALL_POINTS
+        and getattr(cell, factor)
+    ]
+    names = ["participant", "level", "context_1", "context_2", "value", "status"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _known_levels(table: pd.DataFrame) -> list[str]:
+    """Return the levels with enough participants, in order of appearance."""
+    people = table.groupby("level", sort=False)["participant"].nunique()
+    enough = set(people.index[people >= _FEWEST_PEOPLE])
+    return [level for level in dict.fromkeys(table["level"]) if level in enough]
+
+
+def _averaged(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one value a participant and level, over contexts with all levels of the person."""
+    own = table.groupby("participant")["level"].transform("nunique")
+    context = ["participant", "context_1", "context_2"]
+    complete = table[table.groupby(context)["level"].transform("nunique") == own]
+    means = complete.groupby(["participant", "level"], sort=False)["value"].mean()
+    return means.reset_index()

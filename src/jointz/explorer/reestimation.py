@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from jointz.analysis.device_effect import device_effect
+from jointz.analysis.level_tests import level_tests
 from jointz.analysis.mass_checks import likely_masses_kg, mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
@@ -101,7 +103,8 @@ def with_new_estimates(
 ) -> StudyAnalysis:
     """Return an analysis with new estimates of participants, and the new means over people.
 
-    Certificate, statistics and provenance stay as analysed; :func:`jointz.analyze` updates them.
+    Certificate, provenance and all statistics but the tests stay as analysed;
+    :func:`jointz.analyze` updates them.
     """
     method = str(analysis.settings["method"])
     new_cells = {
@@ -129,11 +132,18 @@ def with_new_estimates(
     models = {p: r.models for p, r in results.items()}
     log_posteriors = {p: r.log_posteriors for p, r in results.items()}
     mean_strides = {p: r.mean_strides for p, r in results.items()}
+    # Participants without a pulse have no cell.
+    walkers = list(dict.fromkeys([*people, *(m.participant for m in analysis.mean_strides)]))
+    strides_by_condition = _replaced(walkers, analysis.mean_strides, mean_strides)
+    tests = ("level_tests", "device_effect")
+    kept = {name: v for name, v in analysis.statistics.items() if name not in tests}
     posteriors = _replaced(people, analysis.log_posteriors, log_posteriors)
     changed = replace(
         analysis,
         cells=cells,
-        comparison=tuple(without_values_per_kg(comparison, doubted)),
+        comparison=tuple(
+            replace(c, example=None) for c in without_values_per_kg(comparison, doubted)
+        ),
         population=population_means(
             person_cells(cells), posteriors, likely_masses_kg(study, doubted)
         )
@@ -144,7 +154,8 @@ def with_new_estimates(
         single=_replaced(people, analysis.single, single),
         models=_replaced(people, analysis.models, models),
         log_posteriors=posteriors,
-        mean_strides=_replaced(people, analysis.mean_strides, mean_strides),
+        mean_strides=strides_by_condition,
+        statistics={**kept, **level_tests(cells), **device_effect(strides_by_condition)},
         pooled=(),
     )
     if method != RIGID or len(people) < 2 or not any(map(has_budget, cells)):

@@ -119,9 +119,7 @@ def _analyze_group(
         evidence=tuple(replace(e, session=session, side=side) for e in evidence),
         log_posteriors=tuple(replace(p, session=session, side=side) for p in log_posteriors),
         curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
-        mean_strides=mean_strides(participant, (session, side), sources)
-        if settings.kind.by_gait
-        else (),
+        mean_strides=mean_strides(participant, new) if settings.kind.by_gait else (),
         sampling=tuple(
             SamplingRecord(
                 participant,

@@ -129,6 +129,7 @@ class PulseExample(Result):
     # measured minus baseline of the signal that is fitted, with the sign and the corrections of
     # the average response: rad or N*m
     response: Array
+    n_averaged: int  # number of pulses in the average response that is fitted
 
 
 @dataclass(frozen=True, slots=True, repr=False)

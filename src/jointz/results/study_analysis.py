@@ -267,7 +267,9 @@ class StudyAnalysis(Result):
             return
         ends = np.array([(m.ci_low, m.value, m.ci_high) for m in drawn], dtype=float)
         at = [at_points[m.timing_point] for m in drawn]
-        label = f"mean over {drawn[0].n_participants} participants"
+        numbers = sorted({m.n_participants for m in drawn})
+        span = " to ".join(str(n) for n in dict.fromkeys((numbers[0], numbers[-1])))
+        label = f"mean over {span} participants"
         axes.plot(at, ends[:, 1], "o", color=BLUE, markersize=5.0, zorder=3, label=label)
         axes.vlines(at, ends[:, 0], ends[:, 2], BLUE, linewidth=2.0, zorder=3)
         axes.plot([], [], marker="o", color=FAINT, markersize=2.5, label="each participant")

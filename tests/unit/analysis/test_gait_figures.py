@@ -73,7 +73,7 @@ def test_figures_are_drawn_and_captioned(analysis):
     drawn, texts = draw_figures(analysis), captions(analysis)
 
     assert {"gait", "pulse_example"} <= set(drawn)
-    assert "2 participants" in texts["gait"]
+    assert "SD between participants" in texts["gait"]
     assert "statistical parametric mapping" not in texts["gait"]  # of two people
     assert Exclusion.USER.value not in texts["pulse_example"]
     assert "of median VAF" in texts["pulse_example"]

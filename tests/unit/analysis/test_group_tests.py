@@ -15,10 +15,16 @@ GAIT_PCT = np.linspace(0.0, 100.0, 101)
 PEOPLE = [f"S{k:02d}" for k in range(1, 9)]
 
 
-def cell(person, point, stiffness, status="ok", session=""):
+def cell(person, point, stiffness, status="ok", session="", side=""):
     value = None if status != "ok" else stiffness
     estimate = ParameterEstimate("stiffness", value, None, None, status)
-    return CellEstimate(person, point, 10.0, (estimate,), 99.0, 5, 0, "rigid", session=session)
+    return CellEstimate(
+        person, point, 10.0, (estimate,), 99.0, 5, 0, "rigid", session=session, side=side
+    )
+
+
+def by_factor(found):
+    return {t["factor"]: t for t in level_tests(found).get("level_tests", ())}
 
 
 def cells(shift, *, seed=1, status="ok"):
@@ -31,12 +37,14 @@ def cells(shift, *, seed=1, status="ok"):
     ]  # fmt: skip
 
 
-def stride(person, condition, bump_rad, rng, session=""):
+def stride(person, condition, bump_rad, rng, session="", side=""):
     angle = 0.5 * np.sin(2 * np.pi * GAIT_PCT / 100.0)
     for k in range(1, 6):
         angle += rng.normal(0.0, 0.01) * np.sin(2 * np.pi * k * GAIT_PCT / 100.0 + k)
     angle += bump_rad * np.exp(-(((GAIT_PCT - 50.0) / 5.0) ** 2))
-    return MeanStride(person, condition, 20, GAIT_PCT, angle, 0.0 * angle, session=session)
+    return MeanStride(
+        person, condition, 20, GAIT_PCT, angle, 0.0 * angle, session=session, side=side
+    )
 
 
 def test_a_timing_point_that_is_stiffer_is_found_with_its_pairs():
@@ -77,11 +85,77 @@ def test_sessions_are_compared_over_the_timing_points_that_both_have():
         for session in ("one", "two")
         for point in ("LRE", "MST")
     ]  # fmt: skip
-    tests = {t["factor"]: t for t in level_tests([*found, cell("S01", "TST", 500.0, "ok", "two")])
-             ["level_tests"]}  # fmt: skip
+    tests = by_factor([*found, cell("S01", "TST", 500.0, "ok", "two")])
 
     assert tests["session"]["n_values"] == 16
     assert level_tests_section({"level_tests": [tests["session"]]})[0]["pairs"] == "two > one"
+
+
+def test_a_side_recorded_in_one_session_only_makes_no_effect_of_the_session():
+    rng = np.random.default_rng(3)
+    found = [
+        cell(person, point, 100.0 + 30.0 * (side == "left") + rng.normal(0.0, 3.0),
+             session=session, side=side)
+        for person in PEOPLE
+        for session, side in (("one", "left"), ("one", "right"), ("two", "right"))
+        for point in ("LRE", "MST")
+    ]  # fmt: skip
+    tests = by_factor(found)
+
+    assert tests["session"]["p"] > 0.01
+    assert level_tests_section({"level_tests": [tests["side"]]})[0]["pairs"] == "left > right"
+
+
+def test_two_sides_are_averaged_between_timing_points():
+    rng = np.random.default_rng(3)
+    found = [
+        cell(person, point, 100.0 + 40.0 * (point == "LRE") + rng.normal(0.0, 3.0), side=side)
+        for person in PEOPLE
+        for side in ("left", "right")
+        for point in ("LRE", "MST")
+    ]  # fmt: skip
+    test = by_factor(found)["timing_point"]
+
+    assert (test["n_values"], test["n_participants"]) == (16, 8)
+    assert test["p"] < 1e-6
+
+
+def test_a_timing_point_of_one_person_is_not_tested():
+    lone = [cell("S01", "TST", 900.0)]
+    kept = [c for c in cells({}, seed=2) if c.timing_point != "TST"]
+    (test,) = level_tests([*kept, *lone])["level_tests"]
+
+    assert test["levels"] == ["LRE", "MST"]
+
+
+def test_a_session_of_two_people_takes_nobody_out_of_the_others():
+    rng = np.random.default_rng(4)
+    found = [
+        cell(person, point, 100.0 + rng.normal(0.0, 5.0), session=session)
+        for k, person in enumerate(PEOPLE)
+        for session in ("one", "two", "three")[: 3 if k < 2 else 2]
+        for point in ("LRE", "MST")
+    ]
+    test = by_factor(found)["session"]
+
+    assert test["levels"] == ["one", "two"]
+    assert test["n_participants"] == 8
+
+
+def test_a_level_without_the_others_variance_needs_the_corrected_p():
+    """Differences that vary unalike (no sphericity): chance findings stay near 5 %."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(200):
+        rows = [
+            cell(person, f"p{k}", 100.0 + rng.normal(0.0, 40.0 if k == 3 else 3.0))
+            for person in PEOPLE[:6]
+            for k in range(4)
+        ]
+        (test,) = level_tests(rows)["level_tests"]
+        found.append(test["p"] < 0.05)
+
+    assert np.mean(found) < 0.09  # 14 % by the F test of the mixed model
 
 
 def test_two_people_have_no_test():
@@ -108,3 +182,18 @@ def test_sessions_of_a_person_are_one_person():
                for s in ("one", "two", "three", "four")]  # fmt: skip
 
     assert device_effect(strides) == {}
+
+
+def test_an_unperturbed_left_knee_is_not_compared_with_a_right_one():
+    rng = np.random.default_rng(6)
+    strides = [
+        stride(person, condition, 0.3 * (side == "left"), rng, side=side)
+        for person in PEOPLE
+        for condition, side in (
+            ("no_device", "right"), ("unperturbed", "right"), ("unperturbed", "left"),
+        )
+    ]  # fmt: skip
+    effect = device_effect(strides)["device_effect"]
+
+    assert effect["participants"] == PEOPLE
+    assert effect["test"]["clusters"] == []

@@ -1,26 +1,32 @@
 """Figures of the mean stride with the onsets of the pulses, and of one pulse with its fit."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from jointz.analysis.device_effect import mean_strides_of_people
+from jointz.analysis.device_effect import strides_by_person
 from jointz.core.gait_phases import circular_mean_pct
 from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
 from jointz.report.subjects import subjects, timing_points
 from jointz.results.estimates import CellEstimate
 from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, PANEL, SMALL_PT, VERMILION
+from jointz.results.mean_stride import MeanStride
 from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.results.study_analysis import StudyAnalysis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 _LEFT_MM: Final = 13.0
 _TOP_MM: Final = 13.0
 _HEIGHT_MM: Final = 38.0
+#: Number and letters of timing points whose names have room above the panels.
+_MOST_NAMES: Final = 7
+_LONGEST_NAME: Final = 4
 _LOOKS: Final = {
     "no_device": ("without the device", INK, "--"),
     "unperturbed": ("with the device", BLUE, "-"),
@@ -31,41 +37,64 @@ _LOOKS: Final = {
 # --- mean stride -----------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Condition:
+    """Mean strides of the people of a condition; sessions and sides of a person are averaged."""
+
+    angle: np.ndarray  # (person, n) rad
+    angle_sd: np.ndarray  # (n,) between people, or between the strides of the only one, rad
+    torque: np.ndarray | None  # (person, n) N*m, of those with torque; None without
+
+    @classmethod
+    def of(cls, people: Mapping[str, Sequence[MeanStride]]) -> "_Condition":
+        """Return the condition of people with their mean strides."""
+        angle = np.array([np.mean([m.angle for m in own], axis=0) for own in people.values()])
+        torques = [[m.torque for m in own if m.torque is not None] for own in people.values()]
+        known = [np.mean(own, axis=0) for own in torques if own]
+        first = next(iter(people.values()))
+        sd = angle.std(axis=0, ddof=1) if len(angle) > 1 else first[0].angle_sd
+        return cls(angle, sd, np.array(known) if known else None)
+
+
 def draw_gait(analysis: StudyAnalysis) -> "Figure | None":
     """Draw mean angle and torque over the cycle with the onsets, and the effect of the device."""
-    curves = _shown_conditions(analysis)
-    if not curves:
+    conditions = _shown_conditions(analysis)
+    if not conditions:
         return None
     test = device_effect_of(analysis)
     figure = new_figure(_TOP_MM + _HEIGHT_MM + 10.0)
     axes = place_panels(figure, 3, left_mm=_LEFT_MM, top_mm=_TOP_MM, height_mm=_HEIGHT_MM)
     headings = ["Angle (deg)", "Torque of the device (N·m)", "Effect of the device (deg)"]
-    with_torque = any(torque is not None for _, torque in curves.values())
+    with_torque = any(c.torque is not None for c in conditions.values())
     for panel, heading, drawn in zip(axes, headings, (True, with_torque, test), strict=True):
         if not drawn:
             panel.remove()
             continue
-        panel_heading(panel, heading, stacked=True)
+        panel_heading(panel, heading)
         panel.set(xlim=(0.0, 100.0), xticks=range(0, 101, 20), xlabel="Gait cycle (%)")
-    _draw_means(axes[0], {c: np.degrees(angle) for c, (angle, _) in curves.items()})
-    _draw_means(axes[1], {c: torque for c, (_, torque) in curves.items() if torque is not None})
+    for name, condition in conditions.items():
+        degrees, sd = np.degrees(condition.angle), np.degrees(condition.angle_sd)
+        _draw_mean(axes[0], degrees.mean(axis=0), sd, name)
+        if condition.torque is not None:
+            several = len(condition.torque) > 1
+            sd = condition.torque.std(axis=0, ddof=1) if several else np.zeros(len(sd))
+            _draw_mean(axes[1], condition.torque.mean(axis=0), sd, name)
     if test is not None:
         _draw_effect(axes[2], test)
     for panel in axes[: 1 + with_torque]:
         _mark_onsets(panel, analysis)
-    handles = [legend_line(*_LOOKS[c][:2], linestyle=_LOOKS[c][2]) for c in curves]
-    place_legend(figure, handles)
+    place_legend(figure, [_handle(name, c) for name, c in conditions.items()])
     return figure
 
 
 def gait_caption(analysis: StudyAnalysis) -> str:
     """Return the caption of the figure of the mean stride."""
-    curves = _shown_conditions(analysis)
-    n = max((len(angle) for angle, _ in curves.values()), default=0)
-    spread = "between participants" if n > 1 else "between strides"
-    text = f"Mean over {n} participants" if n > 1 else "Mean over the strides of the participant"
-    text += f" of strides without a pulse; band: SD {spread}. Vertical lines: mean onsets of the"
-    text += " pulses."
+    several = any(len(c.angle) > 1 for c in _shown_conditions(analysis).values())
+    spread = "between participants" if several else "between strides"
+    text = (
+        f"Mean of strides without a pulse; band: SD {spread}. Vertical lines: mean onsets of the "
+        "pulses."
+    )
     test = device_effect_of(analysis)
     if test is None:
         return text
@@ -82,47 +111,43 @@ def device_effect_of(analysis: StudyAnalysis) -> WaveformTest | None:
     return WaveformTest.from_dict(stored["test"]) if stored else None
 
 
-def _shown_conditions(
-    analysis: StudyAnalysis,
-) -> dict[str, tuple[np.ndarray, np.ndarray | None]]:
-    """Return angle (person, n), and torque if there is one, of each condition."""
-    curves = mean_strides_of_people(analysis.mean_strides)
+def _shown_conditions(analysis: StudyAnalysis) -> dict[str, _Condition]:
+    """Return the conditions without the device and with it."""
+    people = strides_by_person(analysis.mean_strides)
     # Perturbed recordings are drawn if nothing else was recorded with the device.
-    worn = "unperturbed" if "unperturbed" in curves else "perturbed"
-    return {
-        name: (np.stack([a for a, _ in people.values()]), _stacked([t for _, t in people.values()]))
-        for name, people in curves.items()
-        if name in ("no_device", worn)
-    }
+    worn = "unperturbed" if "unperturbed" in people else "perturbed"
+    return {name: _Condition.of(people[name]) for name in ("no_device", worn) if name in people}
 
 
-def _stacked(torques: Sequence[np.ndarray | None]) -> np.ndarray | None:
-    known = [t for t in torques if t is not None]
-    return np.stack(known) if known else None
+def _handle(name: str, condition: _Condition) -> "Line2D":
+    text, colour, line = _LOOKS[name]
+    return legend_line(f"{text} (n {len(condition.angle)})", colour, linestyle=line)
 
 
-def _draw_means(axes: "Axes", curves: Mapping[str, np.ndarray]) -> None:
-    for condition, rows in curves.items():
-        _, colour, line = _LOOKS[condition]
-        mean, at = rows.mean(axis=0), np.linspace(0.0, 100.0, rows.shape[1])
-        axes.plot(at, mean, line, color=colour, linewidth=1.2)
-        if len(rows) > 1:
-            sd = rows.std(axis=0, ddof=1)
-            axes.fill_between(at, mean - sd, mean + sd, color=colour, alpha=0.15, linewidth=0)
+def _draw_mean(axes: "Axes", mean: np.ndarray, sd: np.ndarray, condition: str) -> None:
+    _, colour, line = _LOOKS[condition]
+    at = np.linspace(0.0, 100.0, mean.size)
+    axes.plot(at, mean, line, color=colour, linewidth=1.2)
+    axes.fill_between(at, mean - sd, mean + sd, color=colour, alpha=0.15, linewidth=0)
 
 
 def _mark_onsets(axes: "Axes", analysis: StudyAnalysis) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.22 * (high - low))
-    for k, name in enumerate(timing_points(analysis.cells)):
-        own = [
+    onsets = {
+        name: [
             c.onset_gait_pct
             for c in analysis.cells
             if c.timing_point == name and c.onset_gait_pct is not None
         ]
-        if own:
-            at = circular_mean_pct(own)
-            axes.axvline(at, color=FAINT, linewidth=0.8, zorder=0)
+        for name in timing_points(analysis.cells)
+    }
+    places = sorted((circular_mean_pct(own), name) for name, own in onsets.items() if own)
+    # More or longer names would lie on each other.
+    named = len(places) <= _MOST_NAMES and max(map(len, onsets), default=0) <= _LONGEST_NAME
+    for k, (at, name) in enumerate(places):
+        axes.axvline(at, color=FAINT, linewidth=0.8, zorder=0)
+        if named:
             axes.text(
                 at, 1.0 - 0.08 * (k % 2), name, transform=axes.get_xaxis_transform(),
                 ha="center", va="top", fontsize=SMALL_PT, color=MUTED,
@@ -202,8 +227,8 @@ def pulse_example_caption(analysis: StudyAnalysis) -> str:
     return (
         f"One pulse of {cell.label} at {cell.timing_point}, {at} into its recording: the {word} "
         "of median VAF, and its pulse of median distance from the average. The fit is to the "
-        f"average of the {cell.n_used} pulses, so the residual includes what differs from pulse to "
-        "pulse."
+        f"average of {cell.example.n_averaged} such pulses, so the residual includes what differs "
+        "from pulse to pulse."
     )
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
+
 from jointz.report.wording import format_number, joined, parameter_name
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -31,6 +33,8 @@ def level_tests_section(statistics: Mapping[str, Any]) -> list[dict[str, str]]:
 
 def format_p(p: float) -> str:
     """Write a probability."""
+    if not np.isfinite(p):
+        return "not available"
     return f"{p:.3f}" if p >= _SMALLEST_P else f"< {_SMALLEST_P:g}"
 
 

@@ -184,6 +184,7 @@ class CellEstimator:
             baseline_angle=baseline[ANGLE],
             baseline_torque=baseline[TORQUE],
             response=torque[best],
+            n_averaged=len(used),
         )
 
     def _fit_settings(self, used: Sequence[Candidate]) -> FitSettings:

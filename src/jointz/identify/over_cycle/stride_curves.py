@@ -35,8 +35,8 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     if any(source.given.condition != "no_device" for source in sources):
         return ()
     for source in sources:
-        if "torque" in source.given.recording:
-            curves.setdefault(unit_of(source.given), []).extend(_strides(source))
+        with_moment = [s for s in _strides(source) if np.isfinite(s).all()]
+        curves.setdefault(unit_of(source.given), []).extend(with_moment)
     return tuple(
         StrideCurves(participant, side, angle, moment, session)
         for (session, side), strides in curves.items()
@@ -45,54 +45,60 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     )
 
 
-def mean_strides(participant: str, unit: Unit, sources: Sequence[Source]) -> tuple[MeanStride, ...]:
-    """Return the mean stride of each condition, over its strides without pulses."""
-    strides: dict[str, list[np.ndarray]] = {}
+def mean_strides(participant: str, sources: Sequence[Source]) -> tuple[MeanStride, ...]:
+    """Return the mean stride of each condition, session and side, over its strides without pulses.
+
+    In perturbed recordings the stride after one with a pulse is left out, too.
+    """
+    strides: dict[tuple[str, Unit], list[np.ndarray]] = {}
     for source in sources:
-        if source.given.condition is not None:
-            strides.setdefault(source.given.condition, []).extend(_strides(source))
+        condition = source.given.condition
+        if condition is not None:
+            own = strides.setdefault((condition, unit_of(source.given)), [])
+            own.extend(_strides(source, settled=condition == "perturbed"))
     return tuple(
         _mean_stride(participant, unit, condition, np.stack(own))
-        for condition, own in strides.items()
+        for (condition, unit), own in strides.items()
         if len(own) > 1
     )
 
 
 def _mean_stride(participant: str, unit: Unit, condition: str, strides: np.ndarray) -> MeanStride:
-    mean, sd = strides.mean(axis=0), strides[:, 0].std(axis=0, ddof=1)
+    angle, torque = strides[:, 0], strides[np.isfinite(strides[:, 1]).all(axis=1), 1]
     # Without a device the torque is a moment of the joint.
-    by_device = condition != "no_device" and bool(np.isfinite(mean[1]).all())
+    by_device = condition != "no_device" and len(torque) > 0
     return MeanStride(
         participant=participant,
         condition=condition,
         n_strides=len(strides),
         gait_pct=np.linspace(0.0, 100.0, NODES),
-        angle=mean[0],
-        angle_sd=sd,
-        torque=mean[1] if by_device else None,
+        angle=angle.mean(axis=0),
+        angle_sd=angle.std(axis=0, ddof=1),
+        torque=torque.mean(axis=0) if by_device else None,
         session=unit[0],
         side=unit[1],
     )
 
 
-def _strides(source: Source) -> Iterator[np.ndarray]:
-    """Yield angle and torque of every usable stride, (2, NODES); NaN without a torque."""
+def _strides(source: Source, *, settled: bool = False) -> Iterator[np.ndarray]:
+    """Yield angle and torque of every stride, (2, NODES); NaN for torque with missing samples.
+
+    ``settled``: the stride before has no pulse, either.
+    """
     recording = source.given.recording
     if source.strides is None:
         return
     time = recording["time"].to_numpy()
-    names = [name for name in ("angle", "torque") if name in recording]
-    signals = np.stack([recording[name].to_numpy() for name in names])
+    angle = recording["angle"].to_numpy()
+    torque = recording["torque"].to_numpy() if "torque" in recording else np.full(time.size, np.nan)
+    chosen = source.undisturbed
+    if settled:
+        chosen = chosen & np.append(True, chosen[:-1])
     for start, length in zip(
-        source.strides.start_s[source.undisturbed],
-        source.strides.duration_s[source.undisturbed],
-        strict=True,
+        source.strides.start_s[chosen], source.strides.duration_s[chosen], strict=True
     ):
         first, last = np.searchsorted(time, (start, start + length))
         around = slice(max(first - 1, 0), last + 1)
-        if np.isfinite(signals[:, around]).all():
+        if np.isfinite(angle[around]).all():
             at = start + length * np.linspace(0.0, 1.0, NODES)
-            stride = np.full((2, NODES), np.nan)
-            for row, signal in zip(stride, signals, strict=False):
-                row[:] = np.interp(at, time[around], signal[around])
-            yield stride
+            yield np.stack([np.interp(at, time[around], row[around]) for row in (angle, torque)])

@@ -1,6 +1,6 @@
 """Timing points with predicted pulses, and a code for each pulse that cannot be used."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,9 +125,18 @@ class CellPredictor:
         return cell, codes
 
     def example(
-        self, cell: PredictedCell, chosen: np.ndarray | None = None, *, n: int
+        self,
+        cell: PredictedCell,
+        chosen: np.ndarray | None = None,
+        *,
+        n: int,
+        response_of: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> PulseExample:
-        """Return n samples of one of the used pulses, or of those chosen."""
+        """Return n samples of one of the used pulses, or of those chosen.
+
+        ``response_of`` returns the response as it is averaged from the turned one, (3, n), and the
+        sign of the pulse; by default the turned angle.
+        """
         places = np.arange(len(cell.used)) if chosen is None else np.flatnonzero(chosen)
         responses = cell.predicted.responses[cell.kept][places, :, :n]
         best = example_place(responses[:, 0])
@@ -145,7 +154,8 @@ class CellPredictor:
             torque=torque,
             baseline_angle=angle - sign * response[0],
             baseline_torque=torque - sign * response[1:].sum(axis=0),
-            response=response[0],
+            response=response[0] if response_of is None else response_of(response, sign),
+            n_averaged=len(places),
         )
 
     def _checked(

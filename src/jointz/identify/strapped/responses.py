@@ -116,12 +116,9 @@ def point_response(
 
 def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> ShapeAverage:
     """Average the pulses of a shape, corrected for what is known of torque and angle."""
-    angle, driving, friction = responses.mean(axis=0)
+    angle, torque = corrected(responses.mean(axis=0), period_s, known)
     late_s = value_of(known.torque_lag_s, 0.0)
     time_s = np.arange(angle.size) * period_s
-    recorded = driving + value_of(known.friction_gain, 1.0) * friction
-    torque = np.interp(time_s + late_s, time_s, recorded)
-    angle = angle - shown_per_torque(known) * torque
     # Beyond, the torque was recorded after the end of the window.
     known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
     return ShapeAverage(
@@ -132,9 +129,17 @@ def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> 
     )
 
 
-def shown_per_torque(known: CalibrationSpec) -> float:
-    """Return the angle that the sensor shows per torque by the twist of its mount, rad/(N*m)."""
-    return value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
+def corrected(
+    response: np.ndarray, period_s: float, known: CalibrationSpec
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and torque of a response (3, n), corrected for what is known of both."""
+    angle, driving, friction = response
+    time_s = np.arange(angle.size) * period_s
+    recorded = driving + value_of(known.friction_gain, 1.0) * friction
+    torque = np.interp(time_s + value_of(known.torque_lag_s, 0.0), time_s, recorded)
+    # The sensor shows an angle in proportion to the torque that twists its mount.
+    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
+    return angle - shown * torque, torque
 
 
 def usable_samples(angle: np.ndarray, time_s: np.ndarray) -> np.ndarray:

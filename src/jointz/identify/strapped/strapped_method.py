@@ -50,8 +50,8 @@ from jointz.identify.strapped.prior import STEADY, LegPriors
 from jointz.identify.strapped.responses import (
     FIT_S,
     PointResponse,
+    corrected,
     point_response,
-    shown_per_torque,
 )
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import (
@@ -389,10 +389,12 @@ class _Participant:
     ) -> PulseExample:
         """Return a pulse of the most frequent shape; its response is as signed."""
         most = int(np.argmax([s.n_pulses for s in point.shapes]))
-        example = self._predictor.example(cell, point.shape_of_pulse == most, n=point.time_s.size)
-        torque = example.torque - example.baseline_torque
-        shown = shown_per_torque(known) * torque
-        return replace(example, response=example.angle - example.baseline_angle - shown)
+        return self._predictor.example(
+            cell,
+            point.shape_of_pulse == most,
+            n=point.time_s.size,
+            response_of=lambda turned, sign: corrected(sign * turned, cell.period_s, known)[0],
+        )
 
     def _gravity_corrected(
         self,
