@@ -46,7 +46,9 @@ def analyze(
     ] = False,
     figures: Annotated[
         bool,
-        typer.Option(" /--no-figures", help="Write tables and report without figures."),
+        typer.Option(
+            " /--no-figures", help="Write tables and report without figures.", show_default=False
+        ),
     ] = True,
     pdf: Annotated[bool, typer.Option("--pdf", help="Write the figures as PDF, too.")] = False,
     workers: Annotated[

@@ -209,8 +209,8 @@ class Failure(FailureCode):
     )
     TORQUE_UNLIKE_COMMAND = (
         "torque_unlike_command",
-        "the torque is more than three times its command, or on a bench less than a third: "
-        "check units and gain of the torque",
+        "on a bench or in a single record: the torque is more than three times its command, or on "
+        "a bench less than a third; check units and gain of the torque",
     )
     NOT_ONE_LOAD = (
         "not_one_load",

@@ -79,4 +79,9 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
             return (si_unit, *conversion(unit, si_unit))
         except UnitError as exc:
             failures.append(exc)
+    if name == "command":
+        raise UnitError(
+            f"{failures[0]} If the channel is a trigger and no torque, leave it out, and write the "
+            'onsets into a pulse table (perturbations = "FILE.csv" under [[recordings]]).'
+        )
     raise failures[0]

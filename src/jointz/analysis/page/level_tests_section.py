@@ -11,6 +11,10 @@ from jointz.results.study_analysis import StudyAnalysis
 _FACTORS: Final = {"timing_point": "Timing point", "session": "Session", "side": "Side"}
 _ALPHA: Final = 0.05
 _SMALLEST_P: Final = 1e-3
+_UNTESTED: Final = (
+    "Whether the device changes the gait is not tested: that needs three participants with "
+    "recordings without the device (no_device) and unperturbed ones with it, of one side."
+)
 #: More pairs than these would hide the result.
 _MOST_PAIRS: Final = 6
 
@@ -42,7 +46,7 @@ def device_effect_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence about the effect of the device on the angle, or ""."""
     stored = analysis.statistics.get("device_effect")
     if not stored:
-        return ""
+        return _UNTESTED if analysis.mean_strides else ""
     test = stored["test"]
     clusters: Sequence[Mapping[str, Any]] = test["clusters"]
     n, joint = test["n_a"], analysis.settings.get("joint", "joint")

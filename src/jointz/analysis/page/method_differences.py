@@ -96,6 +96,8 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
         lags = left_over_lag_s(analysis, cell)
         if cell.method != RIGID or other is None or lags is None or cell.response is None:
             continue
+        if not any(p.available for p in other.parameters):
+            continue  # nothing to compare with
         alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
         late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
         apart_deg = _apart_deg(cell, other, late_s)

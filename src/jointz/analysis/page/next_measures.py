@@ -202,7 +202,7 @@ def _more_than_few(analysis: StudyAnalysis) -> list[str]:
     if not means or any(m.value is not None for m in means):
         return []
     count = max(m.n_participants for m in means)
-    return [f"Measure more {many}: {count} of them decide no mean over {many}."]
+    return [f"Measure more {many}: the {count} of this study are too few to decide a mean."]
 
 
 def _people_needed(mean: PopulationEstimate) -> int:
