@@ -278,7 +278,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     return Analysis(
         cells=tuple(cells),
         comparison=tuple(
-            replace(c, example=None)
+            c
             for name in METHODS
             if name in methods
             for c in without_values_per_kg(_completed(study, name, outputs), questions)

@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.results.mean_stride import MeanStride
+from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.stats import spm_paired_t
 
 #: Fewer pairs have no test.
@@ -42,3 +43,9 @@ def device_effect(strides: Sequence[MeanStride]) -> Mapping[str, Any]:
     except DataError:  # such as the same curves twice
         return {}
     return {"device_effect": {"participants": list(pairs), "test": test.to_dict()}}
+
+
+def stored_device_effect(statistics: Mapping[str, Any]) -> WaveformTest | None:
+    """Return the test among the statistics of an analysis, None if there is none."""
+    stored = statistics.get("device_effect")
+    return WaveformTest.from_dict(stored["test"]) if stored else None

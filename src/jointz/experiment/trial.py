@@ -106,7 +106,7 @@ class Trial:
 
     @property
     def _pulse_is_felt(self) -> bool:
-        """Whether a pulse that is no sham is on."""
+        """Whether a pulse with torque is on; shams have none."""
         pulse = None if self._pulses is None else self._pulses.active
         return pulse is not None and not pulse.sham
 

@@ -141,9 +141,7 @@ def with_new_estimates(
     changed = replace(
         analysis,
         cells=cells,
-        comparison=tuple(
-            replace(c, example=None) for c in without_values_per_kg(comparison, doubted)
-        ),
+        comparison=tuple(without_values_per_kg(comparison, doubted)),
         population=population_means(
             person_cells(cells), posteriors, likely_masses_kg(study, doubted)
         )

@@ -19,13 +19,10 @@ from jointz.explorer.exclusions import is_about
 from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.participant import ParticipantResult, analyze_participant
-from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
+from jointz.identify.prediction.predicted_cells import recorded_pulse
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE, Conditioned
 from jointz.identify.preparation.raw_signals import (
-    DRIVING,
-    FRICTION,
-    RAW_ANGLE,
     common_rate_hz,
     raw_signals,
 )
@@ -214,17 +211,9 @@ def _raw_window(
     period_s: float,
 ) -> Window:
     """Return the window of a predicted pulse, from the raw signals and without a fit."""
-    n, sign = response.shape[1], candidate.pulse.sign
-    begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * period_s])
-    cut, _ = signals[candidate.source].cut(begin, before_s=0.0, after_s=n * period_s)
-    angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
     return Window(
-        time_s=(np.arange(n) - LEAD_SAMPLES) * period_s,
-        angle=angle,
-        torque=torque,
-        baseline_angle=angle - sign * response[0],
-        baseline_torque=torque - sign * response[1:].sum(axis=0),
-        sign=sign,
+        **recorded_pulse(candidate, response, signals[candidate.source], period_s),
+        sign=candidate.pulse.sign,
         fitted=None,
         fits="angle",
     )

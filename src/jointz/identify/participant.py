@@ -102,7 +102,12 @@ def _analyze_group(
     log_posteriors = [e.log_posterior for e in estimates.values() if e.log_posterior is not None]
     return ParticipantResult(
         cells={
-            name: tuple(replace(c, session=session, side=side) for c in e.cells)
+            name: tuple(
+                replace(
+                    c, session=session, side=side, example=c.example if name == chosen else None
+                )
+                for c in e.cells
+            )
             for name, e in estimates.items()
         },
         single=next((e.single for e in estimates.values() if e.single), ()),

@@ -74,13 +74,7 @@ class RunReport(PlottedResult):
     @property
     def withdrawn_text(self) -> str:
         """How many pulses were withdrawn and why, "" for none."""
-        n = int(self.to_frame()["withdrawn"].sum())
-        if not n:
-            return ""
-        return (
-            f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
-            "safety.displacement_rad, three times in a row at the same timing point"
-        )
+        return _withdrawn_text(self.to_frame())
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -163,13 +157,7 @@ class StudyRun(PlottedResult):
     @property
     def withdrawn_text(self) -> str:
         """How many pulses were withdrawn and why, "" for none."""
-        n = int(self.to_frame()["withdrawn"].sum())
-        if not n:
-            return ""
-        return (
-            f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
-            "safety.displacement_rad, three times in a row at the same timing point"
-        )
+        return _withdrawn_text(self.to_frame())
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -178,3 +166,13 @@ class StudyRun(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw the figure of the report."""
         self.report._draw(axes)
+
+
+def _withdrawn_text(table: pd.DataFrame) -> str:
+    n = int(table["withdrawn"].sum())
+    if not n:
+        return ""
+    return (
+        f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
+        "safety.displacement_rad, three times in a row at the same timing point"
+    )

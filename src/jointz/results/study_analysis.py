@@ -220,11 +220,12 @@ class StudyAnalysis(Result):
         at = table["onset_gait_pct"] if walking else table["timing_point"].map(places)
         people = list(table.groupby(["participant", "session", "side"], sort=False))
         means = [m for m in self.population if m.parameter == parameter and m.value is not None]
+        # Where there are means, people are the background.
+        background = {"color": FAINT, "linewidth": 0.6, "markersize": 2.5}
+        look: dict[str, Any] = background if means else {}
         for number, (key, rows) in enumerate(people):
             # Groups have one place; intervals stand beside each other. Onsets differ by themselves.
             beside = 0.0 if walking else (number - (len(people) - 1) / 2) * 0.05
-            # Where there are means, people are the background.
-            look: dict[str, Any] = {"color": FAINT, "linewidth": 0.6, "markersize": 2.5}
             mark = _MARKS[number % len(_MARKS)]
             (line,) = axes.plot(
                 at[rows.index] + beside,
@@ -232,7 +233,7 @@ class StudyAnalysis(Result):
                 marker=mark,
                 linestyle="-" if walking else "",
                 label="" if means else row_label(*map(str, key)),
-                **(look if means else {}),
+                **look,
             )
             axes.vlines(
                 at[rows.index] + beside,

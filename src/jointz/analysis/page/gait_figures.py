@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from jointz.analysis.device_effect import strides_by_person
+from jointz.analysis.device_effect import stored_device_effect, strides_by_person
 from jointz.core.gait_phases import circular_mean_pct
 from jointz.report.style import legend_line, new_figure, panel_heading, place_legend, place_panels
 from jointz.report.subjects import subjects, timing_points
@@ -61,7 +61,7 @@ def draw_gait(analysis: StudyAnalysis) -> "Figure | None":
     conditions = _shown_conditions(analysis)
     if not conditions:
         return None
-    test = device_effect_of(analysis)
+    test = stored_device_effect(analysis.statistics)
     figure = new_figure(_TOP_MM + _HEIGHT_MM + 10.0)
     axes = place_panels(figure, 3, left_mm=_LEFT_MM, top_mm=_TOP_MM, height_mm=_HEIGHT_MM)
     headings = ["Angle (deg)", "Torque of the device (N·m)", "Effect of the device (deg)"]
@@ -95,7 +95,7 @@ def gait_caption(analysis: StudyAnalysis) -> str:
         f"Mean of strides without a pulse; band: SD {spread}. Vertical lines: mean onsets of the "
         "pulses."
     )
-    test = device_effect_of(analysis)
+    test = stored_device_effect(analysis.statistics)
     if test is None:
         return text
     return (
@@ -103,12 +103,6 @@ def gait_caption(analysis: StudyAnalysis) -> str:
         f"its {100 * (1 - test.alpha):.0f} % band for the whole cycle (statistical parametric "
         "mapping, paired t test); shaded where it differs from zero."
     )
-
-
-def device_effect_of(analysis: StudyAnalysis) -> WaveformTest | None:
-    """Return the stored test of the angle with against without the device."""
-    stored = analysis.statistics.get("device_effect")
-    return WaveformTest.from_dict(stored["test"]) if stored else None
 
 
 def _shown_conditions(analysis: StudyAnalysis) -> dict[str, _Condition]:

@@ -1,10 +1,11 @@
 """Section of the report with the tests between timing points, sessions and sides."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.device_effect import stored_device_effect
 from jointz.report.wording import format_number, joined, parameter_name
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -44,22 +45,20 @@ def format_p(p: float) -> str:
 
 def device_effect_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence about the effect of the device on the angle, or ""."""
-    stored = analysis.statistics.get("device_effect")
-    if not stored:
+    test = stored_device_effect(analysis.statistics)
+    if test is None:
         return _UNTESTED if analysis.mean_strides else ""
-    test = stored["test"]
-    clusters: Sequence[Mapping[str, Any]] = test["clusters"]
-    n, joint = test["n_a"], analysis.settings.get("joint", "joint")
-    if not clusters:
+    n, joint = test.n_a, analysis.settings.get("joint", "joint")
+    if not test.clusters:
         return (
             f"No effect of the device on the mean {joint} angle was found in {n} participants "
             "(SPM, paired t); the figure shows which differences are not ruled out."
         )
-    nodes = len(test["t"]) - 1
+    nodes = len(test.t) - 1
     spans = [
-        f"{100 * c['start_node'] / nodes:.0f} to {100 * c['end_node'] / nodes:.0f} % "
-        f"(p {_with_sign(format_p(c['p']))})"
-        for c in clusters
+        f"{100 * c.start_node / nodes:.0f} to {100 * c.end_node / nodes:.0f} % "
+        f"(p {_with_sign(format_p(c.p))})"
+        for c in test.clusters
     ]
     return (
         f"The device changes the mean {joint} angle of {n} participants at {joined(spans)} of the "

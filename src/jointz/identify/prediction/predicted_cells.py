@@ -20,6 +20,7 @@ from jointz.identify.prediction.unperturbed_prediction import (
 )
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.cell_data import dead_signals
+from jointz.identify.preparation.conditioning import Conditioned
 from jointz.identify.preparation.raw_signals import (
     DRIVING,
     FRICTION,
@@ -64,6 +65,26 @@ def example_place(responses: np.ndarray) -> int:
     """Return the pulse whose response (pulse, n) has the median distance from their average."""
     distances = ((responses - responses.mean(axis=0)) ** 2).sum(axis=1)
     return int(np.argsort(distances)[len(distances) // 2])
+
+
+def recorded_pulse(
+    candidate: Candidate, response: np.ndarray, signals: Conditioned, period_s: float
+) -> dict[str, np.ndarray]:
+    """Return time from the onset, angle and torque as recorded and their baselines, by name.
+
+    ``response`` (3, n) is that of the pulse, turned by its sign: recorded minus predicted.
+    """
+    n, sign = response.shape[1], candidate.pulse.sign
+    begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * period_s])
+    cut, _ = signals.cut(begin, before_s=0.0, after_s=n * period_s)
+    angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
+    return {
+        "time_s": (np.arange(n) - LEAD_SAMPLES) * period_s,
+        "angle": angle,
+        "torque": torque,
+        "baseline_angle": angle - sign * response[0],
+        "baseline_torque": torque - sign * response[1:].sum(axis=0),
+    }
 
 
 class CellPredictor:
@@ -141,19 +162,12 @@ class CellPredictor:
         responses = cell.predicted.responses[cell.kept][places, :, :n]
         best = example_place(responses[:, 0])
         candidate, response = cell.used[places[best]], responses[best]
-        begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * cell.period_s])
         signals = self._predictor(candidate.source).signals
-        cut, _ = signals.cut(begin, before_s=0.0, after_s=n * cell.period_s)
-        angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
         sign = candidate.pulse.sign
         return PulseExample(
             recording=candidate.record.recording,
             onset_s=candidate.pulse.onset_s,
-            time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
-            angle=angle,
-            torque=torque,
-            baseline_angle=angle - sign * response[0],
-            baseline_torque=torque - sign * response[1:].sum(axis=0),
+            **recorded_pulse(candidate, response, signals, cell.period_s),
             response=response[0] if response_of is None else response_of(response, sign),
             n_averaged=len(places),
         )
