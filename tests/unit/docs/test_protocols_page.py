@@ -24,6 +24,7 @@ SECTIONS = {
     "LoadSpec": "loads",
     "ConditionSpec": "conditions",
     "PerturbationPlan": "perturbations",
+    "ControllerSpec": "controller",
 }
 
 

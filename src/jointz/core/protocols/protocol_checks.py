@@ -28,7 +28,7 @@ def assumed_stride_s(protocol: ProtocolFields) -> float:
 def expected_duration_s(protocol: ProtocolFields, condition: ConditionSpec) -> float:
     """Return how long a condition takes with all its trials, s."""
     plan = condition.perturbations
-    if protocol.kind == "walking":
+    if protocol.by_gait:
         if plan is None or plan.gap_strides is None:
             return (condition.strides or 0) * assumed_stride_s(protocol)
         mean_gap = sum(plan.gap_strides) / 2.0
@@ -119,9 +119,10 @@ def _points_mean_one_place(protocol: ProtocolFields) -> Iterator[Problem]:
 
 
 def _gait_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
-    if protocol.kind == "walking" and protocol.gait is None:
-        yield Problem(("gait",), "missing; walking needs it, at least its speed_m_s.")
-    if protocol.kind != "walking" and protocol.gait is not None:
+    if protocol.by_gait and protocol.gait is None:
+        message = f"missing; {protocol.kind} needs it, at least its speed_m_s."
+        yield Problem(("gait",), message)
+    if not protocol.by_gait and protocol.gait is not None:
         yield Problem(
             ("gait",), f'a {protocol.kind} does not walk. Remove it, or set kind = "walking".'
         )
@@ -136,13 +137,15 @@ def _bench_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
 def _loads_fit_kind(protocol: ProtocolFields) -> Iterator[Problem]:
     if not protocol.loads:
         return
-    if protocol.kind == "walking":
+    if protocol.by_gait:
         yield Problem(("loads",), 'only a bench has loads. Remove them, or set kind = "bench".')
     elif protocol.kind == "bench" and _is_set(protocol, "participants"):
         yield Problem(("participants",), "the loads stand for participants. Remove it.")
 
 
 def _pulse_is_used(protocol: ProtocolFields) -> Iterator[Problem]:
+    if protocol.kind == "control":
+        return
     if protocol.shapes and all(c.perturbations is None for c in protocol.conditions):
         key = "pulses" if protocol.pulse is None else "pulse"
         yield Problem(
@@ -167,7 +170,7 @@ def _pulse_suits_rate(protocol: ProtocolFields) -> Iterator[Problem]:
 
 
 def _window_fits_kind(protocol: ProtocolFields) -> Iterator[Problem]:
-    if protocol.window_s is not None and protocol.kind != "walking":
+    if protocol.window_s is not None and not protocol.by_gait:
         yield Problem(("window_s",), f"a {protocol.kind} is analysed without it. Remove it.")
 
 
@@ -175,10 +178,26 @@ def _pulses_given_once(protocol: ProtocolFields) -> Iterator[Problem]:
     if protocol.pulse is not None and protocol.pulses:
         message = "[pulse] is given too. Remove one of the two: [pulse] is the only one."
         yield Problem(("pulses",), message)
-    if protocol.pulses and protocol.kind != "walking":
+    if protocol.pulses and not protocol.by_gait:
         message = f"a {protocol.kind} has one pulse. Give [pulse] instead."
         yield Problem(("pulses",), message)
     yield from _repeated("pulses", (pulse.name for pulse in protocol.pulses))
+
+
+def _control_has_no_pulses(protocol: ProtocolFields) -> Iterator[Problem]:
+    if protocol.kind != "control":
+        return
+    of_pulses = {
+        ("pulse",): protocol.pulse,
+        ("pulses",): protocol.pulses or None,
+        ("window_s",): protocol.window_s,
+        ("expected_joint",): protocol.expected_joint,
+        ("safety", "displacement_rad"): protocol.safety.displacement_rad,
+    }
+    for key, value in of_pulses.items():
+        if value is not None:
+            message = "belongs to pulses, and 'control' has none. Remove it."
+            yield Problem(key, message)
 
 
 PROTOCOL_CHECKS = (
@@ -192,6 +211,7 @@ PROTOCOL_CHECKS = (
     _pulse_suits_rate,
     _pulses_given_once,
     _window_fits_kind,
+    _control_has_no_pulses,
 )
 
 
@@ -205,8 +225,9 @@ _FOREIGN = {
     ),
     "bench": (("strides",), ("gap_strides", "warm_up_strides")),
     "calibration": (("strides",), ("gap_strides", "warm_up_strides")),
+    "control": (("duration_s", "trials", "torque_nm", "position_rad", "velocity_rad_s"), ()),
 }
-_OTHER = {"walking": "bench", "bench": "walking", "calibration": "walking"}
+_OTHER = {"walking": "bench", "bench": "walking", "calibration": "walking", "control": "bench"}
 
 
 def _keys_fit_kind(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
@@ -231,6 +252,10 @@ def _is_set(model: "ConditionSpec | PerturbationPlan | ProtocolFields", key: str
 
 def _says_how_long(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, place = protocol.conditions[i], ("conditions", i)
+    if protocol.kind == "control":
+        if condition.strides is None:
+            yield Problem((*place, "strides"), "missing; it says how long the controller runs.")
+        return
     if protocol.kind == "walking":
         if condition.strides is None and condition.perturbations is None:
             yield Problem((*place, "strides"), "missing; without perturbations it says how long.")
@@ -250,6 +275,8 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
     condition, place = protocol.conditions[i], ("conditions", i)
     if condition.condition != "perturbed" or condition.perturbations is not None:
         return
+    if protocol.kind == "control":
+        return  # a problem of the condition already
     if protocol.kind == "walking":
         yield Problem((*place, "perturbations"), "missing; a perturbed condition needs them.")
     elif not condition.references:
@@ -261,6 +288,8 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
 
 
 def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
+    if protocol.kind == "control":
+        return
     if protocol.conditions[i].perturbations is not None and not protocol.shapes:
         several = ", or several [[pulses]]" if protocol.kind == "walking" else ""
         message = f"missing; conditions[{i + 1}].perturbations need it{several}."
@@ -269,7 +298,7 @@ def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Prob
 
 def _plan_is_whole(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     plan, place = protocol.conditions[i].perturbations, ("conditions", i, "perturbations")
-    if plan is None:
+    if plan is None or protocol.kind == "control":
         return
     if protocol.kind == "walking":
         needed: tuple[str, ...] = ("timing_points", "gap_strides")
@@ -321,7 +350,7 @@ def _pulses_apart(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
 
 def _points_have_a_cycle(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, plan = protocol.conditions[i], protocol.conditions[i].perturbations
-    if protocol.kind == "walking" or plan is None or plan.timing_points is None:
+    if protocol.by_gait or plan is None or plan.timing_points is None:
         return
     cyclic = [name for name, r in condition.references.items() if r.cycle_s is not None]
     if len(cyclic) != 1:
@@ -335,7 +364,7 @@ def _points_have_a_cycle(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
 def _pulses_fit_duration(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition = protocol.conditions[i]
     plan, duration_s = condition.perturbations, condition.duration_s
-    if protocol.kind == "walking" or plan is None or not protocol.shapes or duration_s is None:
+    if protocol.by_gait or plan is None or not protocol.shapes or duration_s is None:
         return
     needed_s = _pulses_take_s(condition, plan, longest_pulse_s(protocol))
     if needed_s > duration_s * (1.0 + 1e-9):
@@ -359,6 +388,26 @@ def _rates_suffice(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
                 )
 
 
+def _controller_fits_kind(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
+    condition, place = protocol.conditions[i], ("conditions", i)
+    if protocol.kind != "control":
+        if condition.controller is not None:
+            message = f"belongs to kind = 'control', and this is {protocol.kind!r}. Remove it."
+            yield Problem((*place, "controller"), message)
+        return
+    if condition.controller is None:
+        yield Problem((*place, "controller"), "missing; it commands the torque. Give its name.")
+    if condition.condition != "unperturbed":
+        yield Problem(
+            (*place, "condition"),
+            'expected "unperturbed": the device is worn and no pulses come; got '
+            f'"{condition.condition}".',
+        )
+    if condition.perturbations is not None:
+        message = "belongs to kind = 'walking', and this is 'control'. Remove it."
+        yield Problem((*place, "perturbations"), message)
+
+
 CONDITION_CHECKS = (
     _keys_fit_kind,
     _says_how_long,
@@ -370,4 +419,5 @@ CONDITION_CHECKS = (
     _points_have_a_cycle,
     _pulses_fit_duration,
     _rates_suffice,
+    _controller_fits_kind,
 )

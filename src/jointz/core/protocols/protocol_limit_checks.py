@@ -77,6 +77,8 @@ def _pulse_within_duty(protocol: ProtocolFields) -> Iterator[Problem]:
 
 def _displacement_expected(protocol: ProtocolFields) -> Iterator[Problem]:
     limit, joint = protocol.safety.displacement_rad, protocol.expected_joint
+    if protocol.kind == "control":
+        return
     if limit is None:
         if joint is not None:
             message = "safety.displacement_rad is missing, for which it is. Give both or none."
@@ -220,7 +222,7 @@ def _over_in_a_day(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
 
 
 def _trial_can_be_laid_out(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
-    if protocol.kind == "walking":
+    if protocol.by_gait:
         return
     rate_hz = protocol.rates.control_hz
     trial_s = trial_duration_s(protocol, protocol.conditions[i])

@@ -154,6 +154,17 @@ class PerturbationPlan(CheckedModel):
             )
 
 
+class ControllerSpec(CheckedModel):
+    """Controller that commands the torque of a condition; the package that has it checks the rest.
+
+    In ``profile``, the path of a file or ``published``, ``{participant}`` stands for the id.
+    """
+
+    name: Name
+    profile: Name | None = None
+    settings: dict[Name, float] = Field(default_factory=dict)
+
+
 class ConditionSpec(CheckedModel):
     """One part of the experiment, run without a break.
 
@@ -172,6 +183,7 @@ class ConditionSpec(CheckedModel):
     position_rad: Reference | None = None
     velocity_rad_s: Reference | None = None
     perturbations: PerturbationPlan | None = None
+    controller: ControllerSpec | None = None
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks of the condition."""
@@ -313,7 +325,7 @@ class ProtocolFields(CheckedModel):
     name: Name
     title: str = Field(min_length=1)
     section: str = ""
-    kind: Literal["walking", "bench", "calibration"]
+    kind: Literal["walking", "bench", "calibration", "control"]
     calibration: CalibrationStep | None = None
     bench: Literal["series-elastic", "quasi-direct-drive"] | None = None
     joint: str = Field(min_length=1)
@@ -336,6 +348,11 @@ class ProtocolFields(CheckedModel):
     def shapes(self) -> tuple[Pulse, ...]:
         """Every pulse of the protocol."""
         return self.pulses if self.pulse is None else (self.pulse,)
+
+    @property
+    def by_gait(self) -> bool:
+        """Whether a person walks on a treadmill and the loop follows the gait cycle."""
+        return self.kind in ("walking", "control")
 
     @property
     def cases_are_loads(self) -> bool:
