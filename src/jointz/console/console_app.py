@@ -166,6 +166,7 @@ def build_page() -> None:
     with ui.element("main").classes("jz-grid"):
         with ui.element("div").classes("jz-main"):
             _controls()
+            _filled("Controller", "controller")  # hidden where none runs
             _traces()
             with ui.element("div").classes("jz-row"):
                 _filled("Onset error, % of the cycle", "onsets", canvas=True)

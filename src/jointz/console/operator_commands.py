@@ -3,7 +3,7 @@
 import shlex
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError
-from jointz.experiment.control_box import LONGEST_TEXT_BYTES, ControlSender, Order
+from jointz.experiment.control_box import LONGEST_TEXT_BYTES, ControlSender, Order, setting_text
 from jointz.experiment.files.journal import read_journal
 from jointz.experiment.files.session_files import CONTROL_FILE, JOURNAL_FILE
 from jointz.session.live.live_session import LiveSession, control_files
@@ -27,6 +27,8 @@ CONFIRMED_WITHIN_S = 1.0
 _BEAT_S = 0.2
 #: Time to wait for a session that is loading or closing its devices.
 _PATIENCE_S, _LOOK_S = 30.0, 0.05
+#: Characters in the name of a parameter; in UTF-8 they fit into a command with their value.
+_LONGEST_NAME = 48
 
 
 class _Command(BaseModel):
@@ -68,6 +70,27 @@ class Note(_Command):
         return text
 
 
+class SetParameter(_Command):
+    """Change a parameter of the controller that runs; it moves at the rate that it declares."""
+
+    order: Literal["set"]
+    name: Annotated[str, Field(min_length=1, max_length=_LONGEST_NAME)]
+    value: Annotated[float, Field(allow_inf_nan=False)]
+
+    @field_validator("name")
+    @classmethod
+    def _prints(cls, name: str) -> str:
+        if not name.isprintable() or not name.strip():
+            raise ValueError("expected the name of a parameter")
+        return name
+
+
+class UndoParameter(_Command):
+    """Set the parameter that was changed last back to its value before."""
+
+    order: Literal["undo"]
+
+
 class ReArm(_Command):
     """Continue after a trip, stop or failure with the reason that the page shows."""
 
@@ -75,10 +98,19 @@ class ReArm(_Command):
     reason: str
 
 
-_COMMANDS: TypeAdapter[StartCondition | Pause | GoOn | Note | ReArm] = TypeAdapter(
-    Annotated[StartCondition | Pause | GoOn | Note | ReArm, Field(discriminator="order")]
+#: Commands that a session obeys; a re-arm starts one anew.
+_SessionCommand = StartCondition | Pause | GoOn | Note | SetParameter | UndoParameter
+_COMMANDS: TypeAdapter[_SessionCommand | ReArm] = TypeAdapter(
+    Annotated[_SessionCommand | ReArm, Field(discriminator="order")]
 )
-_ORDERS = {"start": Order.START, "pause": Order.PAUSE, "go_on": Order.GO_ON, "note": Order.NOTE}
+_ORDERS = {
+    "start": Order.START,
+    "pause": Order.PAUSE,
+    "go_on": Order.GO_ON,
+    "note": Order.NOTE,
+    "set": Order.SET,
+    "undo": Order.UNDO,
+}
 
 
 class OperatorCommands:
@@ -182,6 +214,8 @@ class OperatorCommands:
                 self._rearm(command, status["state"], status.get("reason", ""))
                 return
             _check_state(command, status["state"], status.get("condition", ""))
+            if isinstance(command, SetParameter | UndoParameter):
+                _check_parameter(command, status.get("controller"))
             self._send(status["participant"], command)
 
     def _rearm(self, command: ReArm, state: str, reason: str) -> None:
@@ -191,17 +225,23 @@ class OperatorCommands:
             raise DataError("re-arm: something else has happened since. Read it first.")
         self._process.start(resume=True)
 
-    def _send(self, participant: str, command: StartCondition | Pause | GoOn | Note) -> None:
+    def _send(self, participant: str, command: _SessionCommand) -> None:
         if not participant or not self._process.alive():
             raise DataError("no session runs that could take it.")
         sender = ControlSender(self._study / SESSIONS / participant / CONTROL_FILE)
         try:
-            sender.send(_ORDERS[command.order], command.text if isinstance(command, Note) else "")
+            sender.send(_ORDERS[command.order], _text_of(command))
         finally:
             sender.close()
 
 
-def _check_state(command: StartCondition | Pause | GoOn | Note, state: str, condition: str) -> None:
+def _text_of(command: _SessionCommand) -> str:
+    if isinstance(command, SetParameter):
+        return setting_text(command.name, command.value)
+    return command.text if isinstance(command, Note) else ""
+
+
+def _check_state(command: _SessionCommand, state: str, condition: str) -> None:
     """Refuse a command that does not fit the state of the session."""
     if isinstance(command, StartCondition) and (state, condition) != ("waiting", command.condition):
         raise DataError(f"start of {command.condition!r}: the session is {state} ({condition}).")
@@ -209,6 +249,27 @@ def _check_state(command: StartCondition | Pause | GoOn | Note, state: str, cond
         raise DataError(f"pause: the session is {state}.")
     if isinstance(command, GoOn) and state != "paused":
         raise DataError(f"go on: the session is {state}.")
+    if isinstance(command, SetParameter | UndoParameter) and state not in _MOVING:
+        raise DataError(f"{command.order}: the session is {state}.")
+
+
+def _check_parameter(
+    command: SetParameter | UndoParameter, controller: Mapping[str, Any] | None
+) -> None:
+    """Say at once what the session would refuse; the session checks it again."""
+    if controller is None:
+        raise DataError(f"{command.order}: no controller runs.")
+    if isinstance(command, UndoParameter):
+        return
+    parameters = controller["parameters"]
+    if command.name not in parameters:
+        raise DataError(
+            f"set: {controller['name']} has no parameter {command.name!r}; "
+            f"it has {', '.join(parameters) or 'none'}."
+        )
+    low, high = parameters[command.name]["low"], parameters[command.name]["high"]
+    if not low <= command.value <= high:
+        raise DataError(f"{command.name}: {command.value:g}; expected {low:g} to {high:g}.")
 
 
 class Heartbeat:

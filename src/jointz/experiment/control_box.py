@@ -1,7 +1,8 @@
 """Commands of an operator's page, in a small file that both processes hold in memory.
 
 The loop looks at it once a tick without a call to the system; whoever writes cannot make it
-wait. Nothing in it can ask for torque: the vocabulary holds what starts, holds up and ends.
+wait. A command starts, pauses, continues or ends, notes something down, or changes a parameter of
+a controller, within the bounds and at the rate that the controller declares. None asks for torque.
 
 Bytes, little-endian: 0 magic, 4 stop (anything but 0), 8 the page's last sign of life (ns of the
 machine's monotonic clock), 16 how many commands were ever written, 64 a ring of commands of 256
@@ -39,13 +40,26 @@ class Order(IntEnum):
     PAUSE = 2
     GO_ON = 3
     NOTE = 4
+    SET = 5
+    UNDO = 6
 
 
 class Command(NamedTuple):
     """One command."""
 
     order: Order  # requested action
-    text: str = ""  # text of a note; "" for other orders
+    text: str = ""  # text of a note; "name=value" of a parameter to set; "" for other orders
+
+
+def setting_text(name: str, value: float) -> str:
+    """Return the text of a ``SET`` command."""
+    return f"{name}={value!r}"
+
+
+def read_setting(text: str) -> tuple[str, float]:
+    """Return name and value of a ``SET`` command; ValueError if the text holds no number."""
+    name, _, value = text.rpartition("=")
+    return name, float(value)
 
 
 class ControlBox:

@@ -7,7 +7,7 @@ import pytest
 from jointz.console import operator_commands
 from jointz.console.operator_commands import Heartbeat, OperatorCommands
 from jointz.core.errors import DataError
-from jointz.experiment.control_box import ControlBox, Order
+from jointz.experiment.control_box import Command, ControlBox, Order
 from jointz.experiment.files.journal import Journal
 
 
@@ -88,6 +88,53 @@ def test_what_was_meant_for_another_moment_is_refused(room, state, message):
     assert room.process.started == []
 
 
+STIFFNESS = {"value": 40.0, "low": 0.0, "high": 60.0, "rate_per_s": 10.0, "unit": "N*m/rad"}
+CONTROLLER = {"name": "impedance_constant", "parameters": {"stiffness": STIFFNESS}}
+
+
+@pytest.mark.parametrize("state", ["running", "paused"])
+@pytest.mark.parametrize(
+    ("message", "command"),
+    [
+        (
+            {"order": "set", "name": "stiffness", "value": 45.5},
+            Command(Order.SET, "stiffness=45.5"),
+        ),
+        ({"order": "set", "name": "stiffness", "value": 60}, Command(Order.SET, "stiffness=60.0")),
+        ({"order": "undo"}, Command(Order.UNDO)),
+    ],
+)
+def test_a_parameter_of_a_controller_is_passed_on(room, state, message, command):
+    room.status |= {"state": state, "controller": CONTROLLER}
+    room.ask(**message)
+    assert room.box.take() == command
+
+
+@pytest.mark.parametrize(
+    ("state", "controller", "message", "why"),
+    [
+        ("running", None, {"order": "undo"}, "no controller runs"),
+        ("running", None, {"order": "set", "name": "stiffness", "value": 1}, "no controller runs"),
+        ("waiting", CONTROLLER, {"order": "undo"}, "session is waiting"),
+        ("stopping", CONTROLLER, {"order": "set", "name": "stiffness", "value": 1}, "is stopping"),
+        ("running", CONTROLLER, {"order": "set", "name": "x", "value": 1}, "it has stiffness"),
+        (
+            "running",
+            CONTROLLER,
+            {"order": "set", "name": "stiffness", "value": 60.1},
+            "stiffness: 60.1; expected 0 to 60",
+        ),
+    ],
+)
+def test_a_parameter_that_a_session_would_refuse_is_refused_at_once(
+    room, state, controller, message, why
+):
+    room.status |= {"state": state, "controller": controller}
+    with pytest.raises(DataError, match=why):
+        room.ask(**message)
+    assert room.box.take() is None
+
+
 @pytest.mark.parametrize(
     "message",
     [
@@ -101,6 +148,15 @@ def test_what_was_meant_for_another_moment_is_refused(room, state, message):
         b'{"order": "note", "text": "a\\nb"}',
         b'{"order": "note", "text": "\\ud800"}',
         b'{"order": "note", "text": "' + b"x" * 300 + b'"}',
+        b'{"order": "set", "name": "stiffness"}',
+        b'{"order": "set", "name": "stiffness", "value": "45"}',
+        b'{"order": "set", "name": "stiffness", "value": NaN}',
+        b'{"order": "set", "name": "stiffness", "value": 1e999}',
+        b'{"order": "set", "name": "stiffness", "value": true}',
+        b'{"order": "set", "name": " ", "value": 1}',
+        b'{"order": "set", "name": "a\\nb", "value": 1}',
+        b'{"order": "set", "name": "' + b"x" * 300 + b'", "value": 1}',
+        b'{"order": "undo", "name": "stiffness"}',
         b"\xff\xfe",
     ],
 )

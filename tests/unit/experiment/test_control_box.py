@@ -13,6 +13,8 @@ from jointz.experiment.control_box import (
     ControlBox,
     ControlSender,
     Order,
+    read_setting,
+    setting_text,
 )
 
 
@@ -41,6 +43,17 @@ def test_commands_arrive_once_and_in_order(box, sender):
     assert drained(box) == sent
     assert box.take() is None
     assert box.refused == 0
+
+
+@given(st.text(max_size=40), st.floats(allow_nan=False))
+def test_a_setting_is_read_as_it_was_sent(name, value):
+    assert read_setting(setting_text(name, value)) == (name, value)
+
+
+@pytest.mark.parametrize("text", ["", "stiffness", "stiffness=", "stiffness=high"])
+def test_a_setting_without_a_number_is_refused(text):
+    with pytest.raises(ValueError, match="float"):
+        read_setting(text)
 
 
 def test_a_stop_is_seen_at_once_and_stays(box, sender):

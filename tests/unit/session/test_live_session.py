@@ -244,6 +244,29 @@ def test_states_follow_the_journal():
     assert progress.reason == ""
 
 
+def controller_of(progress):
+    values = {name: one["value"] for name, one in progress.controller["parameters"].items()}
+    return progress.controller["name"], values
+
+
+def test_the_parameters_of_a_controller_follow_the_journal():
+    progress = SessionProgress({})
+    declared = {"stiffness": {"value": 40.0, "low": 0.0, "high": 60.0}, "damping": {"value": 1.0}}
+    told(progress, "started")
+    assert progress.controller is None
+    told(progress, "controller", name="impedance", parameters=declared)
+    told(progress, "parameter_changed", name="stiffness", before=40.0, after=50.0, slot=3)
+    told(progress, "parameter_changed", name="stiffness", before=50.0, after=55.0, slot=4)
+    told(progress, "parameter_undone", name="stiffness", before=55.0, after=50.0, slot=5)
+    assert controller_of(progress) == ("impedance", {"stiffness": 50.0, "damping": 1.0})
+    assert [event["event"] for event in progress.told][-1] == "parameter_undone"
+    # A new stretch begins with the declared values; another condition may have none.
+    told(progress, "controller", name="impedance", parameters=declared)
+    assert controller_of(progress) == ("impedance", {"stiffness": 40.0, "damping": 1.0})
+    told(progress, "prompted", "still", text="Stand.")
+    assert progress.controller is None
+
+
 # ------------------------------------------------------------------ the whole
 
 

@@ -101,6 +101,24 @@ const jointzConsole = (() => {
   const start = () => ask({ order: "start", condition: status.condition });
   const pause = () => ask({ order: "pause" });
   const goOn = () => ask({ order: "go_on" });
+  const undo = () => ask({ order: "undo" });
+  const listens = () => Boolean(status.controller) && ["running", "paused"].includes(status.state);
+
+  window.addEventListener("keydown", (event) => {
+    const writes = event.target instanceof Element && event.target.closest("input, textarea");
+    if (writes || event.repeat || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.key.toLowerCase() === "u" && listens()) undo();
+  });
+
+  async function setParameter(name, field) {
+    if (field.value.trim() === "") {
+      alarm("command", `Not done: ${name}: enter a number.`, 6000);
+      return;
+    }
+    if (!(await ask({ order: "set", name, value: Number(field.value) }))) return;
+    field.dataset.shown = field.value; // no longer edited: follows the session again
+    field.blur();
+  }
 
   async function note() {
     const field = byId("jz-note");
@@ -204,7 +222,8 @@ const jointzConsole = (() => {
     body.dataset.pulses = status.planned ? "yes" : "no";
     set("jz-study", status.study || "");
     set("jz-who", status.participant || "");
-    set("jz-state", WORDS[status.state] || status.state);
+    const word = status.controller && status.state === "paused" ? "torque paused" : WORDS[status.state];
+    set("jz-state", word || status.state);
     byId("jz-state").dataset.state = status.state;
     fill("jz-conditions", status.conditions, () => (status.conditions || []).map((one) => {
       const item = make("li", one.now ? "now" : one.done >= one.trials ? "done" : "", one.name);
@@ -217,6 +236,7 @@ const jointzConsole = (() => {
     figures();
     safety();
     told();
+    controller();
     watchDevices();
     if (status.state !== unheardIn) alarm("unheard", "");
     alarm("problem", status.problem || "");
@@ -228,7 +248,7 @@ const jointzConsole = (() => {
     const name = status.condition || "";
     return {
       waiting: `Before “${name}”`, starting: "Devices are switched on", running: `“${name}” runs`,
-      paused: `“${name}” runs, no more pulses for now`, stopping: "Torque is taken away",
+      paused: `“${name}” runs, ${status.controller ? "without the controller's torque" : "no more pulses"} for now`, stopping: "Torque is taken away",
       stopped: `Stopped in “${name}”`, tripped: `Safety gate tripped in “${name}”`,
       failed: "The session ended before its end", writing: "The study is written",
       done: "The session is done", silent: "No records from the session", idle: "No session runs",
@@ -312,6 +332,57 @@ const jointzConsole = (() => {
     lines("jz-plan", items);
   }
 
+  // ---------------------------------------------------------------- parameters of a controller
+  const plain = (v) => (v === null || v === undefined ? "\u2013" : String(v).replace("-", "\u2212"));
+
+  const breakable = (name) => name.replaceAll("_", "_\u200b"); // with lines that may break there
+
+  function controller() {
+    const runs = status.controller, card = byId("jz-controller");
+    document.body.dataset.controller = runs && MOVES.has(status.state) ? "yes" : "no";
+    const label = document.querySelector("#jz-pause .block");
+    write(label, runs ? "Pause torque" : "Pause pulses");
+    if (!runs || !card) return;
+    const parameters = Object.entries(runs.parameters);
+    const declared = parameters.map(([name, one]) => [name, one.low, one.high, one.rate_per_s, one.unit]);
+    fill("jz-controller", [runs.name, declared], () => [
+      controllerHead(runs.name), ...parameters.map(([name, one]) => parameterRow(name, one)),
+    ]);
+    parameters.forEach(([, one], k) => showParameter(card.children[k + 1], one));
+    card.querySelectorAll("input, button").forEach((e) => { e.disabled = !listens(); });
+  }
+
+  function controllerHead(name) {
+    const head = make("div", "jz-parameters-head"), button = make("button", "", "Undo (U)");
+    button.type = "button";
+    button.addEventListener("click", undo);
+    head.append(make("span", "jz-title", "Controller"), make("b", "", breakable(name)), button);
+    return head;
+  }
+
+  function parameterRow(name, one) {
+    const row = make("form", "jz-parameter"), field = make("input"), button = make("button", "", "Set");
+    const head = make("div"), unit = one.unit.replaceAll("*", "\u00b7");
+    head.append(make("b", "", breakable(name)), make("span", "jz-value"), make("span", "", unit));
+    Object.assign(field, { type: "number", step: "any", ariaLabel: `${name}, ${unit || "no unit"}` });
+    row.noValidate = true; // the session's answer says what is wrong
+    row.addEventListener("submit", (event) => { event.preventDefault(); setParameter(name, field); });
+    row.append(
+      head, field, button,
+      make("small", "", `${plain(one.low)} to ${plain(one.high)}, changes at most ${plain(one.rate_per_s)} per s`),
+    );
+    return row;
+  }
+
+  // A field that nobody has edited follows the value.
+  function showParameter(row, one) {
+    const [head, field] = row.children;
+    write(head.children[1], plain(one.value));
+    if (document.activeElement === field || field.value !== (field.dataset.shown || "")) return;
+    field.value = one.value ?? "";
+    field.dataset.shown = field.value;
+  }
+
   const round = (v, digits = 0) => (v === null || v === undefined ? "\u2013" : v.toFixed(digits));
   const kindOf = (share) => (share > 0.9 ? "high" : share > 0.8 ? "raised" : "");
 
@@ -342,7 +413,8 @@ const jointzConsole = (() => {
       gauge("torque, peak", device.peak_sent_torque, limits.torque_nm, "N\u00b7m", 1),
       gauge("current, peak", device.peak_current, limits.current_a, "A", 1),
       gauge("velocity, peak", device.peak_velocity, limits.velocity_rad_s, "rad/s", 1),
-      gauge("time under pulses", 100 * (device.pulse_duty || 0), 100 * limits.pulse_duty, "%", 0),
+      ...(status.kind === "control" ? []
+        : [gauge("time under pulses", 100 * (device.pulse_duty || 0), 100 * limits.pulse_duty, "%", 0)]),
       { text: `supply ${round(device.voltage, 1)} V` },
     ]);
   }
@@ -372,6 +444,7 @@ const jointzConsole = (() => {
       const at = event.time_ns ? new Date(event.time_ns / 1e6).toLocaleTimeString([], { hour12: false }) : "";
       const words = event.event === "note" ? `“${event.text}”` : event.event.replaceAll("_", " ");
       const more = event.event === "prompted" ? event.condition
+        : event.event.startsWith("parameter_") ? `${event.name}: ${plain(event.before)} \u2192 ${plain(event.after)}`
         : event.reason || (event.pulse ? `pulse ${event.pulse}` : event.order || "");
       line.append(make("time", "", at), make("b", "", words), make("span", "", more));
       return line;
@@ -379,9 +452,11 @@ const jointzConsole = (() => {
   }
 
   function legend() {
-    fill("jz-legend", "legend", () => [
-      ["angle", "joint angle"], ["command", "pulse commanded"], ["sent", "sent to the device"],
-      ["applied", "applied to the joint"], ["pulse", "pulse"], ["heel", "heel strike"],
+    const controlled = status.kind === "control";
+    fill("jz-legend", controlled, () => [
+      ["angle", "joint angle"], ["command", controlled ? "controller's torque" : "pulse commanded"],
+      ["sent", "sent to the device"], ["applied", "applied to the joint"],
+      ...(controlled ? [] : [["pulse", "pulse"]]), ["heel", "heel strike"],
     ].map(([kind, text]) => {
       const item = make("span", `jz-key ${kind}`);
       item.append(make("i"), document.createTextNode(text));

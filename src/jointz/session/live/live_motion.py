@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.session_log import Flag
+from jointz.core.session_log import LAYOUTS, Flag
 
 #: What a page can show at most, s, and how finely.
 WINDOW_S = 30.0
@@ -24,7 +24,8 @@ class Motion:
     def __init__(self, header: dict[str, Any]) -> None:
         self._step = max(1, round(header["control_hz"] / _SHOWN_HZ))
         self._period_ns = round(1e9 / header["control_hz"])
-        self._walks = header.get("layout", "walking") == "walking"
+        layout = LAYOUTS[header.get("layout", "walking")]
+        self._walks = any(field.name == "stride" for field in layout.fields)
         self._first_ns = -1
         self._last_slot = self._last_bucket = -1
         self._pulse = 0

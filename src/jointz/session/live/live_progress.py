@@ -25,6 +25,9 @@ _STATES = {
 _TOLD = frozenset(_STATES) | {
     "note",
     "control_refused",
+    "parameter_changed",
+    "parameter_undone",
+    "controller_failed",
     "console_lost",
     "console_back",
     "pulse_aborted",
@@ -110,6 +113,7 @@ class SessionProgress:
         self.segment = -1
         self.unconfirmed = ""
         self._lost = False
+        self._controllers: dict[str, dict[str, Any]] = {}  # by trial, latest stretch
         self.told: deque[dict[str, Any]] = deque(maxlen=_MOST_TOLD)
 
     def take(self, event: Event) -> None:
@@ -125,6 +129,8 @@ class SessionProgress:
         elif kind.startswith("pulse_"):
             trial.take(kind, event["pulse"])
             trial.completed = trial.completed and kind != "pulse_lost"
+        else:
+            self._follow_controller(kind, event)
         if kind in _DEVICES_STOPPED:
             self.unconfirmed = ""
         if kind in _STATES:
@@ -137,6 +143,20 @@ class SessionProgress:
         if condition not in self.trials:
             self.trials[condition] = TrialProgress(self._plan.get(condition, ()))
         return self.trials[condition]
+
+    @property
+    def controller(self) -> dict[str, Any] | None:
+        """The condition's controller and the target values of its parameters; None without one."""
+        return self._controllers.get(self.condition)
+
+    def _follow_controller(self, kind: str, event: Event) -> None:
+        condition = event["condition"]
+        if kind == "controller":
+            parameters = {name: dict(one) for name, one in event["parameters"].items()}
+            self._controllers[condition] = {"name": event["name"], "parameters": parameters}
+        elif kind in ("parameter_changed", "parameter_undone") and condition in self._controllers:
+            parameter = self._controllers[condition]["parameters"].get(event["name"], {})
+            parameter["value"] = event["after"]
 
     def _enter(self, kind: str, event: Event) -> None:
         if event["condition"] != self.condition:

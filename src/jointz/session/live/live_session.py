@@ -272,6 +272,7 @@ class LiveSession:
             "withdrawn": len(trial.withdrawn),
             "strides_planned": spec.get("strides"),
             "duration_s": spec.get("duration_s"),
+            "controller": progress.controller,
             "next": self._next(progress, spec),
             "newest_pulse": self._newest_pulse(trial.planned),
             "onset_errors": self._onset_errors(progress.condition, points, trial.planned),
