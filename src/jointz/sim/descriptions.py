@@ -57,6 +57,18 @@ def goniometer(build: PlantBuild) -> SensorDescription:
     )
 
 
+def inverse_dynamics(build: PlantBuild) -> SensorDescription:
+    """Describe the motion capture and force plates that give the knee's internal moment."""
+    return SensorDescription(
+        name="inverse dynamics",
+        model="jointz simulated motion capture",
+        serial=build.person.id,
+        channel="joint_moment",
+        unit="N*m",
+        sample_rate_hz=build.grid.sample_rate_hz,
+    )
+
+
 def footswitch(build: PlantBuild) -> SensorDescription:
     """Describe the switch under the heel."""
     return SensorDescription(

@@ -27,6 +27,7 @@ from jointz.sim import plant
 from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
+from jointz.sim.moment_measurement import MomentMeasurement
 from jointz.sim.plant_build import Grid, PlantBuild
 from jointz.sim.rig import SimulatedRig
 
@@ -34,7 +35,7 @@ from jointz.sim.rig import SimulatedRig
 WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
 #: Half the steps of the physics for 0.6 of the time: angles are within 1e-5 rad at all presets.
 QUICK_GRID = Grid(500.0, substeps=5)
-_MEASURED = ("motor_angle", "motor_velocity", "current", "angle")
+_MEASURED = ("motor_angle", "motor_velocity", "current", "angle", "joint_moment")
 _BISECTIONS = 40
 _PULSE_COLUMNS = (
     "pulse",
@@ -167,8 +168,8 @@ class Walk:
     time_s : (n,) float, s
         Time stamps.
     channels : mapping of str to (n,) float
-        Channel -> samples, SI: ``motor_angle, motor_velocity, current, angle, command, contact``;
-        ``angle`` and ``contact`` where nothing is worn.
+        Channel -> samples, SI: ``motor_angle, motor_velocity, current, angle, joint_moment,
+        command, contact``; ``angle``, ``joint_moment`` and ``contact`` where nothing is worn.
     pulses : pandas.DataFrame
         ``pulse, onset_s, duration_s, amplitude_nm, timing_point, shape, completed``.
     """
@@ -252,8 +253,10 @@ def walk_directly(
         rng=rig.person.stream(f"contact {condition}", 0),
     )
     channels = dict(zip(_MEASURED, measured, strict=True)) | {"command": command}
+    moment = MomentMeasurement(build, purpose=condition, segment=0)
+    channels["joint_moment"] = moment.gain * channels["joint_moment"] + moment.errors(n)
     if not worn:
-        channels = {"angle": channels["angle"]}
+        channels = {name: channels[name] for name in ("angle", "joint_moment")}
     channels["contact"] = _contact(contacts, strides, n, build.grid.period_ns)
     return Walk(np.arange(n) * period_s, channels, pulses)
 
@@ -354,7 +357,7 @@ def _contact(contacts: ContactMaker, strides: list[Stride], n: int, period_ns: i
 def _advance(
     build: PlantBuild, strides: list[Stride], command: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return what motor and goniometer show at every sample, (4, n)."""
+    """Return what motor and goniometer show and the true moment at every sample, (5, n)."""
     gaits = np.array([stride.row for stride in strides])
     period_ns = build.grid.period_ns
     # The sample after which a stride holds: physics advances from the sample before.
@@ -378,8 +381,8 @@ def _advance_all(
     noise: np.ndarray,
     command: np.ndarray,
 ) -> np.ndarray:
-    """Return what is measured, (4, n); ``ends`` are samples from which a stride is over."""
-    out = np.empty((4, command.size))
+    """Return what is measured, (5, n); ``ends`` are samples from which a stride is over."""
+    out = np.empty((5, command.size))
     stride = 0
     for sample in range(command.size):
         if sample - 1 >= ends[stride]:
@@ -390,5 +393,5 @@ def _advance_all(
             p, state, curves, history, gaits[stride], noise, sample, torque_nm
         )
         out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
-        out[3, sample] = angle
+        out[3, sample], out[4, sample] = angle, state[State.MOMENT]
     return out

@@ -12,6 +12,7 @@ from jointz.core.protocols.pulse_models import Pulse, TorquePart
 from jointz.devices.interface import Stretch
 from jointz.sim.gait_motion import GaitMotion, Stride
 from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
+from jointz.sim.internal_moment import internal_moment
 from jointz.sim.knee_joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
 from jointz.sim.plant_build import PlantBuild
@@ -224,6 +225,7 @@ def _curves(build: PlantBuild) -> dict[str, Any]:
         "damping": B.tolist(),
         "inertia": J.tolist(),
         "gravity_stiffness": _gravity_stiffness(build, np.mod(cycles, 1.0)).tolist(),
+        "moment": internal_moment(build.person, cycles).tolist(),
         "timing_points": dict(TIMING_POINTS),
     }
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.sim.internal_moment import internal_moment
 from jointz.sim.knee_joint import impedance_curve, knee_angle
 from jointz.sim.layout import CURVE_PIECES
 from jointz.sim.people import Person
@@ -108,15 +109,16 @@ def impedance_over_cycle(
 
 
 def packed_curves(person: Person, preset: Preset) -> np.ndarray:
-    """Return stiffness, damping, inertia and thigh as cubics, piece by piece of the cycle.
+    """Return stiffness, damping, inertia, thigh and moment as cubics, piece by piece of the cycle.
 
     The plateaus of K and B begin and end where pieces do, so that these two are
-    exact; inertia and thigh are cubic splines through the pieces' ends.
+    exact; the others are cubic splines through the pieces' ends.
     """
     # Three inner points of every piece give its cubic, whatever the curve is between pieces.
     inner = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0
     at = (np.arange(CURVE_PIECES)[:, None] + inner) / CURVE_PIECES
-    values = impedance_over_cycle(person, preset, at.ravel())
+    impedance = impedance_over_cycle(person, preset, at.ravel())
+    values = (*impedance, internal_moment(person, at.ravel()))
     to_powers = np.linalg.inv(np.vander(inner, increasing=True))
     return np.hstack([v.reshape(at.shape) @ to_powers.T for v in values])
 

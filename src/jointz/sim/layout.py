@@ -9,7 +9,7 @@ import numpy as np
 
 HARMONICS = 7  # of the knee's Fourier series, the mean included
 CURVE_PIECES = 200  # of 0.5 % of the cycle each
-CURVES = 4  # stiffness, damping, inertia, thigh; four cubic coefficients each
+CURVES = 5  # stiffness, damping, inertia, thigh, moment; four cubic coefficients each
 COMMANDS = 64  # samples of commands kept: more than the actuator's delay
 HISTORY = 2048  # substeps kept: more than any delay; a power of two
 
@@ -92,8 +92,9 @@ class State(IntEnum):
     PATH_KNOWN = 19  # 0 after a heel strike: the path is computed anew
     SUBSTEPS = 20  # done so far
     FAULT = 21  # bits; any of them sets the current to zero
-    COMMAND = 22  # ring of commands begins here
-    WORK = 22 + COMMANDS  # and here the room that a step works in
+    MOMENT = 22  # of muscles and ligaments on the shank at the last sample, N*m
+    COMMAND = 23  # ring of commands begins here
+    WORK = 23 + COMMANDS  # and here the room that a step works in
 
 
 class Gait(IntEnum):

@@ -92,6 +92,7 @@ class Instruments:
     angle_lag_s: float  # s: total lag of the goniometer behind the joint, without tissue
     strap_stiffness: float  # N*m/rad: stiffness between frame and leg; 0: rigid strap
     tissue_hz: float  # Hz: resonance of the tissue between joint and goniometer; 0: rigid tissue
+    moment_gain: float = 1.0  # measured over true internal moment
 
 
 def draw_instruments(person: Person, preset: Preset) -> Instruments:
@@ -114,7 +115,14 @@ def draw_instruments(person: Person, preset: Preset) -> Instruments:
         angle_lag_s=between(goniometer.lag_range_s, shares[0]),
         strap_stiffness=between(body.strap_range_nm_rad, shares[1]) if body else 0.0,
         tissue_hz=between(tissue, shares[2]) if tissue else 0.0,
+        moment_gain=_moment_gain(person, preset.moment.gain_error_sd),
     )
+
+
+def _moment_gain(person: Person, error_sd: float) -> float:
+    # An own stream: the other instruments of a person stay the same.
+    deviation = float(person.stream("moment instruments").standard_normal())
+    return 1.0 + error_sd * min(max(deviation, -_LARGEST_ERROR), _LARGEST_ERROR)
 
 
 def _within(rng: np.random.Generator, mean: float, sd: float, *, low: float, high: float) -> float:

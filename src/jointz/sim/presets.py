@@ -173,6 +173,21 @@ class FootswitchSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class MomentSettings:
+    """The internal moment of the joint by inverse dynamics."""
+
+    gain_error_sd: float = 0.0  # relative sd of the gain over people
+    noise_sd_nm: float = 1.0  # N*m: white noise
+
+    def __post_init__(self) -> None:
+        if not (self.gain_error_sd >= 0.0 and self.noise_sd_nm >= 0.0):
+            raise DataError(
+                "MomentSettings: expected gain_error_sd >= 0 and noise_sd_nm >= 0, got "
+                f"{self.gain_error_sd:g} and {self.noise_sd_nm:g} N*m."
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class BodySettings:
     """Leg, exoskeleton frame and strap as bodies of their own."""
 
@@ -190,8 +205,9 @@ class Preset:
     ----------
     name : str
         Name of the preset.
-    gait, joint, actuator, goniometer, footswitch : settings
-        Strides; impedance and reflex; motor and its torque model; the two sensors.
+    gait, joint, actuator, goniometer, footswitch, moment : settings
+        Strides; impedance and reflex; motor and its torque model; the two sensors; the measured
+        internal moment.
     body : BodySettings, optional
         Segments and strap; without them the strap is rigid, and the inertia that of the printed
         table.
@@ -203,6 +219,7 @@ class Preset:
     actuator: ActuatorSettings = field(default_factory=ActuatorSettings)
     goniometer: GoniometerSettings = field(default_factory=GoniometerSettings)
     footswitch: FootswitchSettings = field(default_factory=FootswitchSettings)
+    moment: MomentSettings = field(default_factory=MomentSettings)
     body: BodySettings | None = None
 
 
@@ -239,6 +256,7 @@ _CLEAN = Preset(
         coloured_sd_rad=0.0,
     ),
     footswitch=FootswitchSettings(jitter_sd_s=0.0, bounce_s=0.0, missed=0.0, false=0.0),
+    moment=MomentSettings(noise_sd_nm=0.0),
 )
 
 _HARD = Preset(
@@ -262,6 +280,7 @@ _HARD = Preset(
         torsion_rad_nm=radians(0.5) / 17.0,
     ),
     footswitch=FootswitchSettings(jitter_sd_s=0.01, missed=0.005, false=0.005),
+    moment=MomentSettings(noise_sd_nm=2.0),
 )
 
 _ANTHROPOMETRIC = replace(

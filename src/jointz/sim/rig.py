@@ -13,7 +13,7 @@ from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
 from jointz.sim.benches.running_plant import RunningPlant
 from jointz.sim.calibration_benches.calibration_instruments import OffsetSensor, draw_angle_zero
-from jointz.sim.descriptions import exoskeleton, footswitch, goniometer
+from jointz.sim.descriptions import exoskeleton, footswitch, goniometer, inverse_dynamics
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
@@ -24,6 +24,7 @@ from jointz.sim.presets import preset as preset_named
 from jointz.sim.simulated_devices import (
     SimulatedActuator,
     SimulatedFootswitch,
+    SimulatedMoment,
     SimulatedSensor,
     Wiring,
 )
@@ -129,6 +130,7 @@ class SimulatedRig:
             angle=self._goniometer(wiring, goniometer(build)),
             contact=SimulatedFootswitch(wiring, running, footswitch(build)),
             actuator=SimulatedActuator(wiring, exoskeleton(build)) if build.worn else None,
+            torque=SimulatedMoment(wiring, "torque", inverse_dynamics(build)),
         )
 
     def _goniometer(self, wiring: Wiring, description: SensorDescription) -> SimulatedSensor:

@@ -4,9 +4,10 @@ from abc import ABC, abstractmethod
 
 from jointz.sim.plant import MotorMeasured
 
-#: Device time (ns, 0 at the first sample), what the motor measures, and two more readings: of a
-#: person angle and contact (0 or 1), of a bench torque and the far side's angle.
-Sample = tuple[int, MotorMeasured, float, float]
+#: Device time (ns, 0 at the first sample), what the motor measures, and more readings: of a
+#: person angle, contact (0 or 1) and internal moment, of a bench torque, the far side's angle and
+#: no third (NaN).
+Sample = tuple[int, MotorMeasured, float, float, float]
 
 
 class SampledTime(ABC):

@@ -126,10 +126,10 @@ class SimulatedActuator(_SimulatedDevice):
         if self._orders:
             return self._misread(now)
         if len(queue) == 1:  # the common case, without a comprehension
-            time_ns, motor, _, _ = queue.pop()
-            samples = [_new(ActuatorSample, (time_ns, now, *motor))]
+            sample = queue.pop()
+            samples = [_new(ActuatorSample, (sample[0], now, *sample[1]))]
         else:
-            samples = [ActuatorSample(time_ns, now, *motor) for time_ns, motor, _, _ in queue]
+            samples = [ActuatorSample(sample[0], now, *sample[1]) for sample in queue]
             queue.clear()
         if samples[-1][7]:
             self._state = _FAULT
@@ -156,7 +156,7 @@ class SimulatedActuator(_SimulatedDevice):
         """Read with what was ordered to go wrong."""
         self._check_connected()
         samples = []
-        for time_ns, motor, _, _ in self._queue:
+        for time_ns, motor, *_ in self._queue:
             sample = ActuatorSample(time_ns, now, *motor)
             orders = self._wiring.inject.found(self._device, time_ns)
             altered = self._altered(sample, orders)
@@ -191,7 +191,7 @@ class SimulatedActuator(_SimulatedDevice):
 class _SimulatedSensor(_SimulatedDevice):
     """A device that measures one value."""
 
-    _place: Literal[2, 3]  # of its value in a sample of the plant
+    _place: Literal[2, 3, 4]  # of its value in a sample of the plant
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
@@ -248,7 +248,7 @@ class _SimulatedSensor(_SimulatedDevice):
 class SimulatedSensor(_SimulatedSensor):
     """A goniometer, or a torque sensor of a bench."""
 
-    _place = 2
+    _place: Literal[2, 3, 4] = 2
 
     def __init__(self, wiring: Wiring, device: DeviceName, description: SensorDescription) -> None:
         super().__init__(wiring)
@@ -258,6 +258,12 @@ class SimulatedSensor(_SimulatedSensor):
     def describe(self) -> SensorDescription:
         """Return the description of the sensor."""
         return self._description
+
+
+class SimulatedMoment(SimulatedSensor):
+    """The internal moment of the joint by inverse dynamics."""
+
+    _place = 4
 
 
 class SimulatedFootswitch(_SimulatedSensor):

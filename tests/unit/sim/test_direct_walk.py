@@ -19,6 +19,9 @@ from jointz.sim.presets import PRESETS, GoniometerSettings, JointSettings, Refle
 from jointz.sim.rig import SimulatedRig, simulated_rig
 
 PERIOD_S = 0.002
+EXACT = {"joint_moment": 1e-9} | dict.fromkeys(  # N*m; rad, rad/s, A
+    ("angle", "motor_angle", "motor_velocity", "current", "contact"), 1e-12
+)
 FEW = WalkPlan(per_point=1, gap_strides=(1, 2), warm_up_strides=2, tail_strides=2)
 RAMPED = PulseSpec(
     amplitude_nm=7.0,
@@ -71,6 +74,7 @@ def through_devices(rig, walk, *, worn=True, condition="perturbed"):
     for k in range(walk.time_s.size):
         clock.wait_until_ns(k * 2_000_000)
         row = {"angle": devices.angle.read()[0].value, "contact": devices.contact.read()[0].value}
+        row["joint_moment"] = devices.torque.read()[0].value
         if devices.actuator is not None:
             motor = devices.actuator.read()[0]
             row |= {
@@ -91,17 +95,17 @@ class TestAgainstTheDevices:
         expected = through_devices(rig, walk)
         assert set(walk.channels) == {*expected, "command"}
         for channel, values in expected.items():
-            np.testing.assert_allclose(walk.channels[channel], values, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(walk.channels[channel], values, rtol=0, atol=EXACT[channel])
 
-    def test_a_walk_without_the_exoskeleton_is_the_goniometers_and_the_footswitchs(self):
+    def test_a_walk_without_the_exoskeleton_is_that_of_the_sensors(self):
         rig = simulated_rig(3, seed=11)
         plan = WalkPlan(per_point=0, warm_up_strides=10)
         walk = walk_directly(rig, "NWC", worn=False, plan=plan)
-        assert set(walk.channels) == {"angle", "contact"}
+        assert set(walk.channels) == {"angle", "joint_moment", "contact"}
         assert walk.pulses.empty
         expected = through_devices(rig, walk, worn=False, condition="NWC")
         for channel, values in expected.items():
-            np.testing.assert_allclose(walk.channels[channel], values, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(walk.channels[channel], values, rtol=0, atol=EXACT[channel])
 
     def test_half_the_steps_of_the_physics_move_no_angle_by_1e_5_rad(self):
         for name in PRESETS:

@@ -208,6 +208,27 @@ class TestMeasurement:
         assert simulated_rig(3).notes()["preset"] == "nominal"
 
 
+class TestInternalMoment:
+    @pytest.mark.parametrize("worn", [True, False])
+    def test_inverse_dynamics_is_a_sensor_of_the_joint_moment_also_without_exoskeleton(self, worn):
+        rig = simulated_rig(0)
+        sensor = rig.open("EWP", worn=worn, segment=0, clock=VirtualClock()).torque
+        description = sensor.describe()
+        assert (description.channel, description.unit) == ("joint_moment", "N*m")
+        assert description.sample_rate_hz == 500.0
+
+    def test_its_samples_are_those_of_the_other_sensors_in_time_and_can_go_missing(self):
+        rig = simulated_rig(0)
+        rig.inject.order("torque", "silence", from_s=0.1, until_s=0.2)
+        _, clock, devices = opened(rig)
+        devices.torque.read()  # the first look starts the time of all
+        clock.wait_until_ns(199 * PERIOD_NS)
+        moment, angle = devices.torque.read(), devices.angle.read()
+        times = [sample.device_time_ns for sample in angle[1:]]
+        assert [s.device_time_ns for s in moment] == [t for t in times if not 1e8 <= t < 2e8]
+        assert 1.0 < np.abs([s.value for s in moment]).max() < 100.0
+
+
 class TestMisbehaviour:
     @pytest.mark.parametrize(("device", "place"), [("actuator", 0), ("angle", 1), ("contact", 2)])
     def test_silence_is_no_samples_for_its_time(self, device, place):

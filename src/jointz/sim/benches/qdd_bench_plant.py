@@ -221,7 +221,7 @@ class QddBenchPlant(CompiledBench):
         """Compute the next sample as the devices give it."""
         time_ns = int(self._state[QddState.SAMPLES]) * self._period_ns
         angle, velocity, current, supply, torque, far = self.advance(torque_nm, angle_rad)
-        return time_ns, (angle, velocity, current, supply, _AMBIENT_C, 0), torque, far
+        return time_ns, (angle, velocity, current, supply, _AMBIENT_C, 0), torque, far, math.nan
 
     @property
     def time_s(self) -> float:

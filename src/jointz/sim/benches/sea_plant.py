@@ -305,7 +305,7 @@ class SeaPlant(CompiledBench):
         row = self.advance(torque_nm, angle_rad)
         _, stamp_s, motor_angle, _, current, supply, heat, faults, angle, torque = row
         motor = (angle, self.velocity, current, supply, heat, int(faults))
-        return round(stamp_s * 1e9), motor, torque, motor_angle
+        return round(stamp_s * 1e9), motor, torque, motor_angle, math.nan
 
     @property
     def angle(self) -> float:

@@ -121,7 +121,7 @@ def calibrated_plant(build: PlantBuild, body: CalibratedBody) -> PlantBuild:
             params[place] = 0.0
     curves = np.zeros((CURVE_PIECES, 4 * CURVES))
     # The thigh is so that what hangs, hangs; on what is held gravity has no effect.
-    constants = (body.stiffness, body.damping, body.inertia, body.posture_rad)
+    constants = (body.stiffness, body.damping, body.inertia, body.posture_rad, 0.0)
     curves[:, ::4] = constants
     return replace(build, params=params, curves=curves)
 
