@@ -92,7 +92,7 @@ _MOTOR = (
 _TORQUES = (
     Field("requested_torque", "f", "N*m", "what the controller asked for"),
     Field("sent_torque", "f", "N*m", "what the safety gate let through to the device"),
-    Field("command", "f", "N*m", "perturbation torque asked for, 0 outside pulses"),
+    Field("command", "f", "N*m", "torque of pulses or a controller, 0 outside of them"),
 )
 
 WALKING = Layout(
@@ -155,8 +155,18 @@ BENCH_CONTACT = Layout(
     ),
 )
 
+#: Of walking with a measured moment of the joint.
+WALKING_MOMENT = Layout(
+    "walking-moment",
+    (
+        *WALKING.fields,
+        Field("moment_time_ns", "q", "ns", "when the joint moment was measured, by its clock"),
+        Field("joint_moment", "d", "N*m", "internal moment of the joint"),
+    ),
+)
+
 #: Name -> layout.
-LAYOUTS = {layout.name: layout for layout in (WALKING, BENCH, BENCH_CONTACT)}
+LAYOUTS = {layout.name: layout for layout in (WALKING, WALKING_MOMENT, BENCH, BENCH_CONTACT)}
 
 
 class LogHeader(NamedTuple):

@@ -5,6 +5,7 @@ A controller registers by an entry point of the group ``jointz.controllers``: it
 """
 
 import difflib
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
@@ -89,7 +90,7 @@ def make_controller(spec: ControllerSpec, *, protocol: ProtocolSpec, wearer: Wea
     try:
         controller: Controller = factory(spec, protocol=protocol, wearer=wearer)
         valid = isinstance(controller, Controller)
-        wrong = list(_wrong_parameters(controller)) if valid else []
+        wrong = [*_wrong_parameters(controller), *_wrong_description(controller)] if valid else []
     except JointzError:
         raise
     except Exception as exc:
@@ -140,6 +141,13 @@ def _loaded(entry: EntryPoint, source: str) -> ControllerFactory:
     if not callable(factory):
         raise DataError(f"{source}: expected a function that makes a controller, got {factory!r}.")
     return factory
+
+
+def _wrong_description(controller: Controller) -> Iterator[str]:
+    try:
+        json.dumps(dict(controller.describe()), allow_nan=False)
+    except (TypeError, ValueError) as exc:
+        yield f"describe: expected plain JSON for the journal ({exc})."
 
 
 def _wrong_parameters(controller: Controller) -> Iterator[str]:

@@ -64,6 +64,8 @@ class SafetyGate:
         The first trip; it stays.
     detail : str
         Limit and value of the trip.
+    fade_s : float, s
+        Limit of the time in which torque fades to zero.
     fading : bool
         Whether a pulse is being faded out; lasts until it is over and gait is steady.
     flags : int
@@ -97,6 +99,7 @@ class SafetyGate:
         "cut",
         "detail",
         "displacement_rad",
+        "fade_s",
         "fading",
         "flags",
         "tripped",
@@ -130,6 +133,7 @@ class SafetyGate:
         self.detail = ""
         self.fading = self.cut = False
         self.displacement_rad = limits.displacement_rad
+        self.fade_s = limits.fade_s
         self.flags = 0
 
     def trip(self, code: Trip, detail: str) -> None:

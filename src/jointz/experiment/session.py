@@ -216,6 +216,7 @@ class Session:
                     self._kind.layout(devices),
                 )
             )
+            zero = self._rig.calibration.angle_zero_rad
             setup = TrialSetup(
                 protocol=self._plan.protocol,
                 condition=condition,
@@ -230,6 +231,8 @@ class Session:
                 done=pulses_done(events, name),
                 rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
                 contact_levels_v=self._rig.calibration.contact_levels_v,
+                wearer=self._rig.wearer,
+                angle_zero_rad=0.0 if zero is None else zero.value,
             )
             trial = self._kind.trial(setup, partial(self._progress, name))
             self._run_trial(trial, setup, note)

@@ -1,5 +1,7 @@
 """Samples of all devices, tick by tick."""
 
+from collections.abc import Collection
+
 from jointz.core.session_log import NO_SAMPLE
 from jointz.devices.interface import ActuatorSample, Devices, SensorSample
 
@@ -10,15 +12,18 @@ _NAMES = ("actuator", "angle", "torque", "positioner", "contact")
 
 
 class Streams:
-    """Samples that the devices queued since the tick before; empty where there is no device."""
+    """Samples that the devices queued since the tick before; empty where there is no device.
 
-    __slots__ = (*_NAMES, "_last_ns", "_reads", "newest_actuator", "newest_angle")
+    Nobody acts on a ``dispensable`` one: its age does not count.
+    """
 
-    def __init__(self, devices: Devices) -> None:
+    __slots__ = (*_NAMES, "_last_ns", "_reads", "newest_actuator", "newest_angle", "newest_contact")
+
+    def __init__(self, devices: Devices, *, dispensable: Collection[str] = ()) -> None:
         present = [(n, device) for n in _NAMES if (device := getattr(devices, n)) is not None]
         self._reads = [(name, device.read) for name, device in present]
         #: When each device last gave a sample, -1 before the first.
-        self._last_ns = dict.fromkeys((name for name, _ in present), -1)
+        self._last_ns = dict.fromkeys((n for n, _ in present if n not in dispensable), -1)
         self.actuator: list[ActuatorSample] = []
         self.angle: list[SensorSample] = []
         self.torque: list[SensorSample] = []
@@ -26,6 +31,7 @@ class Streams:
         self.contact: list[SensorSample] = []
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
+        self.newest_contact = NO_SENSOR_SAMPLE
 
     def read(self, slot_ns: int) -> float:
         """Read all devices and return how old the stalest of them is, s; infinite at first."""
@@ -33,12 +39,14 @@ class Streams:
         for name, read in self._reads:
             samples = read()
             setattr(self, name, samples)
-            if samples:
+            if samples and name in last_ns:
                 last_ns[name] = slot_ns
         if self.actuator:
             self.newest_actuator = self.actuator[-1]
         if self.angle:
             self.newest_angle = self.angle[-1]
+        if self.contact:
+            self.newest_contact = self.contact[-1]
         oldest_ns = min(last_ns.values())
         if oldest_ns == slot_ns:
             return 0.0

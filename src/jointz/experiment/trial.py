@@ -1,4 +1,4 @@
-"""One uninterrupted stretch of a walking condition, tick by tick."""
+"""One uninterrupted stretch of walking with pulses, a controller or neither, tick by tick."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from jointz.core.errors import SafetyStop
 from jointz.core.protocols.protocol_models import GaitSpec
 from jointz.core.session_log import Flag
 from jointz.devices.interface import Devices
+from jointz.experiment.controller_runner import ControllerRunner
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.gait.gait_watch import CONTACT_LEVELS, GaitWatch
 from jointz.experiment.gait.unperturbed_angle import UnperturbedAngle
@@ -19,6 +20,9 @@ from jointz.experiment.torque import AppliedTorque, ZeroTorque
 
 _NAN = float("nan")
 _STEADY, _SHAM, _OVERRUN = int(Flag.STEADY), int(Flag.SHAM), int(Flag.OVERRUN)
+_FADING = int(Flag.FADING)
+#: Answer of a trial that has no parameters.
+NO_CONTROLLER = "this trial has no controller"
 #: Accepted strides after the last pulse.
 COOL_DOWN_STRIDES = 5
 #: No accepted stride for so long: the participant stands, or the footswitch is lost.
@@ -76,14 +80,18 @@ class Trial:
         recorder: Recorder,
         clock: Clock,
         progress: StrideCallback,
+        controller: ControllerRunner | None = None,
     ) -> None:
         if devices.angle is None or devices.contact is None:
             raise ValueError("expected devices with a goniometer and a footswitch.")
         self._period_ns = course.period_ns
-        self._streams = Streams(devices)
+        # A moment is measured to be recorded: nothing in the loop depends on it.
+        self._streams = Streams(devices, dispensable=("torque",))
+        self._has_moment = devices.torque is not None
         self._watch = GaitWatch(course.gait, course.contact_levels)
         self._motor = motor
         self._pulses = pulses
+        self._controller = controller
         self._unperturbed: UnperturbedAngle | None = None
         if pulses is not None and motor is not None and motor.gate.displacement_rad is not None:
             self._unperturbed = UnperturbedAngle(course.period_ns)
@@ -111,15 +119,25 @@ class Trial:
         return pulse is not None and not pulse.sham
 
     def request_stop(self) -> None:
-        """End the trial soon: a pulse that is on is faded out first."""
+        """End the trial soon: a pulse or a controller's torque is faded out first."""
         self._stopping = True
 
     def pause(self, *, on: bool) -> bool:
-        """Begin no more pulses while the participant walks on, or go on with them."""
-        if self._pulses is None:
+        """Begin no more pulses, or fade the controller out, while the participant walks on."""
+        runner = self._pulses or self._controller
+        if runner is None:
             return False
-        self._pulses.pause(on=on)
+        runner.pause(on=on)
         return True
+
+    def set_parameter(self, name: str, value: float) -> str:
+        """Change a parameter of the controller; return why it is refused, "" if it is not."""
+        controller = self._controller
+        return NO_CONTROLLER if controller is None else controller.set_parameter(name, value)
+
+    def undo_parameter(self) -> str:
+        """Take back the last change of a parameter; return why not, "" if it was."""
+        return NO_CONTROLLER if self._controller is None else self._controller.undo()
 
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
         """Read, decide, command and record in one slot."""
@@ -134,7 +152,7 @@ class Trial:
         running = not self._stopping
         if self._unperturbed is not None:
             self._learn(self._unperturbed, slot_ns, accepted=stride)
-        if self._motor is not None:  # a pulse that is on has to fade first
+        if self._motor is not None:  # torque that is on has to fade first
             running = self._act(self._motor, slot, slot_ns, age_s=age_s, skipped=skipped)
         self._record(slot, host_ns)
         if stride:
@@ -185,8 +203,8 @@ class Trial:
 
     def _act(self, motor: Motor, slot: int, slot_ns: int, *, age_s: float, skipped: int) -> bool:
         """Decide on a torque and send it; False when no more is to come."""
-        pulses, gate = self._pulses, motor.gate
-        wanted = 0.0
+        pulses, controller, gate = self._pulses, self._controller, motor.gate
+        wanted = 0.0 if controller is None else self._controlled(controller, slot, slot_ns)
         if pulses is not None:
             if self._watch.retracted:
                 pulses.retract_stride()
@@ -207,7 +225,8 @@ class Trial:
             pulse_active=self._pulse_is_felt,
             displacement=self._displacement(slot_ns),
         )
-        over = gate.tripped is not None or (self._stopping and not (gate.fading and sent != 0.0))
+        fades = (gate.fading and sent != 0.0) or (controller is not None and controller.fading)
+        over = gate.tripped is not None or (self._stopping and not fades)
         if over:
             sent = 0.0
             motor.stop()  # a device in fault takes no more commands
@@ -215,9 +234,28 @@ class Trial:
             motor.command_torque(sent)
         self._command, self._requested, self._sent = wanted, requested, sent
         self._flags |= gate.flags
+        if controller is not None and controller.failure:  # after the zero was sent
+            gate.detail += f"; {controller.name} raised {controller.failure}"
+            controller.write_failure()
         if pulses is not None and (gate.fading or gate.cut):
             pulses.abort(self._why_aborted(gate), cut=gate.cut)
         return not over
+
+    def _controlled(self, controller: ControllerRunner, slot: int, slot_ns: int) -> float:
+        """Return the torque that the controller wants, N*m."""
+        streams, watch = self._streams, self._watch
+        torque = controller.torque(
+            slot,
+            slot_ns,
+            watch,
+            angle=streams.newest_angle.value,
+            velocity=streams.newest_actuator.velocity,
+            contact=streams.newest_contact.value,
+            steady=watch.steady and not self._stopping,
+        )
+        if controller.fading:
+            self._flags |= _FADING
+        return torque
 
     def _why_aborted(self, gate: SafetyGate) -> str:
         if gate.cut:
@@ -248,7 +286,14 @@ class Trial:
 
     def _record(self, slot: int, host_ns: int) -> None:
         parts = range(self._streams.parts)
-        self._recorder.write(*[self._part(slot, host_ns, part) for part in parts])
+        record = self._part_with_moment if self._has_moment else self._part
+        self._recorder.write(*[record(slot, host_ns, part) for part in parts])
+
+    def _part_with_moment(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
+        """Return one record of a rig that measures the joint's moment."""
+        moment = self._streams.torque
+        m = moment[part] if part < len(moment) else NO_SENSOR_SAMPLE
+        return (*self._part(slot, host_ns, part), m.device_time_ns, m.value)
 
     def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""

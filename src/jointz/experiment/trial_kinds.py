@@ -1,4 +1,4 @@
-"""Kinds of trials: walking, and on a bench. A :class:`TrialKind` holds what differs."""
+"""Kinds of trials: walking, with a controller, on a bench; :class:`TrialKind` has what differs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,10 +13,12 @@ from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.protocols.pulse_models import Pulse
-from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, Layout
-from jointz.devices.interface import Devices
+from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, WALKING_MOMENT, Layout
+from jointz.devices.interface import Devices, Wearer
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 from jointz.experiment.bench.bench_trial import BenchTrial
+from jointz.experiment.controller_runner import ControllerRunner
+from jointz.experiment.controllers import make_controller
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.files.session_files import PLAN_FILE
@@ -49,6 +51,14 @@ class AnyTrial(Protocol):
         """Begin no more pulses, or go on with them; False where there is nothing to pause."""
         ...
 
+    def set_parameter(self, name: str, value: float) -> str:
+        """Change a parameter of a controller; return why it is refused, "" if it is not."""
+        ...
+
+    def undo_parameter(self) -> str:
+        """Take back the last change of a parameter; return why not, "" if it was."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class TrialSetup:
@@ -68,6 +78,8 @@ class TrialSetup:
     rng: np.random.Generator  # random numbers for the references of a bench
     # calibrated levels of a footswitch of kind ``voltage``: off, on; None if not calibrated
     contact_levels_v: tuple[float, float] | None = None
+    wearer: Wearer = Wearer("")  # noqa: RUF009 - frozen
+    angle_zero_rad: float = 0.0  # what the goniometer shows at the joint's zero
 
     @property
     def contact_levels(self) -> tuple[float, float]:
@@ -114,6 +126,36 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
     )
 
 
+def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
+    """Return a stretch of walking under a controller."""
+    protocol, condition, gate = setup.protocol, setup.condition, setup.gate
+    spec = condition.controller
+    if protocol.gait is None or spec is None or gate is None:
+        raise ProtocolError(
+            protocol.name, [f"{setup.name} needs gait, a controller and an actuator."]
+        )
+    controller = ControllerRunner(
+        setup.name,
+        setup.segment,
+        spec,
+        make_controller(spec, protocol=protocol, wearer=setup.wearer),
+        journal=setup.journal,
+        period_ns=setup.period_ns,
+        fade_s=gate.fade_s,
+        angle_zero_rad=setup.angle_zero_rad,
+    )
+    return Trial(
+        Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
+        devices=setup.devices,
+        motor=Motor(setup.devices, gate),
+        pulses=None,
+        controller=controller,
+        recorder=setup.recorder,
+        clock=setup.clock,
+        progress=lambda strides, _: progress(strides, 0, 0),
+    )
+
+
 def bench_trial(setup: TrialSetup, progress: ProgressCallback) -> BenchTrial:
     """Return a trial on a bench, from its beginning."""
     if setup.gate is None:
@@ -146,7 +188,7 @@ def _walking_plan(
 
 @dataclass(frozen=True, slots=True)
 class TrialKind:
-    """Differences between trials of walking and those of a bench."""
+    """Differences between trials of walking, with a controller, and those of a bench."""
 
     pulse: type[PlannedPulse] | type[TimedPulse]  # class of its planned pulses
     make_plan: Callable[[ConditionSpec, tuple[Pulse, ...], np.random.Generator], Sequence[Any]]
@@ -161,8 +203,15 @@ class TrialKind:
         return {name: tuple(self.pulse(**one) for one in pulses) for name, pulses in plan.items()}
 
 
+def _walking_layout(devices: Devices) -> Layout:
+    return WALKING if devices.torque is None else WALKING_MOMENT
+
+
 WALKING_TRIALS = TrialKind(
-    PlannedPulse, _walking_plan, lambda _: WALKING, walking_trial, resumes=True
+    PlannedPulse, _walking_plan, _walking_layout, walking_trial, resumes=True
+)
+CONTROL_TRIALS = TrialKind(
+    PlannedPulse, _walking_plan, _walking_layout, control_trial, resumes=True
 )
 BENCH_TRIALS = TrialKind(
     TimedPulse,
@@ -175,4 +224,5 @@ BENCH_TRIALS = TrialKind(
 
 def trial_kind(protocol: ProtocolSpec) -> TrialKind:
     """Return the kind of the trials of a protocol."""
-    return WALKING_TRIALS if protocol.kind == "walking" else BENCH_TRIALS
+    kinds = {"walking": WALKING_TRIALS, "control": CONTROL_TRIALS}
+    return kinds.get(protocol.kind, BENCH_TRIALS)

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
 
 from pydantic import ValidationError
@@ -15,6 +16,8 @@ from jointz.core.protocols.protocol import Protocol
 from jointz.io.toml_problems import all_problems, file_content, parse_toml
 
 _SUFFIX = ".toml"
+#: Profile of a controller that comes with jointz; any other is a file.
+PUBLISHED = "published"
 
 
 @cache
@@ -79,9 +82,25 @@ def load_protocol(name_or_path: str | os.PathLike[str]) -> Protocol:
     where = os.fspath(name_or_path)
     raw = parse_toml(where, _content(name_or_path), error=ProtocolError)
     try:
-        return Protocol.model_validate(raw)
+        protocol = Protocol.model_validate(raw)
     except ValidationError as exc:
         raise ProtocolError(where, all_problems(exc, Protocol, raw)) from exc
+    if where in builtin_protocols():
+        return protocol
+    return _with_absolute_profiles(protocol, Path(where).parent.absolute())
+
+
+def _with_absolute_profiles(protocol: Protocol, folder: Path) -> Protocol:
+    """Return a protocol whose profiles can be read from any working directory."""
+    conditions = []
+    for condition in protocol.conditions:
+        spec = condition.controller
+        if spec is not None and spec.profile not in (None, PUBLISHED):
+            profile = os.path.normpath(folder / str(spec.profile))
+            changed = {"controller": spec.model_copy(update={"profile": profile})}
+            condition = condition.model_copy(update=changed)
+        conditions.append(condition)
+    return protocol.model_copy(update={"conditions": tuple(conditions)})
 
 
 def _content(name_or_path: str | os.PathLike[str]) -> bytes:

@@ -28,7 +28,7 @@ def open_recordings(
     folder: Path, protocol: Protocol, events: Sequence[Event], *, salvage: bool
 ) -> SessionRecordings:
     """Return the recordings of a session, of the kind of its protocol."""
-    kind = WalkingRecordings if protocol.kind == "walking" else BenchRecordings
+    kind = WalkingRecordings if protocol.by_gait else BenchRecordings
     plans = kind.KIND.read_plan(folder)
     return kind(folder, folder.name, protocol, events, plans, salvage=salvage)
 

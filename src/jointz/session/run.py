@@ -18,6 +18,7 @@ from jointz.core.provenance import now
 from jointz.core.stop_signals import CAN_WAIT
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
 from jointz.devices.interface import Rig, Wearer
+from jointz.experiment.controllers import refuse_bad_controllers
 from jointz.experiment.driver_errors import drivers_answer_for
 from jointz.experiment.files.whole_files import read_object, write_whole
 from jointz.experiment.session import Operator
@@ -149,7 +150,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     if known is not None:
         rig = with_calibration(rig, known, count)
     settings = RunSettings(spec, rig.seed, pace, Path(out), attended, salvage)
-    check = partial(_refuse_beyond_limits, settings, rig)
+    check = partial(_refuse_what_cannot_run, settings, rig, count)
     with (
         claimed(settings, rig, count, resume=resume, check=check),
         shown_run_progress(progress=operator is None if progress is True else progress) as shown,
@@ -173,6 +174,14 @@ def _count(protocol: Protocol, participants: int | None) -> int:
     if participants is not None:
         raise DataError(f"{protocol.name}: a bench has loads, not participants. Leave them out.")
     return max(1, len(protocol.loads))
+
+
+def _refuse_what_cannot_run(settings: RunSettings, rig: RigSettings, count: int) -> None:
+    """Refuse controllers that do not fit and limits that are exceeded, before all else."""
+    if settings.protocol.kind == "control":
+        wearers = (open_rig(rig, number).wearer for number in range(count))
+        refuse_bad_controllers(settings.protocol, wearers)
+    _refuse_beyond_limits(settings, rig)
 
 
 def _refuse_beyond_limits(settings: RunSettings, rig: RigSettings) -> None:

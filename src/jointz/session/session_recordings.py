@@ -45,10 +45,12 @@ _CLOCKS = {
     "torque": "torque_sensor_time_ns",
     "positioner": "positioner_time_ns",
     "contact": "contact_time_ns",
+    "moment": "moment_time_ns",
 }
 #: Units of channels that no schema knows, or that may have several.
 _UNITS = {
     "applied_torque": "N*m",
+    "joint_moment": "N*m",
     "reference": "N*m",
     "position": "rad",
     "reference_position": "rad",
@@ -218,7 +220,10 @@ class SessionRecordings(ABC):
 
 
 class WalkingRecordings(SessionRecordings):
-    """Recordings of walking: all stretches of a condition, pulses at points of the gait cycle."""
+    """Recordings of walking: all stretches of a condition, pulses at points of the gait cycle.
+
+    Those with a controller are the same, without pulses.
+    """
 
     KIND = WALKING_TRIALS
 
@@ -228,6 +233,8 @@ class WalkingRecordings(SessionRecordings):
     def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
         aligned = partial(_aligned, log.records, master)
         channels = {"angle": aligned("angle"), "contact": aligned("contact")}
+        if "moment" in _clocks(log):
+            channels["joint_moment"] = aligned("moment", "joint_moment")
         if master == _CLOCKS["actuator"]:
             channels |= _motor(log.records, _MOTOR | {"applied_torque": "applied_torque"})
         return channels

@@ -50,7 +50,7 @@ def study_toml(
     coupling: str | None = None,
 ) -> str:
     """Return the text of ``study.toml``."""
-    walking = protocol.kind == "walking"
+    walking = protocol.by_gait
     lines = [
         f"# Written by jointz run from the protocol {protocol.name}.",
         "jointz = 1",
@@ -60,7 +60,7 @@ def study_toml(
         'torque_acts_on = "joint"',
         *([] if coupling is None else [f'coupling = "{coupling}"']),
     ]
-    units = _WALKING_UNITS if walking else _bench_units(devices or {})
+    units = _walking_units(devices or {}) if walking else _bench_units(devices or {})
     for name, unit in units.items():
         lines += ["", f"[channels.{name}]", f'column = "{name}"', f'unit = "{unit}"']
     if any(condition.trials > 1 for condition in protocol.conditions):
@@ -116,6 +116,11 @@ def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
         return []
     voltage = ['column = "contact"', 'kind = "voltage"', 'unit = "V"']
     return ["", "[channels.contact]", *voltage]
+
+
+def _walking_units(devices: Mapping[str, Any]) -> dict[str, str]:
+    sensor = devices.get("torque")
+    return _WALKING_UNITS if sensor is None else _WALKING_UNITS | {"joint_moment": sensor["unit"]}
 
 
 def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:

@@ -59,6 +59,15 @@ class BenchTrial:
         del on
         return False
 
+    def set_parameter(self, name: str, value: float) -> str:
+        """Refuse: a bench follows its references."""
+        del name, value
+        return "this trial has no controller"
+
+    def undo_parameter(self) -> str:
+        """Refuse: a bench follows its references."""
+        return "this trial has no controller"
+
     def tick(self, slot: int, host_ns: int, skipped: int) -> bool:
         """Read, decide, command and record in one slot."""
         if self._first_slot < 0:

@@ -88,7 +88,9 @@ class Motion:
             "velocity": np.abs(recent["motor_velocity"]),
         }
         summary |= {f"peak_{name}": _largest(values) for name, values in peaks.items()}
-        pulse_on = recent["command"][recent["host_time_ns"] > self.last_ns - _DUTY_S * 1e9] != 0.0
+        newest = recent[recent["host_time_ns"] > self.last_ns - _DUTY_S * 1e9]
+        # Shams have a number and no torque, a controller has torque and no number.
+        pulse_on = (newest["command"] != 0.0) & (newest["pulse"] > 0)
         # Of the whole window, as the safety gate has it, from the first tick on.
         summary["pulse_duty"] = float(pulse_on.sum() * self._period_ns / (_DUTY_S * 1e9))
         return summary

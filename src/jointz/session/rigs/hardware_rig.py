@@ -166,7 +166,7 @@ def _wearers(
 
 def _sensors(protocol: Protocol, file: DeviceFile) -> tuple[str, ...]:
     """Return which sensors a protocol looks at."""
-    if protocol.kind == "walking":
+    if protocol.by_gait:
         return ("angle", "contact")
     if protocol.kind == "calibration":
         return _SENSORS_OF_STEP.get(protocol.calibration or "", ())
@@ -195,7 +195,7 @@ def _lacking(protocol: Protocol, file: DeviceFile, *, levels_known: bool) -> Ite
             yield f"{name}: missing; {_WHY[name]}"
     if "contact" in sensors and file.contact is not None:
         kind = file.contact.model_dump().get("kind", "voltage")
-        if not (protocol.kind == "walking" and kind == "voltage" and levels_known):
+        if not (protocol.by_gait and kind == "voltage" and levels_known):
             yield from _another_kind(protocol, kind)
     for one in protocol.conditions:
         moved = [name for name in one.references if name in _POSITIONS]
@@ -208,7 +208,7 @@ def _lacking(protocol: Protocol, file: DeviceFile, *, levels_known: bool) -> Ite
 
 def _another_kind(protocol: Protocol, kind: str) -> Iterator[str]:
     """Yield the problem of a footswitch that the loop cannot read or that cannot be calibrated."""
-    if protocol.kind == "walking" and kind != "contact":
+    if protocol.by_gait and kind != "contact":
         yield (
             f'contact.kind: expected "contact", got "{kind}": the loop takes below 0.3 for off and '
             "from 0.7 on for on. Calibrate its levels in V (jointz calibrate footswitch), "

@@ -1,0 +1,218 @@
+"""Runs a controller tick by tick: fades its torque, moves its parameters, journals both."""
+
+from math import isfinite
+from types import MappingProxyType
+from typing import Any
+
+from jointz.core.protocols.protocol_models import ControllerSpec
+from jointz.experiment.controllers import Controller, ControlState
+from jointz.experiment.files.journal import Journal
+from jointz.experiment.gait.gait_watch import GaitWatch
+
+#: Steady gait that brings torque from zero to all of it.
+FADE_IN_S = 1.0
+_NAN = float("nan")
+#: A gain below this is zero: steps of binary fractions do not add up to one.
+_NO_GAIN = 1e-9
+
+
+class ControllerRunner:
+    """Calls a controller while gait is steady and fades its torque in and out.
+
+    Parameters
+    ----------
+    condition : str
+        Name of the trial.
+    segment : int
+        Number of this stretch of the trial.
+    spec : ControllerSpec
+        The protocol's table.
+    controller : Controller
+        Made for this stretch.
+    journal : Journal
+        The session's.
+    period_ns : int, ns
+        Of the loop.
+    fade_s : float, s
+        In which torque fades to zero, the safety gate's limit.
+    angle_zero_rad : float, rad
+        What the goniometer shows at the joint's zero.
+
+    Attributes
+    ----------
+    failure : str
+        What the controller raised; "" while it raised nothing.
+    fading : bool
+        Whether torque fades out in this tick.
+    """
+
+    __slots__ = (
+        "_angle_zero_rad",
+        "_changes",
+        "_condition",
+        "_controller",
+        "_fade_step",
+        "_gain",
+        "_held",
+        "_journal",
+        "_paused",
+        "_period_s",
+        "_rise",
+        "_segment",
+        "_slot",
+        "_targets",
+        "_values",
+        "_values_view",
+        "fading",
+        "failure",
+        "name",
+    )
+
+    def __init__(
+        self,
+        condition: str,
+        segment: int,
+        spec: ControllerSpec,
+        controller: Controller,
+        *,
+        journal: Journal,
+        period_ns: int,
+        fade_s: float,
+        angle_zero_rad: float = 0.0,
+    ) -> None:
+        self.name = spec.name
+        self._condition, self._segment = condition, segment
+        self._controller = controller
+        self._journal = journal
+        self._angle_zero_rad = angle_zero_rad
+        self._period_s = period_ns * 1e-9
+        self._rise, self._fade_step = self._period_s / FADE_IN_S, self._period_s / fade_s
+        self._values = {name: float(one.value) for name, one in controller.parameters.items()}
+        self._values_view = MappingProxyType(self._values)
+        self._targets = dict(self._values)
+        self._changes: list[tuple[str, float]] = []
+        self._gain = self._held = 0.0
+        self._slot = 0
+        self._paused = self.fading = False
+        self.failure = ""
+        self._write_begin(spec)
+
+    def pause(self, *, on: bool) -> None:
+        """Fade torque out and keep it at zero, or go on."""
+        self._paused = on
+
+    def set_parameter(self, name: str, value: float) -> str:
+        """Move a parameter to a value at its rate; return why it is refused, "" if it is not."""
+        parameter = self._controller.parameters.get(name)
+        if parameter is None:
+            known = ", ".join(self._targets) or "none"
+            return f"'{name}' is no parameter of {self.name}; it has {known}"
+        if not isfinite(value):
+            return f"{name}: expected a finite number, got {value}"
+        if not parameter.low <= value <= parameter.high:
+            return (
+                f"{name}: expected {parameter.low:g} to {parameter.high:g} {parameter.unit}, got "
+                f"{value:g}"
+            )
+        before = self._targets[name]
+        if value == before:
+            return f"{name} is {value:g} already"
+        self._changes.append((name, before))
+        self._move("parameter_changed", name, float(value))
+        return ""
+
+    def undo(self) -> str:
+        """Take the last change back, then the one before; return why not, "" if it was."""
+        if not self._changes:
+            return "no change to undo"
+        self._move("parameter_undone", *self._changes.pop())
+        return ""
+
+    def torque(
+        self,
+        slot: int,
+        slot_ns: int,
+        watch: GaitWatch,
+        *,
+        angle: float,
+        velocity: float,
+        contact: float,
+        steady: bool,
+    ) -> float:
+        """Return the torque that the controller wants now, N*m; NaN if it failed.
+
+        While it fades, the last torque is scaled down and the controller is not called: without
+        steady gait there is no phase to call it with, and a phase that runs on would go through
+        the torque of another part of the cycle.
+        """
+        self._slot = slot
+        self._move_values()
+        if steady and not self._paused:
+            self.fading = False
+            self._gain = min(1.0, self._gain + self._rise)
+            self._held = self._called(slot_ns, watch, angle, velocity, contact)
+            return self._gain * self._held
+        self._gain -= self._fade_step
+        if self._gain < _NO_GAIN:
+            self._gain = self._held = 0.0
+        self.fading = self._gain > 0.0
+        return self._gain * self._held
+
+    def write_failure(self) -> None:
+        """Write down what the controller raised."""
+        self._write("controller_failed", name=self.name, slot=self._slot, reason=self.failure)
+
+    def _called(
+        self, slot_ns: int, watch: GaitWatch, angle: float, velocity: float, contact: float
+    ) -> float:
+        state = ControlState(
+            slot_ns * 1e-9,
+            # A heel strike that is late leaves it at the end of the cycle.
+            min(watch.phase_pct, 100.0),
+            angle - self._angle_zero_rad,
+            velocity,
+            contact,
+            watch.strides.strides,
+        )
+        try:
+            return float(self._controller.torque(state, self._values_view))
+        except Exception as exc:  # noqa: BLE001 - no number: the safety gate trips in this tick
+            self.failure = f"{type(exc).__name__}: {exc}"
+            return _NAN
+
+    def _move_values(self) -> None:
+        """Move every parameter towards its target, no faster than its rate."""
+        values, targets = self._values, self._targets
+        if values == targets:
+            return
+        for name, target in targets.items():
+            step = self._controller.parameters[name].rate_per_s * self._period_s
+            values[name] = min(max(target, values[name] - step), values[name] + step)
+
+    def _move(self, event: str, name: str, value: float) -> None:
+        before, self._targets[name] = self._targets[name], value
+        self._write(event, name=name, before=before, after=value, slot=self._slot)
+
+    def _write_begin(self, spec: ControllerSpec) -> None:
+        parameters = {
+            name: {
+                "value": float(one.value),
+                "low": float(one.low),
+                "high": float(one.high),
+                "rate_per_s": float(one.rate_per_s),
+                "unit": one.unit,
+            }
+            for name, one in self._controller.parameters.items()
+        }
+        self._write(
+            "controller",
+            name=spec.name,
+            spec=spec.model_dump(mode="json"),
+            parameters=parameters,
+            # Also after --resume: an operator's changes end with their stretch.
+            values="as declared",
+            description=dict(self._controller.describe()),
+        )
+
+    def _write(self, event: str, **details: Any) -> None:
+        self._journal.write(event, condition=self._condition, segment=self._segment, **details)
