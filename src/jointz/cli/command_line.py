@@ -62,6 +62,10 @@ _COMMANDS = {
         "Measure lags, gains and the device itself.",
     ),
     "stream": ("jointz.session.stream_command:stream", "Put a session on Lab Streaming Layer."),
+    "control": (
+        "jointz.control.command:control",
+        "Make a controller's profile of a measured leg.",
+    ),
     "reproduce": ("jointz.reproduction.command:reproduce", "Repeat the dissertation, simulated."),
 }
 

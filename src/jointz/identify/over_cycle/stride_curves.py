@@ -35,7 +35,7 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     if any(source.given.condition != "no_device" for source in sources):
         return ()
     for source in sources:
-        with_moment = [s for s in _strides(source) if np.isfinite(s).all()]
+        with_moment = [s for s in map(_with_moment, _strides(source)) if np.isfinite(s).all()]
         curves.setdefault(unit_of(source.given), []).extend(with_moment)
     return tuple(
         StrideCurves(participant, side, angle, moment, session)
@@ -45,28 +45,42 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     )
 
 
+def _with_moment(stride: tuple[np.ndarray, float]) -> np.ndarray:
+    """Return angle and moment, (2, NODES): a torque that is recorded without a device is one."""
+    angle, torque, moment = stride[0]
+    return np.stack([angle, moment if np.isfinite(moment).all() else torque])
+
+
 def mean_strides(participant: str, sources: Sequence[Source]) -> tuple[MeanStride, ...]:
     """Return the mean stride of each condition, session and side, over its strides without pulses.
 
     In perturbed recordings the stride after one with a pulse is left out, too.
     """
-    strides: dict[tuple[str, Unit], list[np.ndarray]] = {}
+    strides: dict[tuple[str, Unit], list[tuple[np.ndarray, float]]] = {}
     for source in sources:
         condition = source.given.condition
         if condition is not None:
             own = strides.setdefault((condition, unit_of(source.given)), [])
             own.extend(_strides(source, settled=condition == "perturbed"))
     return tuple(
-        _mean_stride(participant, unit, condition, np.stack(own))
+        _mean_stride(participant, unit, condition, own)
         for (condition, unit), own in strides.items()
         if len(own) > 1
     )
 
 
-def _mean_stride(participant: str, unit: Unit, condition: str, strides: np.ndarray) -> MeanStride:
-    angle, torque = strides[:, 0], strides[np.isfinite(strides[:, 1]).all(axis=1), 1]
-    # Without a device the torque is a moment of the joint.
-    by_device = condition != "no_device" and len(torque) > 0
+def _mean_stride(
+    participant: str, unit: Unit, condition: str, own: Sequence[tuple[np.ndarray, float]]
+) -> MeanStride:
+    strides = np.stack([curves for curves, _ in own])
+    angle, torque, moment = strides.swapaxes(0, 1)
+    torque, moment = (
+        torque[np.isfinite(torque).all(axis=1)],
+        moment[np.isfinite(moment).all(axis=1)],
+    )
+    by_device = condition != "no_device"
+    if not by_device and not len(moment):  # without a device the torque is a moment of the joint
+        moment = torque
     return MeanStride(
         participant=participant,
         condition=condition,
@@ -74,23 +88,30 @@ def _mean_stride(participant: str, unit: Unit, condition: str, strides: np.ndarr
         gait_pct=np.linspace(0.0, 100.0, NODES),
         angle=angle.mean(axis=0),
         angle_sd=angle.std(axis=0, ddof=1),
-        torque=torque.mean(axis=0) if by_device else None,
+        torque=torque.mean(axis=0) if by_device and len(torque) else None,
+        moment=moment.mean(axis=0) if len(moment) > 1 else None,
+        moment_sd=moment.std(axis=0, ddof=1) if len(moment) > 1 else None,
+        stride_s=float(np.mean([duration for _, duration in own])),
         session=unit[0],
         side=unit[1],
     )
 
 
-def _strides(source: Source, *, settled: bool = False) -> Iterator[np.ndarray]:
-    """Yield angle and torque of every stride, (2, NODES); NaN for torque with missing samples.
+def _strides(source: Source, *, settled: bool = False) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield angle, torque and moment of every stride, (3, NODES), and its duration, s.
 
-    ``settled``: the stride before has no pulse, either.
+    NaN for torque and moment with missing samples. ``settled``: the stride before has no pulse,
+    either.
     """
     recording = source.given.recording
     if source.strides is None:
         return
     time = recording["time"].to_numpy()
-    angle = recording["angle"].to_numpy()
-    torque = recording["torque"].to_numpy() if "torque" in recording else np.full(time.size, np.nan)
+    missing = np.full(time.size, np.nan)
+    rows = [
+        recording[name].to_numpy() if name in recording else missing
+        for name in ("angle", "torque", "joint_moment")
+    ]
     chosen = source.undisturbed
     if settled:
         chosen = chosen & np.append(True, chosen[:-1])
@@ -99,6 +120,7 @@ def _strides(source: Source, *, settled: bool = False) -> Iterator[np.ndarray]:
     ):
         first, last = np.searchsorted(time, (start, start + length))
         around = slice(max(first - 1, 0), last + 1)
-        if np.isfinite(angle[around]).all():
+        if np.isfinite(rows[0][around]).all():
             at = start + length * np.linspace(0.0, 1.0, NODES)
-            yield np.stack([np.interp(at, time[around], row[around]) for row in (angle, torque)])
+            curves = [np.interp(at, time[around], row[around]) for row in rows]
+            yield np.stack(curves), float(length)

@@ -1,0 +1,1 @@
+"""From a measured impedance to a controller: profiles, their files, and controllers to run."""

@@ -1,0 +1,180 @@
+"""``jointz control``: from a measured impedance to a controller."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jointz.core.errors import DataError
+from jointz.terminal.file_options import Figure
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import emit, emit_json
+from jointz.terminal.printout import check_figure, save_canvas
+
+if TYPE_CHECKING:
+    from jointz.control.impedance_profile import ImpedanceProfile
+
+control = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Impedance over the gait cycle for a controller: make, draw and export a profile.",
+)
+#: Inches, of a figure with one panel a quantity.
+_SIZE = (7.0, 7.5)
+_File = Annotated[Path, typer.Argument(dir_okay=False, help="A file of jointz control profile.")]
+
+
+class Source(StrEnum):
+    """Choices of ``--from``."""
+
+    results = "results"
+    published = "published"
+
+
+@control.callback()
+def _control() -> None:
+    """Make, draw and export a profile."""
+
+
+@control.command("profile")
+def profile(
+    results: Annotated[
+        Path | None,
+        typer.Argument(
+            file_okay=False, help="Results folder of jointz analyze; none with --from published."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="The profile to write (JSON).")] = Path(
+        "profile.json"
+    ),
+    participant: Annotated[
+        str | None,
+        typer.Option(
+            "--participant",
+            help="One participant, with session and side if the study has them, such as "
+            "'S01, left'; by default the mean over all.",
+        ),
+    ] = None,
+    source: Annotated[
+        Source,
+        typer.Option(
+            "--from", help="Results, or a published knee (the dissertation's, and Winter)."
+        ),
+    ] = Source.results,
+    mass: Annotated[
+        float | None,
+        typer.Option("--mass", min=1.0, help="Body mass for a mean or a published knee (kg)."),
+    ] = None,
+    figure: Figure = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Make a profile: stiffness, damping and equilibrium angle over the gait cycle.
+
+    The equilibrium needs the internal moment of the joint, a channel joint_moment of inverse
+    dynamics; without it a published one is taken, and the profile says so.
+    Exit status: 0 written, 1 an interval reaches zero or too little is decided, 2 bad input.
+
+    Example: jointz control profile results --participant S01 --out S01.json
+    """
+    del debug
+    check_figure(figure)
+    if (results is None) != (source is Source.published):
+        raise DataError("expected a results folder, or --from published without one.")
+    from jointz.control.make_profile import impedance_profile
+    from jointz.control.profile_file import write_profile
+
+    if results is None:
+        made = impedance_profile(None, participant, mass_kg=mass)
+    else:
+        from jointz.analysis.saved_analysis import load
+
+        made = impedance_profile(load(results), participant, mass_kg=mass)
+    write_profile(made, out)
+    _report(made, figure, written=out, as_json=as_json, quiet=quiet)
+
+
+@control.command("show")
+def show(
+    file: _File,
+    figure: Figure = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Print a profile, and draw it with --figure.
+
+    Example: jointz control show S01.json --figure S01.svg
+    """
+    del debug
+    check_figure(figure)
+    from jointz.control.profile_file import read_profile
+
+    _report(read_profile(file), figure, written=None, as_json=as_json, quiet=quiet)
+
+
+@control.command("export")
+def export(
+    file: _File,
+    out: Annotated[
+        Path,
+        typer.Argument(
+            help="File to write: .h (C), .mat (MATLAB), .csv, or .py (Open-Source Leg)."
+        ),
+    ],
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Write a profile for other software; torques agree with the profile to 1e-9 N*m.
+
+    Only .py loses: four states of constant impedance are fitted, and their error is printed.
+
+    Example: jointz control export S01.json knee.h
+    """
+    del debug
+    from jointz.control.profile_file import read_profile
+    from jointz.control.state_machine import fit_state_machine
+    from jointz.control.writers import export_profile, fit_text
+
+    found = read_profile(file)
+    export_profile(found, out)
+    fit = fit_state_machine(found) if out.suffix.lower() == ".py" else None
+    if as_json:
+        errors = (
+            {} if fit is None else {"rms_nm": fit.rms_nm, "rms_deviated_nm": fit.rms_deviated_nm}
+        )
+        emit_json({"status": "ok", "written": str(out), **errors})
+    elif not quiet:
+        for text in () if fit is None else fit_text(fit)[:1]:
+            emit(text)
+        emit(f"Written: {out}")
+
+
+def _report(
+    found: "ImpedanceProfile",
+    figure: Path | None,
+    *,
+    written: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    if figure is not None:
+        from matplotlib.figure import Figure as Canvas
+
+        from jointz.control.impedance_profile import draw_profile
+        from jointz.results.figure_style import figure_style
+
+        with figure_style():
+            canvas = Canvas(figsize=_SIZE, layout="constrained")
+            draw_profile(canvas, found)
+            save_canvas(canvas, figure)
+    files = {"written": str(written)} if written else {}
+    if as_json:
+        emit_json({"status": "ok", **found.to_dict(), **files})
+    elif not quiet:
+        emit(found.summary())
+        for file in files.values():
+            emit(f"Written: {file}")

@@ -1,0 +1,125 @@
+"""Profile files (JSON): what is written can be read again to the last bit, and nothing else."""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.control.impedance_profile import LAW, PROFILE_UNITS, ImpedanceProfile
+from jointz.core.errors import DataError, OutputError
+from jointz.core.whole_file import whole_file
+
+_INTERVALS = ("stiffness", "damping", "equilibrium")
+_ARRAYS = (
+    *("gait_pct", "angle", "angle_sd", "moment", "moment_sd"),
+    *(f"{name}{end}" for name in _INTERVALS for end in ("", "_low", "_high")),
+)
+_POSITIVE = ("stiffness", "stiffness_low", "damping", "damping_low")
+_LARGEST_BYTES = 5_000_000
+_AGAIN = "Make the file again: jointz control profile."
+
+
+def profile_text(profile: ImpedanceProfile) -> str:
+    """Return a profile as JSON with its law, its units and its SHA-256."""
+    content = {**profile.to_dict(), "law": LAW, "units": dict(PROFILE_UNITS)}
+    return json.dumps({**content, "sha256": _sha256(content)}, indent=1, allow_nan=False) + "\n"
+
+
+def write_profile(profile: ImpedanceProfile, file: str | os.PathLike[str]) -> Path:
+    """Write a profile file; one that is there is kept, and is an OutputError."""
+    path = Path(file)
+    if path.exists():
+        raise OutputError(f"{path}: exists. Name another file, or remove it.")
+    with whole_file(path) as partial:
+        partial.write_text(profile_text(profile), encoding="utf-8")
+    return path
+
+
+def read_profile(file: str | os.PathLike[str]) -> ImpedanceProfile:
+    """Read a profile file.
+
+    Parameters
+    ----------
+    file : path
+        A file of ``jointz control profile``.
+
+    Returns
+    -------
+    ImpedanceProfile
+        The profile.
+
+    Raises
+    ------
+    DataError
+        When it is no profile, or was changed after jointz wrote it.
+    """
+    path = Path(file)
+    try:
+        content = _content(path)
+    except (OSError, ValueError, RecursionError) as exc:
+        raise DataError(
+            f"{path}: expected a profile of jointz control profile, cannot be read ({exc}).",
+            path=str(path),
+        ) from exc
+    return profile_of(content, str(path))
+
+
+def _content(path: Path) -> dict[str, Any]:
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise ValueError(f"larger than {_LARGEST_BYTES} bytes")
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(content, dict):
+        raise ValueError("no JSON object")  # noqa: TRY004 - a file's content, no argument
+    return content
+
+
+def profile_of(content: Mapping[str, Any], where: str) -> ImpedanceProfile:
+    """Return the profile that a file holds; raise DataError if it is none or was edited."""
+    own = {key: value for key, value in content.items() if key != "sha256"}
+    if own.get("schema") != ImpedanceProfile.SCHEMA:
+        raise DataError(
+            f"{where}: expected schema {ImpedanceProfile.SCHEMA}, got {own.get('schema')!r}. "
+            f"{_AGAIN}"
+        )
+    if content.get("sha256") != _sha256(own):
+        raise DataError(
+            f"{where}: was changed after jointz wrote it: its SHA-256 does not fit. A controller "
+            f"must not follow numbers of unknown origin. {_AGAIN}"
+        )
+    law, units = own.pop("law", None), own.pop("units", None)
+    try:
+        profile = ImpedanceProfile.from_dict(own)
+    except ValueError as exc:  # pydantic's among them
+        raise DataError(f"{where}: {exc}. {_AGAIN}") from exc
+    problems = list(_problems(profile))
+    if (law, units) != (LAW, dict(PROFILE_UNITS)):
+        problems.append("law or units are not those of this version")
+    if problems:
+        raise DataError(f"{where}: {'; '.join(problems)}. {_AGAIN}")
+    return profile
+
+
+def _problems(profile: ImpedanceProfile) -> list[str]:
+    arrays: dict[str, np.ndarray] = {name: getattr(profile, name) for name in _ARRAYS}
+    n = profile.gait_pct.size
+    problems = [
+        f"{name}: expected {n} finite numbers"
+        for name, values in arrays.items()
+        if values.shape != (n,) or not np.isfinite(values).all()
+    ]
+    if n < 2 or not np.array_equal(profile.gait_pct, np.arange(n) * (100.0 / n)):
+        problems.append("gait_pct: expected phases evenly from 0 to below 100 %")
+    if not problems:
+        problems += [f"{name}: expected > 0" for name in _POSITIVE if (arrays[name] <= 0.0).any()]
+    if not (0.0 < profile.mass_kg < np.inf and 0.0 < profile.stride_s < np.inf):
+        problems.append("mass_kg and stride_s: expected > 0")
+    return problems
+
+
+def _sha256(content: Mapping[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
