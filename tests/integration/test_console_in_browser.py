@@ -66,6 +66,36 @@ warm_up_strides = 2
 """
 
 
+CONTROLLED = """
+jointz_protocol = 1
+name = "controlled"
+title = "Walking under a controller"
+kind = "control"
+joint = "knee"
+positive = "flexion"
+seed = 3
+
+[rates]
+control_hz = 100.0
+sample_hz = 500.0
+
+[gait]
+speed_m_s = 1.2
+steady_after_strides = 1
+strides_in_mean = 2
+
+[[conditions]]
+name = "controlled"
+condition = "unperturbed"
+prompt = "Walk."
+strides = 500
+
+[conditions.controller]
+name = "four_state"
+settings = { share = 0.1 }
+"""
+
+
 #: Fewer than a crowd of connections takes: as if there were thousands of them.
 MOST_FILES = 200
 
@@ -73,7 +103,8 @@ MOST_FILES = 200
 class Console:
     """A console's process and what its session writes."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, protocol=PROTOCOL):
+        (folder / "short.toml").write_text(protocol)
         self.folder, self.study = folder, folder / "study"
         self.session = self.study / "sessions" / "S01"
         self.process = None
@@ -127,9 +158,7 @@ class Console:
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory, terminal_signals_of_module):
     """One console for all tests; each brings its session to the state that it begins with."""
-    folder = tmp_path_factory.mktemp("console")
-    (folder / "short.toml").write_text(PROTOCOL)
-    made = Console(folder)
+    made = Console(tmp_path_factory.mktemp("console"))
     yield made
     made.close()
 
@@ -429,3 +458,41 @@ def test_a_lost_page_ends_its_session(made, page):
     page.locator("#jz-alarm", has_text="This page hears nothing").wait_for()
     page.keyboard.press("Escape")
     page.locator("#jz-alarm", has_text="emergency stop").wait_for()
+
+
+@pytest.fixture
+def controlled(tmp_path):
+    made = Console(tmp_path, CONTROLLED)
+    yield made
+    made.close()
+
+
+def test_a_parameter_of_a_controller_is_set_and_undone(controlled, page):
+    wait_to_start(page, controlled)
+    assert page.locator("#jz-controller").is_hidden()
+    start(page)
+    field = page.locator("#jz-controller input")
+    assert field.input_value() == "0.1"
+
+    page.provoked = "Failed to load resource: the server responded with a status of 422"
+    field.fill("1.5")
+    page.click("#jz-controller >> text=Set")
+    page.locator("#jz-alarm", has_text="Not done: share: 1.5; expected 0 to 1.").wait_for()
+
+    field.fill("0.2")
+    field.press("Enter")
+    changed = controlled.wait_for("parameter_changed")
+    assert (changed["name"], changed["before"], changed["after"]) == ("share", 0.1, 0.2)
+    page.fill("#jz-note", "u")  # a letter of a note undoes nothing
+    page.keyboard.press("u")
+    page.locator("#jz-note").blur()
+    page.keyboard.press("u")
+    assert controlled.wait_for("parameter_undone")["after"] == 0.1
+    page.wait_for_function("document.querySelector('#jz-controller input').value === '0.1'")
+    page.click("#jz-controller >> text=Undo")
+    assert controlled.wait_for("control_refused")["order"] == "undo"
+    assert len(controlled.events("parameter_undone")) == 1
+
+    page.keyboard.press("Escape")
+    state_is(page, "stopped")
+    assert page.locator("#jz-controller").is_hidden()

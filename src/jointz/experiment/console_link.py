@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 from jointz.core.protocols.protocol_models import WithoutConsole
-from jointz.experiment.control_box import Command, ControlBox, Order
+from jointz.experiment.control_box import Command, ControlBox, Order, read_setting
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.trial_kinds import AnyTrial
 
@@ -58,9 +58,13 @@ class ConsoleLink:
     def attended(self, trial: AnyTrial, condition: str) -> Tick:
         """Return the tick of a trial with a look at the page before it."""
         self._condition = condition
+        first_slot = -1
 
         def tick(slot: int, host_ns: int, skipped: int) -> bool:
-            self._look(trial, slot, host_ns)
+            nonlocal first_slot
+            if first_slot < 0:  # as in the log, which counts from the trial's first tick
+                first_slot = slot
+            self._look(trial, slot - first_slot, host_ns)
             return trial.tick(slot, host_ns, skipped)
 
         return tick
@@ -84,7 +88,12 @@ class ConsoleLink:
             if done:
                 self._write(answer, slot=slot, host_ns=host_ns)
                 return
-        self._note_or_refuse(command, "not in this trial", slot=slot)
+        why = "not in this trial"
+        if command.order in (Order.SET, Order.UNDO):
+            why = _change_parameter(command, trial)
+            if not why:  # the controller has written it down
+                return
+        self._note_or_refuse(command, why, slot=slot)
 
     def _note_or_refuse(self, command: Command, why: str, *, slot: int = -1) -> None:
         if command.order is Order.NOTE:
@@ -111,3 +120,14 @@ class ConsoleLink:
 
     def _write(self, event: str, **details: object) -> None:
         self._journal.write(event, condition=self._condition, time_ns=time.time_ns(), **details)
+
+
+def _change_parameter(command: Command, trial: AnyTrial) -> str:
+    """Set a parameter or undo the last change; return why it was refused, "" if it was not."""
+    if command.order is Order.UNDO:
+        return trial.undo_parameter()
+    try:
+        name, value = read_setting(command.text)
+    except ValueError:
+        return f"{command.text!r} is no parameter with a number"
+    return trial.set_parameter(name, value)

@@ -14,8 +14,9 @@ from jointz.experiment.files.journal import Journal, read_journal
 class Trial:
     """Counts ticks, and says whether it can be paused."""
 
-    def __init__(self, *, can_pause=True):
+    def __init__(self, *, can_pause=True, refuses=""):
         self.can_pause, self.ticks, self.paused = can_pause, 0, []
+        self.refuses, self.changes = refuses, []
 
     def tick(self, *_):
         self.ticks += 1
@@ -28,6 +29,14 @@ class Trial:
         if self.can_pause:
             self.paused.append(on)
         return self.can_pause
+
+    def set_parameter(self, name, value):
+        self.changes.append((name, value))
+        return self.refuses
+
+    def undo_parameter(self):
+        self.changes.append("undo")
+        return self.refuses
 
 
 class Desk:
@@ -95,12 +104,13 @@ def test_a_stop_before_a_condition_ends_the_session(desk):
 def test_a_stop_is_asked_for_once_and_before_the_tick(desk):
     trial = Trial()
     tick = desk.link.attended(trial, "perturbed")
-    tick(0, 10, 0)
+    tick(700, 10, 0)
     desk.sender.stop()
-    tick(1, 20, 0)
-    tick(2, 30, 0)
+    tick(701, 20, 0)
+    tick(702, 30, 0)
     assert (desk.stops, trial.ticks) == (1, 3)
     (event,) = read_journal(desk.file)
+    # The slot is that of the log, which counts from the trial's first tick.
     assert (event["event"], event["slot"], event["host_ns"]) == ("stop_asked", 1, 20)
 
 
@@ -122,6 +132,36 @@ def test_what_cannot_be_paused_says_so(desk):
     tick(0, 0, 0)
     (event,) = read_journal(desk.file)
     assert (event["event"], event["order"]) == ("control_refused", "pause")
+
+
+def test_a_parameter_is_changed_in_the_trial_which_writes_it_down(desk):
+    trial = Trial()
+    tick = desk.link.attended(trial, "controlled")
+    desk.sender.send(Order.SET, "stiffness=-2.5")
+    desk.sender.send(Order.UNDO)
+    for slot in range(3):
+        tick(slot, slot, 0)
+    assert trial.changes == [("stiffness", -2.5), "undo"]
+    assert desk.events() == []
+
+
+@pytest.mark.parametrize(
+    ("order", "text", "reason"),
+    [
+        (Order.SET, "stiffness=1", "no controller"),
+        (Order.UNDO, "", "no controller"),
+        (Order.SET, "stiffness=much", "'stiffness=much' is no parameter with a number"),
+        (Order.SET, "", "'' is no parameter with a number"),
+    ],
+)
+def test_a_parameter_that_is_not_changed_is_journalled_with_the_reason(desk, order, text, reason):
+    trial = Trial(refuses="no controller")
+    tick = desk.link.attended(trial, "controlled")
+    desk.sender.send(order, text)
+    tick(0, 0, 0)
+    (event,) = read_journal(desk.file)
+    assert (event["event"], event["order"]) == ("control_refused", order.name.lower())
+    assert (event["reason"], event["slot"], trial.ticks) == (reason, 0, 1)
 
 
 @pytest.mark.parametrize(("wish", "stops"), [("go_on", 0), ("stop", 1)])

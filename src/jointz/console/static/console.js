@@ -362,7 +362,7 @@ const jointzConsole = (() => {
 
   function parameterRow(name, one) {
     const row = make("form", "jz-parameter"), field = make("input"), button = make("button", "", "Set");
-    const head = make("div"), unit = one.unit.replaceAll("*", "\u00b7");
+    const head = make("div"), unit = one.unit === "1" ? "" : one.unit.replaceAll("*", "\u00b7");
     head.append(make("b", "", breakable(name)), make("span", "jz-value"), make("span", "", unit));
     Object.assign(field, { type: "number", step: "any", ariaLabel: `${name}, ${unit || "no unit"}` });
     row.noValidate = true; // the session's answer says what is wrong
