@@ -46,6 +46,7 @@ _DESCRIPTIONS: Mapping[str, str] = {
     "velocity": "Angular velocity of the joint; its axis is the joint's own, hence MISC.",
     "torque": "Torque on the joint; BIDS has no channel type for torques, hence MISC.",
     "sensor_torque": "Torque of a second sensor; BIDS has no channel type for torques.",
+    "joint_moment": "Internal moment of the joint; BIDS has no channel type for torques.",
     "command": "Commanded perturbation torque, 0 outside pulses.",
     "reference": "Reference that the device followed.",
     "current": "Motor current.",

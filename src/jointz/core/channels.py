@@ -17,6 +17,7 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "motor_velocity": ("rad/s",),
         "motor_acceleration": ("rad/s^2",),
         "sensor_torque": ("N*m",),
+        "joint_moment": ("N*m",),
         "ground_reaction_force": ("N",),
     }
 )

@@ -11,7 +11,10 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
-_ALWAYS_THERE = ("time", "angle", "velocity", "contact", "ground_reaction_force", *LABEL_CHANNELS)
+_ALWAYS_THERE = (
+    *("time", "angle", "velocity", "joint_moment", "contact", "ground_reaction_force"),
+    *LABEL_CHANNELS,
+)
 
 #: SI unit of a channel, with factor and offset to it: ``si = factor * value + offset``.
 Unit = tuple[str, float, float]

@@ -36,6 +36,7 @@ _UNITS = {
     "motor_angle": "rad",
     "motor_velocity": "rad/s",
     "command": "N*m",
+    "joint_moment": "N*m",
 }
 _TABLE_COLUMNS = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
 

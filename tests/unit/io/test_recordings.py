@@ -144,6 +144,28 @@ def test_channels_turn_by_their_direction_and_torques_by_the_side_of_the_device(
     assert recording.attrs["positive"] == ("extension" if OTHER_STUDY in edits else "flexion")
 
 
+@pytest.mark.parametrize(
+    ("lines", "condition", "sign"),
+    [
+        ((), "unperturbed", 1),
+        (('positive = "flexion"',), "unperturbed", 1),
+        (('positive = "extension"',), "unperturbed", -1),
+        (('positive = "extension"',), "no_device", -1),
+    ],
+)
+def test_an_internal_moment_turns_by_its_own_direction_alone_and_needs_no_device(
+    study, lines, condition, sign
+):
+    study.channel("joint_moment", 'unit = "Nm"', *lines)
+    study.tables(lambda t: t.assign(joint_moment=t["torque_nm"] + 2.0))
+    study.edit('condition = "unperturbed"', f'condition = "{condition}"').edit(*ON_DEVICE)
+
+    moment = study.read()[0]["joint_moment"]
+
+    np.testing.assert_array_equal(moment, sign * columns_of(study)["joint_moment"])
+    assert moment.attrs["units"] == "N*m"
+
+
 MOTOR = ("current", "motor_angle", "motor_velocity", "motor_acceleration")
 
 

@@ -45,7 +45,9 @@ def test_recordings_are_what_the_rig_walked(study):
     rig = SimulatedRig(draw_person(0, seed=3), preset("nominal"), grid=QUICK_GRID)
     walk = walk_directly(rig, "perturbed", plan=FEW)
 
-    np.testing.assert_array_equal(recording["angle"], walk.channels["angle"])
+    for channel in ("angle", "joint_moment"):
+        np.testing.assert_array_equal(recording[channel], walk.channels[channel])
+    assert recording["joint_moment"].attrs["units"] == "N*m"
     np.testing.assert_allclose(
         read_pulse_table(opened, entry)["onset_s"], walk.pulses["onset_s"], atol=1e-6
     )
