@@ -84,6 +84,10 @@ class TestSimulatedFootswitch(_Simulated, SensorContract):
     device = "contact"
 
 
+class TestSimulatedInverseDynamics(_Simulated, SensorContract):
+    device = "torque"
+
+
 class _OnABench(_Simulated):
     bench = "series-elastic"
 

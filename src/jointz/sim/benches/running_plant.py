@@ -108,7 +108,7 @@ class RunningPlant(SampledTime):
         while time_ns >= self._toggles[0]:
             self._toggles.popleft()
             self._contact = 1.0 - self._contact
-        moment = self._moment.gain * float(self._state[_MOMENT])
+        moment = self._moment.gain * self._state.item(_MOMENT)
         moment += self._moment_errors[sample % _NOISE_ROWS]
         newest = (time_ns, motor, angle, self._contact, moment)
         for queue in self._queues:
