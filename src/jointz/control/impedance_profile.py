@@ -246,7 +246,7 @@ def draw_profile(canvas: "Figure", profile: ImpedanceProfile) -> None:
     panels[3].set_xlabel("gait cycle (%)")
     canvas.suptitle(
         f"{profile.subject}: {profile.joint}, positive {profile.positive}, "
-        f"{profile.mass_kg:.1f} kg. Blue: {profile.ci_level:.0%} intervals; grey: mean stride and SD"
+        f"{profile.mass_kg:.1f} kg. Blue: {profile.ci_level:.0%} intervals; grey: mean stride, SD"
     )
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
@@ -11,22 +10,53 @@ from scipy.stats import t as students_t
 from jointz.control.impedance_profile import GRID_PCT
 from jointz.core.errors import EstimationError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.identify.over_cycle.phase_curve import phase_curve
+from jointz.core.priors import PriorsSpec
 from jointz.kernels.series.periodic_process import periodic_curve
 from jointz.reference import chapter4
-from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate
 from jointz.results.log_posterior import LogPosterior
-from jointz.results.series.cycle_curve import MEAN, ParameterBand
+from jointz.results.series.cycle_curve import MEAN
+from jointz.results.statistics.pooled_estimates import unbounded_estimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 FEWEST = 4
-#: A measured curve must not count the smoothing of its estimates as data; any small number does.
-_EXACT = 1e-6
-_REACH_95 = NormalDist().inv_cdf(0.975)
+METHOD = (
+    "a periodic Gaussian process of the logarithms through the timing points, sd over the cycle by "
+    "the priors of the method strapped, length by evidence"
+)
+#: Beside a noise of zero, so that the process has an inverse.
+_TINY = 1e-6
+_PRIORS = PriorsSpec()
+_OVER_CYCLE = {
+    "stiffness": _PRIORS.stiffness_over_cycle.sd,
+    "damping": _PRIORS.damping_over_cycle.sd,
+}
 #: Half of the dissertation's window in a stride of 1.1 s, % of the cycle: where its values belong.
 _HALF_WINDOW_PCT = 4.5
 
 Displacement = Literal["onset", "window"]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An estimate of one parameter at a timing point."""
+
+    timing_point: str
+    gait_pct: float
+    value: float  # SI
+    noise: float  # relative sd of the error that other points do not share
+    systematic: float  # relative sd of errors that are alike at neighbouring points
+
+    @property
+    def sd(self) -> float:
+        """Relative sd of all errors."""
+        return float(np.hypot(self.noise, self.systematic))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the 95 % interval, SI."""
+        reach = float(np.exp(REACH_95 * self.sd))
+        return self.value / reach, self.value * reach
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +66,7 @@ class Curve:
     value: np.ndarray  # (100,) at the phases of a profile, SI
     low: np.ndarray
     high: np.ndarray
-    points: tuple[tuple[str, float, float, float, float], ...]  # name, %, value, low, high
+    points: tuple[Point, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +78,6 @@ class Impedance:
     covariance: np.ndarray  # of the logarithms at the points: stiffness of all, damping of all
     displacement: Displacement
     source: str
-    method: str
     warnings: tuple[str, ...] = ()
 
 
@@ -57,109 +86,149 @@ def measured_impedance(analysis: StudyAnalysis, label: str | None) -> Impedance:
     posterior = next((p for p in analysis.log_posteriors if p.label == label), None)
     if posterior is not None:
         return _of_posterior(posterior, analysis)
-    if any(cell.budget for cell in analysis.cells) and not analysis.log_posteriors:
-        return _of_phase_curve(analysis, label)
-    return _of_rows(analysis, label)
-
-
-def _of_phase_curve(analysis: StudyAnalysis, label: str | None) -> Impedance:
-    names = ("stiffness", "damping")
-    curves = phase_curve(analysis, label, parameters=names)
-    who = MEAN if label is None else label
-    bands = {band.parameter: band for band in curves.bands if band.participant == who}
-    missing = [name for name in names if name not in bands]
-    if missing:
-        raise EstimationError(
-            "no_pulses",
-            f"profile of {who}: no curve of {' and '.join(missing)}: {'; '.join(curves.warnings)}",
-        )
-    stiffness, damping = (_of_band(bands[name]) for name in names)
-    cells = [cell for cell in analysis.cells if label is None or cell.label == label]
+    found, taken, warnings = [], [], []
+    for name in ("stiffness", "damping"):
+        small = _points(analysis, label, f"{name}_onset")
+        taken.append(len(small) >= FEWEST)
+        points = small if taken[-1] else _points(analysis, label, name)
+        found.append(curve_through(points, name, label or MEAN))
+    if taken != [True, True]:
+        warnings.append("small displacements are not decided: secants over the window were taken")
     return Impedance(
-        stiffness,
-        damping,
-        _covariance(stiffness, damping, _correlations(cells, stiffness)),
-        "window",
-        _source(analysis, "secants over the window of the pulses"),
-        curves.ci_method,
-        curves.warnings,
+        found[0],
+        found[1],
+        _covariance(found[0], found[1], _correlations(analysis, label)),
+        "onset" if taken == [True, True] else "window",
+        _source(analysis, small=taken == [True, True]),
+        tuple(warnings),
     )
 
 
-def _of_band(band: ParameterBand) -> Curve:
-    points = tuple((p.timing_point, p.gait_pct, p.value, p.ci_low, p.ci_high) for p in band.points)
-    value, low, high = (np.array(v[:-1]) for v in (band.value, band.ci_low, band.ci_high))
-    return Curve(value, low, high, points)
+def _points(analysis: StudyAnalysis, label: str | None, name: str) -> list[Point]:
+    """Return the estimates of a parameter, undecided ones included where their error is known."""
+    if label is None:
+        rows = [p for p in analysis.population if p.parameter == name and p.n_participants > 1]
+        found = [_decided(p.timing_point, p.onset_gait_pct, p, name) for p in rows]
+    else:
+        found = [_of_cell(c, name) for c in analysis.cells if c.label == label]
+    return [point for point in found if point is not None]
 
 
-def _correlations(cells: Sequence[CellEstimate], stiffness: Curve) -> np.ndarray:
-    """Return the correlation of the errors of K and B at each point, the mean over people."""
+def _of_cell(cell: CellEstimate, name: str) -> Point | None:
+    centre = None if name.endswith("_onset") else cell.centre_gait_pct
+    at = cell.onset_gait_pct if centre is None else centre
+    estimate, parameter = unbounded_estimate(cell, name), cell.parameter(name)
+    if parameter is None or at is None or parameter.status.startswith("failed"):
+        return None
+    if estimate is None:
+        return _decided(cell.timing_point, at, parameter, name)
+    if estimate.value - REACH_95 * estimate.sd <= 0.0:
+        raise EstimationError("undecided", _reaches_zero(cell, name, abs(estimate.value)))
+    relative = estimate.noise_sd / estimate.value, estimate.systematic_sd / estimate.value
+    return Point(cell.timing_point, at, estimate.value, *relative)
+
+
+def _decided(
+    timing_point: str,
+    at: float | None,
+    found: PopulationEstimate | ParameterEstimate,
+    name: str,
+) -> Point | None:
+    """Return a value that is decided; its whole error counts as alike at neighbouring points."""
+    value, low, high = found.value, found.ci_low, found.ci_high
+    if found.status != "ok" or at is None or value is None or low is None or high is None:
+        return None
+    if low <= 0.0:
+        text = f"the interval of {name} at {timing_point} reaches zero. Plan more pulses there."
+        raise EstimationError("undecided", text)
+    return Point(timing_point, at, value, 0.0, float(np.log(high / low)) / (2.0 * REACH_95))
+
+
+def _reaches_zero(cell: CellEstimate, name: str, value: float) -> str:
+    """Return which pulses would keep an interval away from zero."""
+    sds, point = cell.budget[name], cell.timing_point
+    others = sum(sd**2 for source, sd in sds.items() if source != "noise")
+    room = (value / REACH_95) ** 2 - others
+    text = f"profile of {cell.label}: the interval of {name} at {point} reaches zero. "
+    if room <= 0.0:
+        return f"{text}More pulses there do not help: its error is not noise (see its budget)."
+    needed = max(int(np.ceil(cell.n_used * sds.get("noise", 0.0) ** 2 / room)), cell.n_used) + 1
+    return f"{text}About {needed} pulses there would do ({cell.n_used} so far)."
+
+
+def _correlations(analysis: StudyAnalysis, label: str | None) -> dict[str, float]:
+    """Return timing point -> correlation of the errors of K and B, the mean over people."""
     found: dict[str, list[float]] = {}
-    for cell in cells:
-        if cell.covariance is not None:
+    for cell in analysis.cells:
+        if cell.covariance is not None and label in (None, cell.label):
             (kk, kb, _), (_, bb, _), _ = cell.covariance
-            found.setdefault(cell.timing_point, []).append(kb / np.sqrt(kk * bb))
-    return np.array([float(np.mean(found.get(p[0], [0.0]))) for p in stiffness.points])
+            if kk * bb > 0.0:
+                found.setdefault(cell.timing_point, []).append(float(kb / np.sqrt(kk * bb)))
+    return {point: float(np.mean(values)) for point, values in found.items()}
 
 
-def _covariance(stiffness: Curve, damping: Curve, correlation: np.ndarray) -> np.ndarray:
+def _covariance(stiffness: Curve, damping: Curve, correlations: dict[str, float]) -> np.ndarray:
     """Return the covariance of the logarithms, (2k, 2k): K and B of one point are correlated."""
-    sds = np.array([log_sd(*point[2:]) for curve in (stiffness, damping) for point in curve.points])
-    covariance = np.diag(sds**2)
-    n = len(stiffness.points)
-    if len(damping.points) == n:
-        both = correlation * sds[:n] * sds[n:]
-        covariance[range(n), range(n, 2 * n)] = covariance[range(n, 2 * n), range(n)] = both
+    points = [*stiffness.points, *damping.points]
+    covariance = np.diag([point.sd**2 for point in points])
+    place = {point.timing_point: k for k, point in enumerate(stiffness.points)}
+    for j, point in enumerate(damping.points, start=len(stiffness.points)):
+        i = place.get(point.timing_point)
+        if i is not None:
+            both = correlations.get(point.timing_point, 0.0) * points[i].sd * point.sd
+            covariance[i, j] = covariance[j, i] = both
     return covariance
-
-
-def log_sd(value: float, low: float, high: float) -> float:
-    """Return the sd of the logarithm of an estimate with a 95 % interval."""
-    if low > 0.0:
-        return float(np.log(high / low) / (2.0 * _REACH_95))
-    return float((high - low) / (2.0 * _REACH_95 * abs(value)))
 
 
 def _of_posterior(posterior: LogPosterior, analysis: StudyAnalysis) -> Impedance:
     """Return the curves of the method strapped, small displacements where it tells of them."""
     small = "stiffness_onset" in posterior.parameters
     names = [f"{name}_onset" if small else name for name in ("stiffness", "damping")]
-    rows = [[k for k, p in enumerate(posterior.parameters) if p == name] for name in names]
-    where = [*rows[0], *rows[1]]
-    _refuse_doubted(posterior, where)
-    cells = {c.timing_point: c for c in analysis.cells if c.label == posterior.label}
-    curves = []
-    for own, name in zip(rows, names, strict=True):
-        device = dict(posterior.intrinsic).get(name, 0.0)
-        sds = np.hypot(posterior.sd[own], posterior.gain_sd)
-        points = []
-        for k, sd in zip(own, sds, strict=True):
-            cell = cells.get(posterior.timing_points[k])
-            at = None if cell is None else (cell.onset_gait_pct if small else cell.centre_gait_pct)
-            if at is not None:
-                whole = np.exp(posterior.mean[k] + np.array([0.0, -_REACH_95 * sd, _REACH_95 * sd]))
-                points.append((posterior.timing_points[k], at, *(whole - device).tolist()))
-        curves.append(curve_through(points, what=f"{name} of {posterior.label}"))
-    covariance = posterior.covariance[np.ix_(where, where)] + posterior.gain_sd**2
-    text = "small displacements at the onset" if small else "secants over the window of the pulses"
+    places = {cell.timing_point: cell for cell in analysis.cells if cell.label == posterior.label}
+    curves, where = [], []
+    for name in names:
+        own = [k for k, p in enumerate(posterior.parameters) if p == name]
+        _refuse_doubted(posterior, own)
+        own = [k for k in own if _place(places.get(posterior.timing_points[k]), small=small)]
+        points = [
+            _of_element(posterior, k, name, _place(places[posterior.timing_points[k]], small=small))
+            for k in own
+        ]
+        curves.append(curve_through(points, name, posterior.label))
+        where += [own[i] for i in np.argsort([point.gait_pct for point in points])]
     warnings = () if small else ("small displacements were not estimated: secants were taken",)
     return Impedance(
         curves[0],
         curves[1],
-        covariance,
+        posterior.covariance[np.ix_(where, where)] + posterior.gain_sd**2,
         "onset" if small else "window",
-        _source(analysis, text),
-        "posterior of a strapped leg; between the points a periodic Gaussian process",
+        _source(analysis, small=small),
         warnings,
     )
 
 
-def _refuse_doubted(posterior: LogPosterior, where: Sequence[int]) -> None:
-    doubted = [
-        posterior.timing_points[k]
-        for k in where
-        if k < len(posterior.doubted) and posterior.doubted[k]
-    ]
+def _place(cell: CellEstimate | None, *, small: bool) -> float:
+    """Return the phase that an estimate belongs to, % of the gait cycle; 0 for unknown."""
+    if cell is None:
+        return 0.0
+    return (cell.onset_gait_pct if small else cell.centre_gait_pct) or 0.0
+
+
+def _of_element(posterior: LogPosterior, k: int, name: str, at: float) -> Point:
+    """Return a point of a posterior, which smooths over the cycle: its error is shared."""
+    device = dict(posterior.intrinsic).get(name, 0.0)
+    whole = float(np.exp(posterior.mean[k]))
+    value = whole - device
+    sd = float(np.hypot(posterior.sd[k], posterior.gain_sd)) * whole / value
+    if value <= 0.0 or whole * np.exp(-REACH_95 * posterior.sd[k]) <= device:
+        text = f"profile of {posterior.label}: {name} at {posterior.timing_points[k]} is that of"
+        raise EstimationError("undecided", f"{text} the device alone: its interval reaches zero.")
+    return Point(posterior.timing_points[k], at, value, 0.0, sd)
+
+
+def _refuse_doubted(posterior: LogPosterior, own: Sequence[int]) -> None:
+    flags = dict(enumerate(posterior.doubted))
+    doubted = [posterior.timing_points[k] for k in own if flags.get(k)]
     if doubted:
         raise EstimationError(
             "doubted",
@@ -169,157 +238,56 @@ def _refuse_doubted(posterior: LogPosterior, where: Sequence[int]) -> None:
         )
 
 
-def _of_rows(analysis: StudyAnalysis, label: str | None) -> Impedance:
-    """Return curves through the decided estimates, or the means, of any method."""
-    rows = _rows(analysis, label)
-    chosen, warnings, curves = [], [], []
-    for name in ("stiffness", "damping"):
-        small = _decided(rows, f"{name}_onset")
-        enough = len(small) >= FEWEST
-        chosen.append(enough)
-        points = small if enough else _decided(rows, name)
-        curves.append(curve_through(points, what=f"{name} of {label or MEAN}"))
-    if not all(chosen):
-        warnings.append("small displacements are not decided: secants over the window were taken")
-    displacement: Displacement = "onset" if all(chosen) else "window"
-    none = np.zeros(len(curves[0].points))
-    text = "small displacements" if all(chosen) else "secants over the window of the pulses"
-    return Impedance(
-        curves[0],
-        curves[1],
-        _covariance(curves[0], curves[1], none),
-        displacement,
-        _source(analysis, text),
-        "intervals of the estimates; between the points a periodic Gaussian process",
-        tuple(warnings),
-    )
+def curve_through(points: Sequence[Point], name: str, who: str) -> Curve:
+    """Return the smooth curve through estimates, with its interval.
 
-
-def _rows(analysis: StudyAnalysis, label: str | None) -> list[PopulationEstimate | CellEstimate]:
-    if label is None:
-        return [p for p in analysis.population if p.n_participants > 1]
-    return [cell for cell in analysis.cells if cell.label == label]
-
-
-def _decided(
-    rows: Sequence[PopulationEstimate | CellEstimate], name: str
-) -> list[tuple[str, float, float, float, float]]:
-    """Return the decided values of one parameter: timing point, phase, value, low, high."""
-    points = []
-    for row in rows:
-        at, found = _found(row, name)
-        if found is None or at is None or found.status != "ok":
-            continue
-        value, low, high = found.value, found.ci_low, found.ci_high
-        if value is not None and low is not None and high is not None:
-            points.append((row.timing_point, at, value, low, high))
-    return points
-
-
-def _found(
-    row: PopulationEstimate | CellEstimate, name: str
-) -> tuple[float | None, PopulationEstimate | ParameterEstimate | None]:
-    """Return the phase that a parameter belongs to, and the parameter."""
-    if isinstance(row, PopulationEstimate):
-        return row.onset_gait_pct, row if row.parameter == name else None
-    centre = None if name.endswith("_onset") else row.centre_gait_pct
-    return row.onset_gait_pct if centre is None else centre, row.parameter(name)
-
-
-def curve_through(points: Sequence[tuple[str, float, float, float, float]], *, what: str) -> Curve:
-    """Return the smooth curve through estimates, exact at them but for their own errors.
-
-    A periodic Gaussian process of the logarithms; the estimates' errors are added in full, since a
-    method may have smoothed them over the cycle already.
+    A periodic Gaussian process of the logarithms. Its sd is that of the priors of the method
+    strapped, the length over which it stays alike between 5 and 50 % of the cycle by evidence.
     """
-    points = sorted(points, key=lambda point: point[1])
+    points = sorted(points, key=lambda point: point.gait_pct)
     if len(points) < FEWEST:
         raise EstimationError(
             "no_pulses",
-            f"{what}: decided at {len(points)} timing points, expected {FEWEST} or more. Plan "
-            "pulses at more phases of the cycle, or take the mean over people.",
+            f"profile of {who}: {name} is estimated at {len(points)} timing points, expected "
+            f"{FEWEST} or more. Plan pulses at more phases of the cycle, or take the mean over "
+            "people.",
         )
-    if any(low <= 0.0 for _, _, _, low, _ in points):
-        at = ", ".join(point[0] for point in points if point[3] <= 0.0)
-        raise EstimationError("undecided", f"{what}: the interval reaches zero at {at}.")
-    values = np.array([point[2:] for point in points])
-    logs = np.log(values[:, 0])
     curve = periodic_curve(
-        np.array([point[1] for point in points]) / 100.0,
-        logs,
-        _EXACT * np.eye(len(points)),
-        systematic=np.array([log_sd(*row) for row in values.tolist()]),
+        np.array([point.gait_pct for point in points]) / 100.0,
+        np.log([point.value for point in points]),
+        np.diag([point.noise**2 + _TINY for point in points]),
+        systematic=np.array([point.systematic for point in points]),
         at=GRID_PCT / 100.0,
+        sd=_OVER_CYCLE[name.removesuffix("_onset")],
     )
     return Curve(np.exp(curve.value), np.exp(curve.low), np.exp(curve.high), tuple(points))
 
 
 def published_impedance() -> Impedance:
     """Return the dissertation's means over ten people (tables 4.1 and 4.2), per kg."""
-    curves = []
-    for table in (chapter4.STIFFNESS, chapter4.DAMPING):
-        points = []
-        for point, row in _columns(table).items():
-            values = np.array(row)
-            mean, n = float(values.mean()), values.size
-            reach = float(students_t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n))
-            at = TIMING_POINTS[point] + _HALF_WINDOW_PCT
-            points.append((point, at, mean, mean - reach, mean + reach))
-        curves.append(curve_through(points, what="published"))
+    tables = {"stiffness": chapter4.STIFFNESS, "damping": chapter4.DAMPING}
+    curves = [
+        curve_through([_of_people(point, row) for point, row in table.items()], name, "published")
+        for name, table in tables.items()
+    ]
     return Impedance(
         curves[0],
         curves[1],
-        _covariance(curves[0], curves[1], np.zeros(len(curves[0].points))),
+        _covariance(curves[0], curves[1], {}),
         "window",
         "published: dissertation, tables 4.1 and 4.2, means over ten people, secants over 100 ms",
-        "Student's interval over people; between the points a periodic Gaussian process",
     )
 
 
-def _columns(table: chapter4.Table) -> dict[str, list[float]]:
-    """Return timing point -> one value a participant."""
-    return {point: [row[s].value for s in chapter4.SUBJECTS] for point, row in table.items()}
+def _of_people(point: str, row: chapter4.Row) -> Point:
+    values = np.array([row[subject].value for subject in chapter4.SUBJECTS])
+    reach = float(students_t.ppf(0.975, values.size - 1)) / REACH_95
+    sd = reach * values.std(ddof=1) / np.sqrt(values.size) / values.mean()
+    at = TIMING_POINTS[point] + _HALF_WINDOW_PCT
+    return Point(point, at, float(values.mean()), float(sd), 0.0)
 
 
-def refuse_zero(impedance: Impedance, cells: Sequence[CellEstimate], who: str) -> None:
-    """Refuse a curve whose interval reaches zero, with the pulses that would help."""
-    problems = []
-    for name in ("stiffness", "damping"):
-        curve: Curve = getattr(impedance, name)
-        bad = GRID_PCT[curve.low <= 0.0]
-        if bad.size:
-            problems.append(
-                f"the interval of {name} reaches zero from {bad.min():.0f} to {bad.max():.0f} % "
-                f"of the gait cycle. {_help(curve, cells, name)}"
-            )
-    if problems:
-        raise EstimationError("undecided", f"profile of {who}: " + " ".join(problems))
-
-
-def _help(curve: Curve, cells: Sequence[CellEstimate], name: str) -> str:
-    """Return which pulses would keep an interval away from zero."""
-    weak = {point[0]: abs(point[2]) for point in curve.points if point[3] <= 0.0}
-    if not weak:
-        return "Plan pulses at a timing point in between: the points around it are decided."
-    own = {c.timing_point: c for c in cells if c.timing_point in weak and name in c.budget}
-    return " ".join(
-        _pulses_needed(own[point], name, value) if point in own else f"Plan more pulses at {point}."
-        for point, value in weak.items()
-    )
-
-
-def _pulses_needed(cell: CellEstimate, name: str, value: float) -> str:
-    """Return how many pulses would bring the interval of a value above zero."""
-    sds = cell.budget[name]
-    noise = sds.get("noise", 0.0)
-    others = sum(sd**2 for source, sd in sds.items() if source != "noise")
-    room = (value / _REACH_95) ** 2 - others
-    if room <= 0.0:
-        return f"More pulses at {cell.timing_point} do not help: its error is not noise."
-    needed = max(int(np.ceil(cell.n_used * noise**2 / room)), cell.n_used) + 1
-    return f"About {needed} pulses at {cell.timing_point} would do ({cell.n_used} so far)."
-
-
-def _source(analysis: StudyAnalysis, what: str) -> str:
+def _source(analysis: StudyAnalysis, *, small: bool) -> str:
     study, method = analysis.settings.get("study", "?"), analysis.settings.get("method", "?")
+    what = "small displacements at the onset" if small else "secants over the window of the pulses"
     return f"study {study}, method {method}: {what}"

@@ -10,17 +10,17 @@ import numpy as np
 from jointz.control import published
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, ProfileKnot, mean_velocity
 from jointz.control.knots import (
+    METHOD,
     Curve,
     Impedance,
-    log_sd,
     measured_impedance,
     published_impedance,
-    refuse_zero,
 )
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
 from jointz.core.provenance import now, software
 from jointz.reference import chapter4
+from jointz.results.estimates import REACH_95
 from jointz.results.mean_stride import MeanStride
 from jointz.results.series.cycle_curve import MEAN
 from jointz.results.study_analysis import StudyAnalysis
@@ -100,8 +100,6 @@ def impedance_profile(
     label = None if participant is None else _label(analysis, participant)
     masses, strides = _masses(analysis), _strides(analysis, label)
     impedance = measured_impedance(analysis, label)
-    cells = [cell for cell in analysis.cells if label is None or cell.label == label]
-    refuse_zero(impedance, cells, label or MEAN)
     if label is not None and mass_kg is not None:
         raise DataError(f"profile of {label}: mass_kg is for a mean over people. Leave it out.")
     own_kg = fmean(masses[s.participant] for s in strides)
@@ -226,7 +224,7 @@ def _sd(rows: np.ndarray) -> np.ndarray:
 def _one_gait(analysis: StudyAnalysis, stride: MeanStride) -> _Gait:
     """Return the mean stride of a participant at the joint: lag and gain of the angle taken out."""
     stride_s, warnings = float(stride.stride_s or 0.0), []
-    calibration = analysis.provenance.get("study", {}).get("calibration", {})
+    calibration = _calibration(analysis, stride.participant)
     gain = calibration.get("angle_gain") or {"value": 1.0, "sd": 0.0}
     lag_s, lag_sd_s, known = _lag(analysis, stride, calibration)
     if not known:
@@ -254,6 +252,13 @@ def _one_gait(analysis: StudyAnalysis, stride: MeanStride) -> _Gait:
         {"angle": where, "moment": f"channel joint_moment, {where}"},
         tuple(warnings),
     )
+
+
+def _calibration(analysis: StudyAnalysis, participant: str) -> dict[str, Any]:
+    """Return the calibration of a participant's instruments over that of the study."""
+    study = analysis.provenance.get("study", {})
+    own = next((p for p in study.get("participants", ()) if p["id"] == participant), {})
+    return {**study.get("calibration", {}), **own.get("calibration", {})}
 
 
 def _lag(
@@ -355,11 +360,11 @@ def _made(
         displacement=impedance.displacement,
         sources={"impedance": impedance.source, **gait.sources},
         energy_j=work_j,
-        energy_low_j=work_j - 1.96 * work_sd_j,
-        energy_high_j=work_j + 1.96 * work_sd_j,
+        energy_low_j=work_j - REACH_95 * work_sd_j,
+        energy_high_j=work_j + REACH_95 * work_sd_j,
         damping_loss_j=float(np.sum(damping.value * velocity**2) * step_s),
         ci_level=_LEVEL,
-        ci_method=f"{impedance.method}; equilibrium by {_DRAWS} draws of all errors",
+        ci_method=f"{METHOD}; equilibrium by {_DRAWS} draws of all errors",
         warnings=(*impedance.warnings, *gait.warnings),
         **{
             **about,
@@ -394,11 +399,11 @@ def _correlation(impedance: Impedance) -> np.ndarray:
         return np.zeros(GRID_PCT.size)
     sds = np.sqrt(np.diag(impedance.covariance))
     own = np.diag(impedance.covariance[:n, n:]) / (sds[:n] * sds[n:])
-    return np.asarray(np.interp(GRID_PCT, [p[1] for p in points], own, period=100.0))
+    return np.asarray(np.interp(GRID_PCT, [p.gait_pct for p in points], own, period=100.0))
 
 
 def _log_sds(curve: Curve) -> np.ndarray:
-    return np.array([log_sd(*row) for row in zip(curve.value, curve.low, curve.high, strict=True)])
+    return np.asarray(np.log(curve.high / curve.low) / (2.0 * REACH_95))
 
 
 def _work(gait: _Gait) -> tuple[float, float]:
@@ -411,9 +416,19 @@ def _work(gait: _Gait) -> tuple[float, float]:
 
 
 def _knots(impedance: Impedance) -> tuple[ProfileKnot, ...]:
-    damping = {point[0]: point for point in impedance.damping.points}
+    damping = {point.timing_point: point for point in impedance.damping.points}
     return tuple(
-        ProfileKnot(name, at, damping[name][1], value, low, high, *damping[name][2:])
-        for name, at, value, low, high in impedance.stiffness.points
-        if name in damping
+        ProfileKnot(
+            timing_point=one.timing_point,
+            stiffness_pct=one.gait_pct,
+            damping_pct=other.gait_pct,
+            stiffness=one.value,
+            stiffness_low=one.interval[0],
+            stiffness_high=one.interval[1],
+            damping=other.value,
+            damping_low=other.interval[0],
+            damping_high=other.interval[1],
+        )
+        for one in impedance.stiffness.points
+        if (other := damping.get(one.timing_point)) is not None
     )

@@ -42,14 +42,15 @@ def periodic_curve(
     systematic: np.ndarray,
     at: np.ndarray,
     level: float = 0.95,
+    sd: float | None = None,
 ) -> PeriodicCurve:
     """Return a smooth periodic curve through values with errors.
 
     ``phases`` (n,) cycles, rising; ``values`` (n,) with ``covariance`` (n, n) of their errors;
     ``systematic`` (n,): sd of those alike at neighbouring phases, which must not average out;
     ``at`` (k,) cycles: where the curve is evaluated. Length 5 to 50 % of the cycle, amplitude 0.1
-    to 3 times the range of the values, even chances in the logarithm. Misleads where the curve
-    changes within 5 % of the cycle.
+    to 3 times the range of the values, even chances in the logarithm, unless ``sd``, that of the
+    process, is known. Misleads where the curve changes within 5 % of the cycle.
     """
     n = values.size
     if n < 2 or phases.shape != (n,) or covariance.shape != (n, n) or (np.diff(phases) < 0).any():
@@ -59,11 +60,12 @@ def periodic_curve(
         )
     span = max(float(np.ptp(values)), float(np.sqrt(np.median(np.diag(covariance)))))
     apart, beyond = phases[:, None] - phases[None, :], at[:, None] - phases[None, :]
+    amplitudes = _AMPLITUDES * span if sd is None else np.array([sd])
     added = np.interp(at, phases, systematic, period=1.0) ** 2
     logs, means, variances = [], [], []
     for length in _LENGTHS:
         shape, reach = _likeness(apart, length), _likeness(beyond, length)
-        for amplitude in _AMPLITUDES * span:
+        for amplitude in amplitudes:
             power = amplitude**2
             log, mean, lacking = _kriged(values, covariance, power * shape, power * reach)
             logs.append(log)
