@@ -1,6 +1,7 @@
 """Runs a controller tick by tick: fades its torque, moves its parameters, journals both."""
 
-from math import isfinite
+from dataclasses import dataclass
+from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +15,16 @@ FADE_IN_S = 1.0
 _NAN = float("nan")
 #: A gain below this is zero: steps of binary fractions do not add up to one.
 _NO_GAIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class RunnerSettings:
+    """Settings of the runner: of the loop, the safety gate and the goniometer."""
+
+    period_ns: int  # period of the loop
+    fade_s: float  # time in which torque fades to zero
+    largest_nm: float = inf  # largest torque that the safety gate lets through
+    angle_zero_rad: float = 0.0  # what the goniometer shows at the joint's zero
 
 
 class ControllerRunner:
@@ -31,12 +42,8 @@ class ControllerRunner:
         Made for this stretch.
     journal : Journal
         The session's.
-    period_ns : int, ns
-        Of the loop.
-    fade_s : float, s
-        In which torque fades to zero, the safety gate's limit.
-    angle_zero_rad : float, rad
-        What the goniometer shows at the joint's zero.
+    settings : RunnerSettings
+        Of loop, safety gate and goniometer.
 
     Attributes
     ----------
@@ -55,6 +62,7 @@ class ControllerRunner:
         "_gain",
         "_held",
         "_journal",
+        "_largest_nm",
         "_paused",
         "_period_s",
         "_rise",
@@ -76,17 +84,16 @@ class ControllerRunner:
         controller: Controller,
         *,
         journal: Journal,
-        period_ns: int,
-        fade_s: float,
-        angle_zero_rad: float = 0.0,
+        settings: RunnerSettings,
     ) -> None:
         self.name = spec.name
         self._condition, self._segment = condition, segment
         self._controller = controller
         self._journal = journal
-        self._angle_zero_rad = angle_zero_rad
-        self._period_s = period_ns * 1e-9
-        self._rise, self._fade_step = self._period_s / FADE_IN_S, self._period_s / fade_s
+        self._angle_zero_rad = settings.angle_zero_rad
+        self._largest_nm = settings.largest_nm
+        self._period_s = settings.period_ns * 1e-9
+        self._rise, self._fade_step = self._period_s / FADE_IN_S, self._period_s / settings.fade_s
         self._values = {name: float(one.value) for name, one in controller.parameters.items()}
         self._values_view = MappingProxyType(self._values)
         self._targets = dict(self._values)
@@ -152,6 +159,8 @@ class ControllerRunner:
             self._gain = min(1.0, self._gain + self._rise)
             self._held = self._called(slot_ns, watch, angle, velocity, contact)
             return self._gain * self._held
+        if not self.fading:  # what the gate cuts off would only delay the fade
+            self._held = max(-self._largest_nm, min(self._largest_nm, self._held))
         self._gain -= self._fade_step
         if self._gain < _NO_GAIN:
             self._gain = self._held = 0.0

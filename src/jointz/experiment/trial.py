@@ -20,7 +20,7 @@ from jointz.experiment.torque import AppliedTorque, ZeroTorque
 
 _NAN = float("nan")
 _STEADY, _SHAM, _OVERRUN = int(Flag.STEADY), int(Flag.SHAM), int(Flag.OVERRUN)
-_FADING = int(Flag.FADING)
+_CLAMPED, _FADING = int(Flag.CLAMPED), int(Flag.FADING)
 #: Answer of a trial that has no parameters.
 NO_CONTROLLER = "this trial has no controller"
 #: Accepted strides after the last pulse.
@@ -225,7 +225,10 @@ class Trial:
             pulse_active=self._pulse_is_felt,
             displacement=self._displacement(slot_ns),
         )
-        fades = (gate.fading and sent != 0.0) or (controller is not None and controller.fading)
+        fades = gate.fading and sent != 0.0
+        if controller is not None:  # a limit of the rate may make its fade longer
+            late = bool(gate.flags & _CLAMPED) and abs(sent) > abs(requested)
+            fades = controller.fading or late
         over = gate.tripped is not None or (self._stopping and not fades)
         if over:
             sent = 0.0
@@ -269,6 +272,9 @@ class Trial:
         pulses, strides = self._pulses, self.strides
         if pulses is None:
             self._progress(strides, 0)
+            if self._controller is not None and strides >= self._strides:
+                self._stopping = True  # its torque fades before the trial ends
+                return True
             return strides < self._strides
         pulses.stride()
         self._progress(strides, pulses.completed)

@@ -17,7 +17,7 @@ from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, WALKING_MOMEN
 from jointz.devices.interface import Devices, Wearer
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 from jointz.experiment.bench.bench_trial import BenchTrial
-from jointz.experiment.controller_runner import ControllerRunner
+from jointz.experiment.controller_runner import ControllerRunner, RunnerSettings
 from jointz.experiment.controllers import make_controller
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.files.recorder import Recorder
@@ -140,9 +140,9 @@ def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
         spec,
         make_controller(spec, protocol=protocol, wearer=setup.wearer),
         journal=setup.journal,
-        period_ns=setup.period_ns,
-        fade_s=gate.fade_s,
-        angle_zero_rad=setup.angle_zero_rad,
+        settings=RunnerSettings(
+            setup.period_ns, gate.fade_s, gate.largest_nm, setup.angle_zero_rad
+        ),
     )
     return Trial(
         Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),

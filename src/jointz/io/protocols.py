@@ -85,8 +85,6 @@ def load_protocol(name_or_path: str | os.PathLike[str]) -> Protocol:
         protocol = Protocol.model_validate(raw)
     except ValidationError as exc:
         raise ProtocolError(where, all_problems(exc, Protocol, raw)) from exc
-    if where in builtin_protocols():
-        return protocol
     return _with_absolute_profiles(protocol, Path(where).parent.absolute())
 
 

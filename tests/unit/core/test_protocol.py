@@ -95,6 +95,20 @@ def problems(content):
     return {}
 
 
+def control(condition=None, **changes):
+    """Return a small protocol with a controller as plain values; None takes a key out."""
+    first = {
+        "name": "replay",
+        "condition": "unperturbed",
+        "prompt": "",
+        "strides": 40,
+        "controller": {"name": "torque_replay", "profile": "published", "settings": {"share": 0.1}},
+        **(condition or {}),
+    }
+    conditions = [{k: v for k, v in first.items() if v is not None}]
+    return walking(**{"kind": "control", "pulse": None, "conditions": conditions, **changes})
+
+
 # --- the dissertation's bench experiments ------------------------------------------------------
 
 
@@ -343,10 +357,38 @@ WRONG = [
         "conditions.0.torque_nm",
     ),
     (bench({"position_rad": SINE}, safety={"angle_max_rad": 1.0}), "conditions.0.position_rad"),
+    (control(gait=None), "gait"),
+    (control(bench="series-elastic"), "bench"),
+    (control(calibration="zero"), "calibration"),
+    (control(loads=[{"name": "k"}]), "loads"),
+    (control(pulse=PULSE), "pulse"),
+    (
+        control(pulses=[{"name": "a", "kind": "trapezoid", "amplitudes_nm": [5.0], "hold_s": 0.1}]),
+        "pulses",
+    ),
+    (control(window_s=0.1), "window_s"),
+    (control(expected_joint={"stiffness": 1.0, "damping": 0.1, "inertia": 0.1}), "expected_joint"),
+    (control(safety={"displacement_rad": 0.1}), "safety.displacement_rad"),
+    (control({"controller": None}), "conditions.0.controller"),
+    (control({"strides": None}), "conditions.0.strides"),
+    (control({"condition": "no_device"}), "conditions.0.condition"),
+    (control({"condition": "perturbed"}), "conditions.0.condition"),
+    (control({"perturbations": PLAN_AT_TIMES}), "conditions.0.perturbations"),
+    (control({"duration_s": 10.0}), "conditions.0.duration_s"),
+    (control({"trials": 2}), "conditions.0.trials"),
+    (control({"torque_nm": SINE}), "conditions.0.torque_nm"),
+    (control({"controller": {"name": "a", "gain": 1.0}}), "conditions.0.controller.gain"),
+    (
+        control({"controller": {"name": "a", "settings": {"share": float("nan")}}}),
+        "conditions.0.controller.settings.share",
+    ),
+    (control({"controller": {"name": "a", "profile": ""}}), "conditions.0.controller.profile"),
+    (with_condition(0, controller={"name": "a"}), "conditions.0.controller"),
+    (bench({"controller": {"name": "a"}}), "conditions.0.controller"),
 ]
 
 
-@pytest.mark.parametrize("content", [walking(), bench()])
+@pytest.mark.parametrize("content", [walking(), bench(), control()])
 def test_what_the_wrong_ones_are_made_of_is_accepted(content):
     assert problems(content) == {}
 
@@ -354,6 +396,25 @@ def test_what_the_wrong_ones_are_made_of_is_accepted(content):
 @pytest.mark.parametrize(("content", "place"), WRONG, ids=[place for _, place in WRONG])
 def test_what_does_not_go_together_is_a_problem_at_its_key(content, place):
     assert place in problems(content)
+
+
+def test_a_controller_runs_for_its_strides_of_steady_walking():
+    made = Protocol.model_validate(control())
+
+    assert made.by_gait
+    assert made.expected_duration_s == pytest.approx(40 * 1.1)
+    assert Protocol.model_validate(walking()).by_gait
+    assert not Protocol.model_validate(bench()).by_gait
+
+
+def test_pulses_in_a_protocol_of_controllers_are_one_problem_each():
+    content = control({"condition": "perturbed", "perturbations": PLAN_AT_TIMES}, pulse=PULSE)
+
+    assert set(problems(content)) == {
+        "pulse",
+        "conditions.0.condition",
+        "conditions.0.perturbations",
+    }
 
 
 def test_all_problems_between_the_parts_come_at_once():

@@ -79,6 +79,21 @@ def test_age_is_that_of_the_stalest_of_several():
     assert bench.read("actuator", "contact") == pytest.approx(0.006)  # of the goniometer
 
 
+def test_the_age_of_a_device_that_nobody_acts_on_does_not_count():
+    bench, moment = Bench(), Fake()
+    devices = Devices(
+        angle=bench.angle, contact=bench.contact, actuator=bench.actuator, torque=moment
+    )
+    bench.streams = Streams(devices, dispensable=("torque",))
+    assert bench.read(*ALL) == 0.0
+    assert bench.streams.torque == []
+    moment.queue.append(SensorSample(3, 3, -40.0))
+    assert bench.read(*ALL) == 0.0
+    assert bench.streams.torque == [(3, 3, -40.0)]
+    assert bench.read("actuator", "angle") == pytest.approx(0.002)
+    assert bench.streams.newest_contact.value == pytest.approx(0.1)
+
+
 def test_without_the_device_its_age_does_not_count():
     bench = Bench(worn=False)
     assert bench.read("angle", "contact") == 0.0

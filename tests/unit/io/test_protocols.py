@@ -69,6 +69,24 @@ def test_a_file_is_read_like_a_built_in_protocol(own):
     assert protocol_text(file) == protocol_text("walking")
 
 
+def test_a_profile_is_looked_for_beside_its_protocol(tmp_path, monkeypatch):
+    text = protocol_text("knee_controller")
+    own_profile = 'profile = "profiles/{participant}.json"'
+    text = text.replace('profile = "published"', own_profile, 1)
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    made = load_protocol("own.toml")
+
+    profiles = [condition.controller.profile for condition in made.conditions]
+    beside = str(tmp_path / "profiles" / "{participant}.json")
+    assert profiles == [None, beside, "published", None]
+    assert load_protocol(tmp_path / "own.toml") == made
+    absolute = text.replace("profiles/{participant}.json", beside.replace("\\", "/"))
+    (tmp_path / "own.toml").write_text(absolute, encoding="utf-8")
+    assert load_protocol("own.toml").conditions == made.conditions
+
+
 def test_every_problem_of_a_file_comes_in_one_error(own):
     file = own(
         ("gap_strides = [3, 7]", "gap_strides = [7, 3]"),
