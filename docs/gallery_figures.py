@@ -47,6 +47,7 @@ ORDER = (
     "many_fits",
     "phase_curves",
     "time_varying",
+    "impedance_profile",
     "identify_kbj",
     "identify_frf",
     "identify_irf",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from jointz.analysis.saved_analysis import load
     from jointz.analysis.specification_job import specification_curve
     from jointz.calibration.calibrate import calibrate
+    from jointz.control.make_profile import impedance_profile
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.identify.actuators.bandwidth import identify_bandwidth
     from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
@@ -41,6 +42,7 @@ _HOMES = {
     "identify_paired_runs": "jointz.identify.bench.paired_runs",
     "identify_static_stiffness": "jointz.identify.bench.static_stiffness",
     "identify_time_varying": "jointz.identify.over_cycle.time_varying",
+    "impedance_profile": "jointz.control.make_profile",
     "load": "jointz.analysis.saved_analysis",
     "open_study": "jointz.io.study_reader",
     "phase_curve": "jointz.identify.over_cycle.phase_curve",
@@ -64,6 +66,7 @@ __all__ = [
     "identify_paired_runs",
     "identify_static_stiffness",
     "identify_time_varying",
+    "impedance_profile",
     "load",
     "open_study",
     "phase_curve",

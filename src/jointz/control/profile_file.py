@@ -30,7 +30,27 @@ def profile_text(profile: ImpedanceProfile) -> str:
 
 
 def write_profile(profile: ImpedanceProfile, file: str | os.PathLike[str]) -> Path:
-    """Write a profile file; one that is there is kept, and is an OutputError."""
+    """Write a profile file.
+
+    Parameters
+    ----------
+    profile : ImpedanceProfile
+        The profile.
+    file : path
+        The file to write (JSON).
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        When it exists.
+    WriteError
+        When it cannot be written.
+    """
     path = Path(file)
     if path.exists():
         raise OutputError(f"{path}: exists. Name another file, or remove it.")
