@@ -2,8 +2,9 @@
 A controller's profile of a measured knee
 =========================================
 
-:func:`jointz.impedance_profile` turns an analysis into stiffness, damping and equilibrium angle over
-the gait cycle, with intervals. A controller follows it; C, MATLAB and the Open-Source Leg read it.
+:func:`jointz.impedance_profile` turns an analysis into stiffness, damping and equilibrium angle
+over the gait cycle, with intervals. A controller follows it; C, MATLAB and the Open-Source Leg read
+it.
 """
 
 from pathlib import Path

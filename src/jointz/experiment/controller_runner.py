@@ -117,10 +117,8 @@ class ControllerRunner:
         if not isfinite(value):
             return f"{name}: expected a finite number, got {value}"
         if not parameter.low <= value <= parameter.high:
-            return (
-                f"{name}: expected {parameter.low:g} to {parameter.high:g} {parameter.unit}, got "
-                f"{value:g}"
-            )
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+            return f"{name}: expected {parameter.low:g} to {parameter.high:g}{unit}, got {value:g}"
         before = self._targets[name]
         if value == before:
             return f"{name} is {value:g} already"
