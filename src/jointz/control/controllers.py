@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile
-from jointz.control.make_profile import PUBLISHED, impedance_profile
+from jointz.control.make_profile import impedance_profile
 from jointz.control.profile_file import profile_text, read_profile
 from jointz.control.state_machine import (
     ImpedanceState,
@@ -22,6 +22,7 @@ from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_models import ControllerSpec
 from jointz.devices.interface import Wearer
 from jointz.experiment.controllers import ControlParameter, ControlState
+from jointz.io.protocols import PUBLISHED
 
 #: Masses that differ by more are those of two people.
 _SAME_MASS = 0.05

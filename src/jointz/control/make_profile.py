@@ -19,13 +19,13 @@ from jointz.control.knots import (
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
 from jointz.core.provenance import now, software
+from jointz.io.protocols import PUBLISHED
 from jointz.reference import chapter4
 from jointz.results.estimates import REACH_95
 from jointz.results.mean_stride import MeanStride
 from jointz.results.series.cycle_curve import MEAN
 from jointz.results.study_analysis import StudyAnalysis
 
-PUBLISHED = "published"
 _LEVEL = 0.95
 #: Draws behind the interval of the equilibrium; their seed is fixed, so that a file is repeatable.
 _DRAWS, _SEED = 4000, 1

@@ -1,0 +1,12 @@
+"""The benchmark of profiles runs, and finds what it should of one person."""
+
+from benchmarks.control_profiles import coverage, people, torque_errors
+
+
+def test_one_person_without_noise():
+    (one,) = people("clean", 1, per_point=10, seed=5)
+    rms, between = torque_errors(one)
+    assert rms < max(2.0, between)
+    shares = coverage([one])
+    assert shares["stiffness"][0] > 0.8
+    assert shares["damping"][0] > 0.8
