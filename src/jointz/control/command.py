@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from jointz.control.rendering.command import check
 from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
@@ -151,6 +152,9 @@ def export(
         for text in () if fit is None else fit_text(fit)[:1]:
             emit(text)
         emit(f"Written: {out}")
+
+
+control.command("check")(check)
 
 
 def _report(

@@ -10,6 +10,7 @@ import numpy as np
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile
 from jointz.control.make_profile import impedance_profile
 from jointz.control.profile_file import profile_text, read_profile
+from jointz.control.rendering.tank import EnergyTank
 from jointz.control.state_machine import (
     ImpedanceState,
     fit_state_machine,
@@ -29,6 +30,8 @@ _SAME_MASS = 0.05
 #: A wearer feels at most this change of support from one second to the next.
 _SHARE_PER_S = 0.1
 _SHARE = {"share": (0.1, 0.0, 1.0)}
+#: Of measured impedance: size of the energy tank (J), full at the start; 0: none.
+_IMPEDANCE = {**_SHARE, "tank_j": (0.0, 0.0, 50.0)}
 #: Of kinematic PD: default, least and largest of each setting.
 _PD = {"share": (1.0, 0.0, 1.0), "stiffness": (10.0, 0.0, 300.0), "damping": (0.2, 0.0, 10.0)}
 
@@ -47,13 +50,20 @@ class PhaseTables:
 
 
 class PhaseController:
-    """A law over the gait cycle, of which the device gives a share."""
+    """A law over the gait cycle, of which the device gives a share.
 
-    def __init__(self, tables: PhaseTables, share: float, about: Mapping[str, Any]) -> None:
+    With a tank its stiffness rises only with energy that the damping took out.
+    """
+
+    def __init__(
+        self, tables: PhaseTables, share: float, about: Mapping[str, Any], tank_j: float = 0.0
+    ) -> None:
         rows = (tables.feedforward, tables.stiffness, tables.damping, tables.equilibrium)
         # Lists of floats: an element of an array costs ten times as much in the loop.
         self._nodes = [tuple(map(float, node)) for node in zip(*rows, strict=True)]
-        self._about = dict(about)
+        self._about = {**about, "tank_j": tank_j} if tank_j else dict(about)
+        self._tank = EnergyTank(tank_j) if tank_j else None
+        self._last: tuple[float, float] = 0.0, 0.0  # time and equilibrium of the last tick
         self.parameters = {"share": ControlParameter(share, 0.0, 1.0, _SHARE_PER_S, "1")}
 
     def torque(self, state: ControlState, values: Mapping[str, float]) -> float:
@@ -64,9 +74,34 @@ class PhaseController:
         share, (f0, k0, b0, e0) = place - node, self._nodes[node]
         f1, k1, b1, e1 = self._nodes[(node + 1) % n]
         stiffness, damping = k0 + share * (k1 - k0), b0 + share * (b1 - b0)
-        lever = e0 + share * (e1 - e0) - state.angle
-        torque = f0 + share * (f1 - f0) + stiffness * lever - damping * state.velocity
-        return values["share"] * torque
+        equilibrium, given = e0 + share * (e1 - e0), values["share"]
+        rest = f0 + share * (f1 - f0) - damping * state.velocity
+        stiffness, damping = given * stiffness, given * damping
+        if self._tank is not None:
+            stiffness = self._limited(self._tank, stiffness, damping, equilibrium, state)
+        return stiffness * (equilibrium - state.angle) + given * rest
+
+    def _limited(
+        self,
+        tank: EnergyTank,
+        stiffness: float,
+        damping: float,
+        equilibrium: float,
+        state: ControlState,
+    ) -> float:
+        """Return the stiffness that the tank allows."""
+        (last_s, last), self._last = self._last, (state.time_s, equilibrium)
+        elapsed_s = state.time_s - last_s
+        moved = (equilibrium - last) / elapsed_s if elapsed_s > 0.0 else 0.0
+        # Where the phase jumps the equilibrium does, and its rate says nothing of the damper.
+        rate = min(abs(state.velocity), abs(state.velocity - moved))
+        return tank.limit(
+            stiffness,
+            damping,
+            deviation=state.angle - equilibrium,
+            rate=rate,
+            elapsed_s=elapsed_s,
+        )
 
     def describe(self) -> Mapping[str, Any]:
         """Return law and origin, as plain JSON."""
@@ -164,15 +199,16 @@ def _make(
     """Return a controller that follows a profile."""
     settings = _settings(spec, known)
     profile, about = wearers_profile(spec, protocol=protocol, wearer=wearer)
-    return PhaseController(law(profile, settings), settings["share"], about)
+    tank_j = settings.get("tank_j", 0.0)
+    return PhaseController(law(profile, settings), settings["share"], about, tank_j)
 
 
 make_torque_replay = partial(_make, _replayed, _SHARE)
 make_kinematic_pd = partial(_make, _followed, _PD)
 make_quasi_stiffness = partial(_make, _lines, _SHARE)
-make_impedance_constant = partial(_make, _constant, _SHARE)
-make_impedance_per_phase = partial(_make, _per_phase, _SHARE)
-make_impedance_continuous = partial(_make, _measured, _SHARE)
+make_impedance_constant = partial(_make, _constant, _IMPEDANCE)
+make_impedance_per_phase = partial(_make, _per_phase, _IMPEDANCE)
+make_impedance_continuous = partial(_make, _measured, _IMPEDANCE)
 
 
 def make_zero_torque(

@@ -1,0 +1,27 @@
+"""Draws of a profile's curves from their intervals."""
+
+import numpy as np
+
+from jointz.control.impedance_profile import ImpedanceProfile
+
+#: Draws that intervals of derived figures rest on, and their seed.
+DRAWS, SEED = 200, 46
+#: Width of a 95 % interval of a normal distribution, in SD.
+_WIDTH_SD = 3.92
+
+
+def drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return draws of stiffness, damping and equilibrium, (200, n) each.
+
+    Errors are alike at all phases: a curve lies high or low as a whole. Stiffness and damping are
+    log-normal, the equilibrium is normal; the three are independent of each other.
+    """
+    z = np.random.default_rng(SEED).standard_normal((3, DRAWS, 1))
+    spread_k = np.log(profile.stiffness_high / profile.stiffness_low) / _WIDTH_SD
+    spread_b = np.log(profile.damping_high / profile.damping_low) / _WIDTH_SD
+    spread_e = (profile.equilibrium_high - profile.equilibrium_low) / _WIDTH_SD
+    return (
+        profile.stiffness * np.exp(z[0] * spread_k),
+        profile.damping * np.exp(z[1] * spread_b),
+        profile.equilibrium + z[2] * spread_e,
+    )

@@ -1,0 +1,1 @@
+"""What an actuator can render of a profile: stability, passivity, torque and bandwidth."""

@@ -1,0 +1,218 @@
+"""Stability of a stiffness and damping that change over the gait cycle, with passive loads."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+#: Loads: inertias by the load's, springs to ground by the mean stiffness; and stride times.
+INERTIA_RANGE: Final = (0.5, 2.0)
+SPRING_RANGE: Final = (0.0, 10.0)
+STRIDE_RANGE: Final = (0.8, 1.2)
+#: Points of the grid of inertias, springs and stride times.
+GRID: Final = (9, 15, 9)
+SMALL_GRID: Final = (3, 6, 3)
+#: Spring, by the mean stiffness, above which the grid has even steps of the logarithm.
+_SOFTEST = 0.01
+#: Rounds of refinement, and how many of the largest multipliers are refined in each.
+_ROUNDS, _REFINED = 4, 6
+#: Ends of the grid: logarithm of the inertia, of 1 + spring / softest one, and stride time.
+_LOW = np.array([np.log(INERTIA_RANGE[0]), 0.0, STRIDE_RANGE[0]])
+_HIGH = np.array([np.log(INERTIA_RANGE[1]), np.log1p(SPRING_RANGE[1] / _SOFTEST), STRIDE_RANGE[1]])
+_NEIGHBOURS = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]], indexing="ij"), -1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class LargestMultiplier:
+    """The load and stride time with which free deviations grow most from stride to stride."""
+
+    multiplier: float  # deviations grow by this factor a stride; above 1 the profile is unsafe
+    inertia: float  # kg*m^2
+    spring: float  # N*m/rad, to ground
+    stride_s: float
+
+
+def floquet_multipliers(
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    inertia: np.ndarray,
+    spring: np.ndarray,
+    stride_s: np.ndarray,
+) -> np.ndarray:
+    """Return the largest Floquet multiplier of J x'' + B(t) x' + (K(t) + K_e) x = 0.
+
+    Parameters
+    ----------
+    stiffness, damping : (..., n) ndarray, N*m/rad and N*m*s/rad
+        At n phases, evenly over the cycle, linear in between.
+    inertia, spring, stride_s : ndarray, kg*m^2, N*m/rad, s
+        Loads and stride times; they broadcast with each other and with ``stiffness[..., 0]``.
+
+    Returns
+    -------
+    ndarray
+        Growth of a deviation from stride to stride, as a factor.
+    """
+    step = stride_s / stiffness.shape[-1]
+    shape = np.broadcast_shapes(stiffness.shape[:-1], inertia.shape, spring.shape, step.shape)
+    product = np.zeros((2, 2, *shape))
+    product[0, 0] = product[1, 1] = 1.0
+    following = np.roll(stiffness, -1, axis=-1), np.roll(damping, -1, axis=-1)
+    for k in range(stiffness.shape[-1]):
+        ends = (
+            (stiffness[..., k], following[0][..., k]),
+            (damping[..., k], following[1][..., k]),
+        )
+        product = _step(product, ends, inertia, spring, step)
+    half_trace = 0.5 * (product[0, 0] + product[1, 1])
+    determinant = product[0, 0] * product[1, 1] - product[0, 1] * product[1, 0]
+    root = np.sqrt((half_trace**2 - determinant).astype(complex))
+    return np.asarray(np.maximum(np.abs(half_trace + root), np.abs(half_trace - root)))
+
+
+def _step(
+    product: np.ndarray,
+    ends: tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    inertia: np.ndarray,
+    spring: np.ndarray,
+    step: np.ndarray,
+) -> np.ndarray:
+    """Return the transition matrix after one more segment: Magnus's method of fourth order."""
+    (k0, k1), (b0, b1) = ends
+    # For matrices that are linear in time: mean, and step^2 / 12 times [slope, mean].
+    a = 0.5 * (k0 + k1 + 2.0 * spring) / inertia
+    c = 0.5 * (b0 + b1) / inertia
+    da, dc = (k1 - k0) / inertia, (b1 - b0) / inertia
+    factor = step**2 / 12.0
+    m11, m12 = factor * da, step + factor * dc
+    m21, m22 = -step * a + factor * (da * c - dc * a), -step * c - factor * da
+    half_trace = 0.5 * (m11 + m22)
+    p = 0.5 * (m11 - m22)
+    root = np.sqrt((p**2 + m12 * m21).astype(complex))
+    grow = np.exp(half_trace)
+    even = grow * np.cosh(root).real
+    small = np.abs(root) < 1e-8
+    odd = grow * np.where(small, 1.0, np.sinh(root) / np.where(small, 1.0, root)).real
+    e11, e12, e21, e22 = even + odd * p, odd * m12, odd * m21, even - odd * p
+    first, second = product[0], product[1]
+    return np.stack([e11 * first + e12 * second, e21 * first + e22 * second])
+
+
+def largest_multiplier(
+    stiffness: np.ndarray, damping: np.ndarray, stride_s: float, load_inertia: float
+) -> LargestMultiplier:
+    """Return the load with which free deviations grow most, over passive loads and stride times.
+
+    A profile is unsafe if the multiplier exceeds 1 with an inertia between 0.5 and 2 times the
+    load's, a spring to ground between 0 and 10 times the mean stiffness, at a stride time within
+    20 % of the mean. A grid is searched and refined near its largest values.
+
+    Parameters
+    ----------
+    stiffness, damping : (n,) ndarray, N*m/rad and N*m*s/rad
+        At n phases, evenly over the cycle, linear in between.
+    stride_s : float, s
+        Mean stride time.
+    load_inertia : float, kg*m^2
+        Inertia of the load.
+
+    Returns
+    -------
+    LargestMultiplier
+        The multiplier and where it is.
+    """
+    axes = _axes(GRID)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = _multipliers_at(points, stiffness, damping, stride_s, load_inertia)
+    cell = np.array([np.ptp(axis) / (len(axis) - 1) for axis in axes])
+    for _ in range(_ROUNDS):
+        best = points[np.argsort(values)[-_REFINED:]]
+        near = np.clip(best[:, None] + 0.5 * cell * _NEIGHBOURS, _LOW, _HIGH).reshape(-1, 3)
+        more = _multipliers_at(near, stiffness, damping, stride_s, load_inertia)
+        points, values, cell = np.vstack([points, near]), np.append(values, more), 0.5 * cell
+    k = int(np.argmax(values))
+    load = _loads(points[k], float(stiffness.mean()), stride_s, load_inertia)
+    return LargestMultiplier(float(values[k]), *map(float, load))
+
+
+def drawn_multipliers(
+    stiffness: np.ndarray, damping: np.ndarray, stride_s: float, load_inertia: float
+) -> np.ndarray:
+    """Return the largest multiplier of many profiles, (m,), over a smaller grid of loads.
+
+    Parameters
+    ----------
+    stiffness, damping : (m, n) ndarray, N*m/rad and N*m*s/rad
+        Profiles.
+    stride_s, load_inertia : float, s and kg*m^2
+        As in :func:`largest_multiplier`.
+    """
+    points = np.stack(np.meshgrid(*_axes(SMALL_GRID), indexing="ij"), axis=-1).reshape(-1, 3)
+    values = _multipliers_at(points, stiffness[:, None], damping[:, None], stride_s, load_inertia)
+    return np.asarray(values.max(axis=1))
+
+
+def _axes(counts: tuple[int, int, int]) -> list[np.ndarray]:
+    return [np.linspace(*ends) for ends in zip(_LOW, _HIGH, counts, strict=True)]
+
+
+def _multipliers_at(
+    points: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    stride_s: float,
+    load_inertia: float,
+) -> np.ndarray:
+    mean = stiffness.mean(axis=-1)
+    return floquet_multipliers(stiffness, damping, *_loads(points, mean, stride_s, load_inertia))
+
+
+def _loads(
+    points: np.ndarray, mean: np.ndarray | float, stride_s: float, load_inertia: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return inertias, springs and stride times at points of the grid, (..., 3)."""
+    inertia = load_inertia * np.exp(points[..., 0])
+    # No spring at the low end, and even steps of the logarithm far above it.
+    spring = mean * _SOFTEST * np.expm1(points[..., 1])
+    return inertia, spring, stride_s * points[..., 2]
+
+
+def is_surely_stable(
+    stiffness: np.ndarray, damping: np.ndarray, stride_s: float, load_inertia: float
+) -> bool:
+    """Return whether the condition of Kronander and Billard (2016) holds.
+
+    It holds if, at every stride time, there is an alpha > 0 with alpha J <= B and
+    K' + alpha B' <= 2 alpha K throughout, J the largest inertia of the loads; springs to ground
+    only help. It is sufficient, not necessary: profiles that fail it may be safe.
+
+    Parameters
+    ----------
+    stiffness, damping : (n,) ndarray, N*m/rad and N*m*s/rad
+        At n phases, evenly over the cycle, linear in between.
+    stride_s, load_inertia : float, s and kg*m^2
+        As in :func:`largest_multiplier`.
+    """
+    rise = np.roll(stiffness, -1) - stiffness, np.roll(damping, -1) - damping
+    largest = damping.min() / (INERTIA_RANGE[1] * load_inertia)
+    return all(
+        _has_alpha(stiffness, rise, share * stride_s / stiffness.size, largest)
+        for share in np.linspace(*STRIDE_RANGE, GRID[2])
+    )
+
+
+def _has_alpha(
+    stiffness: np.ndarray, rise: tuple[np.ndarray, np.ndarray], step_s: float, largest: float
+) -> bool:
+    """Return whether an alpha up to ``largest`` meets the condition at both ends of segments."""
+    slope = rise[0] / step_s
+    least = 0.0
+    for start in (stiffness, np.roll(stiffness, -1)):
+        factor = 2.0 * start - rise[1] / step_s  # slope <= alpha * factor
+        if (slope[factor == 0.0] > 0.0).any():
+            return False
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = slope / factor
+        least = max(least, float(np.max(bound[factor > 0.0], initial=0.0)))
+        largest = min(largest, float(np.min(bound[factor < 0.0], initial=largest)))
+    return largest > 0.0 and least <= largest
