@@ -13,6 +13,8 @@ from tempfile import mkdtemp
 import numpy as np
 
 import jointz
+from jointz.control.design import design_joint
+from jointz.control.motor import read_motor
 from jointz.control.profile_file import read_profile, write_profile
 from jointz.control.writers import export_profile
 from jointz.session.simulate_study import simulate_study
@@ -48,3 +50,25 @@ print(export_profile(profile, folder / "knee.h").read_text()[:300])
 # Whoever was not measured can have the published knee, scaled to the body mass:
 
 print(jointz.impedance_profile(mass_kg=80.0).summary())
+
+# %%
+# What a prosthetic knee must be able to do for it, the best passive springs, and a motor of
+# :func:`jointz.control.motor.read_motor` with its gear:
+
+motor = folder / "motor.toml"
+motor.write_text("""
+resistance_ohm = 0.3
+supply_v = 48.0
+peak_current_a = 30.0
+continuous_current_a = 10.0
+
+[torque_model]
+gear_ratio = 1
+torque_constant = 0.1
+rotor_inertia = 1e-4
+""")
+design = design_joint({"walking": profile}, motor=read_motor(motor))
+print(design.summary())
+
+# %%
+design.plot()

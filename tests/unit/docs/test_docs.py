@@ -18,6 +18,7 @@ from pydantic import BaseModel
 from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.population_step import quasi_stiffness_rows
 from jointz.cli.command_line import command_line
+from jointz.control.motor import Motor
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
@@ -124,6 +125,8 @@ def test_every_toml_block_is_valid(body):
         StudySpec.model_validate(content)
     elif "actuator" in content:
         device_file(content)
+    elif "resistance_ohm" in content:
+        Motor.model_validate(content)
     else:
         assert set(content) <= set(StudySpec.model_fields)
 

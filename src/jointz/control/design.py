@@ -1,0 +1,498 @@
+"""Requirements of a profile on a prosthetic or orthotic joint, and joints that meet them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import numpy as np
+import pandas as pd
+
+from jointz.control.impedance_profile import ImpedanceProfile
+from jointz.control.motor import LIMITS, RATIOS, GearTable, Motor, built_in_motor, gear_table
+from jointz.control.passive_joint import ClutchFit, PassiveFit, fit_clutch, fit_passive
+from jointz.core.errors import DataError
+from jointz.results.base import Array, PlottedResult, record_frame, summary_text
+from jointz.results.figure_style import BLUE, INK, MUTED, ORANGE, VERMILION
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+REACH_95: Final = 1.959963984540054
+#: Normal quantile of the 95th percentile of strides.
+STRIDE_95: Final = 1.6448536269514722
+DRAWS: Final = 200
+_SEED = 0
+#: Quantity -> unit, in the order of the tables.
+UNITS: Final[Mapping[str, str]] = {
+    "torque_max": "N*m",
+    "torque_min": "N*m",
+    "torque_rms": "N*m",
+    "power_max": "W",
+    "power_min": "W",
+    "positive_work": "J",
+    "negative_work": "J",
+    "net_work": "J",
+    "regenerated": "J",
+    "passive_stiffness": "N*m/rad",
+    "passive_damping": "N*m*s/rad",
+    "passive_rest_angle": "rad",
+    "passive_error_rms": "N*m",
+    "passive_error_share": "",
+    "passive_missing_work": "J",
+    "clutch_engaged": "%",
+    "clutch_released": "%",
+    "clutch_stiffness": "N*m/rad",
+    "clutch_rest_angle": "rad",
+    "clutch_damping_engaged": "N*m*s/rad",
+    "clutch_damping_free": "N*m*s/rad",
+    "clutch_error_rms": "N*m",
+    "clutch_error_share": "",
+    "clutch_stored": "J",
+    "clutch_returned": "J",
+    "clutch_loss": "J",
+    "clutch_missing_work": "J",
+    "gear_ratio_low": "",
+    "gear_ratio_high": "",
+    "gear_ratio": "",
+    "motor_energy": "J",
+    "motor_current_max": "A",
+    "motor_current_rms": "A",
+    "motor_voltage_max": "V",
+}
+#: Quantities whose demanding strides are those of the smallest value.
+_SMALLEST = ("torque_min", "power_min", "negative_work")
+_PER_STRIDE = (*list(UNITS)[:7], "regenerated", *list(UNITS)[-4:])
+#: Phases are where the search ends, not estimates with an interval of their own.
+_EXACT = ("clutch_engaged", "clutch_released", "gear_ratio_low", "gear_ratio_high", "gear_ratio")
+
+
+@dataclass(frozen=True, slots=True)
+class DesignQuantity:
+    """One number of a design."""
+
+    profile: str  # name of the profile
+    quantity: str  # such as ``torque_max``
+    value: float  # of the mean stride
+    unit: str
+    low: float | None = None  # interval of the mean stride's
+    high: float | None = None
+    stride_95: float | None = None  # what 95 % of the strides do not exceed
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileDesign:
+    """Requirements of one profile and what meets them."""
+
+    name: str
+    subject: str
+    mass_kg: float
+    stride_s: float
+    gait_pct: Array  # (n,) %
+    angle: Array  # (n,) rad
+    velocity: Array  # (n,) rad/s
+    moment: Array  # (n,) N*m
+    passive_torque: Array  # (n,) N*m
+    clutch_torque: Array  # (n,) N*m
+    energy_by_ratio: Array  # (200,) J a stride
+    load_by_ratio: Array  # (3, 200) parts of the motor's limits
+    quantities: tuple[DesignQuantity, ...]
+    warnings: tuple[str, ...] = ()
+
+    def value(self, quantity: str) -> float | None:
+        """Return the value of a quantity; None without a feasible gear ratio."""
+        return next((q.value for q in self.quantities if q.quantity == quantity), None)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class JointDesign(PlottedResult):
+    """Requirements of profiles on a joint, and passive, clutched and motorised joints for them.
+
+    Parameters
+    ----------
+    profiles : tuple of ProfileDesign
+        One per profile: curves, quantities with intervals, load of the motor by gear ratio.
+    efficiency : float
+        Part of negative power that is stored.
+    ratio : float or None
+        Gear ratio feasible for all profiles with the least energy, summed over their strides.
+    motor : mapping
+        The motor.
+    level : float
+        Level of the intervals.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.JointDesign/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 3.2)
+
+    profiles: tuple[ProfileDesign, ...]
+    efficiency: float
+    ratio: float | None
+    motor: Mapping[str, Any] = field(default_factory=dict)
+    level: float = 0.95
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a profile and quantity, with unit, interval and the 95th percentile."""
+        names = ("profile", "quantity", "value", "unit", "low", "high", "stride_95")
+        frame = record_frame((q for p in self.profiles for q in p.quantities), names)
+        return frame.astype(dict.fromkeys(("value", "low", "high", "stride_95"), float))
+
+    def summary(self) -> str:
+        """Return a short text: requirements a row each, and what meets them."""
+        lines = [_ROW.format("", *_HEADS), *(_requirements(p) for p in self.profiles)]
+        for profile in self.profiles:
+            lines += [f"{profile.name}:", *(f"  {text}" for text in _solutions(profile))]
+        if len(self.profiles) > 1:
+            ratio = "none" if self.ratio is None else f"{self.ratio:g}"
+            lines.append(f"gear ratio for all profiles: {ratio}")
+        lines.append(f"motor: {self.motor.get('source') or 'by its file'}")
+        notes = dict.fromkeys(f"{p.name}: {text}" for p in self.profiles for text in p.warnings)
+        return summary_text("Design of a joint (mean stride)", lines, notes)
+
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the power of the first profile; :func:`draw_design` draws all."""
+        _draw_power(axes, self.profiles[0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Stride:
+    """Motion of the mean stride, and what computes the torque's consequences along it."""
+
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    step_s: float
+    efficiency: float
+    motor: Motor
+
+    def requirements(self, moment: np.ndarray) -> dict[str, float]:
+        power = moment * self.velocity
+        positive, negative = (self.step_s * part.sum() for part in _parts(power))
+        values = (
+            *(moment.max(), moment.min(), _rms(moment), power.max(), power.min()),
+            *(positive, negative, positive + negative, -self.efficiency * negative),
+        )
+        return dict(zip(UNITS, map(float, values), strict=False))
+
+    def passive(self, moment: np.ndarray) -> tuple[PassiveFit, dict[str, float]]:
+        fit = fit_passive(self.angle, self.velocity, moment)
+        return fit, {
+            "passive_stiffness": fit.stiffness,
+            "passive_damping": fit.damping,
+            "passive_rest_angle": fit.rest_angle,
+            **self._misses("passive", moment, fit.torque, fit.spring),
+        }
+
+    def clutch(self, moment: np.ndarray) -> tuple[ClutchFit, dict[str, float]]:
+        fit = fit_clutch(self.angle, self.velocity, moment)
+        phase = 100.0 / self.angle.size
+        return fit, {
+            "clutch_engaged": phase * fit.engaged,
+            "clutch_released": phase * fit.released,
+            "clutch_stiffness": fit.stiffness,
+            "clutch_rest_angle": fit.rest_angle,
+            "clutch_damping_engaged": fit.damping_engaged,
+            "clutch_damping_free": fit.damping_free,
+            **self._misses("clutch", moment, fit.torque, fit.spring),
+            "clutch_stored": fit.stored_j,
+            "clutch_returned": fit.returned_j,
+            "clutch_loss": fit.loss_j,
+        }
+
+    def gears(self, moment: np.ndarray, ratios: np.ndarray = RATIOS) -> GearTable:
+        motion = moment, self.velocity, self.acceleration
+        return gear_table(
+            self.motor, ratios, motion, step_s=self.step_s, efficiency=self.efficiency
+        )
+
+    def motorised(self, moment: np.ndarray, ratio: float) -> dict[str, float]:
+        table = self.gears(moment, np.array([ratio]))
+        return {
+            "motor_energy": float(table.energy[0]),
+            "motor_current_max": float(table.peak_current[0]),
+            "motor_current_rms": float(table.rms_current[0]),
+            "motor_voltage_max": float(table.peak_voltage[0]),
+        }
+
+    def _misses(
+        self, kind: str, moment: np.ndarray, torque: np.ndarray, spring: np.ndarray
+    ) -> dict[str, float]:
+        error = _rms(moment - torque)
+        needed, _ = _parts(moment * self.velocity)
+        given, _ = _parts(spring * self.velocity)
+        missing = self.step_s * np.maximum(needed - given, 0.0).sum()
+        return {
+            f"{kind}_error_rms": error,
+            f"{kind}_error_share": error / _rms(moment),
+            f"{kind}_missing_work": float(missing),
+        }
+
+
+def design_joint(
+    profiles: Mapping[str, ImpedanceProfile],
+    *,
+    motor: Motor | None = None,
+    efficiency: float = 0.6,
+) -> JointDesign:
+    """Return what a joint must be able to do for profiles, and joints that come near.
+
+    The torque is the profile's moment along its mean stride. Stiffness, damping and equilibrium do
+    not change it, so their intervals do not enter. Intervals (95 %) are percentiles of 200 draws of
+    the moment with a smooth error over the cycle; that of the net work is the profile's own.
+
+    Parameters
+    ----------
+    profiles : mapping of str to ImpedanceProfile
+        Name of an activity -> its profile; all of one joint.
+    motor : Motor, optional
+        By default the quasi-direct drive of the dissertation's chapter III.
+    efficiency : float
+        Part of negative power that can be stored, 0 to 1.
+
+    Returns
+    -------
+    JointDesign
+        Requirements, best passive joint, best clutched spring, and gear ratios for the motor.
+
+    Raises
+    ------
+    DataError
+        Without profiles, with profiles of several joints, a moment that is zero everywhere, fewer
+        than four phases, or another efficiency.
+
+    Notes
+    -----
+    All formulas stand in docs/control-design.md. Work is the trapezoid over the periodic phases,
+    stride_s / n times the sum of the power.
+    """
+    _check(profiles, efficiency)
+    motor = motor or built_in_motor()
+    designs = [_design(*item, motor=motor, efficiency=efficiency) for item in profiles.items()]
+    feasible = np.all([_feasible(design.load_by_ratio) for design in designs], axis=0)
+    total = np.sum([design.energy_by_ratio for design in designs], axis=0)
+    return JointDesign(tuple(designs), efficiency, _best(feasible, total), motor.model_dump())
+
+
+def _check(profiles: Mapping[str, ImpedanceProfile], efficiency: float) -> None:
+    if not 0.0 <= efficiency <= 1.0:
+        raise DataError(f"efficiency {efficiency:g}: expected 0 to 1.")
+    if not profiles:
+        raise DataError("design: expected at least one profile.")
+    joints = sorted({f"{p.joint}, positive {p.positive}" for p in profiles.values()})
+    if len(joints) > 1:
+        raise DataError(
+            f"design: expected profiles of one joint, got {'; '.join(joints)}. Run it for each."
+        )
+    for name, profile in profiles.items():
+        if profile.gait_pct.size < 4 or not profile.moment.any():
+            raise DataError(
+                f"{name}: expected at least four phases and a moment that is not zero everywhere."
+            )
+
+
+def _design(
+    name: str, profile: ImpedanceProfile, *, motor: Motor, efficiency: float
+) -> ProfileDesign:
+    angle, moment = profile.angle, profile.moment
+    step_s = profile.stride_s / angle.size
+    bend = (np.roll(angle, -1) - 2.0 * angle + np.roll(angle, 1)) / step_s**2
+    stride = _Stride(angle, profile.velocity, bend, step_s, efficiency, motor)
+    gears = stride.gears(moment)
+    feasible = _feasible(gears.load)
+    ratio = _best(feasible, gears.energy)
+    span = {}
+    if ratio is not None:
+        ends = RATIOS[feasible]
+        span = {"gear_ratio_low": ends[0], "gear_ratio_high": ends[-1], "gear_ratio": ratio}
+
+    def values(torque: np.ndarray) -> dict[str, float]:
+        driven = {} if ratio is None else stride.motorised(torque, ratio)
+        fits = stride.passive(torque)[1] | stride.clutch(torque)[1]
+        return stride.requirements(torque) | fits | span | driven
+
+    return ProfileDesign(
+        name,
+        profile.subject,
+        profile.mass_kg,
+        profile.stride_s,
+        profile.gait_pct,
+        angle,
+        profile.velocity,
+        moment,
+        stride.passive(moment)[0].torque,
+        stride.clutch(moment)[0].torque,
+        gears.energy,
+        gears.load,
+        _with_intervals(name, profile, values),
+        profile.warnings,
+    )
+
+
+def _with_intervals(
+    name: str, profile: ImpedanceProfile, values: Callable[[np.ndarray], dict[str, float]]
+) -> tuple[DesignQuantity, ...]:
+    """Return the quantities with their intervals and the 95th percentiles of strides."""
+    moment, spread = profile.moment, profile.moment_sd
+    error = _error_share(profile) * spread
+    mean = values(moment)
+    drawn = pd.DataFrame([values(moment + error * draw) for draw in _error_draws(moment.size)])
+    ends = pd.DataFrame([values(moment + z * spread) for z in (-STRIDE_95, STRIDE_95)])
+    lows, highs = (drawn.quantile(q) for q in (0.025, 0.975))
+    quantities = []
+    for quantity, unit in UNITS.items():
+        if quantity not in mean:
+            continue
+        value = float(mean[quantity])
+        # Any error raises some quantities, such as an RMS: then all draws lie on one side.
+        ends_95 = min(float(lows[quantity]), value), max(float(highs[quantity]), value)
+        low, high = (None, None) if quantity in _EXACT else ends_95
+        if quantity == "net_work":
+            low, high = profile.energy_low_j, profile.energy_high_j
+        extreme = ends[quantity].min() if quantity in _SMALLEST else ends[quantity].max()
+        stride_95 = float(extreme) if quantity in _PER_STRIDE else None
+        quantities.append(DesignQuantity(name, quantity, value, unit, low, high, stride_95))
+    return tuple(quantities)
+
+
+def _error_draws(n: int) -> np.ndarray:
+    """Return smooth periodic errors of SD 1 at every phase, (200, n).
+
+    An error alike at all phases would leave net work, stiffness and damping without an interval.
+    """
+    turn = 2.0 * np.pi * np.arange(n) / n
+    shapes = [np.ones(n), np.cos(turn), np.sin(turn), np.cos(2.0 * turn), np.sin(2.0 * turn)]
+    normals = np.random.default_rng(_SEED).standard_normal((DRAWS, len(shapes)))
+    return np.asarray(normals @ np.array(shapes) / np.sqrt(3.0))
+
+
+def _error_share(profile: ImpedanceProfile) -> float:
+    """Return the error of the mean moment as a share of its SD between strides.
+
+    A profile states the error by the interval of its work, errors at all phases added up.
+    """
+    turned = 0.5 * (np.roll(profile.angle, -1) - np.roll(profile.angle, 1))
+    spread = float(profile.moment_sd @ np.abs(turned))
+    half = 0.5 * (profile.energy_high_j - profile.energy_low_j)
+    return half / REACH_95 / spread if spread > 0.0 else 0.0
+
+
+def _parts(power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.maximum(power, 0.0), np.minimum(power, 0.0)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _feasible(load: np.ndarray) -> np.ndarray:
+    return np.asarray((load <= 1.0).all(axis=0))
+
+
+def _best(feasible: np.ndarray, energy: np.ndarray) -> float | None:
+    if not feasible.any():
+        return None
+    return float(RATIOS[np.argmin(np.where(feasible, energy, np.inf))])
+
+
+_HEADS = ("torque, N*m", "RMS", "power, W", "work +, J", "work -, J", "net, J", "stored, J")
+_ROW = "{:<14}{:>16}{:>8}{:>16}{:>11}{:>11}{:>9}{:>11}"
+
+
+def _requirements(design: ProfileDesign) -> str:
+    of = {q.quantity: q.value for q in design.quantities}
+    torque = f"{of['torque_min']:.1f} to {of['torque_max']:.1f}"
+    power = f"{of['power_min']:.1f} to {of['power_max']:.1f}"
+    works = (of[name] for name in ("positive_work", "negative_work", "net_work", "regenerated"))
+    return _ROW.format(
+        design.name, torque, f"{of['torque_rms']:.1f}", power, *(f"{work:.2f}" for work in works)
+    )
+
+
+def _solutions(design: ProfileDesign) -> list[str]:
+    of = {q.quantity: q.value for q in design.quantities}
+    return [
+        _spread_text(design),
+        f"spring and damper: {of['passive_stiffness']:.4g} N*m/rad, rest at "
+        f"{of['passive_rest_angle']:.3g} rad, {of['passive_damping']:.3g} N*m*s/rad; error "
+        f"{of['passive_error_share']:.0%} of the RMS torque, {of['passive_missing_work']:.3g} J of "
+        "positive work missing",
+        f"clutched spring: {of['clutch_stiffness']:.4g} N*m/rad from {of['clutch_engaged']:g} to "
+        f"{of['clutch_released']:g} %, damper {of['clutch_damping_engaged']:.3g} there, "
+        f"{of['clutch_damping_free']:.3g} N*m*s/rad elsewhere; error "
+        f"{of['clutch_error_share']:.0%}, {of['clutch_missing_work']:.3g} J missing; stores "
+        f"{of['clutch_stored']:.3g} J, returns {of['clutch_returned']:.3g} J, loses "
+        f"{of['clutch_loss']:.3g} J at release",
+        _gear_text(design, of),
+    ]
+
+
+def _spread_text(design: ProfileDesign) -> str:
+    at = {q.quantity: q for q in design.quantities}
+    parts = [
+        f"{name} {at[key].low:.3g} to {at[key].high:.3g} {at[key].unit} "
+        f"(95 % of strides: {at[key].stride_95:.3g})"
+        for name, key in (
+            ("largest torque", "torque_max"),
+            ("smallest", "torque_min"),
+            ("largest power", "power_max"),
+            ("smallest", "power_min"),
+        )
+    ]
+    return f"intervals: {'; '.join(parts)}"
+
+
+def _gear_text(design: ProfileDesign, of: Mapping[str, float]) -> str:
+    if "gear_ratio" in of:
+        return (
+            f"motor: gear ratios {of['gear_ratio_low']:g} to {of['gear_ratio_high']:g}; least "
+            f"energy at {of['gear_ratio']:g}: {of['motor_energy']:.3g} J a stride, "
+            f"{of['motor_current_max']:.3g} A"
+        )
+    nearest = int(np.argmin(design.load_by_ratio.max(axis=0)))
+    over = ", ".join(
+        f"{name} {100.0 * load:.0f} % of its limit"
+        for name, load in zip(LIMITS, design.load_by_ratio[:, nearest], strict=True)
+        if load > 1.0
+    )
+    return f"motor: no gear ratio can do it; the nearest is {RATIOS[nearest]:g}: {over}"
+
+
+def draw_design(canvas: "Figure", design: JointDesign) -> None:
+    """Draw power over the cycle and torque against angle, a row each profile."""
+    rows = canvas.subplots(len(design.profiles), 2, squeeze=False)
+    for (left, right), profile in zip(rows, design.profiles, strict=True):
+        _draw_power(left, profile)
+        _draw_torque(right, profile)
+        left.set_title(f"{profile.name}: {profile.subject}, {profile.mass_kg:.1f} kg", loc="left")
+    rows[0, 1].legend()
+
+
+def _draw_power(axes: "Axes", design: ProfileDesign) -> None:
+    at = np.append(design.gait_pct, 100.0)
+    power = design.moment * design.velocity
+    power = np.append(power, power[0])
+    gained, lost = _parts(power)
+    work = design.value("positive_work"), design.value("negative_work")
+    axes.fill_between(
+        at, gained, color=VERMILION, alpha=0.4, linewidth=0.0, label=f"{work[0]:.1f} J"
+    )
+    axes.fill_between(at, lost, color=BLUE, alpha=0.4, linewidth=0.0, label=f"{work[1]:.1f} J")
+    axes.plot(at, power, color=INK)
+    axes.axhline(0.0, color=MUTED, linewidth=0.6)
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel("gait cycle (%)")
+    axes.set_ylabel("power (W)")
+    axes.legend()
+
+
+def _draw_torque(axes: "Axes", design: ProfileDesign) -> None:
+    angle = np.append(design.angle, design.angle[0])
+    for torque, color, label, style in (
+        (design.moment, INK, "moment", "-"),
+        (design.passive_torque, ORANGE, "spring and damper", "--"),
+        (design.clutch_torque, BLUE, "clutched spring", "-"),
+    ):
+        axes.plot(angle, np.append(torque, torque[0]), color=color, label=label, linestyle=style)
+    axes.axhline(0.0, color=MUTED, linewidth=0.6)
+    axes.set_xlabel("angle (rad)")
+    axes.set_ylabel("torque (N*m)")

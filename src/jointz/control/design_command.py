@@ -1,0 +1,88 @@
+"""``jointz control design``: what a joint must be able to do for a profile."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jointz.core.errors import DataError, OutputError
+from jointz.terminal.file_options import Figure
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json
+from jointz.terminal.printout import check_figure, save_canvas
+
+if TYPE_CHECKING:
+    from jointz.control.design import JointDesign
+
+#: Inches: width, and height of a profile's row.
+_WIDTH, _ROW = 7.0, 2.8
+
+
+def design(
+    files: Annotated[
+        list[Path], typer.Argument(dir_okay=False, help="Files of jointz control profile.")
+    ],
+    motor: Annotated[
+        Path | None,
+        typer.Option(
+            "--motor", dir_okay=False, help="Motor (TOML); by default that of chapter III."
+        ),
+    ] = None,
+    efficiency: Annotated[
+        float,
+        typer.Option("--efficiency", help="Part of negative power that can be stored, 0 to 1."),
+    ] = 0.6,
+    figure: Figure = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Tell what a joint needs for profiles: torque, power, work; passive, clutched and motorised.
+
+    Exit status: 0 done, 1 no gear ratio can do it, 2 bad input.
+
+    Example: jointz control design S01.json --motor motor.toml --figure design.svg
+    """
+    del debug
+    check_figure(figure)
+    if figure is not None and figure.exists():
+        raise OutputError(f"{figure}: exists. Name another file, or remove it.")
+    from jointz.control.design import design_joint
+    from jointz.control.motor import read_motor
+    from jointz.control.profile_file import read_profile
+
+    named = None if motor is None else read_motor(motor)
+    profiles = {name: read_profile(file) for name, file in _names(files).items()}
+    found = design_joint(profiles, motor=named, efficiency=efficiency)
+    if figure is not None:
+        _draw(found, figure)
+    if as_json:
+        emit_json({"status": "ok", **found.to_dict()})
+    elif not quiet:
+        emit(found.summary())
+    if found.ratio is None:
+        raise typer.Exit(EXIT_NO_ESTIMATE)
+
+
+def _names(files: list[Path]) -> dict[str, Path]:
+    """Return a name for each file: its own without suffix where that is unique."""
+    stems = [file.stem for file in files]
+    names = {
+        file.stem if stems.count(file.stem) == 1 else str(file): file
+        for file in files
+    }  # fmt: skip
+    if len(names) < len(files):
+        raise DataError("design: a profile is named more than once. Name each file once.")
+    return names
+
+
+def _draw(found: "JointDesign", figure: Path) -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    from jointz.control.design import draw_design
+    from jointz.results.figure_style import figure_style
+
+    with figure_style():
+        canvas = Canvas(figsize=(_WIDTH, _ROW * len(found.profiles)), layout="constrained")
+        draw_design(canvas, found)
+        save_canvas(canvas, figure)
