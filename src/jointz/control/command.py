@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from jointz.control.design_command import design
 from jointz.control.rendering.command import check
 from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
@@ -152,6 +153,9 @@ def export(
         for text in () if fit is None else fit_text(fit)[:1]:
             emit(text)
         emit(f"Written: {out}")
+
+
+control.command("design")(design)
 
 
 control.command("check")(check)
