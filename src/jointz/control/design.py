@@ -443,10 +443,11 @@ def _spread_text(design: ProfileDesign) -> str:
 
 def _gear_text(design: ProfileDesign, of: Mapping[str, float]) -> str:
     if "gear_ratio" in of:
+        reach = next(q for q in design.quantities if q.quantity == "motor_current_max").stride_95
         return (
             f"motor: gear ratios {of['gear_ratio_low']:g} to {of['gear_ratio_high']:g}; least "
             f"energy at {of['gear_ratio']:g}: {of['motor_energy']:.3g} J a stride, "
-            f"{of['motor_current_max']:.3g} A"
+            f"{of['motor_current_max']:.3g} A (95 % of strides: {reach:.3g} A)"
         )
     nearest = int(np.argmin(design.load_by_ratio.max(axis=0)))
     over = ", ".join(

@@ -37,7 +37,7 @@ def design(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Tell what a joint needs for profiles: torque, power, work; passive, clutched and motorised.
+    """Compute what a joint must be able to do for profiles, and springs and gears that come near.
 
     Exit status: 0 done, 1 no gear ratio can do it, 2 bad input.
 
