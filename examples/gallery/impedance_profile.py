@@ -16,6 +16,8 @@ import jointz
 from jointz.control.design import design_joint
 from jointz.control.motor import read_motor
 from jointz.control.profile_file import read_profile, write_profile
+from jointz.control.rendering.actuators import read_actuator
+from jointz.control.rendering.check import check_rendering
 from jointz.control.writers import export_profile
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
@@ -50,6 +52,16 @@ print(export_profile(profile, folder / "knee.h").read_text()[:300])
 # Whoever was not measured can have the published knee, scaled to the body mass:
 
 print(jointz.impedance_profile(mass_kg=80.0).summary())
+
+# %%
+# Whether an actuator can act so: delay, friction and torque decide, here of the dissertation's
+# series-elastic one.
+
+check = check_rendering(profile, read_actuator("sea"))
+print(check.summary())
+
+# %%
+check.plot()
 
 # %%
 # What a prosthetic knee must be able to do for it, the best passive springs, and a motor of

@@ -19,6 +19,7 @@ from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.population_step import quasi_stiffness_rows
 from jointz.cli.command_line import command_line
 from jointz.control.motor import Motor
+from jointz.control.rendering.actuators import ActuatorFile
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
@@ -125,6 +126,8 @@ def test_every_toml_block_is_valid(body):
         StudySpec.model_validate(content)
     elif "actuator" in content:
         device_file(content)
+    elif "delay_s" in content:
+        ActuatorFile.model_validate(content)
     elif "resistance_ohm" in content:
         Motor.model_validate(content)
     else:

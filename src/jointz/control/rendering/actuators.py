@@ -63,8 +63,8 @@ class Actuator:
         return np.asarray(np.exp(-s * self.loop_delay_s) / (1.0 + s * self.time_constant_s))
 
 
-class _File(CheckedModel):
-    """Keys of an actuator's file."""
+class ActuatorFile(CheckedModel):
+    """Keys of the TOML file of an actuator."""
 
     name: Annotated[str, Field(min_length=1)]
     source: Annotated[str, Field(min_length=1)]
@@ -100,13 +100,13 @@ def read_actuator(name_or_file: str) -> Actuator:
         return BUILT_IN[name_or_file]
     absent = (
         f"{name_or_file}: expected {' or '.join(BUILT_IN)}, or a TOML file with "
-        f"{', '.join(_File.model_fields)}; there is no such file."
+        f"{', '.join(ActuatorFile.model_fields)}; there is no such file."
     )
     raw = parse_toml(name_or_file, file_content(name_or_file, absent=absent), error=DeviceFileError)
     try:
-        values = _File.model_validate(raw)
+        values = ActuatorFile.model_validate(raw)
     except ValidationError as exc:
-        raise DeviceFileError(name_or_file, all_problems(exc, _File, raw)) from exc
+        raise DeviceFileError(name_or_file, all_problems(exc, ActuatorFile, raw)) from exc
     return Actuator(**values.model_dump())
 
 

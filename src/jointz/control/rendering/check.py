@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 DEVIATION_RAD = 0.1
 #: A rendered impedance that is further off at the stride's frequencies is called unfaithful, %.
 FAITHFUL_PCT = 20.0
+#: Conditions without which a profile cannot be rendered.
+_DECISIVE = ("stable", "torque", "varying")
 _INTERVAL = 2.5, 97.5
 
 
@@ -99,7 +101,7 @@ class RenderingCheck(PlottedResult):
     @property
     def can_render(self) -> bool:
         """Whether it is stable, has the torque, and no passive load makes deviations grow."""
-        return all(self[name].holds for name in ("stable", "torque", "varying"))
+        return all(self[name].holds for name in _DECISIVE)
 
     def __getitem__(self, condition: str) -> Finding:
         """Return the finding of a condition."""
@@ -122,7 +124,8 @@ class RenderingCheck(PlottedResult):
             f"load {self.load_inertia:.3g} kg*m^2; {self.share:.0%} of the profile",
         ]
         lines += [f"{one.condition}: {one.note}" for one in self.findings]
-        verdict = "can be rendered" if self.can_render else "cannot be rendered"
+        missing = [name for name in _DECISIVE if not self[name].holds]
+        verdict = f"cannot be rendered ({', '.join(missing)})" if missing else "can be rendered"
         return summary_text(f"Profile of {self.subject}: {verdict}", lines, ())
 
     def _draw(self, axes: "Axes") -> None:
@@ -276,9 +279,10 @@ def _faithful(profile: ImpedanceProfile, actuator: Actuator, stiffness: np.ndarr
     hidden = actuator.coulomb_nm / float(stiffness.max())
     note = (
         f"stiffness and damping are {percent:.3g} % off at {hz:.3g} Hz, below which the mean "
-        "stride has 99 % of its power; Coulomb friction hides deviations below "
-        f"{hidden:.2g} rad where stiffness is largest"
+        "stride has 99 % of its power"
     )
+    if hidden:
+        note += f"; Coulomb friction hides deviations below {hidden:.2g} rad even at the largest K"
     return Finding("faithful", percent <= FAITHFUL_PCT, percent, None, None, FAITHFUL_PCT, "%",
                    None, note)  # fmt: skip
 

@@ -15,7 +15,9 @@ _MASS, _GYRATION, _LENGTH, _HEIGHT_M = 0.061, 0.735, 0.246, 1.74
 #: Halvings of an interval of frequencies: to 1e-12 of it.
 _HALVINGS = 40
 #: Frequencies at which passivity is tested, logarithmic and even.
-_FREQUENCIES = 2000
+_FREQUENCIES = 1000
+#: Laws whose passivity is tested at once.
+_AT_ONCE = 100
 #: Share of the power of the mean stride's angle that a rendered impedance must follow.
 _POWER = 0.99
 
@@ -112,9 +114,12 @@ def passivity_shortage(actuator: Actuator, stiffness: ArrayLike, damping: ArrayL
     (n,) ndarray, N*m*s/rad
         0 or less where it is passive.
     """
-    k, b = np.atleast_1d(stiffness)[:, None], np.atleast_1d(damping)[:, None]
-    real, slope = _passivity_planes(actuator)
-    return np.asarray(-(actuator.viscous + b * real + k * slope).min(axis=1))
+    laws = np.column_stack([np.atleast_1d(damping), np.atleast_1d(stiffness)])
+    planes = np.stack(_passivity_planes(actuator))
+    # In parts: all laws by all frequencies would be gigabytes.
+    parts = [laws[k : k + _AT_ONCE] for k in range(0, len(laws), _AT_ONCE)]
+    least = np.concatenate([(part @ planes).min(axis=1) for part in parts])
+    return np.asarray(-actuator.viscous - least)
 
 
 def passive_stiffness(actuator: Actuator, damping: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,9 @@ SPRING_RANGE: Final = (0.0, 10.0)
 STRIDE_RANGE: Final = (0.8, 1.2)
 #: Points of the grid of inertias, springs and stride times.
 GRID: Final = (9, 15, 9)
-SMALL_GRID: Final = (3, 6, 3)
+SMALL_GRID: Final = (4, 10, 9)
+#: Profiles that are searched at once.
+_AT_ONCE = 40
 #: Spring, by the mean stiffness, above which the grid has even steps of the logarithm.
 _SOFTEST = 0.01
 #: Rounds of refinement, and how many of the largest multipliers are refined in each.
@@ -148,8 +150,16 @@ def drawn_multipliers(
         As in :func:`largest_multiplier`.
     """
     points = np.stack(np.meshgrid(*_axes(SMALL_GRID), indexing="ij"), axis=-1).reshape(-1, 3)
-    values = _multipliers_at(points, stiffness[:, None], damping[:, None], stride_s, load_inertia)
-    return np.asarray(values.max(axis=1))
+    values = [
+        _multipliers_at(points, k[:, None], b[:, None], stride_s, load_inertia).max(axis=1)
+        for k, b in zip(*(_parts(one) for one in (stiffness, damping)), strict=True)
+    ]
+    return np.concatenate(values)
+
+
+def _parts(profiles: np.ndarray) -> list[np.ndarray]:
+    """Return profiles in parts whose arrays stay in the cache."""
+    return [profiles[k : k + _AT_ONCE] for k in range(0, len(profiles), _AT_ONCE)]
 
 
 def _axes(counts: tuple[int, int, int]) -> list[np.ndarray]:
