@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from jointz.core.errors import DeviceError, NotConnectedError, ProtocolError, SafetyStop
+from jointz.core.errors import DataError, DeviceError, NotConnectedError, ProtocolError, SafetyStop
 from jointz.core.limits import LimitsOverride
 from jointz.core.protocols.protocol_models import ControllerSpec
 from jointz.core.session_log import Flag
@@ -94,6 +94,22 @@ def at_time(monkeypatch, time_s, act):
         return whole(self, slot, host_ns, skipped)
 
     monkeypatch.setattr(trial.Trial, "tick", tick)
+
+
+def stop_at_fault(walk, monkeypatch):
+    """Run a session and ask it to stop at :data:`FAULT_S`."""
+    running = walk.session()
+    write = trial.Recorder.write
+
+    def stop(self, *records):
+        write(self, *records)
+        if walk.clock.now_ns() >= FAULT_S * 1e9:
+            running.request_stop()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(trial.Recorder, "write", stop)
+        with pytest.raises(KeyboardInterrupt):
+            running.run()
 
 
 def assert_zero_after(walk, fault_s, *, within_s):
@@ -268,18 +284,7 @@ def test_a_stop_fades_the_torque_and_a_session_that_goes_on_begins_with_declared
     walk, monkeypatch
 ):
     at_time(monkeypatch, 6.0, lambda t: t.set_parameter("share", 1.5))
-    running = walk.session()
-    write = trial.Recorder.write
-
-    def stop(self, *records):
-        write(self, *records)
-        if walk.clock.now_ns() >= FAULT_S * 1e9:
-            running.request_stop()
-
-    with monkeypatch.context() as patched:
-        patched.setattr(trial.Recorder, "write", stop)
-        with pytest.raises(KeyboardInterrupt):
-            running.run()
+    stop_at_fault(walk, monkeypatch)
     ticks, time_s = ticks_of(walk)
     fade_s = walk.devices.actuator.describe().limits.fade_s
     assert time_s[-1] == pytest.approx(FAULT_S + fade_s, abs=2 * PERIOD_S)
@@ -295,6 +300,13 @@ def test_a_stop_fades_the_torque_and_a_session_that_goes_on_begins_with_declared
     begun = [e for e in walk.events() if e["event"] == "controller"]
     assert [(e["segment"], e["values"]) for e in begun] == [(0, "as declared"), (1, "as declared")]
     assert walk.event_names()[-1] == "condition_completed"
+
+
+def test_a_stretch_does_not_go_on_with_another_controller(walk, monkeypatch):
+    stop_at_fault(walk, monkeypatch)
+    monkeypatch.setattr(Push, "describe", lambda _: {"profile": "another"})
+    with pytest.raises(DataError, match="another controller than in the stretch before"):
+        walk.run()
 
 
 def test_a_parameter_moves_at_its_rate_while_the_person_walks(walk, monkeypatch):

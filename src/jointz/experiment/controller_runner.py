@@ -1,7 +1,7 @@
 """Runs a controller tick by tick: fades its torque, moves its parameters, journals both."""
 
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import isfinite
 from types import MappingProxyType
 from typing import Any
 
@@ -23,8 +23,9 @@ class RunnerSettings:
 
     period_ns: int  # period of the loop
     fade_s: float  # time in which torque fades to zero
-    largest_nm: float = inf  # largest torque that the safety gate lets through
-    angle_zero_rad: float = 0.0  # what the goniometer shows at the joint's zero
+    # what the goniometer shows at the joint's zero; None: not calibrated, taken as 0
+    angle_zero_rad: float | None = None
+    angle_gain: float = 1.0  # measured over true angle
 
 
 class ControllerRunner:
@@ -54,6 +55,7 @@ class ControllerRunner:
     """
 
     __slots__ = (
+        "_angle_gain",
         "_angle_zero_rad",
         "_changes",
         "_condition",
@@ -62,7 +64,6 @@ class ControllerRunner:
         "_gain",
         "_held",
         "_journal",
-        "_largest_nm",
         "_paused",
         "_period_s",
         "_rise",
@@ -90,8 +91,7 @@ class ControllerRunner:
         self._condition, self._segment = condition, segment
         self._controller = controller
         self._journal = journal
-        self._angle_zero_rad = settings.angle_zero_rad
-        self._largest_nm = settings.largest_nm
+        self._angle_zero_rad, self._angle_gain = settings.angle_zero_rad or 0.0, settings.angle_gain
         self._period_s = settings.period_ns * 1e-9
         self._rise, self._fade_step = self._period_s / FADE_IN_S, self._period_s / settings.fade_s
         self._values = {name: float(one.value) for name, one in controller.parameters.items()}
@@ -99,10 +99,10 @@ class ControllerRunner:
         self._targets = dict(self._values)
         self._changes: list[tuple[str, float]] = []
         self._gain = self._held = 0.0
-        self._slot = 0
+        self._slot = -1
         self._paused = self.fading = False
         self.failure = ""
-        self._write_begin(spec)
+        self._write_begin(spec, settings)
 
     def pause(self, *, on: bool) -> None:
         """Fade torque out and keep it at zero, or go on."""
@@ -143,22 +143,24 @@ class ControllerRunner:
         velocity: float,
         contact: float,
         steady: bool,
+        clamped_nm: float | None = None,
     ) -> float:
         """Return the torque that the controller wants now, N*m; NaN if it failed.
 
         While it fades, the last torque is scaled down and the controller is not called: without
         steady gait there is no phase to call it with, and a phase that runs on would go through
-        the torque of another part of the cycle.
+        the torque of another part of the cycle. ``clamped_nm`` is what the safety gate let through
+        in the tick before, None if it was all: torque fades from there, not from what was asked.
         """
         self._slot = slot
-        self._move_values()
         if steady and not self._paused:
+            self._move_values()  # not while there is no torque: a change would come all at once
             self.fading = False
             self._gain = min(1.0, self._gain + self._rise)
             self._held = self._called(slot_ns, watch, angle, velocity, contact)
             return self._gain * self._held
-        if not self.fading:  # what the gate cuts off would only delay the fade
-            self._held = max(-self._largest_nm, min(self._largest_nm, self._held))
+        if not self.fading and self._gain > 0.0 and clamped_nm is not None:
+            self._held = clamped_nm / self._gain
         self._gain -= self._fade_step
         if self._gain < _NO_GAIN:
             self._gain = self._held = 0.0
@@ -176,13 +178,14 @@ class ControllerRunner:
             slot_ns * 1e-9,
             # A heel strike that is late leaves it at the end of the cycle.
             min(watch.phase_pct, 100.0),
-            angle - self._angle_zero_rad,
+            (angle - self._angle_zero_rad) / self._angle_gain,
             velocity,
             contact,
             watch.strides.strides,
         )
         try:
-            return float(self._controller.torque(state, self._values_view))
+            # Added to zero: a text that spells a number is no torque.
+            return float(0.0 + self._controller.torque(state, self._values_view))
         except Exception as exc:  # noqa: BLE001 - no number: the safety gate trips in this tick
             self.failure = f"{type(exc).__name__}: {exc}"
             return _NAN
@@ -198,9 +201,10 @@ class ControllerRunner:
 
     def _move(self, event: str, name: str, value: float) -> None:
         before, self._targets[name] = self._targets[name], value
-        self._write(event, name=name, before=before, after=value, slot=self._slot)
+        # It holds from the tick that follows.
+        self._write(event, name=name, before=before, after=value, slot=self._slot + 1)
 
-    def _write_begin(self, spec: ControllerSpec) -> None:
+    def _write_begin(self, spec: ControllerSpec, settings: RunnerSettings) -> None:
         parameters = {
             name: {
                 "value": float(one.value),
@@ -218,6 +222,8 @@ class ControllerRunner:
             parameters=parameters,
             # Also after --resume: an operator's changes end with their stretch.
             values="as declared",
+            angle_zero_rad=settings.angle_zero_rad,
+            angle_gain=settings.angle_gain,
             description=dict(self._controller.describe()),
         )
 

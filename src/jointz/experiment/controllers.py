@@ -20,6 +20,8 @@ from jointz.devices.interface import Wearer
 
 GROUP = "jointz.controllers"
 _PLACE = "jointz.control.controllers"
+#: Of a parameter: the operator's page has room for no more.
+_LONGEST_NAME = 48
 #: Controller -> factory of the controllers of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
     "zero_torque": f"{_PLACE}:make_zero_torque",
@@ -93,7 +95,7 @@ def make_controller(spec: ControllerSpec, *, protocol: ProtocolSpec, wearer: Wea
         wrong = [*_wrong_parameters(controller), *_wrong_description(controller)] if valid else []
     except JointzError:
         raise
-    except Exception as exc:
+    except (Exception, SystemExit) as exc:
         raise DataError(f"{source}: could not be made ({type(exc).__name__}: {exc}).") from exc
     if not valid:
         raise DataError(
@@ -153,6 +155,11 @@ def _wrong_description(controller: Controller) -> Iterator[str]:
 def _wrong_parameters(controller: Controller) -> Iterator[str]:
     for name, one in controller.parameters.items():
         numbers = one.value, one.low, one.high, one.rate_per_s
+        if not (isinstance(name, str) and name.isprintable() and 0 < len(name) <= _LONGEST_NAME):
+            yield f"parameter {name!r}: expected a printable name of at most {_LONGEST_NAME}."
+        unit: Any = one.unit
+        if not isinstance(unit, str):
+            yield f"parameter {name}: expected unit as text, got {unit!r}."
         if not all(map(isfinite, numbers)) or not one.low <= one.value <= one.high:
             yield f"parameter {name}: expected finite low <= value <= high, got {one}."
         elif one.rate_per_s <= 0.0:

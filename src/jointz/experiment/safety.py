@@ -66,8 +66,6 @@ class SafetyGate:
         Limit and value of the trip.
     fade_s : float, s
         Limit of the time in which torque fades to zero.
-    largest_nm : float, N*m
-        Largest torque that the limits of torque and current let through.
     fading : bool
         Whether a pulse is being faded out; lasts until it is over and gait is steady.
     flags : int
@@ -104,7 +102,6 @@ class SafetyGate:
         "fade_s",
         "fading",
         "flags",
-        "largest_nm",
         "tripped",
     )
 
@@ -136,7 +133,7 @@ class SafetyGate:
         self.detail = ""
         self.fading = self.cut = False
         self.displacement_rad = limits.displacement_rad
-        self.fade_s, self.largest_nm = limits.fade_s, self._largest
+        self.fade_s = limits.fade_s
         self.flags = 0
 
     def trip(self, code: Trip, detail: str) -> None:

@@ -39,6 +39,7 @@ from jointz.experiment.files.journal import (
     Event,
     Journal,
     is_completed,
+    last_controller,
     pulses_begun,
     pulses_done,
     pulses_withdrawn,
@@ -216,7 +217,8 @@ class Session:
                     self._kind.layout(devices),
                 )
             )
-            zero = self._rig.calibration.angle_zero_rad
+            calibration = self._rig.calibration
+            zero, gain = calibration.angle_zero_rad, calibration.angle_gain
             setup = TrialSetup(
                 protocol=self._plan.protocol,
                 condition=condition,
@@ -230,9 +232,11 @@ class Session:
                 pulses=pulses,
                 done=pulses_done(events, name),
                 rng=self._plan.stream(self._rig.wearer.id, f"references of {name}"),
-                contact_levels_v=self._rig.calibration.contact_levels_v,
+                contact_levels_v=calibration.contact_levels_v,
                 wearer=self._rig.wearer,
-                angle_zero_rad=0.0 if zero is None else zero.value,
+                angle_zero_rad=None if zero is None else zero.value,
+                angle_gain=1.0 if gain is None else gain.value,
+                controlled_by=last_controller(events, name),
             )
             trial = self._kind.trial(setup, partial(self._progress, name))
             self._run_trial(trial, setup, note)

@@ -255,6 +255,7 @@ class Trial:
             velocity=streams.newest_actuator.velocity,
             contact=streams.newest_contact.value,
             steady=watch.steady and not self._stopping,
+            clamped_nm=None if self._sent == self._requested else self._sent,
         )
         if controller.fading:
             self._flags |= _FADING

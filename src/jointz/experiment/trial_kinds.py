@@ -1,5 +1,6 @@
 """Kinds of trials: walking, with a controller, on a bench; :class:`TrialKind` has what differs."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from jointz.core.clock import Clock
-from jointz.core.errors import ProtocolError
+from jointz.core.errors import DataError, ProtocolError
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
 from jointz.core.protocols.protocol_models import ConditionSpec
@@ -79,7 +80,9 @@ class TrialSetup:
     # calibrated levels of a footswitch of kind ``voltage``: off, on; None if not calibrated
     contact_levels_v: tuple[float, float] | None = None
     wearer: Wearer = Wearer("")  # noqa: RUF009 - frozen
-    angle_zero_rad: float = 0.0  # what the goniometer shows at the joint's zero
+    angle_zero_rad: float | None = None  # what the goniometer shows at the joint's zero, if known
+    angle_gain: float = 1.0  # measured over true angle
+    controlled_by: Any = None  # description of the controller of an earlier stretch
 
     @property
     def contact_levels(self) -> tuple[float, float]:
@@ -134,14 +137,23 @@ def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
         raise ProtocolError(
             protocol.name, [f"{setup.name} needs gait, a controller and an actuator."]
         )
+    made = make_controller(spec, protocol=protocol, wearer=setup.wearer)
+    if setup.controlled_by not in (None, json.loads(json.dumps(made.describe()))):
+        raise DataError(
+            f"{setup.name}: '{spec.name}' is another controller than in the stretch before: its "
+            "profile, settings or version changed. Restore them, or begin another study."
+        )
     controller = ControllerRunner(
         setup.name,
         setup.segment,
         spec,
-        make_controller(spec, protocol=protocol, wearer=setup.wearer),
+        made,
         journal=setup.journal,
         settings=RunnerSettings(
-            setup.period_ns, gate.fade_s, gate.largest_nm, setup.angle_zero_rad
+            setup.period_ns,
+            gate.fade_s,
+            setup.angle_zero_rad,
+            setup.angle_gain,
         ),
     )
     return Trial(

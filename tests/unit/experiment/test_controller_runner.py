@@ -40,7 +40,7 @@ class Spring:
 
 
 class Bench:
-    def __init__(self, folder):
+    def __init__(self, folder, angle_gain=1.0):
         self.file, self.controller, self.slot = folder / "journal.jsonl", Spring(), -1
         self.journal = Journal(self.file)
         self.watch = SimpleNamespace(phase_pct=12.0, strides=SimpleNamespace(strides=4))
@@ -50,13 +50,13 @@ class Bench:
             ControllerSpec(name="spring", settings={"share": 1.0}),
             self.controller,
             journal=self.journal,
-            settings=RunnerSettings(round(PERIOD_S * 1e9), FADE_S, LARGEST_NM, angle_zero_rad=0.1),
+            settings=RunnerSettings(round(PERIOD_S * 1e9), FADE_S, 0.1, angle_gain),
         )
 
-    def ticks(self, count, *, steady=True):
-        return np.array([self.tick(steady=steady) for _ in range(count)])
+    def ticks(self, count, **more):
+        return np.array([self.tick(**more) for _ in range(count)])
 
-    def tick(self, *, steady=True):
+    def tick(self, *, steady=True, clamped_nm=None):
         self.slot += 1
         return self.runner.torque(
             self.slot,
@@ -66,6 +66,7 @@ class Bench:
             velocity=-1.0,
             contact=1.0,
             steady=steady,
+            clamped_nm=clamped_nm,
         )
 
     def events(self, kind=""):
@@ -98,12 +99,39 @@ def test_torque_fades_out_within_the_gates_time_and_the_controller_is_not_called
     assert len(bench.controller.states) == calls
 
 
-def test_torque_beyond_the_gates_limit_fades_from_the_limit(bench):
+@pytest.mark.parametrize("sent_nm", [-LARGEST_NM, 3.0])
+@pytest.mark.parametrize("before", [RISE_TICKS, RISE_TICKS // 4])
+def test_torque_that_the_gate_clamped_fades_from_what_was_sent(bench, before, sent_nm):
     bench.controller.answer = lambda _: -1000.0
-    bench.ticks(RISE_TICKS)
-    torque = bench.ticks(FADE_TICKS, steady=False)
-    assert -LARGEST_NM < torque[0] < -LARGEST_NM * 0.9
+    bench.ticks(before)
+    torque = bench.ticks(FADE_TICKS, steady=False, clamped_nm=sent_nm)
+    assert 0.0 < torque[0] / sent_nm < 1.0
+    assert (np.diff(np.abs(torque)) <= 0.0).all()
     assert torque[-1] == 0.0
+
+
+def test_a_change_during_a_pause_comes_at_its_rate_afterwards(bench):
+    bench.ticks(RISE_TICKS)
+    bench.runner.pause(on=True)
+    assert bench.runner.set_parameter("share", 2.0) == ""
+    bench.ticks(round(5.0 / PERIOD_S))
+    bench.runner.pause(on=False)
+    torque = bench.ticks(RISE_TICKS + 1)
+    assert torque[-1] <= 5.0 * (1.0 + 0.5 * FADE_IN_S) + 0.1
+
+
+def test_angle_is_that_of_the_joint(tmp_path):
+    made = Bench(tmp_path, angle_gain=1.25)
+    with made.journal:
+        made.ticks(3)
+    assert made.controller.states[-1].angle == pytest.approx(0.4 / 1.25)
+    assert made.events("controller")[0]["angle_zero_rad"] == 0.1
+
+
+def test_a_text_is_no_torque(bench):
+    bench.controller.answer = lambda _: "3"
+    assert np.isnan(bench.tick())
+    assert "TypeError" in bench.runner.failure
 
 
 def test_before_steady_gait_there_is_no_torque_and_no_call(bench):
@@ -166,7 +194,7 @@ def test_a_parameter_moves_at_its_rate_and_back_by_undo(bench):
     assert changed == [("share", 1.0, 2.0), ("stiffness", 10.0, 20.0), ("share", 2.0, 0.5)]
     undone = [(e["name"], e["before"], e["after"]) for e in bench.events("parameter_undone")]
     assert undone == [("share", 0.5, 2.0), ("stiffness", 20.0, 10.0), ("share", 2.0, 1.0)]
-    assert bench.events("parameter_changed")[0]["slot"] == 9
+    assert bench.events("parameter_changed")[0]["slot"] == 10  # it holds from then on
 
 
 @pytest.mark.parametrize(

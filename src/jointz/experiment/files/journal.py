@@ -154,6 +154,12 @@ def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
     ]
 
 
+def last_controller(events: Iterable[Event], condition: str) -> Any:
+    """Return the description of the controller of a condition's last stretch, None without."""
+    own = [e for e in events if (e["event"], e["condition"]) == ("controller", condition)]
+    return own[-1]["description"] if own else None
+
+
 def segments_begun(events: Iterable[Event], condition: str) -> int:
     """Return how many times a condition was begun or taken up again."""
     events_of_condition = [event for event in events if event["condition"] == condition]
