@@ -29,6 +29,8 @@ from jointz.io.protocols import PUBLISHED
 _SAME_MASS = 0.05
 #: A wearer feels at most this change of support from one second to the next.
 _SHARE_PER_S = 0.1
+#: A phase in which the angle moves by less has no line of moment on angle.
+_MOVES_RAD = 0.05
 _SHARE = {"share": (0.1, 0.0, 1.0)}
 #: Of measured impedance: size of the energy tank (J), full at the start; 0: none.
 _IMPEDANCE = {**_SHARE, "tank_j": (0.0, 0.0, 50.0)}
@@ -164,16 +166,18 @@ def _through_moment(
 def _lines(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
     """Return quasi-stiffness: in each gait phase the line of moment on angle that resists it.
 
-    A line that would drive the knee on (moment growing with angle) is left out: the phase has its
-    mean moment instead.
+    A phase has its mean moment instead where the line would drive the knee on (moment growing with
+    angle) or the angle hardly moves; no line is stiffer than the profile.
     """
     del settings
     feedforward, stiffness = np.zeros(GRID_PCT.size), np.zeros(GRID_PCT.size)
+    stiffest = float(profile.stiffness.max())
     for begin, end in PHASES.values():
         own = slice(round(begin), round(end))  # nodes lie at full %
         angle, moment = profile.angle[own], profile.moment[own]
-        off = angle - angle.mean()
-        slope = max(0.0, -float(off @ moment) / float(off @ off)) if np.ptp(angle) > 0.0 else 0.0
+        off, slope = angle - angle.mean(), 0.0
+        if np.ptp(angle) > _MOVES_RAD:
+            slope = min(max(0.0, -float(off @ moment) / float(off @ off)), stiffest)
         stiffness[own] = slope
         feedforward[own] = moment.mean() + slope * angle.mean()
     none = np.zeros(GRID_PCT.size)
@@ -183,6 +187,35 @@ def _lines(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTab
 def _of_states(states: tuple[ImpedanceState, ...]) -> PhaseTables:
     stiffness, damping, equilibrium = state_tables(states, GRID_PCT)
     return PhaseTables(np.zeros(GRID_PCT.size), stiffness, damping, equilibrium)
+
+
+_LAWS: Mapping[str, Law] = {
+    "torque_replay": _replayed,
+    "kinematic_pd": _followed,
+    "quasi_stiffness": _lines,
+    "impedance_constant": _constant,
+    "impedance_per_phase": _per_phase,
+    "impedance_continuous": _measured,
+}
+
+
+def controller_tables(
+    name: str, profile: ImpedanceProfile | None, settings: Mapping[str, float] | None = None
+) -> PhaseTables:
+    """Return the law of a built-in controller over the cycle.
+
+    Without a profile only zero torque and the published four states have one.
+    """
+    none = np.zeros(GRID_PCT.size)
+    if name == "zero_torque":
+        return PhaseTables(none, none, none, none)
+    if name == "four_state":
+        states = osl_states() if profile is None else fit_state_machine(profile).states
+        return _of_states(states)
+    if profile is None:
+        raise DataError(f"{name} follows a profile. Give one.")
+    defaults = {key: default for key, (default, *_) in _PD.items()}
+    return _LAWS[name](profile, defaults | dict(settings or {}))
 
 
 # --- factories -----------------------------------------------------------------------------------
@@ -235,6 +268,7 @@ def make_four_state(
         _check_joint("knee", "flexion", protocol, "the published states")
         about = {"states": "published with the opensourceleg library"}
         return PhaseController(_of_states(osl_states()), settings["share"], about)
+    _check_joint("knee", "flexion", protocol, "four states")
     profile, about = wearers_profile(spec, protocol=protocol, wearer=wearer)
     return PhaseController(_of_states(fit_state_machine(profile).states), settings["share"], about)
 

@@ -33,6 +33,8 @@ _OF_MASS = (
     "moment_sd",
     *(f"{name}{end}" for name in ("stiffness", "damping") for end in ("", "_low", "_high")),
 )
+#: Characters of a subject that the title of a figure has room for.
+_LONGEST_TITLE = 30
 _INTERVALS = ("stiffness", "damping", "equilibrium")
 
 
@@ -245,7 +247,7 @@ def draw_profile(canvas: "Figure", profile: ImpedanceProfile) -> None:
     panels[2].set_ylabel("angle (rad)")
     panels[3].set_xlabel("gait cycle (%)")
     canvas.suptitle(
-        f"{profile.subject}: {profile.joint}, positive {profile.positive}, "
+        f"{profile.subject[:_LONGEST_TITLE]}: {profile.joint}, positive {profile.positive}, "
         f"{profile.mass_kg:.1f} kg. Blue: {profile.ci_level:.0%} intervals; grey: mean stride, SD"
     )
 

@@ -86,21 +86,21 @@ def measured_impedance(analysis: StudyAnalysis, label: str | None) -> Impedance:
     posterior = next((p for p in analysis.log_posteriors if p.label == label), None)
     if posterior is not None:
         return _of_posterior(posterior, analysis)
-    found, taken, warnings = [], [], []
-    for name in ("stiffness", "damping"):
-        small = _points(analysis, label, f"{name}_onset")
-        taken.append(len(small) >= FEWEST)
-        points = small if taken[-1] else _points(analysis, label, name)
-        found.append(curve_through(points, name, label or MEAN))
-    if taken != [True, True]:
-        warnings.append("small displacements are not decided: secants over the window were taken")
+    names = ("stiffness", "damping")
+    onset = [_points(analysis, label, f"{name}_onset") for name in names]
+    small = all(len(points) >= FEWEST for points in onset)
+    points = onset if small else [_points(analysis, label, name) for name in names]
+    stiffness, damping = (
+        curve_through(own, name, label or MEAN) for own, name in zip(points, names, strict=True)
+    )
+    text = "small displacements are not decided: secants over the window were taken"
     return Impedance(
-        found[0],
-        found[1],
-        _covariance(found[0], found[1], _correlations(analysis, label)),
-        "onset" if taken == [True, True] else "window",
-        _source(analysis, small=taken == [True, True]),
-        tuple(warnings),
+        stiffness,
+        damping,
+        _covariance(stiffness, damping, _correlations(analysis, label)),
+        "onset" if small else "window",
+        _source(analysis, small=small),
+        () if small else (text,),
     )
 
 
@@ -184,34 +184,32 @@ def _of_posterior(posterior: LogPosterior, analysis: StudyAnalysis) -> Impedance
     """Return the curves of the method strapped, small displacements where it tells of them."""
     small = "stiffness_onset" in posterior.parameters
     names = [f"{name}_onset" if small else name for name in ("stiffness", "damping")]
-    places = {cell.timing_point: cell for cell in analysis.cells if cell.label == posterior.label}
+    places = {
+        cell.timing_point: cell.onset_gait_pct if small else cell.centre_gait_pct
+        for cell in analysis.cells
+        if cell.label == posterior.label
+    }
     curves, where = [], []
     for name in names:
         own = [k for k, p in enumerate(posterior.parameters) if p == name]
         _refuse_doubted(posterior, own)
-        own = [k for k in own if _place(places.get(posterior.timing_points[k]), small=small)]
-        points = [
-            _of_element(posterior, k, name, _place(places[posterior.timing_points[k]], small=small))
-            for k in own
-        ]
+        placed = {k: at for k in own if (at := places.get(posterior.timing_points[k])) is not None}
+        points = [_of_element(posterior, k, name, at) for k, at in placed.items()]
         curves.append(curve_through(points, name, posterior.label))
-        where += [own[i] for i in np.argsort([point.gait_pct for point in points])]
+        where += sorted(placed, key=placed.__getitem__)
+    # The device's own part is no unknown: what is left of the value has the whole error.
+    values = np.array([point.value for curve in curves for point in curve.points])
+    own_share = np.exp(posterior.mean[where]) / values
     warnings = () if small else ("small displacements were not estimated: secants were taken",)
     return Impedance(
         curves[0],
         curves[1],
-        posterior.covariance[np.ix_(where, where)] + posterior.gain_sd**2,
+        (posterior.covariance[np.ix_(where, where)] + posterior.gain_sd**2)
+        * np.outer(own_share, own_share),
         "onset" if small else "window",
         _source(analysis, small=small),
         warnings,
     )
-
-
-def _place(cell: CellEstimate | None, *, small: bool) -> float:
-    """Return the phase that an estimate belongs to, % of the gait cycle; 0 for unknown."""
-    if cell is None:
-        return 0.0
-    return (cell.onset_gait_pct if small else cell.centre_gait_pct) or 0.0
 
 
 def _of_element(posterior: LogPosterior, k: int, name: str, at: float) -> Point:
@@ -249,8 +247,8 @@ def curve_through(points: Sequence[Point], name: str, who: str) -> Curve:
         raise EstimationError(
             "no_pulses",
             f"profile of {who}: {name} is estimated at {len(points)} timing points, expected "
-            f"{FEWEST} or more. Plan pulses at more phases of the cycle, or take the mean over "
-            "people.",
+            f"{FEWEST} or more. Plan pulses at more phases of the cycle; a study of one person has "
+            "no mean: name the participant.",
         )
     curve = periodic_curve(
         np.array([point.gait_pct for point in points]) / 100.0,
@@ -284,7 +282,7 @@ def _of_people(point: str, row: chapter4.Row) -> Point:
     reach = float(students_t.ppf(0.975, values.size - 1)) / REACH_95
     sd = reach * values.std(ddof=1) / np.sqrt(values.size) / values.mean()
     at = TIMING_POINTS[point] + _HALF_WINDOW_PCT
-    return Point(point, at, float(values.mean()), float(sd), 0.0)
+    return Point(point, at, float(values.mean()), 0.0, float(sd))
 
 
 def _source(analysis: StudyAnalysis, *, small: bool) -> str:

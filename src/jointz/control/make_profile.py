@@ -29,6 +29,8 @@ from jointz.results.study_analysis import StudyAnalysis
 _LEVEL = 0.95
 #: Draws behind the interval of the equilibrium; their seed is fixed, so that a file is repeatable.
 _DRAWS, _SEED = 4000, 1
+#: Masses of bodies.
+_LIGHTEST_KG, _HEAVIEST_KG = 1.0, 500.0
 #: Conditions in the order in which their mean stride is taken.
 _CONDITIONS = ("unperturbed", "no_device", "perturbed")
 
@@ -74,10 +76,12 @@ def impedance_profile(
     Raises
     ------
     DataError
-        When the study is no walking study of the joint, masses or the participant are unknown, or
-        an interval of stiffness or damping reaches zero; the message says which pulses would help.
+        When the study is no walking study, masses or the participant are unknown, or no mean stride
+        stands in the results.
     EstimationError
-        When fewer than four timing points have estimates, or the data speak against the model.
+        When an interval of stiffness or damping at a timing point reaches zero (the message says
+        which pulses would help), fewer than four timing points have estimates, or the data speak
+        against the model.
 
     Notes
     -----
@@ -85,12 +89,16 @@ def impedance_profile(
     stride without pulses (Hogan 1985, doi 10.1115/1.3140702). The moment is the internal one of
     inverse dynamics (channel ``joint_moment``); where none was recorded, a published one of the
     knee, which is named. Stiffness and damping are those for small displacements where the method
-    estimates them, secants over the window otherwise. Between timing points they follow
-    :func:`jointz.phase_curve`, or a periodic Gaussian process of the logarithms, whose interval
-    widens away from the points. The interval of the equilibrium holds errors of stiffness and
-    damping (with their correlation), of mean angle and moment, and of lag and gain of the angle; it
-    does not hold errors of the inverse dynamics that all strides share.
+    estimates them, secants over the window otherwise. Between timing points they follow a
+    periodic Gaussian process of the logarithms, whose interval widens away from the points. The
+    interval of the equilibrium holds errors of stiffness and damping (with their correlation),
+    of mean angle and moment, and of lag and gain of the angle; it does not hold errors of the
+    inverse dynamics that all strides share.
     """
+    if mass_kg is not None and not _LIGHTEST_KG <= mass_kg <= _HEAVIEST_KG:
+        raise DataError(
+            f"mass_kg: expected {_LIGHTEST_KG:g} to {_HEAVIEST_KG:g} kg, got {mass_kg:g} kg."
+        )
     if analysis is None:
         impedance, gait = published_impedance(), _published_gait()
         about: dict[str, Any] = {"subject": PUBLISHED, "joint": "knee", "positive": "flexion"}
@@ -102,7 +110,8 @@ def impedance_profile(
     impedance = measured_impedance(analysis, label)
     if label is not None and mass_kg is not None:
         raise DataError(f"profile of {label}: mass_kg is for a mean over people. Leave it out.")
-    own_kg = fmean(masses[s.participant] for s in strides)
+    people = {cell.participant for cell in analysis.cells if label in (None, cell.label)}
+    own_kg = fmean(masses[person] for person in people)
     gait = _measured_gait(analysis, strides, masses, own_kg, label)
     about = {
         "subject": label or MEAN,
@@ -110,7 +119,10 @@ def impedance_profile(
         "joint": analysis.settings["joint"],
         "positive": analysis.settings["positive"],
         "side": strides[0].side if label is not None else "",
-        "provenance": {"study_sha256": analysis.provenance.get("study_sha256")},
+        "provenance": {
+            "created": now(),
+            "study_sha256": analysis.provenance.get("study_sha256"),
+        },
     }
     made = _made(impedance, gait, about, own_kg)
     return made if mass_kg is None else made.for_mass(mass_kg)
@@ -139,7 +151,9 @@ def _masses(analysis: StudyAnalysis) -> dict[str, float]:
     """Return participant -> body mass, kg."""
     people = analysis.provenance.get("study", {}).get("participants", ())
     masses = {str(p["id"]): p.get("mass_kg") for p in people}
-    missing = [p for p in {c.participant for c in analysis.cells} if not masses.get(p)]
+    of = {cell.participant for cell in analysis.cells}
+    of |= {stride.participant for stride in analysis.mean_strides}
+    missing = [person for person in of if not masses.get(person)]
     if missing:
         raise DataError(
             f"profile: no mass of {', '.join(sorted(missing))}. A controller must know whom it "
@@ -149,24 +163,24 @@ def _masses(analysis: StudyAnalysis) -> dict[str, float]:
 
 
 def _strides(analysis: StudyAnalysis, label: str | None) -> list[MeanStride]:
-    """Return one mean stride a participant: with a moment where there is one, else the first."""
-    people: dict[str, list[MeanStride]] = {}
+    """Return a mean stride of each session and side: with a moment where there is one."""
+    units: dict[str, list[MeanStride]] = {}
     for stride in analysis.mean_strides:
         own = row_label(stride.participant, stride.session, stride.side)
-        if (label is None or own == label) and stride.stride_s is not None:
-            people.setdefault(own, []).append(stride)
-    if not people:
+        if label in (None, own) and stride.stride_s is not None:
+            units.setdefault(own, []).append(stride)
+    if not units:
+        labels = {row_label(s.participant, s.session, s.side) for s in analysis.mean_strides}
         raise DataError(
-            f"profile of {label or MEAN}: no mean stride in the results. Analyse the study again "
-            "with this version: jointz analyze."
+            f"profile of {label or MEAN}: no mean stride in the results, which have those of "
+            f"{'; '.join(sorted(labels))}. Give recordings without pulses of this session and "
+            "side, or, if the results are of an earlier version, analyse the study again."
         )
 
     def order(stride: MeanStride) -> tuple[bool, int]:
         return stride.moment is None, _CONDITIONS.index(stride.condition)
 
-    chosen = [min(own, key=order) for own in people.values()]
-    with_moment = [s for s in chosen if s.moment is not None]
-    return with_moment or chosen
+    return [min(own, key=order) for own in units.values()]
 
 
 def _measured_gait(
@@ -176,49 +190,59 @@ def _measured_gait(
     mass_kg: float,
     label: str | None,
 ) -> _Gait:
-    one = [_one_gait(analysis, stride) for stride in strides]
-    warnings = tuple(dict.fromkeys(w for gait in one for w in gait.warnings))
-    if label is not None:
-        (gait,) = one
-        if strides[0].moment is None:
-            gait = _with_published_moment(analysis, gait, masses[strides[0].participant])
-        return gait
-    ratios = [mass_kg / masses[stride.participant] for stride in strides]
-    angles = np.stack([g.angle for g in one])
-    gait = _over_people(one, angles, warnings)
-    if strides[0].moment is None:
+    """Return the mean stride of one participant, or of people for a body of the mean mass."""
+    people: dict[str, list[_Gait]] = {}
+    with_moment = [stride for stride in strides if stride.moment is not None]
+    for stride in with_moment or strides:
+        gait = _for_mass(_one_gait(analysis, stride), mass_kg / masses[stride.participant])
+        people.setdefault(stride.participant, []).append(gait)
+    one = [_average(gaits) for gaits in people.values()]  # sessions and sides first
+    gait = one[0] if label is not None else _over_people(one)
+    if not with_moment:
         return _with_published_moment(analysis, gait, mass_kg)
-    moments = np.stack([r * g.moment for r, g in zip(ratios, one, strict=True)])
+    n, all_people = len(one), len({stride.participant for stride in strides})
+    if n < all_people:
+        text = f"the mean stride is that of the {n} of {all_people} people with a moment"
+        gait = replace(gait, warnings=(*gait.warnings, text))
+    return gait
+
+
+def _for_mass(gait: _Gait, ratio: float) -> _Gait:
+    moments = {n: ratio * getattr(gait, n) for n in ("moment", "moment_sd", "moment_error")}
+    return replace(gait, **moments)
+
+
+def _average(gaits: Sequence[_Gait]) -> _Gait:
+    """Return the mean of gaits; their errors are taken as common to them."""
+    arrays = {
+        name: np.mean([getattr(gait, name) for gait in gaits], axis=0)
+        for name in ("angle", "angle_sd", "angle_error", "moment", "moment_sd", "moment_error")
+    }
+    warnings = dict.fromkeys(text for gait in gaits for text in gait.warnings)
+    stride_s = fmean(gait.stride_s for gait in gaits)
+    return replace(gaits[0], **arrays, stride_s=stride_s, warnings=tuple(warnings))
+
+
+def _over_people(one: Sequence[_Gait]) -> _Gait:
+    """Return the mean over people; SD and errors are those between people."""
+    mean, n = _average(one), len(one)
+    text = f"; mean over {n} people"
+    sources = {name: source + text for name, source in mean.sources.items()}
+    if n == 1:
+        return replace(mean, sources=sources)
+    angle_sd, moment_sd = (_sd([getattr(g, name) for g in one]) for name in ("angle", "moment"))
     return replace(
-        gait,
-        moment=moments.mean(axis=0),
-        moment_sd=_sd(moments),
-        moment_error=_sd(moments) / np.sqrt(len(one)),
-        sources={**gait.sources, "moment": one[0].sources["moment"]},
+        mean,
+        angle_sd=angle_sd,
+        angle_error=np.hypot(angle_sd / np.sqrt(n), mean.angle_error),
+        moment_sd=moment_sd,
+        moment_error=moment_sd / np.sqrt(n),
+        sources=sources,
     )
 
 
-def _over_people(one: Sequence[_Gait], angles: np.ndarray, warnings: tuple[str, ...]) -> _Gait:
-    none = np.zeros(GRID_PCT.size)
-    common = np.mean([gait.angle_error for gait in one], axis=0)
-    error = np.hypot(_sd(angles) / np.sqrt(len(one)), common)
-    stride_s = fmean(gait.stride_s for gait in one)
-    text = f"{one[0].sources['angle']}; mean over {len(one)} people"
-    return _Gait(
-        angles.mean(axis=0),
-        _sd(angles),
-        error,
-        none,
-        none,
-        none,
-        stride_s,
-        {"angle": text},
-        warnings,
-    )
-
-
-def _sd(rows: np.ndarray) -> np.ndarray:
-    return np.asarray(rows.std(axis=0, ddof=1) if len(rows) > 1 else np.zeros(rows.shape[1]))
+def _sd(curves: Sequence[np.ndarray]) -> np.ndarray:
+    return np.asarray(np.std(curves, axis=0, ddof=1))
 
 
 def _one_gait(analysis: StudyAnalysis, stride: MeanStride) -> _Gait:
@@ -257,8 +281,9 @@ def _one_gait(analysis: StudyAnalysis, stride: MeanStride) -> _Gait:
 def _calibration(analysis: StudyAnalysis, participant: str) -> dict[str, Any]:
     """Return the calibration of a participant's instruments over that of the study."""
     study = analysis.provenance.get("study", {})
-    own = next((p for p in study.get("participants", ()) if p["id"] == participant), {})
-    return {**study.get("calibration", {}), **own.get("calibration", {})}
+    people = {person["id"]: person for person in study.get("participants", ())}
+    own = people.get(participant, {}).get("calibration", {})
+    return {**study.get("calibration", {}), **own}
 
 
 def _lag(
@@ -368,8 +393,7 @@ def _made(
         warnings=(*impedance.warnings, *gait.warnings),
         **{
             **about,
-            "provenance": {**software(), "created": now(), "seed": _SEED}
-            | about.get("provenance", {}),
+            "provenance": {**software(), "seed": _SEED, **about.get("provenance", {})},
         },
     )
 

@@ -3,13 +3,13 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jointz.control.impedance_profile import LAW, PROFILE_UNITS, ImpedanceProfile
+from jointz.control.impedance_profile import GRID_PCT, LAW, PROFILE_UNITS, ImpedanceProfile
 from jointz.core.errors import DataError, OutputError
 from jointz.core.whole_file import whole_file
 
@@ -80,7 +80,7 @@ def read_profile(file: str | os.PathLike[str]) -> ImpedanceProfile:
     path = Path(file)
     try:
         content = _content(path)
-    except (OSError, ValueError, RecursionError) as exc:
+    except (OSError, ValueError, OverflowError, RecursionError) as exc:
         raise DataError(
             f"{path}: expected a profile of jointz control profile, cannot be read ({exc}).",
             path=str(path),
@@ -113,7 +113,7 @@ def profile_of(content: Mapping[str, Any], where: str) -> ImpedanceProfile:
     law, units = own.pop("law", None), own.pop("units", None)
     try:
         profile = ImpedanceProfile.from_dict(own)
-    except ValueError as exc:  # pydantic's among them
+    except (ValueError, OverflowError) as exc:  # pydantic's among them
         raise DataError(f"{where}: {exc}. {_AGAIN}") from exc
     problems = list(_problems(profile))
     if (law, units) != (LAW, dict(PROFILE_UNITS)):
@@ -124,20 +124,38 @@ def profile_of(content: Mapping[str, Any], where: str) -> ImpedanceProfile:
 
 
 def _problems(profile: ImpedanceProfile) -> list[str]:
+    n = GRID_PCT.size
     arrays: dict[str, np.ndarray] = {name: getattr(profile, name) for name in _ARRAYS}
-    n = profile.gait_pct.size
     problems = [
         f"{name}: expected {n} finite numbers"
         for name, values in arrays.items()
         if values.shape != (n,) or not np.isfinite(values).all()
     ]
-    if n < 2 or not np.array_equal(profile.gait_pct, np.arange(n) * (100.0 / n)):
-        problems.append("gait_pct: expected phases evenly from 0 to below 100 %")
-    if not problems:
-        problems += [f"{name}: expected > 0" for name in _POSITIVE if (arrays[name] <= 0.0).any()]
+    numbers = [getattr(profile, name) for name in ("energy_j", "damping_loss_j", "ci_level")]
+    if not np.isfinite([*numbers, profile.energy_low_j, profile.energy_high_j]).all():
+        problems.append("energy and ci_level: expected finite numbers")
     if not (0.0 < profile.mass_kg < np.inf and 0.0 < profile.stride_s < np.inf):
         problems.append("mass_kg and stride_s: expected > 0")
-    return problems
+    k = profile.covariance.shape
+    if len(k) != 2 or k[0] != k[1] or not np.isfinite(profile.covariance).all():
+        problems.append("covariance: expected a square of finite numbers")
+    return problems or list(_contradictions(profile))
+
+
+def _contradictions(profile: ImpedanceProfile) -> Iterator[str]:
+    """Yield what cannot be in a profile whose arrays are whole."""
+    if not np.array_equal(profile.gait_pct, GRID_PCT):
+        yield "gait_pct: expected 0 to 99 %"
+    for name in _POSITIVE:
+        if (getattr(profile, name) <= 0.0).any():
+            yield f"{name}: expected > 0"
+    for name in _INTERVALS:
+        low, value, high = (getattr(profile, f"{name}{end}") for end in ("_low", "", "_high"))
+        if (low > value).any() or (value > high).any():
+            yield f"{name}: expected low <= value <= high"
+    along = profile.torque(profile.gait_pct, profile.angle, profile.velocity)
+    if not np.allclose(along, profile.moment, atol=1e-6):
+        yield "equilibrium: does not give the moment along the mean stride"
 
 
 def _sha256(content: Mapping[str, Any]) -> str:

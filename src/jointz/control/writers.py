@@ -1,5 +1,6 @@
 """Files that other software reads: C, MATLAB, CSV and the Open-Source Leg's state machine."""
 
+import hashlib
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -77,6 +78,7 @@ static inline double {name}_torque(double gait_pct, double angle, double velocit
 {{
     double place = gait_pct / 100.0;
     place = (place - floor(place)) * {NAME}_NODES;
+    if (!(place >= 0.0)) return 0.0; /* the phase is no number */
     int node = (int)place;
     if (node >= {NAME}_NODES) node = {NAME}_NODES - 1;
     const double share = place - node;
@@ -90,11 +92,15 @@ static inline double {name}_torque(double gait_pct, double angle, double velocit
 def _write_c(profile: ImpedanceProfile, file: Path, stem: str) -> None:
     name = re.sub(r"\W", "_", stem, flags=re.ASCII)
     name = name if re.match(r"[A-Za-z]", name) else f"knee_{name}"
+    if name == "math":
+        raise DataError("math.h: the C library has a file of that name. Name another file.")
     lines = [
         f"/* {text} */"
         for text in (*_about(profile), LAW, "Made from a profile: change that, not this.")
     ]
-    lines += [f"#ifndef {name.upper()}_H", f"#define {name.upper()}_H", "#include <math.h>"]
+    # Two files whose names differ in other characters than letters must not hide each other.
+    guard = f"{name.upper()}_{hashlib.sha256(stem.encode()).hexdigest()[:8].upper()}_H"
+    lines += [f"#ifndef {guard}", f"#define {guard}", "#include <math.h>"]
     lines.append(f"#define {name.upper()}_NODES {profile.gait_pct.size}")
     for quantity in _LAW_ARRAYS:
         numbers = ", ".join(repr(value) for value in getattr(profile, quantity).tolist())

@@ -1,5 +1,6 @@
 """Profiles: what is in them, what is refused, and their files."""
 
+import hashlib
 import json
 from dataclasses import replace
 
@@ -15,8 +16,9 @@ from tests.unit.control.made_study import (
     stride,
 )
 
+from jointz.control.impedance_profile import LAW, PROFILE_UNITS
 from jointz.control.make_profile import impedance_profile
-from jointz.control.profile_file import profile_text, read_profile, write_profile
+from jointz.control.profile_file import profile_of, profile_text, read_profile, write_profile
 from jointz.core.errors import DataError, EstimationError, OutputError
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.participant_model import ParticipantModel
@@ -224,3 +226,81 @@ def test_other_files_are_refused(tmp_path, text):
         read_profile(file)
     with pytest.raises(DataError, match=r"none\.json"):
         read_profile(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("gait_pct", np.arange(50.0)),
+        ("stiffness", np.full(100, np.nan)),
+        ("covariance", np.full((2, 3), 1.0)),
+        ("damping_low", np.full(100, 1e3)),
+        ("equilibrium", np.full(100, 20.0)),
+        ("energy_j", np.inf),
+        ("mass_kg", -1.0),
+    ],
+)
+def test_whole_file_with_impossible_numbers_is_refused(profile, name, value):
+    broken = replace(profile, **{name: value})
+    content = broken.to_dict() | {"law": LAW, "units": dict(PROFILE_UNITS)}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    signed = content | {"sha256": hashlib.sha256(text.encode()).hexdigest()}
+    with pytest.raises(DataError, match=name.partition("_")[0]):
+        profile_of(signed, "here")
+
+
+def test_onset_is_taken_of_both_or_of_none():
+    cells = [
+        replace(
+            cell("S01", point),
+            parameters=(
+                *cell("S01", point).parameters,
+                estimate("stiffness_onset", 1.3 * STIFFNESS[point]),
+            ),
+        )
+        for point in POINTS
+    ]
+    own = impedance_profile(made_analysis(cells), "S01")
+    assert (own.displacement, own.knots[0].stiffness) == ("window", 150.0)
+
+
+def test_sessions_and_sides_of_a_person_are_no_people():
+    sides = [
+        replace(stride(person), side=side, angle=stride(person).angle + (side == "left") * 0.1)
+        for person in ("S01", "S02")
+        for side in ("left", "right")
+    ]
+    group = impedance_profile(made_analysis(strides=sides, population=means()))
+    assert "2 people" in group.sources["angle"]
+    # The sides differ, the people do not.
+    np.testing.assert_allclose(group.angle_sd, 0.0, atol=1e-12)
+
+
+def test_people_without_a_moment_are_counted():
+    some = [stride("S01"), stride("S02", moment=False)]
+    group = impedance_profile(made_analysis(strides=some, population=means()))
+    assert any("1 of 2 people" in text for text in group.warnings)
+    assert group.mass_kg == pytest.approx(67.5)
+    assert group.energy_low_j < group.energy_high_j
+
+
+def test_device_has_no_part_in_the_error():
+    whole = posterior(intrinsic=(("stiffness_onset", 15.0), ("damping_onset", 0.0)))
+    own = impedance_profile(replace(made_analysis(), log_posteriors=(whole,)), "S01")
+    knot = own.knots[-1]
+    assert knot.stiffness == pytest.approx(STIFFNESS[knot.timing_point] - 15.0)
+    sd = np.sqrt(own.covariance[5, 5])
+    assert sd == pytest.approx(0.1 * STIFFNESS[knot.timing_point] / knot.stiffness)
+
+
+@pytest.mark.parametrize("mass_kg", [0.0, -5.0, np.nan, np.inf])
+def test_masses_of_nobody_are_refused(mass_kg):
+    with pytest.raises(DataError, match="1 to 500 kg"):
+        impedance_profile(mass_kg=mass_kg)
+
+
+def test_published_curve_goes_by_the_means(published):
+    for knot in published.knots:
+        assert published.at("stiffness", knot.stiffness_pct) == pytest.approx(
+            knot.stiffness, rel=0.05
+        )

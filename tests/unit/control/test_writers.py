@@ -80,11 +80,12 @@ def test_c_compiled_and_run(profile, states, tmp_path, stem):
     flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror"]
     subprocess.run(["gcc", *flags, "main.c", "-o", "run", "-lm"], cwd=tmp_path, check=True)
     text = "\n".join(" ".join(map(repr, row)) for row in states.tolist())
+    text += "\nnan 0.1 0.1"  # a phase that is no number has no torque
     out = subprocess.run(
         ["./run"], cwd=tmp_path, input=text, capture_output=True, text=True, check=True
     ).stdout
     np.testing.assert_allclose(
-        np.array(out.split(), dtype=float), profile.torque(*states.T), atol=1e-9
+        np.array(out.split(), dtype=float), np.append(profile.torque(*states.T), 0.0), atol=1e-9
     )
 
 
