@@ -1,0 +1,1 @@
+"""Test bed for controllers of a knee in simulated walking, and their comparison."""

@@ -1,0 +1,91 @@
+"""``jointz control compare``: controllers in the test bed."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from jointz.core.errors import OutputError
+from jointz.terminal.file_options import Figure
+from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.output import emit, emit_json
+from jointz.terminal.printout import check_figure, save_canvas
+from jointz.terminal.progress_bars import progress_bar
+
+if TYPE_CHECKING:
+    from jointz.control.testbed.bed_comparison import BedComparison
+
+#: Inches.
+_SIZE = (7.0, 3.2)
+
+
+def compare(
+    profiles: Annotated[
+        list[Path],
+        typer.Argument(dir_okay=False, help="Files of jointz control profile, one a person."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", file_okay=False, help="Folder to write: page, tables, figures."),
+    ] = None,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, help="Runs of each person, controller and test.")
+    ] = 3,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="First number of all draws.")] = 1,
+    height: Annotated[float, typer.Option("--height", help="Body height of all (m).")] = 1.74,
+    load_share: Annotated[
+        float,
+        typer.Option(
+            "--load-share",
+            help="Part of the load's change with the angle that acts on the knee, 0 to 1.",
+        ),
+    ] = 0.25,
+    figure: Figure = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    debug: Debug = False,
+) -> None:
+    """Compare controllers of a knee in a simulated person who walks.
+
+    Each runs on each profile: plain walking, pushes, other speeds, delay, phase error. With two or
+    more profiles the mean of the others' is a controller, too.
+
+    Example: jointz control compare S01.json S02.json S03.json --out controllers
+    """
+    del debug
+    check_figure(figure)
+    from jointz.control.profile_file import read_profile
+    from jointz.control.testbed.compare import compare_controllers
+    from jointz.control.testbed.page import check_page, write_page
+
+    if out is not None:
+        check_page(out)
+    if figure is not None and figure.exists():
+        raise OutputError(f"{figure}: exists. Name another file, or remove it.")
+    people = [read_profile(file) for file in profiles]
+    with progress_bar(shown=not (quiet or as_json)) as progress:
+        found = compare_controllers(
+            people, seeds=seeds, seed=seed, height_m=height, load_share=load_share,
+            progress=progress,
+        )  # fmt: skip
+    page = None if out is None else write_page(found, out)
+    if figure is not None:
+        _save(found, figure)
+    if as_json:
+        content = {k: v for k, v in found.to_dict().items() if k not in ("runs", "traces")}
+        emit_json({"status": "ok", **content, **({"written": str(page)} if page else {})})
+    elif not quiet:
+        emit(found.summary())
+        if page:
+            emit(f"Written: {page}")
+
+
+def _save(found: "BedComparison", figure: Path) -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    from jointz.results.figure_style import figure_style
+
+    with figure_style():
+        canvas = Canvas(figsize=_SIZE, layout="constrained")
+        found.plot(canvas.subplots())
+        save_canvas(canvas, figure)
