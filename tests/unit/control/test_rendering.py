@@ -68,9 +68,9 @@ def final_swing(actuator, stiffness, damping, inertia, seconds=6.0):
 def test_border_of_stability_against_the_sampled_loop(actuator):
     damping = np.array([0.5, 2.0, 6.0, 20.0])
     limit = stable_stiffness(actuator, damping, LOAD)
-    # Euler's steps and the mean delay of the hold cost a few percent.
-    assert (final_swing(actuator, 0.9 * limit, damping, LOAD) < 1.0).all()
-    assert (final_swing(actuator, 1.1 * limit, damping, LOAD) > 1.0).all()
+    # Steps of the simulation cost a few percent; with 20 a control period both agree to 0.6 %.
+    assert (final_swing(actuator, 0.95 * limit, damping, LOAD) < 1.0).all()
+    assert (final_swing(actuator, 1.05 * limit, damping, LOAD) > 1.0).all()
 
 
 @pytest.mark.parametrize("actuator", [QDD, SEA])
