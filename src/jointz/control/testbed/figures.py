@@ -106,7 +106,7 @@ def _pushes(found: BedComparison) -> "Figure":
             panels[trace.controller].plot(trace.x, trace.y, color=colours[trace.test])
     for axes in panels.values():
         if not axes.lines:
-            axes.text(0.4, 0.0, "falls", ha="center", va="center", color=MUTED, fontsize=SMALL_PT)
+            axes.text(0.4, 10.0, "falls", ha="center", va="center", color=MUTED, fontsize=SMALL_PT)
         axes.axhline(0.0, color=MUTED, linewidth=0.4, zorder=0.0)
         axes.set(xlim=(0.0, 0.8), ylim=(-30.0, 30.0), xticks=(0, 0.4), yticks=(-30, 0, 30))
     place_legend(
