@@ -229,6 +229,8 @@ def test_bad_input_is_refused(published):
         compare_controllers([])
     with pytest.raises(DataError, match="0 to 1"):
         knee_bed(published, load_share=2.0)
+    with pytest.raises(DataError, match="count as a fall"):
+        knee_bed(replace(published, angle=published.angle - 0.5))
     with pytest.raises(DataError, match="seeds"):
         compare_controllers([published], seeds=0)
 

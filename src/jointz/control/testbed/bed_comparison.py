@@ -151,7 +151,7 @@ class BedComparison(PlottedResult):
             )
             lines.append(f"{name:<{width}}  {tracking} deg; {falls}; push {push} deg")
         title = (
-            f"{len(self.controllers)} controllers, {len(self.participants)} people: "
+            f"{len(self.controllers)} controllers, {people_text(len(self.participants))}: "
             "deviation from the intact angle, share of strides with a fall, deviation by a push "
             "in stance"
         )
@@ -178,6 +178,11 @@ def draw_score(axes: "Axes", found: BedComparison, test: str, score: str) -> Non
         axes.plot(mean.mean, row, "o", color=colour, markersize=3.5)
     axes.set_ylim(len(found.controllers) - 0.5, -0.5)
     axes.grid(axis="y", color=FAINT, linewidth=0.3)
+
+
+def people_text(count: int) -> str:
+    """Return a number of people in words."""
+    return f"{count} {'person' if count == 1 else 'people'}"
 
 
 def bed_text(mean: BedMean) -> str:

@@ -135,7 +135,8 @@ def knee_bed(
     Raises
     ------
     DataError
-        For another joint or positive direction.
+        For another joint or positive direction, a mean stride beyond the limits of a fall, or
+        settings out of range.
     """
     if not (1.0 <= height_m <= 2.5 and 0.5 <= speed <= 1.5 and 0.0 <= load_share <= 1.0):
         raise DataError(
@@ -146,6 +147,12 @@ def knee_bed(
         raise DataError(
             f"profile of {profile.subject}: expected a knee with positive flexion, got "
             f"{profile.joint} with positive {profile.positive}. The test bed has no other joint."
+        )
+    least, largest = np.degrees([profile.angle.min(), profile.angle.max()])
+    if least <= np.degrees(LIMITS[0]) or largest >= np.degrees(LIMITS[1]):
+        raise DataError(
+            f"profile of {profile.subject}: the mean stride goes from {least:.0f} to {largest:.0f} "
+            "deg; below -10 and above 90 it would count as a fall. See the zero of the goniometer."
         )
     body = _body(profile.mass_kg, height_m)
     stop = float(profile.angle.min()) - STOP_BELOW

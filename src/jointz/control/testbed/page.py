@@ -4,7 +4,12 @@ import os
 from pathlib import Path
 from typing import Any, Final
 
-from jointz.control.testbed.bed_comparison import BedComparison, BedCorrelation, bed_text
+from jointz.control.testbed.bed_comparison import (
+    BedComparison,
+    BedCorrelation,
+    bed_text,
+    people_text,
+)
 from jointz.control.testbed.bed_laws import REFERENCE
 from jointz.control.testbed.figures import bed_figures
 from jointz.control.testbed.scores import PLAIN, SCORES, TESTS
@@ -72,7 +77,7 @@ def bed_page(found: BedComparison, figures: dict[str, str]) -> str:
     level = f"{100 * found.ci_level:g} %"
     return render_template(
         "controllers.html.j2",
-        people=len(found.participants),
+        people=people_text(len(found.participants)),
         controllers=len(found.controllers),
         seeds=found.settings["seeds"],
         reference=REFERENCE,
