@@ -10,17 +10,19 @@ INERTIA_RANGE: Final = (0.5, 2.0)
 SPRING_RANGE: Final = (0.0, 10.0)
 STRIDE_RANGE: Final = (0.8, 1.2)
 #: Points of the grid of inertias, springs and stride times.
-GRID: Final = (9, 15, 9)
-SMALL_GRID: Final = (4, 10, 9)
+GRID: Final = (13, 121, 13)
+SMALL_GRID: Final = (3, 41, 3)
 #: Profiles that are searched at once.
 _AT_ONCE = 40
-#: Spring, by the mean stiffness, above which the grid has even steps of the logarithm.
-_SOFTEST = 0.01
-#: Rounds of refinement, and how many of the largest multipliers are refined in each.
-_ROUNDS, _REFINED = 4, 6
-#: Ends of the grid: logarithm of the inertia, of 1 + spring / softest one, and stride time.
-_LOW = np.array([np.log(INERTIA_RANGE[0]), 0.0, STRIDE_RANGE[0]])
-_HIGH = np.array([np.log(INERTIA_RANGE[1]), np.log1p(SPRING_RANGE[1] / _SOFTEST), STRIDE_RANGE[1]])
+#: Rounds of refinement: of all seeds, of those that are kept; of draws.
+_ROUNDS, _ROUNDS_OF_DRAWS = (3, 12), 8
+#: What the steps shrink by in each, and how many seeds are kept.
+_SHRINK, _KEPT = 0.7, 12
+#: Ends of the grid: logarithm of the inertia, root of 1 + spring / mean stiffness, stride time.
+#: Even steps of the root are even in frequency: instabilities lie near where a stride holds a
+#: whole number of half swings.
+_LOW = np.array([np.log(INERTIA_RANGE[0]), 1.0, STRIDE_RANGE[0]])
+_HIGH = np.array([np.log(INERTIA_RANGE[1]), np.sqrt(1.0 + SPRING_RANGE[1]), STRIDE_RANGE[1]])
 _NEIGHBOURS = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]], indexing="ij"), -1).reshape(-1, 3)
 
 
@@ -107,7 +109,8 @@ def largest_multiplier(
 
     A profile is unsafe if the multiplier exceeds 1 with an inertia between 0.5 and 2 times the
     load's, a spring to ground between 0 and 10 times the mean stiffness, at a stride time within
-    20 % of the mean. A grid is searched and refined near its largest values.
+    20 % of the mean. A grid is searched and refined near its
+    largest values.
 
     Parameters
     ----------
@@ -123,24 +126,20 @@ def largest_multiplier(
     LargestMultiplier
         The multiplier and where it is.
     """
-    axes = _axes(GRID)
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    values = _multipliers_at(points, stiffness, damping, stride_s, load_inertia)
-    cell = np.array([np.ptp(axis) / (len(axis) - 1) for axis in axes])
-    for _ in range(_ROUNDS):
-        best = points[np.argsort(values)[-_REFINED:]]
-        near = np.clip(best[:, None] + 0.5 * cell * _NEIGHBOURS, _LOW, _HIGH).reshape(-1, 3)
-        more = _multipliers_at(near, stiffness, damping, stride_s, load_inertia)
-        points, values, cell = np.vstack([points, near]), np.append(values, more), 0.5 * cell
-    k = int(np.argmax(values))
-    load = _loads(points[k], float(stiffness.mean()), stride_s, load_inertia)
-    return LargestMultiplier(float(values[k]), *map(float, load))
+    curves = stiffness[None], damping[None], stride_s, load_inertia
+    seeds, cell = _seeds(GRID, *curves)
+    for rounds in _ROUNDS:
+        seeds, values, cell = _climb(seeds, cell, rounds, *curves)
+        best = np.argsort(values)[::-1][:_KEPT]
+        seeds, values = seeds[best], values[best]
+    load = _loads(seeds[0], float(stiffness.mean()), stride_s, load_inertia)
+    return LargestMultiplier(float(values[0]), *map(float, load))
 
 
 def drawn_multipliers(
     stiffness: np.ndarray, damping: np.ndarray, stride_s: float, load_inertia: float
 ) -> np.ndarray:
-    """Return the largest multiplier of many profiles, (m,), over a smaller grid of loads.
+    """Return the largest multiplier of many profiles, (m,), by a coarser search.
 
     Parameters
     ----------
@@ -149,21 +148,64 @@ def drawn_multipliers(
     stride_s, load_inertia : float, s and kg*m^2
         As in :func:`largest_multiplier`.
     """
-    points = np.stack(np.meshgrid(*_axes(SMALL_GRID), indexing="ij"), axis=-1).reshape(-1, 3)
-    values = [
-        _multipliers_at(points, k[:, None], b[:, None], stride_s, load_inertia).max(axis=1)
-        for k, b in zip(*(_parts(one) for one in (stiffness, damping)), strict=True)
-    ]
-    return np.concatenate(values)
+    found = []
+    for k, b in zip(*(_parts(one) for one in (stiffness, damping)), strict=True):
+        points, cell = _grid(SMALL_GRID)
+        points = points.reshape(-1, 3)
+        values = _multipliers_at(points, k[:, None], b[:, None], stride_s, load_inertia)
+        seeds = points[np.argmax(values, axis=1)]
+        found.append(_climb(seeds, cell, _ROUNDS_OF_DRAWS, k, b, stride_s, load_inertia)[1])
+    return np.concatenate(found)
+
+
+def _grid(counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Return points, (*counts, 3), and the distances between them."""
+    axes = [np.linspace(*ends) for ends in zip(_LOW, _HIGH, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return points, (_HIGH - _LOW) / (np.array(counts) - 1.0)
+
+
+def _seeds(
+    counts: tuple[int, int, int],
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    stride_s: float,
+    load_inertia: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return, of every inertia and stride time of a grid, the spring that is worst; and cells."""
+    points, cell = _grid(counts)
+    values = _multipliers_at(
+        points.reshape(-1, 3), stiffness, damping, stride_s, load_inertia
+    ).reshape(counts)
+    worst = np.argmax(values, axis=1)[:, None, :, None]
+    return np.take_along_axis(points, worst, axis=1).reshape(-1, 3), cell
+
+
+def _climb(
+    seeds: np.ndarray,
+    cell: np.ndarray,
+    rounds: int,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    stride_s: float,
+    load_inertia: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where seeds climb to in steps that become smaller, multipliers there, and the step.
+
+    Every seed has its own curves, or all have one: (m or 1, n).
+    """
+    values = np.zeros(len(seeds))
+    for _ in range(rounds):
+        near = np.clip(seeds[:, None] + cell * _NEIGHBOURS, _LOW, _HIGH)
+        around = _multipliers_at(near, stiffness[:, None], damping[:, None], stride_s, load_inertia)
+        each, best = np.arange(len(seeds)), np.argmax(around, axis=1)
+        seeds, values, cell = near[each, best], around[each, best], _SHRINK * cell
+    return seeds, values, cell
 
 
 def _parts(profiles: np.ndarray) -> list[np.ndarray]:
     """Return profiles in parts whose arrays stay in the cache."""
     return [profiles[k : k + _AT_ONCE] for k in range(0, len(profiles), _AT_ONCE)]
-
-
-def _axes(counts: tuple[int, int, int]) -> list[np.ndarray]:
-    return [np.linspace(*ends) for ends in zip(_LOW, _HIGH, counts, strict=True)]
 
 
 def _multipliers_at(
@@ -182,8 +224,7 @@ def _loads(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return inertias, springs and stride times at points of the grid, (..., 3)."""
     inertia = load_inertia * np.exp(points[..., 0])
-    # No spring at the low end, and even steps of the logarithm far above it.
-    spring = mean * _SOFTEST * np.expm1(points[..., 1])
+    spring = mean * (points[..., 1] ** 2 - 1.0)
     return inertia, spring, stride_s * points[..., 2]
 
 
