@@ -416,14 +416,22 @@ def _solutions(design: ProfileDesign) -> list[str]:
         f"{of['passive_rest_angle']:.3g} rad, {of['passive_damping']:.3g} N*m*s/rad; error "
         f"{of['passive_error_share']:.0%} of the RMS torque, {of['passive_missing_work']:.3g} J of "
         "positive work missing",
+        _clutch_text(of),
+        _gear_text(design, of),
+    ]
+
+
+def _clutch_text(of: Mapping[str, float]) -> str:
+    if of["clutch_stiffness"] == 0.0:
+        return "clutched spring: none helps"
+    return (
         f"clutched spring: {of['clutch_stiffness']:.4g} N*m/rad from {of['clutch_engaged']:g} to "
         f"{of['clutch_released']:g} %, damper {of['clutch_damping_engaged']:.3g} there, "
         f"{of['clutch_damping_free']:.3g} N*m*s/rad elsewhere; error "
         f"{of['clutch_error_share']:.0%}, {of['clutch_missing_work']:.3g} J missing; stores "
         f"{of['clutch_stored']:.3g} J, returns {of['clutch_returned']:.3g} J, loses "
-        f"{of['clutch_loss']:.3g} J at release",
-        _gear_text(design, of),
-    ]
+        f"{of['clutch_loss']:.3g} J at release"
+    )
 
 
 def _spread_text(design: ProfileDesign) -> str:
