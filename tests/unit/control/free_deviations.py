@@ -106,7 +106,7 @@ def growth_by_solve_ivp(stiffness, damping, load):
     for stride in range(STRIDES[1]):
         span = (stride * load.stride_s, (stride + 1) * load.stride_s)
         state = solve_ivp(
-            slope, span, state, method="DOP853", rtol=1e-8, atol=1e-12 * omega,
+            slope, span, state, method="DOP853", rtol=1e-8, atol=1e-10 * omega,
             max_step=load.stride_s / NODES,
         ).y[:, -1]  # fmt: skip
         norms.append(norm(state))
