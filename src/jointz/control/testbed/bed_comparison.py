@@ -229,6 +229,8 @@ def _of_pushes(score: str) -> bool:
 
 def _mean(controller: str, test: str, score: str, values: np.ndarray) -> BedMean:
     mean, low, high = _student(values)
+    if SCORES[score][1] == "1" and low is not None and high is not None:  # shares, or differences
+        low, high = max(low, -1.0 if values.min() < 0.0 else 0.0), min(high, 1.0)
     return BedMean(controller, test, score, SCORES[score][1], mean, low, high, values.size)
 
 

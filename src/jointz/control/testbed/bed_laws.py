@@ -30,8 +30,9 @@ def _nodes(
 LAWS: Final[Mapping[str, Callable[[ImpedanceProfile], np.ndarray]]] = {
     "zero_torque": _of("zero_torque"),
     "torque_replay": _of("torque_replay"),
-    "kinematic_pd, 10 N*m/rad": _of("kinematic_pd", stiffness=10.0),
-    "kinematic_pd, 100 N*m/rad": _of("kinematic_pd", stiffness=100.0, damping=2.0),
+    "kinematic_pd, 10 N*m/rad": _of("kinematic_pd", stiffness=10.0, damping=1.0),
+    # Half of critical damping with the load, and more than delay and lag take from it.
+    "kinematic_pd, 100 N*m/rad": _of("kinematic_pd", stiffness=100.0, damping=6.0),
     "four_state, published": lambda _: _nodes("four_state", None),
     "four_state, fitted": _of("four_state"),
     "quasi_stiffness": _of("quasi_stiffness"),
