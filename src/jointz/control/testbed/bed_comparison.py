@@ -69,7 +69,7 @@ class BedTrace:
 
     controller: str
     test: str  # plain: angle over the cycle; a push: deviation over the time since
-    x: Array  # % of the cycle, or s
+    x: Array  # % of the cycle, or s; until it falls
     y: Array  # deg
 
 
@@ -164,6 +164,7 @@ class BedComparison(PlottedResult):
         draw_score(axes, self, PLAIN, "tracking")
         axes.set_yticks(range(len(self.controllers)), self.controllers)
         axes.set_xlabel("RMS deviation from the intact angle (deg)")
+        axes.set_ylabel("controller")
 
 
 def draw_score(axes: "Axes", found: BedComparison, test: str, score: str) -> None:

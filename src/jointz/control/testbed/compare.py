@@ -168,11 +168,16 @@ def _traces(records: Mapping[str, _Record], controller: str) -> tuple[BedTrace, 
     else:  # until it falls
         first = (phase < 1.0) & np.isfinite(angle)
         mean = np.interp(grid, 100.0 * phase[first], angle[first], right=np.nan)
-    traces = [BedTrace(controller, PLAIN, grid, mean)]
+    traces = [_until_it_falls(controller, PLAIN, grid, mean)]
     for name in PUSHES:
         begin = _TRACED_PUSH + (TESTS[name].push_at or 0.0)
         at = np.flatnonzero(phase >= begin)[: round(_TRACE_S / 0.002)]
         away = np.degrees(records[name][0][at, 1]) - angle[at]
-        away[np.logical_or.accumulate(np.isnan(away))] = np.nan  # after a fall
-        traces.append(BedTrace(controller, name, 0.002 * np.arange(at.size), away))
+        traces.append(_until_it_falls(controller, name, 0.002 * np.arange(at.size), away))
     return tuple(traces)
+
+
+def _until_it_falls(controller: str, test: str, x: np.ndarray, y: np.ndarray) -> BedTrace:
+    whole = np.isfinite(y)
+    end = y.size if whole.all() else int(np.argmin(whole))
+    return BedTrace(controller, test, x[:end], y[:end])

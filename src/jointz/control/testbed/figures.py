@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from jointz.control.testbed.bed_comparison import INTACT, BedComparison, BedTrace, draw_score
 from jointz.control.testbed.scores import PLAIN, TESTS
 from jointz.report.style import legend_line, new_figure, place_axes, place_legend, to_svg
@@ -102,7 +100,7 @@ def _pushes(found: BedComparison) -> "Figure":
     figure, panels = _panels(found)
     colours = {"push_stance": BLUE, "push_swing": VERMILION}
     for trace in found.traces:
-        if trace.test in colours and np.isfinite(trace.y).any():
+        if trace.test in colours and trace.y.size:
             panels[trace.controller].plot(trace.x, trace.y, color=colours[trace.test])
     for axes in panels.values():
         if not axes.lines:
@@ -117,9 +115,8 @@ def _pushes(found: BedComparison) -> "Figure":
 
 
 def _mark_fall(axes: "Axes", trace: BedTrace) -> None:
-    ended = np.flatnonzero(np.isfinite(trace.y))
-    if ended.size and ended[-1] + 1 < trace.y.size:
-        axes.plot(trace.x[ended[-1]], trace.y[ended[-1]], "x", color=VERMILION, markersize=5.0)
+    if trace.x.size and trace.x[-1] < 100.0:  # it has no end of the cycle
+        axes.plot(trace.x[-1], trace.y[-1], "x", color=VERMILION, markersize=5.0)
 
 
 def _name_axes(figure: "Figure", across: str, up: str) -> None:
