@@ -32,6 +32,7 @@ class Preset(StrEnum):
     nominal = "nominal"
     hard = "hard"
     anthropometric = "anthropometric"
+    realistic = "realistic"
 
 
 class ClockName(StrEnum):
@@ -56,7 +57,8 @@ PresetOption = Annotated[
     Preset | None,
     typer.Option(
         "--preset",
-        help="How well simulated devices behave (default: nominal). anthropometric: people only.",
+        help="How well simulated devices behave (default: nominal). anthropometric, realistic: "
+        "people only.",
     ),
 ]
 CalibrationOption = Annotated[

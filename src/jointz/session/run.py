@@ -79,7 +79,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     seed : int, optional
         Of plan and simulation; the protocol's own by default.
     preset : str, optional
-        Of the simulation: ``clean``, ``nominal`` (the default), ``hard``, ``anthropometric``.
+        Of the simulation: ``clean``, ``nominal`` (the default), ``hard``, ``anthropometric``,
+        ``realistic``.
     clock : {"fast", "real"}, optional
         As fast as it can, the default of a simulation, or in real time, that of devices.
     participants : int, optional

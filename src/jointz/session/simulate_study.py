@@ -58,8 +58,8 @@ def simulate_study(
     out : path
         The study's folder; must not exist.
     preset : str or Preset
-        Quality of people and instruments: ``clean``, ``nominal``, ``hard``, ``anthropometric``, or
-        your own settings.
+        Quality of people and instruments: ``clean``, ``nominal``, ``hard``, ``anthropometric``,
+        ``realistic``, or your own settings.
     participants : int or sequence of Person
         Number of people of the seeded population, or the people.
     plan : WalkPlan

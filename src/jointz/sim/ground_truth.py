@@ -20,6 +20,9 @@ from jointz.sim.plant_build import PlantBuild
 _RATE_HZ = 2000.0  # of the model response that weighs K, B and J
 _CURVE_POINTS = 101
 _BEYOND_S = 2.0  # strides are laid out so far past the end: a window may reach there
+# The response of a softening joint is iterated until the angle stays the same.
+_LARGEST_ITERATIONS = 100
+_SAME_ANGLE_RAD = 1e-9
 # Of a pulse, whose means over its timing point are told too.
 _MEANS = (
     "stiffness",
@@ -30,6 +33,12 @@ _MEANS = (
     "stiffness_centre_pct",
     "damping_centre_pct",
     "inertia_centre_pct",
+    "stiffness_onset",
+    "stiffness_window_mean",
+    "stiffness_secant",
+    "damping_onset",
+    "damping_window_mean",
+    "damping_secant",
 )
 
 
@@ -61,7 +70,7 @@ def condition_truth(
         "pulses": rows,
         "timing_points": _by_point(rows),
         "curves": _curves(build),
-        "person": asdict(build.person),
+        "person": {**asdict(build.person), "sex": build.person.sex},
         "instruments": _instruments(build),
         "settings": asdict(build.preset),
         "plant": describe(build.params),
@@ -105,11 +114,8 @@ def _pulse_truth(
     torque = _torque(build, since, pulse, course)
     moved = J + build.params[Param.EXO_INERTIA]
     gravity = _gravity_stiffness(build, phase)
-    x, v = respond(torque, K + gravity, B, moved, rate_hz=_RATE_HZ)
-    softening = build.params[Param.SOFTENING]
-    if softening > 0.0:
-        K = K / (1.0 + softening * x**2)
-        x, v = respond(torque, K + gravity, B, moved, rate_hz=_RATE_HZ)
+    small = K  # before softening
+    K, x, v = _softened_response(build, torque, small, gravity, damping=B, inertia=moved)
     a = (torque - B * v - (K + gravity) * x) / moved
     joint = K + gravity, B, moved
     weights = {
@@ -129,7 +135,46 @@ def _pulse_truth(
         "gravity_stiffness": float(weights["stiffness"] @ gravity),
         **centres,
         "displacement_rad": float(x[-1]),
+        **_window_values("stiffness", small, K, x),
+        **_window_values("damping", B, B, v),
     }
+
+
+def _window_values(
+    name: str, small: np.ndarray, actual: np.ndarray, motion: np.ndarray
+) -> dict[str, float]:
+    """Return a parameter at the onset, its mean over the window, and its secant.
+
+    The first two are for small motion. The secant is the slope of the parameter's torque over its
+    motion by least squares: what the pulse made of it, softening included.
+    """
+    return {
+        f"{name}_onset": float(small[0]),
+        f"{name}_window_mean": float(small.mean()),
+        f"{name}_secant": float(actual @ motion**2 / (motion @ motion)),
+    }
+
+
+def _softened_response(
+    build: PlantBuild,
+    torque: np.ndarray,
+    K: np.ndarray,
+    gravity: np.ndarray,
+    *,
+    damping: np.ndarray,
+    inertia: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the stiffness that softening leaves at the angle reached, the angle and its rate."""
+    x, v = respond(torque, K + gravity, damping, inertia, rate_hz=_RATE_HZ)
+    softening = build.params[Param.SOFTENING]
+    if softening <= 0.0:
+        return K, x, v
+    for _ in range(_LARGEST_ITERATIONS):
+        before, softened = x, K / (1.0 + softening * x**2)
+        x, v = respond(torque, softened + gravity, damping, inertia, rate_hz=_RATE_HZ)
+        if abs(x - before).max() <= _SAME_ANGLE_RAD:
+            break
+    return K / (1.0 + softening * x**2), x, v
 
 
 def window_weights(
@@ -232,7 +277,7 @@ def _curves(build: PlantBuild) -> dict[str, Any]:
 
 def _instruments(build: PlantBuild) -> dict[str, Any]:
     settings, goniometer = build.preset.actuator, build.preset.goniometer
-    leg = leg_of(build.person)
+    leg = leg_of(build.person, build.preset.body)
     return {
         **asdict(build.instruments),
         "angle_delay_s": goniometer.delay_s,

@@ -11,8 +11,8 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim.internal_moment import internal_moment
 from jointz.sim.knee_joint import impedance_curve, knee_angle
 from jointz.sim.layout import CURVE_PIECES
-from jointz.sim.people import Person
-from jointz.sim.presets import Preset
+from jointz.sim.people import Person, personal_preset
+from jointz.sim.presets import BodySettings, Preset
 
 _GRAVITY = 9.81  # m/s^2
 
@@ -29,6 +29,36 @@ _CHANGE_CYCLES = 0.04  # between stance and swing
 _HALF_WINDOW_PCT = 4.5
 # The thigh over the cycle, one cosine: flexion at heel strike, extension at push-off.
 _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
+
+
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    """A segment by de Leva's table 4; the radius is that about the mediolateral axis."""
+
+    mass: float  # share of body mass
+    length: float  # share of height: mean length of the segment over mean height
+    centre: float  # share of the segment's length, from its proximal end
+    gyration: float  # share of the segment's length, about the centre
+
+
+# de Leva 1996, J Biomech 29:1223-1230, doi 10.1016/0021-9290(95)00178-6, table 4: thigh from hip
+# to knee, shank from knee to ankle joint centre, foot from heel to toe. Mean heights 1.735 m
+# (female) and 1.741 m (male).
+_DE_LEVA = {
+    "female": {
+        "thigh": _Segment(0.1478, 0.3685 / 1.735, 0.3612, 0.364),
+        "shank": _Segment(0.0481, 0.4386 / 1.735, 0.4352, 0.263),
+        "foot": _Segment(0.0129, 0.2283 / 1.735, 0.4014, 0.279),
+    },
+    "male": {
+        "thigh": _Segment(0.1416, 0.4222 / 1.741, 0.4095, 0.329),
+        "shank": _Segment(0.0433, 0.4403 / 1.741, 0.4395, 0.246),
+        "foot": _Segment(0.0137, 0.2581 / 1.741, 0.4415, 0.245),
+    },
+}
+# Place of the ankle joint in the foot, which de Leva does not give: shares of the foot's length
+# from the heel and above the line from heel to toe. Rounded; 1 cm changes the leg's inertia by 3 %.
+_ANKLE_AHEAD, _ANKLE_ABOVE = 0.22, 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +89,10 @@ class Leg:
         )
 
 
-def leg_of(person: Person) -> Leg:
-    """Return the leg of a person by the proportions of an average body."""
+def leg_of(person: Person, body: BodySettings | None = None) -> Leg:
+    """Return the leg of a person by the body's proportions; by Winter's without a body."""
+    if body is not None and body.segments == "de_leva":
+        return _leg_by_sex(person)
     length, mass = _LEG_LENGTH * person.height_m, _LEG_MASS * person.mass_kg
     thigh = _THIGH_LENGTH * person.height_m
     return Leg(
@@ -69,6 +101,27 @@ def leg_of(person: Person) -> Leg:
         inertia=mass * (_LEG_GYRATION * length) ** 2,
         thigh_inertia=_THIGH_MASS * person.mass_kg * (_THIGH_GYRATION * thigh) ** 2,
         thigh_length_m=thigh,
+    )
+
+
+def _leg_by_sex(person: Person) -> Leg:
+    """Return the leg by de Leva's table, with the foot at a right angle to the shank."""
+    mass, height = person.mass_kg, person.height_m
+    thigh, shank, foot = (_DE_LEVA[person.sex][name] for name in ("thigh", "shank", "foot"))
+    shank_m, foot_m, thigh_m = (one.length * height for one in (shank, foot, thigh))
+    shank_kg, foot_kg = shank.mass * mass, foot.mass * mass
+    below = shank_m + _ANKLE_ABOVE * foot_m
+    ahead = (foot.centre - _ANKLE_AHEAD) * foot_m
+    inertia = shank_kg * shank_m**2 * (shank.centre**2 + shank.gyration**2)
+    inertia += foot_kg * (below**2 + ahead**2 + (foot.gyration * foot_m) ** 2)
+    # The centre of shank and foot is 1 to 2 cm ahead of the shank; the leg is taken as straight.
+    centre = (shank_kg * shank.centre * shank_m + foot_kg * below) / (shank_kg + foot_kg)
+    return Leg(
+        mass_kg=shank_kg + foot_kg,
+        centre_m=centre,
+        inertia=inertia,
+        thigh_inertia=thigh.mass * mass * thigh_m**2 * (thigh.centre**2 + thigh.gyration**2),
+        thigh_length_m=thigh_m,
     )
 
 
@@ -96,13 +149,14 @@ def impedance_over_cycle(
     stiffness, damping, inertia, thigh : (n,) float
         N*m/rad, N*m*s/rad, kg*m^2 (of the joint's side, without the rotor), rad.
     """
+    preset = personal_preset(person, preset)
     curve = _smooth_curve if preset.joint.smooth else impedance_curve
     stiffness = person.mass_kg * curve(person.stiffness_per_mass, cycles)
     damping = person.mass_kg * curve(person.damping_per_mass, cycles)
     if preset.body is None:
         inertia = np.full(cycles.shape, person.inertia)
     else:
-        inertia = _leg_inertia(person, cycles)
+        inertia = _leg_inertia(leg_of(person, preset.body), cycles)
     inertia = inertia * (1.0 + preset.joint.inertia_variation * np.cos(2.0 * pi * cycles))
     thigh = _THIGH_MEAN + _THIGH_SWING * np.cos(2.0 * pi * (cycles - _THIGH_PEAK))
     return stiffness, damping, inertia, thigh
@@ -136,9 +190,8 @@ def _smooth_curve(per_point: Mapping[str, float], cycles: np.ndarray) -> np.ndar
     return np.asarray(np.exp(spline(knots[0] + np.mod(cycles - knots[0], 1.0))))
 
 
-def _leg_inertia(person: Person, cycles: np.ndarray) -> np.ndarray:
+def _leg_inertia(leg: Leg, cycles: np.ndarray) -> np.ndarray:
     """Return the inertia that the knee feels: a closed chain in stance, two links in swing."""
-    leg = leg_of(person)
     first, last = _STANCE_SHARES
     share = np.clip(cycles / _STANCE_CYCLES, 0.0, 1.0)
     stance = leg.inertia * (last + (first - last) * 0.5 * (1.0 + np.cos(pi * share)))

@@ -1,14 +1,15 @@
 """A seeded population of people, and the instruments that each of them is measured with."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import exp, log, sqrt
+from dataclasses import dataclass, replace
+from math import exp, log, pi, sqrt
+from typing import Literal
 from zlib import crc32
 
 import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.sim.presets import Preset, Range
+from jointz.sim.presets import PersonalSettings, Preset, Range, ReflexSettings
 
 # Means over people at the six timing points, N*m/rad/kg and N*m*s/rad/kg: near tables 4.1, 4.2.
 _MEAN_STIFFNESS_PER_MASS = (2.0, 0.65, 1.15, 1.15, 0.32, 0.38)
@@ -28,12 +29,18 @@ class Person:
     stride_time_s: float  # mean duration of a stride at 1.2 m/s
     stiffness_per_mass: Mapping[str, float]  # timing point -> N*m/rad/kg
     damping_per_mass: Mapping[str, float]  # timing point -> N*m*s/rad/kg
-    inertia: float  # kg*m^2: joint, limb and frame together; not used by the anthropometric preset
+    inertia: float  # kg*m^2: joint, limb and frame together; not used by presets with a body
 
     @property
     def id(self) -> str:
         """Name in the study."""
         return f"S{self.number + 1:02d}"
+
+    @property
+    def sex(self) -> Literal["female", "male"]:
+        """Sex, which sets the proportions of the leg by de Leva's table."""
+        # An own stream: all else about a person stays the same.
+        return "female" if self.stream("sex").random() < 0.5 else "male"
 
     def stream(self, purpose: str, number: int = 0) -> np.random.Generator:
         """Return the random numbers of one purpose; nothing else draws from them."""
@@ -82,6 +89,64 @@ def draw_person(number: int, *, seed: int) -> Person:
     )
 
 
+def personal_preset(person: Person, preset: Preset) -> Preset:
+    """Return the preset with the person's own values of the settings that differ between people.
+
+    A preset without ``personal`` ranges is returned as it is.
+    """
+    ranges = preset.personal
+    if ranges is None:
+        return preset
+    low, high = ranges.softening_range_rad
+    softening = low * (high / low) ** _share(person, "softening")
+    joint = replace(preset.joint, softening_rad=softening, reflex=_personal_reflex(person, ranges))
+    tissue_hz = _drawn(person, "tissue", ranges.tissue_range_hz)
+    goniometer = replace(
+        preset.goniometer,
+        tissue_range_hz=(tissue_hz, tissue_hz),
+        tissue_damping=_drawn(person, "tissue damping", ranges.tissue_damping_range),
+    )
+    return replace(
+        _with_personal_strap(person, preset, ranges),
+        joint=joint,
+        goniometer=goniometer,
+        personal=None,
+    )
+
+
+def _personal_reflex(person: Person, ranges: PersonalSettings) -> ReflexSettings:
+    return ReflexSettings(
+        gain=_drawn(person, "reflex gain", ranges.reflex_gain_range),
+        latency_s=_drawn(person, "reflex latency", ranges.reflex_latency_range_s),
+        twitch_s=_drawn(person, "reflex twitch", ranges.reflex_twitch_range_s),
+    )
+
+
+def _with_personal_strap(person: Person, preset: Preset, ranges: PersonalSettings) -> Preset:
+    """Return the preset with the strap whose resonance with frame and rotor is the person's."""
+    body = preset.body
+    if body is None:
+        return preset
+    inertia = preset.actuator.rotor_inertia + body.frame_mass_kg * body.frame_distance_m**2
+    rate = 2.0 * pi * _drawn(person, "strap", ranges.strap_range_hz)
+    damping = _drawn(person, "strap damping", ranges.strap_damping_range)
+    stiffness = inertia * rate**2
+    strap = replace(
+        body,
+        strap_range_nm_rad=(stiffness, stiffness),
+        strap_damping_time_s=2.0 * damping / rate,
+    )
+    return replace(preset, body=strap)
+
+
+def _share(person: Person, purpose: str) -> float:
+    return float(person.stream(f"personal {purpose}").random())
+
+
+def _drawn(person: Person, purpose: str, limits: Range) -> float:
+    return limits[0] + _share(person, purpose) * (limits[1] - limits[0])
+
+
 @dataclass(frozen=True, slots=True)
 class Instruments:
     """True properties of one person's instruments; the same in all conditions."""
@@ -97,6 +162,7 @@ class Instruments:
 
 def draw_instruments(person: Person, preset: Preset) -> Instruments:
     """Draw the errors of a person's instruments."""
+    preset = personal_preset(person, preset)
     rng = person.stream("instruments")
     deviations = np.clip(rng.standard_normal(3), -_LARGEST_ERROR, _LARGEST_ERROR).tolist()
     shares = rng.random(3).tolist()

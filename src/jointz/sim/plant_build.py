@@ -8,7 +8,7 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.sim.impedance_curves import frame_gravity, leg_of, packed_curves
 from jointz.sim.layout import COMMANDS, HISTORY, INTEGRATED, Param, State
-from jointz.sim.people import Instruments, Person, draw_instruments
+from jointz.sim.people import Instruments, Person, draw_instruments, personal_preset
 from jointz.sim.presets import Preset
 
 _LOWEST_PHYSICS_HZ = 5000.0
@@ -70,6 +70,7 @@ class PlantBuild:
 
 def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> PlantBuild:
     """Return the constants of a plant."""
+    preset = personal_preset(person, preset)
     instruments = draw_instruments(person, preset)
     params = np.zeros(len(Param))
     params[Param.STEP_S], params[Param.PERIOD_S] = grid.step_s, grid.period_s
@@ -78,7 +79,7 @@ def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> Pl
     _fill_joint(params, preset, grid)
     _fill_goniometer(params, preset, instruments, grid)
     if preset.body is not None:
-        params[Param.LIMB_GRAVITY] = leg_of(person).gravity_nm
+        params[Param.LIMB_GRAVITY] = leg_of(person, preset.body).gravity_nm
     if worn:
         _fill_actuator(params, preset, instruments, grid)
         _fill_errors(params, preset, grid)

@@ -63,9 +63,9 @@ class ReflexSettings:
     velocity_time_s: float = 0.05
 
     def __post_init__(self) -> None:
-        if not 0.03 <= self.latency_s <= 0.06:
+        if not 0.025 <= self.latency_s <= 0.07:
             raise DataError(
-                f"ReflexSettings: expected latency_s in 0.03..0.06 s, got {self.latency_s:g}."
+                f"ReflexSettings: expected latency_s in 0.025..0.07 s, got {self.latency_s:g}."
             )
 
 
@@ -195,6 +195,27 @@ class BodySettings:
     strap_damping_time_s: float = 0.005  # s: strap damping over strap stiffness
     frame_mass_kg: float = 1.0  # mass of the frame on the shank
     frame_distance_m: float = 0.18  # distance of the frame's centre below the knee
+    # proportions of the leg: ``winter`` (average body) or ``de_leva`` (female and male bodies)
+    segments: Literal["winter", "de_leva"] = "winter"
+
+
+@dataclass(frozen=True, slots=True)
+class PersonalSettings:
+    """Ranges from which every person's own settings are drawn, uniformly unless stated.
+
+    :func:`jointz.sim.people.personal_preset` replaces the settings of the preset with them.
+    """
+
+    softening_range_rad: Range = (radians(12.0), radians(40.0))  # log-uniform
+    reflex_gain_range: Range = (0.0, 0.6)
+    reflex_latency_range_s: Range = (0.025, 0.070)
+    reflex_twitch_range_s: Range = (0.020, 0.060)
+    # Hz and damping ratio: resonance of the soft tissue under the goniometer
+    tissue_range_hz: Range = (10.0, 40.0)
+    tissue_damping_range: Range = (0.1, 0.6)
+    # Hz and damping ratio: resonance of frame and rotor on the strap, the leg held still
+    strap_range_hz: Range = (10.0, 40.0)
+    strap_damping_range: Range = (0.1, 0.6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +232,9 @@ class Preset:
     body : BodySettings, optional
         Segments and strap; without them the strap is rigid, and the inertia that of the printed
         table.
+    personal : PersonalSettings, optional
+        Ranges of settings that differ between people; without them all people share the settings
+        above.
     """
 
     name: str
@@ -221,6 +245,7 @@ class Preset:
     footswitch: FootswitchSettings = field(default_factory=FootswitchSettings)
     moment: MomentSettings = field(default_factory=MomentSettings)
     body: BodySettings | None = None
+    personal: PersonalSettings | None = None
 
 
 _NOMINAL = Preset("nominal")
@@ -290,6 +315,14 @@ _ANTHROPOMETRIC = replace(
     body=BodySettings(),
 )
 
+_REALISTIC = replace(
+    _NOMINAL,
+    name="realistic",
+    goniometer=GoniometerSettings(tissue_range_hz=(10.0, 40.0)),
+    body=BodySettings(segments="de_leva"),
+    personal=PersonalSettings(),
+)
+
 #: Name -> preset.
 PRESETS: Mapping[str, Preset] = MappingProxyType(
     {
@@ -297,6 +330,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
         "nominal": _NOMINAL,
         "hard": _HARD,
         "anthropometric": _ANTHROPOMETRIC,
+        "realistic": _REALISTIC,
     }
 )
 
@@ -307,7 +341,7 @@ def preset(name: str) -> Preset:
     Parameters
     ----------
     name : str
-        One of ``clean``, ``nominal``, ``hard``, ``anthropometric``.
+        One of ``clean``, ``nominal``, ``hard``, ``anthropometric``, ``realistic``.
 
     Raises
     ------

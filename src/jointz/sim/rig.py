@@ -17,7 +17,7 @@ from jointz.sim.descriptions import exoskeleton, footswitch, goniometer, inverse
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
-from jointz.sim.people import Person, draw_person
+from jointz.sim.people import Person, draw_person, personal_preset
 from jointz.sim.plant_build import Grid, PlantBuild, build_plant
 from jointz.sim.presets import Preset
 from jointz.sim.presets import preset as preset_named
@@ -44,7 +44,7 @@ class SimulatedRig:
     person : Person
         Who walks.
     preset : Preset
-        How well person and instruments behave.
+        How well person and instruments behave. The rig keeps it with the person's own values.
     grid : Grid, optional
         Sample rate of all devices, steps of the physics; 500 Hz by default.
     speed_m_s : float, m/s
@@ -69,7 +69,7 @@ class SimulatedRig:
         zeroed: bool = True,
     ) -> None:
         self.person = person
-        self.preset = preset
+        self.preset = personal_preset(person, preset)
         self.grid = grid or Grid()
         self.speed_m_s = speed_m_s
         self.inject = Injection()
@@ -241,7 +241,7 @@ def simulated_rig(
     number : int
         Of the participant, from 0.
     preset : str
-        ``clean``, ``nominal``, ``hard`` or ``anthropometric``.
+        ``clean``, ``nominal``, ``hard``, ``anthropometric`` or ``realistic``.
     seed : int
         Of the population.
     sample_rate_hz : float, Hz

@@ -117,8 +117,10 @@ class TestAgainstTheDevices:
                 )
                 for grid in (Grid(500.0, substeps=40), QUICK_GRID)
             )
+            # A reflex is late by whole steps, and people of personal presets by any time.
+            atol = 1e-5 if preset(name).personal is None else 1e-3
             np.testing.assert_allclose(
-                quick.channels["angle"], fine.channels["angle"], rtol=0, atol=1e-5
+                quick.channels["angle"], fine.channels["angle"], rtol=0, atol=atol
             )
 
 

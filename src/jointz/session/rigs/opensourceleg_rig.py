@@ -20,7 +20,7 @@ def simulated_opensourceleg_actuator(
     Parameters
     ----------
     preset : str
-        ``clean``, ``nominal``, ``hard`` or ``anthropometric``.
+        ``clean``, ``nominal``, ``hard``, ``anthropometric`` or ``realistic``.
     seed : int
         Of the population.
     participant : int

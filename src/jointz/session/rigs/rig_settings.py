@@ -17,10 +17,10 @@ from jointz.io.calibration_file import CalibrationFile
 if TYPE_CHECKING:
     from jointz.session.rigs.hardware_rig import Hardware
 
-PRESETS = ("clean", "nominal", "hard", "anthropometric")
+PRESETS = ("clean", "nominal", "hard", "anthropometric", "realistic")
 _BENCH_PRESETS = ("clean", "nominal", "hard")
 #: In the others the frame of the exoskeleton is part of the limb: there is none to hang up.
-_FRAME_PRESETS = ("anthropometric",)
+_FRAME_PRESETS = ("anthropometric", "realistic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,8 @@ class RigSettings:
     # ``sim``: simulated walking human with an exoskeleton, or simulated bench; otherwise name of a
     # rig of another package
     device: str = "sim"
-    # preset of the simulation: ``clean``, ``nominal``, ``hard`` or, for people, ``anthropometric``
+    # preset of the simulation: ``clean``, ``nominal``, ``hard`` or, for people, ``anthropometric``,
+    # ``realistic``
     preset: str = "nominal"
     seed: int = 1  # seed of the simulation
     sample_rate_hz: float = 500.0  # Hz: sampling rate of all simulated devices

@@ -84,7 +84,7 @@ def spring_body(preset: Preset, spring: BenchLoad) -> CalibratedBody:
 
 def hanging_leg(person: Person, preset: Preset, weight: BenchLoad | None) -> CalibratedBody:
     """Return the relaxed leg that hangs, the thigh on a bench."""
-    leg = leg_of(person)
+    leg = leg_of(person, preset.body)
     inertia = person.inertia if preset.body is None else leg.inertia
     gravity = leg.gravity_nm * inertia / leg.inertia
     deviations = np.clip(person.stream("hanging leg").standard_normal(2), -3.0, 3.0).tolist()
