@@ -12,15 +12,13 @@ from jointz.control.motor import LIMITS, RATIOS, GearTable, Motor, built_in_moto
 from jointz.control.passive_joint import ClutchFit, PassiveFit, fit_clutch, fit_passive
 from jointz.core.errors import DataError
 from jointz.results.base import Array, PlottedResult, record_frame, summary_text
+from jointz.results.estimates import ONE_SIDED_95, REACH_95
 from jointz.results.figure_style import BLUE, INK, MUTED, ORANGE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-REACH_95: Final = 1.959963984540054
-#: Normal quantile of the 95th percentile of strides.
-STRIDE_95: Final = 1.6448536269514722
 DRAWS: Final = 200
 _SEED = 0
 #: Quantity -> unit, in the order of the tables.
@@ -336,7 +334,7 @@ def _with_intervals(
     error = _error_share(profile) * spread
     mean = values(moment)
     drawn = pd.DataFrame([values(moment + error * draw) for draw in _error_draws(moment.size)])
-    ends = pd.DataFrame([values(moment + z * spread) for z in (-STRIDE_95, STRIDE_95)])
+    ends = pd.DataFrame([values(moment + z * spread) for z in (-ONE_SIDED_95, ONE_SIDED_95)])
     lows, highs = (drawn.quantile(q) for q in (0.025, 0.975))
     quantities = []
     for quantity, unit in UNITS.items():

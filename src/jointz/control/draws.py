@@ -3,11 +3,10 @@
 import numpy as np
 
 from jointz.control.impedance_profile import ImpedanceProfile
+from jointz.results.estimates import REACH_95
 
 #: Draws that intervals of derived figures rest on, and their seed.
 DRAWS, SEED = 200, 46
-#: Width of a 95 % interval of a normal distribution, in SD.
-_WIDTH_SD = 3.92
 
 
 def drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -17,9 +16,9 @@ def drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray, np.
     log-normal, the equilibrium is normal; the three are independent of each other.
     """
     z = np.random.default_rng(SEED).standard_normal((3, DRAWS, 1))
-    spread_k = np.log(profile.stiffness_high / profile.stiffness_low) / _WIDTH_SD
-    spread_b = np.log(profile.damping_high / profile.damping_low) / _WIDTH_SD
-    spread_e = (profile.equilibrium_high - profile.equilibrium_low) / _WIDTH_SD
+    spread_k = np.log(profile.stiffness_high / profile.stiffness_low) / (2.0 * REACH_95)
+    spread_b = np.log(profile.damping_high / profile.damping_low) / (2.0 * REACH_95)
+    spread_e = (profile.equilibrium_high - profile.equilibrium_low) / (2.0 * REACH_95)
     return (
         profile.stiffness * np.exp(z[0] * spread_k),
         profile.damping * np.exp(z[1] * spread_b),

@@ -6,6 +6,7 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
+from scipy.stats import t as students_t
 
 from jointz.control import published
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, ProfileKnot, mean_velocity
@@ -231,12 +232,14 @@ def _over_people(one: Sequence[_Gait]) -> _Gait:
     if n == 1:
         return replace(mean, sources=sources)
     angle_sd, moment_sd = (_sd([getattr(g, name) for g in one]) for name in ("angle", "moment"))
+    # Of few people: as much wider as Student's interval is than the normal one.
+    share = float(students_t.ppf(0.5 + _LEVEL / 2.0, n - 1)) / REACH_95 / np.sqrt(n)
     return replace(
         mean,
         angle_sd=angle_sd,
-        angle_error=np.hypot(angle_sd / np.sqrt(n), mean.angle_error),
+        angle_error=np.hypot(share * angle_sd, mean.angle_error),
         moment_sd=moment_sd,
-        moment_error=moment_sd / np.sqrt(n),
+        moment_error=share * moment_sd,
         sources=sources,
     )
 

@@ -138,7 +138,8 @@ def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             protocol.name, [f"{setup.name} needs gait, a controller and an actuator."]
         )
     made = make_controller(spec, protocol=protocol, wearer=setup.wearer)
-    if setup.controlled_by not in (None, json.loads(json.dumps(made.describe()))):
+    before = setup.controlled_by
+    if before is not None and before != json.loads(json.dumps(dict(made.describe()))):
         raise DataError(
             f"{setup.name}: '{spec.name}' is another controller than in the stretch before: its "
             "profile, settings or version changed. Restore them, or begin another study."

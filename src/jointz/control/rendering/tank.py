@@ -1,6 +1,7 @@
 """Energy tank: a stiffness rises only with energy that the damper has taken out."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 #: Share of the damper's energy that goes into the tank.
 RECOVERED = 0.9
@@ -50,6 +51,8 @@ class EnergyTank:
         if self.stiffness is None:  # the energy that the spring starts with is nobody's gift
             self.stiffness, self.damping = stiffness, damping
             return stiffness
+        if not isfinite(stiffness + damping + deviation + rate):
+            return self.stiffness  # the torque is no number either, and the safety gate trips
         taken = self.damping * rate**2 * min(max(elapsed_s, 0.0), _LONGEST_S)
         available = self.energy_j + RECOVERED * taken
         per_stiffness = 0.5 * deviation**2

@@ -220,7 +220,8 @@ def bed_means(runs: tuple[BedRun, ...], reference: str | None = None) -> tuple[B
                 own = own - table.xs(reference, level="controller")
             if name != reference:
                 scores = (s for s in SCORES if test in PUSHES or not _of_pushes(s))
-                means += [_mean(name, test, s, own[s].dropna().to_numpy()) for s in scores]
+                least = 0.0 if reference is None else -1.0  # of shares
+                means += [_mean(name, test, s, own[s].dropna().to_numpy(), least) for s in scores]
     return tuple(means)
 
 
@@ -228,10 +229,10 @@ def _of_pushes(score: str) -> bool:
     return score in ("push_deviation", "return_time")
 
 
-def _mean(controller: str, test: str, score: str, values: np.ndarray) -> BedMean:
+def _mean(controller: str, test: str, score: str, values: np.ndarray, least: float) -> BedMean:
     mean, low, high = _student(values)
-    if SCORES[score][1] == "1" and low is not None and high is not None:  # shares, or differences
-        low, high = max(low, -1.0 if values.min() < 0.0 else 0.0), min(high, 1.0)
+    if SCORES[score][1] == "1" and low is not None and high is not None:
+        low, high = max(low, least), min(high, 1.0)
     return BedMean(controller, test, score, SCORES[score][1], mean, low, high, values.size)
 
 

@@ -117,7 +117,8 @@ def _check(profiles: Sequence[ImpedanceProfile], seeds: int, seed: int) -> None:
         raise DataError("compare: no profile. Give files of jointz control profile.")
     if seeds < 1 or seed < 0:
         raise DataError(f"compare: expected seeds from 1 and seed from 0, got {seeds} and {seed}.")
-    twice = [name for name, n in Counter(p.subject for p in profiles).items() if n > 1]
+    people = Counter(profile.subject.partition(",")[0] for profile in profiles)  # of all sides
+    twice = [name for name, n in people.items() if n > 1]
     if twice:
         raise DataError(
             f"compare: several profiles of {', '.join(twice)}; each counts as a person. Leave one."
