@@ -13,7 +13,7 @@ from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
-from jointz.terminal.printout import check_figure, save_canvas
+from jointz.terminal.printout import check_figure, save_drawn
 
 if TYPE_CHECKING:
     from jointz.control.impedance_profile import ImpedanceProfile
@@ -157,8 +157,6 @@ def export(
 
 
 control.command("design")(design)
-
-
 control.command("check")(check)
 control.command("compare")(compare)
 
@@ -172,15 +170,9 @@ def _report(
     quiet: bool,
 ) -> None:
     if figure is not None:
-        from matplotlib.figure import Figure as Canvas
-
         from jointz.control.impedance_profile import draw_profile
-        from jointz.results.figure_style import figure_style
 
-        with figure_style():
-            canvas = Canvas(figsize=_SIZE, layout="constrained")
-            draw_profile(canvas, found)
-            save_canvas(canvas, figure)
+        save_drawn(lambda canvas: draw_profile(canvas, found), figure, _SIZE)
     files = {"written": str(written)} if written else {}
     if as_json:
         emit_json({"status": "ok", **found.to_dict(), **files})

@@ -1,18 +1,16 @@
 """``jointz control design``: what a joint must be able to do for a profile."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError
+from jointz.core.whole_file import refuse_existing
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json
-from jointz.terminal.printout import check_figure, save_canvas
-
-if TYPE_CHECKING:
-    from jointz.control.design import JointDesign
+from jointz.terminal.printout import check_figure, save_drawn
 
 #: Inches: width, and height of a profile's row.
 _WIDTH, _ROW = 7.0, 2.8
@@ -45,9 +43,9 @@ def design(
     """
     del debug
     check_figure(figure)
-    if figure is not None and figure.exists():
-        raise OutputError(f"{figure}: exists. Name another file, or remove it.")
-    from jointz.control.design import design_joint
+    if figure is not None:
+        refuse_existing(figure)
+    from jointz.control.design import design_joint, draw_design
     from jointz.control.motor import read_motor
     from jointz.control.profile_file import read_profile
 
@@ -55,7 +53,8 @@ def design(
     profiles = {name: read_profile(file) for name, file in _names(files).items()}
     found = design_joint(profiles, motor=named, efficiency=efficiency)
     if figure is not None:
-        _draw(found, figure)
+        size = (_WIDTH, _ROW * len(found.profiles))
+        save_drawn(lambda canvas: draw_design(canvas, found), figure, size)
     if as_json:
         emit_json({"status": "ok", **found.to_dict()})
     elif not quiet:
@@ -74,15 +73,3 @@ def _names(files: list[Path]) -> dict[str, Path]:
     if len(names) < len(files):
         raise DataError("design: a profile is named more than once. Name each file once.")
     return names
-
-
-def _draw(found: "JointDesign", figure: Path) -> None:
-    from matplotlib.figure import Figure as Canvas
-
-    from jointz.control.design import draw_design
-    from jointz.results.figure_style import figure_style
-
-    with figure_style():
-        canvas = Canvas(figsize=(_WIDTH, _ROW * len(found.profiles)), layout="constrained")
-        draw_design(canvas, found)
-        save_canvas(canvas, figure)

@@ -9,18 +9,13 @@ from jointz.results.estimates import REACH_95
 DRAWS, SEED = 200, 46
 
 
-def drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return draws of stiffness, damping and equilibrium, (200, n) each.
+def drawn_curves(profile: ImpedanceProfile) -> tuple[np.ndarray, np.ndarray]:
+    """Return draws of stiffness and damping, (200, n) each.
 
-    Errors are alike at all phases: a curve lies high or low as a whole. Stiffness and damping are
-    log-normal, the equilibrium is normal; the three are independent of each other.
+    Errors are alike at all phases: a curve lies high or low as a whole. Both are log-normal and
+    independent of each other.
     """
-    z = np.random.default_rng(SEED).standard_normal((3, DRAWS, 1))
+    z = np.random.default_rng(SEED).standard_normal((2, DRAWS, 1))
     spread_k = np.log(profile.stiffness_high / profile.stiffness_low) / (2.0 * REACH_95)
     spread_b = np.log(profile.damping_high / profile.damping_low) / (2.0 * REACH_95)
-    spread_e = (profile.equilibrium_high - profile.equilibrium_low) / (2.0 * REACH_95)
-    return (
-        profile.stiffness * np.exp(z[0] * spread_k),
-        profile.damping * np.exp(z[1] * spread_b),
-        profile.equilibrium + z[2] * spread_e,
-    )
+    return profile.stiffness * np.exp(z[0] * spread_k), profile.damping * np.exp(z[1] * spread_b)

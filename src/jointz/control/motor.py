@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
-from jointz.core.errors import DeviceFileError
 from jointz.core.study import TorqueModelSpec
-from jointz.io.toml_problems import all_problems, file_content, parse_toml
+from jointz.io.toml_problems import read_device_model
 from jointz.reference.chapter3 import TORQUE_MODELS
 
 #: Gear ratios that are tried.
@@ -102,12 +101,8 @@ def read_motor(file: str | os.PathLike[str]) -> Motor:
         With all problems of the file.
     """
     where = os.fspath(file)
-    content = file_content(where, absent=f"{where}: no such file. Give a motor file (TOML).")
-    raw = parse_toml(where, content, error=DeviceFileError)
-    try:
-        return Motor.model_validate(raw)
-    except ValidationError as exc:
-        raise DeviceFileError(where, all_problems(exc, Motor, raw)) from exc
+    absent = f"{where}: no such file. Give a motor file (TOML)."
+    return read_device_model(where, Motor, absent=absent)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from jointz.control.impedance_profile import GRID_PCT, LAW, PROFILE_UNITS, ImpedanceProfile
-from jointz.core.errors import DataError, OutputError
-from jointz.core.whole_file import whole_file
+from jointz.core.errors import DataError
+from jointz.core.whole_file import refuse_existing, whole_file
 
 _INTERVALS = ("stiffness", "damping", "equilibrium")
 _ARRAYS = (
@@ -52,8 +52,7 @@ def write_profile(profile: ImpedanceProfile, file: str | os.PathLike[str]) -> Pa
         When it cannot be written.
     """
     path = Path(file)
-    if path.exists():
-        raise OutputError(f"{path}: exists. Name another file, or remove it.")
+    refuse_existing(path)
     with whole_file(path) as partial:
         partial.write_text(profile_text(profile), encoding="utf-8")
     return path

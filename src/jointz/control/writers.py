@@ -11,8 +11,8 @@ import numpy as np
 
 from jointz.control.impedance_profile import LAW, PROFILE_UNITS, ImpedanceProfile
 from jointz.control.state_machine import StateMachineFit, fit_state_machine
-from jointz.core.errors import DataError, OutputError
-from jointz.core.whole_file import whole_file
+from jointz.core.errors import DataError
+from jointz.core.whole_file import refuse_existing, whole_file
 
 _LAW_ARRAYS = ("stiffness", "damping", "equilibrium")
 
@@ -44,8 +44,7 @@ def export_profile(profile: ImpedanceProfile, file: str | os.PathLike[str]) -> P
     write = _WRITERS.get(path.suffix.lower())
     if write is None:
         raise DataError(f"{path}: expected a suffix out of {', '.join(_WRITERS)}.")
-    if path.exists():
-        raise OutputError(f"{path}: exists. Name another file, or remove it.")
+    refuse_existing(path)
     with whole_file(path) as partial:
         write(profile, partial, path.stem)
     return path

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from jointz.core.errors import WriteError
+from jointz.core.errors import OutputError, WriteError
 
 
 @contextmanager
@@ -20,3 +20,9 @@ def whole_file(file: Path, todo: str = "Make room.") -> Iterator[Path]:
             partial.unlink(missing_ok=True)
     except OSError as exc:
         raise WriteError(str(file), exc, todo) from exc
+
+
+def refuse_existing(path: Path, what: str = "file") -> None:
+    """Refuse to write where something is already."""
+    if path.exists():
+        raise OutputError(f"{path}: exists. Name another {what}, or remove it.")

@@ -5,7 +5,7 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
 
@@ -13,6 +13,7 @@ from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
 from jointz.core.errors import DataError, DeviceFileError, EntryError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
+_ModelT = TypeVar("_ModelT", bound=CheckedModel)
 
 _INTEGERS = range(-(2**63), 2**63)  # those of TOML
 _LONGEST_SHOWN = 80
@@ -75,6 +76,15 @@ def all_problems(
     """Return what pydantic refused and every inconsistency among what can be read."""
     problems = _inconsistencies(_draft(model, raw), ())
     return [*shape_problems(error, model, raw), *dict.fromkeys(problems)]
+
+
+def read_device_model(name: str, model: type[_ModelT], *, absent: str) -> _ModelT:
+    """Return the model of a device's TOML file; raise with all its problems."""
+    raw = parse_toml(name, file_content(name, absent=absent), error=DeviceFileError)
+    try:
+        return model.model_validate(raw)
+    except ValidationError as exc:
+        raise DeviceFileError(name, all_problems(exc, model, raw)) from exc
 
 
 def _holds_huge_integer(value: Any) -> bool:

@@ -164,6 +164,18 @@ def _save(draw: "Callable[[Axes], object]", figure: Path, size: tuple[float, flo
     save_canvas(canvas, figure)
 
 
+def save_drawn(draw: "Callable[[Canvas], object]", figure: Path, size: tuple[float, float]) -> None:
+    """Draw on a canvas of a size in inches, in the style of figures, and write it."""
+    from matplotlib.figure import Figure
+
+    from jointz.results.figure_style import figure_style
+
+    with figure_style():
+        canvas = Figure(figsize=size, layout="constrained")
+        draw(canvas)
+        save_canvas(canvas, figure)
+
+
 def save_canvas(canvas: "Canvas", figure: Path) -> None:
     """Write a figure, whole or not at all."""
     kind = figure.suffix.removeprefix(".")

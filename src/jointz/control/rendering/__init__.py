@@ -1,1 +1,1 @@
-"""What an actuator can render of a profile: stability, passivity, torque and bandwidth."""
+"""Rendering of a profile by an actuator: stability, passivity, torque and bandwidth."""

@@ -8,11 +8,10 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from jointz.core.checked_model import CheckedModel
-from jointz.core.errors import DeviceFileError
-from jointz.io.toml_problems import all_problems, file_content, parse_toml
+from jointz.io.toml_problems import read_device_model
 from jointz.reference import chapter2, chapter3
 from jointz.sim.presets import ActuatorSettings
 
@@ -102,12 +101,7 @@ def read_actuator(name_or_file: str) -> Actuator:
         f"{name_or_file}: expected {' or '.join(BUILT_IN)}, or a TOML file with "
         f"{', '.join(ActuatorFile.model_fields)}; there is no such file."
     )
-    raw = parse_toml(name_or_file, file_content(name_or_file, absent=absent), error=DeviceFileError)
-    try:
-        values = ActuatorFile.model_validate(raw)
-    except ValidationError as exc:
-        raise DeviceFileError(name_or_file, all_problems(exc, ActuatorFile, raw)) from exc
-    return Actuator(**values.model_dump())
+    return Actuator(**read_device_model(name_or_file, ActuatorFile, absent=absent).model_dump())
 
 
 # --- built-in ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Whether an actuator can render a profile, with intervals and a figure."""
+"""Check of an actuator against a profile, with intervals and a figure."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -57,7 +57,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RenderingCheck(PlottedResult):
-    """What an actuator can render of a profile.
+    """Conditions under which an actuator renders a profile, each with its value.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class RenderingCheck(PlottedResult):
 
     @property
     def can_render(self) -> bool:
-        """Whether it is stable, has the torque, and no passive load makes deviations grow."""
+        """True if it is stable, has the torque, and no passive load makes deviations grow."""
         return all(self[name].holds for name in _DECISIVE)
 
     def __getitem__(self, condition: str) -> Finding:
@@ -204,7 +204,7 @@ def check_rendering(
             f"expected a load inertia > 0 kg*m^2 and a share above 0 and up to 1, got {inertia:g} "
             f"and {share:g}."
         )
-    drawn_stiffness, drawn_damping, _ = (share * one for one in drawn_curves(profile))
+    drawn_stiffness, drawn_damping = (share * one for one in drawn_curves(profile))
     # The profile itself is the first row.
     stiffness = np.vstack([share * profile.stiffness, drawn_stiffness])
     damping = np.vstack([share * profile.damping, drawn_damping])

@@ -8,10 +8,10 @@ import typer
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
-from jointz.terminal.printout import check_figure, save_canvas
+from jointz.terminal.printout import check_figure, save_drawn
 
 if TYPE_CHECKING:
-    from jointz.control.rendering.check import Finding, RenderingCheck
+    from jointz.control.rendering.check import Finding
 
 
 def check(
@@ -54,7 +54,7 @@ def check(
         read_profile(file), read_actuator(actuator), load_inertia=load_inertia, share=share
     )
     if figure is not None:
-        _save(found, figure)
+        save_drawn(lambda canvas: found.plot(canvas.subplots()), figure, found.FIGURE_SIZE)
     if as_json:
         emit_json({"status": "ok", **found.to_dict()})
     elif not quiet:
@@ -74,14 +74,3 @@ def _row(one: "Finding") -> list[str]:
     share = "-" if one.share_of_draws is None else f"{one.share_of_draws:.0%}"
     holds = "yes" if one.holds else "no"
     return [one.condition, holds, number(one.value), interval, number(one.limit), one.unit, share]
-
-
-def _save(found: "RenderingCheck", figure: Path) -> None:
-    from matplotlib.figure import Figure as Canvas
-
-    from jointz.results.figure_style import figure_style
-
-    with figure_style():
-        canvas = Canvas(figsize=found.FIGURE_SIZE, layout="constrained")
-        found.plot(canvas.subplots())
-        save_canvas(canvas, figure)

@@ -6,12 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jointz.control.impedance_profile import ImpedanceProfile
+from jointz.control.leg_body import leg_body
 from jointz.control.rendering.actuators import Actuator
 from jointz.core.errors import DataError
 
-#: Shank and foot: share of body mass, radius of gyration about the knee by their length, length
-#: by height (Winter 2009, table 4.1); the height is a mean adult's.
-_MASS, _GYRATION, _LENGTH, _HEIGHT_M = 0.061, 0.735, 0.246, 1.74
 #: Halvings of an interval of frequencies: to 1e-12 of it.
 _HALVINGS = 40
 #: Frequencies at which passivity is tested, logarithmic and even.
@@ -29,7 +27,7 @@ def default_load_inertia(profile: ImpedanceProfile) -> float:
             f"load inertia: no default for the {profile.joint}, only for the knee. Give the "
             "inertia that the actuator moves (--load-inertia, kg*m^2)."
         )
-    return float(_MASS * profile.mass_kg * (_GYRATION * _LENGTH * _HEIGHT_M) ** 2)
+    return leg_body(profile.mass_kg).inertia
 
 
 def stable_stiffness(actuator: Actuator, damping: ArrayLike, load_inertia: float) -> np.ndarray:

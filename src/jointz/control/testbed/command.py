@@ -1,22 +1,16 @@
 """``jointz control compare``: controllers in the test bed."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from jointz.core.errors import OutputError
+from jointz.core.whole_file import refuse_existing
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
-from jointz.terminal.printout import check_figure, save_canvas
+from jointz.terminal.printout import check_figure, save_drawn
 from jointz.terminal.progress_bars import progress_bar
-
-if TYPE_CHECKING:
-    from jointz.control.testbed.bed_comparison import BedComparison
-
-#: Inches.
-_SIZE = (7.0, 3.2)
 
 
 def compare(
@@ -60,8 +54,8 @@ def compare(
 
     if out is not None:
         check_page(out)
-    if figure is not None and figure.exists():
-        raise OutputError(f"{figure}: exists. Name another file, or remove it.")
+    if figure is not None:
+        refuse_existing(figure)
     people = [read_profile(file) for file in profiles]
     with progress_bar(shown=not (quiet or as_json)) as progress:
         found = compare_controllers(
@@ -70,7 +64,7 @@ def compare(
         )  # fmt: skip
     page = None if out is None else write_page(found, out)
     if figure is not None:
-        _save(found, figure)
+        save_drawn(lambda canvas: found.plot(canvas.subplots()), figure, found.FIGURE_SIZE)
     if as_json:
         content = {k: v for k, v in found.to_dict().items() if k not in ("runs", "traces")}
         emit_json({"status": "ok", **content, **({"written": str(page)} if page else {})})
@@ -78,14 +72,3 @@ def compare(
         emit(found.summary())
         if page:
             emit(f"Written: {page}")
-
-
-def _save(found: "BedComparison", figure: Path) -> None:
-    from matplotlib.figure import Figure as Canvas
-
-    from jointz.results.figure_style import figure_style
-
-    with figure_style():
-        canvas = Canvas(figsize=_SIZE, layout="constrained")
-        found.plot(canvas.subplots())
-        save_canvas(canvas, figure)

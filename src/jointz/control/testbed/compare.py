@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile
+from jointz.control.leg_body import HEIGHT_M
 from jointz.control.testbed.bed_comparison import (
     INTACT,
     PUSHES,
@@ -16,9 +17,10 @@ from jointz.control.testbed.bed_comparison import (
     bed_means,
 )
 from jointz.control.testbed.bed_laws import OTHERS, REFERENCE, persons_laws
-from jointz.control.testbed.knee_bed import HEIGHT_M, LOAD_SHARE, KneeBed, knee_bed, walk_through
+from jointz.control.testbed.knee_bed import LOAD_SHARE, KneeBed, knee_bed, walk_through
 from jointz.control.testbed.scores import (
     PLAIN,
+    SAMPLE_S,
     TESTS,
     drawn_walk,
     intact_angle,
@@ -172,9 +174,9 @@ def _traces(records: Mapping[str, _Record], controller: str) -> tuple[BedTrace, 
     traces = [_until_it_falls(controller, PLAIN, grid, mean)]
     for name in PUSHES:
         begin = _TRACED_PUSH + (TESTS[name].push_at or 0.0)
-        at = np.flatnonzero(phase >= begin)[: round(_TRACE_S / 0.002)]
+        at = np.flatnonzero(phase >= begin)[: round(_TRACE_S / SAMPLE_S)]
         away = np.degrees(records[name][0][at, 1]) - angle[at]
-        traces.append(_until_it_falls(controller, name, 0.002 * np.arange(at.size), away))
+        traces.append(_until_it_falls(controller, name, SAMPLE_S * np.arange(at.size), away))
     return tuple(traces)
 
 

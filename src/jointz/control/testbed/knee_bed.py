@@ -24,12 +24,11 @@ import numpy as np
 from numba import njit
 
 from jointz.control.impedance_profile import ImpedanceProfile
+from jointz.control.leg_body import GRAVITY, HEIGHT_M, LegBody, leg_body
 from jointz.core.errors import DataError
 
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
-HEIGHT_M: Final = 1.74
-GRAVITY: Final = 9.81
 #: End of stance, % of the gait cycle.
 TOE_OFF_PCT: Final = 62.0
 #: Physics and controller, s.
@@ -48,9 +47,6 @@ _THIGH: Final = (math.radians(5.0), math.radians(21.0), 0.92)
 _HIP_M: Final = (0.01, 0.025)
 #: Vertical force, body weights: sines of one and three half waves over stance; peaks of 1.1.
 _FORCE: Final = (1.18, 0.38)
-#: Segments as shares of height, and the body's as shares of mass (Winter, table 4.1).
-_THIGH_LENGTH, _SHANK_LENGTH, _ANKLE_HEIGHT, _FOOT_LENGTH = 0.245, 0.246, 0.039, 0.152
-_MASS, _CENTRE, _GYRATION = 0.061, 0.606, 0.735
 #: Point of the force under the foot, from ankle forward, shares of the foot's length (assumed).
 _HEEL, _TOE = -0.25, 0.65
 #: Tip of the toes, for the clearance.
@@ -64,22 +60,10 @@ LIMITS: Final = (math.radians(-10.0), math.radians(90.0), math.radians(60.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Body:
-    """Segments of a leg, SI."""
-
-    inertia: float  # kg m^2, of shank and foot about the knee
-    mass_centre: float  # kg m, mass times distance of its centre from the knee
-    thigh_m: float
-    sole_m: float  # from knee to sole
-    foot_m: float
-    weight_n: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class KneeBed:
     """A person's leg and intact gait; columns of ``tables`` are those of ``_COLUMNS``."""
 
-    body: Body
+    body: LegBody
     stride_s: float
     tables: np.ndarray  # (nodes, columns), by phase
     constants: np.ndarray  # of the compiled functions
@@ -154,7 +138,7 @@ def knee_bed(
             f"profile of {profile.subject}: the mean stride goes from {least:.0f} to {largest:.0f} "
             "deg; below -10 and above 90 it would count as a fall. See the zero of the goniometer."
         )
-    body = _body(profile.mass_kg, height_m)
+    body = leg_body(profile.mass_kg, height_m)
     stop = float(profile.angle.min()) - STOP_BELOW
     constants = np.array(
         [body.inertia, body.mass_centre, body.thigh_m, body.sole_m, load_share, stop]
@@ -166,18 +150,6 @@ def knee_bed(
     flat = _force(_share_of_stance(), 0.0) * body.weight_n
     tables[:, 7] = flat + speed**2 * (tables[:, 7] - flat)
     return KneeBed(body, profile.stride_s / root, tables, constants)
-
-
-def _body(mass_kg: float, height_m: float) -> Body:
-    shank, mass = _SHANK_LENGTH * height_m, _MASS * mass_kg
-    return Body(
-        inertia=mass * (_GYRATION * shank) ** 2,
-        mass_centre=mass * _CENTRE * shank,
-        thigh_m=_THIGH_LENGTH * height_m,
-        sole_m=shank + _ANKLE_HEIGHT * height_m,
-        foot_m=_FOOT_LENGTH * height_m,
-        weight_n=GRAVITY * mass_kg,
-    )
 
 
 def _share_of_stance() -> np.ndarray:
@@ -199,7 +171,7 @@ def _harmonics(values: np.ndarray, cycle: np.ndarray) -> tuple[np.ndarray, np.nd
     return tuple((waves * order**k).sum(axis=1).real for k in range(3))
 
 
-def _prescribed(profile: ImpedanceProfile, body: Body) -> np.ndarray:
+def _prescribed(profile: ImpedanceProfile, body: LegBody) -> np.ndarray:
     """Return the tables without the closing force and moment, and the intact acceleration last."""
     cycle = np.arange(_NODES) / _NODES
     mean, amplitude, peak = _THIGH
@@ -218,7 +190,7 @@ def _prescribed(profile: ImpedanceProfile, body: Body) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def _closed(body: Body, rows: np.ndarray, constants: np.ndarray, stride_s: float) -> np.ndarray:
+def _closed(body: LegBody, rows: np.ndarray, constants: np.ndarray, stride_s: float) -> np.ndarray:
     """Return the tables with what makes the intact motion a solution."""
     tables, bend = rows[:, :-1].copy(), rows[:, -1]
     shank = tables[:, 0] - tables[:, _COLUMNS.index("angle")]

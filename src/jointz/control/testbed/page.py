@@ -13,7 +13,7 @@ from jointz.control.testbed.bed_comparison import (
 from jointz.control.testbed.bed_laws import REFERENCE
 from jointz.control.testbed.figures import bed_figures
 from jointz.control.testbed.scores import PLAIN, SCORES, TESTS
-from jointz.core.errors import OutputError
+from jointz.core.whole_file import refuse_existing
 from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.wording import DASH
@@ -31,8 +31,7 @@ _CAPTIONS: Final = {
 
 def check_page(out: str | os.PathLike[str]) -> None:
     """Raise OutputError where the folder exists."""
-    if Path(out).exists():
-        raise OutputError(f"{out}: exists. Name another folder, or remove it.")
+    refuse_existing(Path(out), "folder")
 
 
 def write_page(found: BedComparison, out: str | os.PathLike[str]) -> Path:

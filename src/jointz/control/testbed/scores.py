@@ -13,7 +13,7 @@ STRIDES: Final = 12
 _STRIDE_CV, _THIGH_SD = 0.03, float(np.radians(2.0))
 _LAG_S, _LIMIT_NM = 0.015, 120.0
 _PUSH_NM, _PUSH_S, _FIRST_PUSH = 15.0, 0.1, 2
-_SAMPLE_S = STEP_S * STEPS_PER_SAMPLE
+SAMPLE_S = STEP_S * STEPS_PER_SAMPLE
 #: Swing in which the toe passes the ground, share of the cycle.
 _PASSING: Final = (0.70, 0.95)
 #: A push is over when the deviation stays below this part of its largest.
@@ -22,7 +22,7 @@ _RETURNED: Final = 1.0 / 3.0
 
 @dataclass(frozen=True, slots=True)
 class BedTest:
-    """What a test changes."""
+    """Changes of a test against plain walking."""
 
     label: str
     speed: float = 1.0
@@ -87,8 +87,8 @@ def run_scores(bed: KneeBed, record: np.ndarray, fallen: np.ndarray) -> dict[str
     }
     n = int((~fallen).sum())
     power = (torque * velocity)[whole]
-    scores["net_work"] = float(power.sum() * _SAMPLE_S / n) if n else np.nan
-    scores["absolute_work"] = float(np.abs(power).sum() * _SAMPLE_S / n) if n else np.nan
+    scores["net_work"] = float(power.sum() * SAMPLE_S / n) if n else np.nan
+    scores["absolute_work"] = float(np.abs(power).sum() * SAMPLE_S / n) if n else np.nan
     scores["clearance"] = _clearance(bed, phase[whole], toe[whole]) if n else np.nan
     return scores
 
@@ -127,6 +127,6 @@ def push_scores(pushed: np.ndarray, plain: np.ndarray, push_at: float) -> dict[s
         if np.isfinite(own).all():
             largest = float(own.max())
             over = np.flatnonzero(own >= _RETURNED * largest)
-            found.append((largest, float((over[-1] + 1) * _SAMPLE_S)))
+            found.append((largest, float((over[-1] + 1) * SAMPLE_S)))
     deviation, time = np.mean(found, axis=0) if found else (np.nan, np.nan)
     return {"push_deviation": float(deviation), "return_time": float(time)}

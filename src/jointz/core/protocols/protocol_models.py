@@ -351,7 +351,7 @@ class ProtocolFields(CheckedModel):
 
     @property
     def by_gait(self) -> bool:
-        """Whether a person walks on a treadmill and the loop follows the gait cycle."""
+        """True for walking and control: the loop follows the gait cycle of a person."""
         return self.kind in ("walking", "control")
 
     @property
