@@ -18,6 +18,9 @@ CHANNEL_UNITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "motor_acceleration": ("rad/s^2",),
         "sensor_torque": ("N*m",),
         "joint_moment": ("N*m",),
+        "joint_encoder": ("rad",),
+        "shank_velocity": ("rad/s",),
+        "thigh_velocity": ("rad/s",),
         "ground_reaction_force": ("N",),
     }
 )
@@ -45,6 +48,10 @@ DEVICE_SIDE_CHANNELS = ("torque", "sensor_torque")
 
 #: Channels of the motor: they turn together with the current's direction.
 MOTOR_CHANNELS = ("motor_angle", "motor_velocity", "motor_acceleration")
+
+#: Other measurements of the joint's motion: by the device, and by gyroscopes on both segments,
+#: whose difference is the joint's velocity.
+MOTION_SENSORS = ("joint_encoder", "shank_velocity", "thigh_velocity")
 
 #: Opposite directions of joint rotation.
 OPPOSITE_DIRECTION: Mapping[str, str] = MappingProxyType(

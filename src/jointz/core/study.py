@@ -116,8 +116,8 @@ class CalibrationSpec(_Model):
     ``angle_zero_rad`` is what the record shows at the joint's true zero, ``angle_per_torque``
     (rad/(N*m)) what it shows per torque on a joint that stands still. A footswitch that gives
     volts is on from ``contact_threshold_v`` and off below ``contact_release_v``. ``tissue_hz`` is
-    the resonance of the tissue between joint and sensor. Gains are measured over true, but
-    ``friction_gain``: true over stated.
+    the resonance of the tissue between joint and sensor. Lags are total lags, positive where the
+    record is late. Gains are measured over true, but ``friction_gain``: true over stated.
     """
 
     angle_lag_s: Calibrated | None = None
@@ -133,10 +133,16 @@ class CalibrationSpec(_Model):
     tissue_hz: Calibrated | None = None
     contact_threshold_v: Calibrated | None = None
     contact_release_v: Calibrated | None = None
+    joint_encoder_lag_s: Calibrated | None = None
+    joint_encoder_gain: Calibrated | None = None
+    shank_velocity_lag_s: Calibrated | None = None
+    shank_velocity_gain: Calibrated | None = None
+    thigh_velocity_lag_s: Calibrated | None = None
+    thigh_velocity_gain: Calibrated | None = None
 
     @model_validator(mode="after")
     def _gains_are_positive(self) -> "CalibrationSpec":
-        for name in ("torque_gain", "angle_gain", "friction_gain"):
+        for name in (n for n in type(self).model_fields if n.endswith("_gain")):
             entry = getattr(self, name)
             if entry is not None and entry.value <= 0:
                 of = "true over stated" if name == "friction_gain" else "measured over true"
