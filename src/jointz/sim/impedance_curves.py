@@ -88,6 +88,16 @@ class Leg:
             (above * self.inertia - coupling**2) / (above + self.inertia + 2.0 * coupling)
         )
 
+    def free_share(self, knee: np.ndarray) -> np.ndarray:
+        """Return the thigh's rotation over the knee's when the hip is free.
+
+        Flexing the knee flexes the hip by this share: (I + C) / (A + I + 2 C), with the symbols
+        of :meth:`free_inertia`.
+        """
+        above = self.thigh_inertia + self.mass_kg * self.thigh_length_m**2
+        coupling = self.mass_kg * self.thigh_length_m * self.centre_m * np.cos(knee)
+        return np.asarray((self.inertia + coupling) / (above + self.inertia + 2.0 * coupling))
+
 
 def leg_of(person: Person, body: BodySettings | None = None) -> Leg:
     """Return the leg of a person by the body's proportions; by Winter's without a body."""
@@ -160,6 +170,31 @@ def impedance_over_cycle(
     inertia = inertia * (1.0 + preset.joint.inertia_variation * np.cos(2.0 * pi * cycles))
     thigh = _THIGH_MEAN + _THIGH_SWING * np.cos(2.0 * pi * (cycles - _THIGH_PEAK))
     return stiffness, damping, inertia, thigh
+
+
+def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarray:
+    """Return by how much the thigh turns back when the knee turns.
+
+    When the knee's flexion deviates from the path by x, the thigh's flexion deviates by share * x
+    and the shank's angle from the vertical by (1 - share) * x, backwards.
+
+    Parameters
+    ----------
+    person : Person
+        Whose.
+    preset : Preset
+        With a body or without.
+    cycles : (n,) float
+        Phase in cycles, 0 to 1.
+
+    Returns
+    -------
+    (n,) float
+        Share of the knee's deviation, 0 to 1; zero for presets without a body.
+    """
+    if preset.body is None:
+        return np.zeros(np.shape(cycles))
+    return leg_of(person, preset.body).free_share(knee_angle(np.asarray(cycles)))
 
 
 def packed_curves(person: Person, preset: Preset) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.impedance_curves import leg_of
+from jointz.sim.impedance_curves import leg_of, thigh_share
 from jointz.sim.people import draw_instruments, draw_person, personal_preset
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
@@ -87,3 +87,11 @@ def test_truth_of_rigid_people_has_no_softening(tmp_path):
     for pulse in truth["perturbed"]["pulses"]:  # on a plateau all three are one number
         if pulse["timing_point"] in ("MST", "TST"):
             assert pulse["stiffness_onset"] == pytest.approx(pulse["stiffness_secant"], rel=0.02)
+
+
+def test_thigh_turns_back_by_a_share_of_the_knee():
+    cycles = np.linspace(0.0, 1.0, 50, endpoint=False)
+    share = thigh_share(PEOPLE[0], preset("realistic"), cycles)
+    assert (share > 0.1).all()
+    assert (share < 0.6).all()
+    assert not thigh_share(PEOPLE[0], preset("nominal"), cycles).any()
