@@ -27,6 +27,7 @@ _STANCE_SHARES = (1.0, 0.4)
 _STANCE_CYCLES = 0.62
 _CHANGE_CYCLES = 0.04  # between stance and swing
 _HALF_WINDOW_PCT = 4.5
+_CHANGE_S = 0.1  # to which the settings of the change of K and B belong
 # The thigh over the cycle, one cosine: flexion at heel strike, extension at push-off.
 _THIGH_MEAN, _THIGH_SWING, _THIGH_PEAK = radians(8.0), radians(18.0), 0.92
 
@@ -160,9 +161,16 @@ def impedance_over_cycle(
         N*m/rad, N*m*s/rad, kg*m^2 (of the joint's side, without the rotor), rad.
     """
     preset = personal_preset(person, preset)
-    curve = _smooth_curve if preset.joint.smooth else impedance_curve
-    stiffness = person.mass_kg * curve(person.stiffness_per_mass, cycles)
-    damping = person.mass_kg * curve(person.damping_per_mass, cycles)
+    joint, stride_s = preset.joint, person.stride_time_s
+
+    def curve(per_mass: Mapping[str, float], change: float | None) -> np.ndarray:
+        if not joint.smooth:
+            return person.mass_kg * impedance_curve(per_mass, cycles)
+        slope = None if change is None else change * stride_s / _CHANGE_S
+        return person.mass_kg * _smooth_curve(per_mass, cycles, slope=slope)
+
+    stiffness = curve(person.stiffness_per_mass, joint.stiffness_change)
+    damping = curve(person.damping_per_mass, joint.damping_change)
     if preset.body is None:
         inertia = np.full(cycles.shape, person.inertia)
     else:
@@ -212,17 +220,28 @@ def packed_curves(person: Person, preset: Preset) -> np.ndarray:
     return np.hstack([v.reshape(at.shape) @ to_powers.T for v in values])
 
 
-def _smooth_curve(per_point: Mapping[str, float], cycles: np.ndarray) -> np.ndarray:
+def _smooth_curve(
+    per_point: Mapping[str, float], cycles: np.ndarray, *, slope: float | None = None
+) -> np.ndarray:
     """Interpolate values without plateaus; stays positive.
 
     A value of table 4.1 belongs to the window of 100 ms behind its onset: it is met in the middle.
+    ``slope`` limits the median over the cycle of the relative change per cycle: the logarithms
+    shrink towards their mean over the cycle, and are never stretched. The largest values of the
+    table are then met too low and the smallest too high.
     """
     knots = (np.array(list(TIMING_POINTS.values())) + _HALF_WINDOW_PCT) / 100.0
     values = np.log([per_point[name] for name in TIMING_POINTS])
     spline = CubicSpline(
         np.append(knots, knots[0] + 1.0), np.append(values, values[0]), bc_type="periodic"
     )
-    return np.asarray(np.exp(spline(knots[0] + np.mod(cycles - knots[0], 1.0))))
+    level = spline(knots[0] + np.mod(cycles - knots[0], 1.0))
+    if slope is not None:
+        whole = knots[0] + np.arange(CURVE_PIECES) / CURVE_PIECES
+        share = min(1.0, slope / float(np.median(np.abs(spline(whole, 1)))))
+        mean = float(spline(whole).mean())
+        level = mean + share * (level - mean)
+    return np.asarray(np.exp(level))
 
 
 def _leg_inertia(leg: Leg, cycles: np.ndarray) -> np.ndarray:

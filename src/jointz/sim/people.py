@@ -99,7 +99,13 @@ def personal_preset(person: Person, preset: Preset) -> Preset:
         return preset
     low, high = ranges.softening_range_rad
     softening = low * (high / low) ** _share(person, "softening")
-    joint = replace(preset.joint, softening_rad=softening, reflex=_personal_reflex(person, ranges))
+    joint = replace(
+        preset.joint,
+        stiffness_change=_drawn(person, "change of stiffness", ranges.change_range),
+        damping_change=_drawn(person, "change of damping", ranges.change_range),
+        softening_rad=softening,
+        reflex=_personal_reflex(person, ranges),
+    )
     tissue_hz = _drawn(person, "tissue", ranges.tissue_range_hz)
     goniometer = replace(
         preset.goniometer,

@@ -79,6 +79,9 @@ class JointSettings:
         Amplitude of one cosine over the cycle, share of the mean.
     smooth : bool
         K and B change smoothly all over the cycle, without plateaus.
+    stiffness_change, damping_change : float, optional
+        Largest median over the cycle of the relative change of K and B per 100 ms, if smooth.
+        None: as large as the values at the timing points make it.
     softening_rad : float, optional
         K halves at this deviation: K / (1 + (x / softening)^2).
     reflex : ReflexSettings, optional
@@ -89,6 +92,8 @@ class JointSettings:
 
     inertia_variation: float = 0.0
     smooth: bool = False
+    stiffness_change: float | None = None
+    damping_change: float | None = None
     softening_rad: float | None = None
     reflex: ReflexSettings | None = None
     voluntary_sd_nm: float = 0.0
@@ -207,6 +212,8 @@ class PersonalSettings:
     """
 
     softening_range_rad: Range = (radians(12.0), radians(40.0))  # log-uniform
+    # relative change of K and of B per 100 ms, median over the cycle; drawn each on its own
+    change_range: Range = (0.1, 0.3)
     reflex_gain_range: Range = (0.0, 0.6)
     reflex_latency_range_s: Range = (0.025, 0.070)
     reflex_twitch_range_s: Range = (0.020, 0.060)
@@ -318,6 +325,7 @@ _ANTHROPOMETRIC = replace(
 _REALISTIC = replace(
     _NOMINAL,
     name="realistic",
+    joint=JointSettings(smooth=True),
     goniometer=GoniometerSettings(tissue_range_hz=(10.0, 40.0)),
     body=BodySettings(segments="de_leva"),
     personal=PersonalSettings(),

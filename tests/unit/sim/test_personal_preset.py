@@ -1,13 +1,14 @@
 """People of the preset ``realistic``: what is drawn for each, and what the truth says of it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.impedance_curves import leg_of, thigh_share
+from jointz.sim.impedance_curves import impedance_over_cycle, leg_of, thigh_share
 from jointz.sim.people import draw_instruments, draw_person, personal_preset
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
@@ -95,3 +96,35 @@ def test_thigh_turns_back_by_a_share_of_the_knee():
     assert (share > 0.1).all()
     assert (share < 0.6).all()
     assert not thigh_share(PEOPLE[0], preset("nominal"), cycles).any()
+
+
+def test_stiffness_and_damping_change_by_10_to_30_percent_in_100_ms():
+    cycles = np.arange(2000) / 2000.0
+    changes = {0: [], 1: []}
+    for person in PEOPLE:
+        curves = impedance_over_cycle(person, preset("realistic"), cycles)
+        steps = round(0.001 * 2000 / person.stride_time_s)
+        asked = own(person).joint
+        for which, limit in ((0, asked.stiffness_change), (1, asked.damping_change)):
+            logs = np.log(curves[which])
+            rate = np.abs(np.roll(logs, -steps) - logs) / (steps / 2000 * person.stride_time_s)
+            changes[which].append(0.1 * np.median(rate))
+            assert changes[which][-1] < 1.05 * limit
+        # The drawn values of K always change faster than that: it is the limit that is met.
+        assert changes[0][-1] == pytest.approx(asked.stiffness_change, rel=0.05)
+    for which in (0, 1):
+        assert min(changes[which]) > 0.06
+        assert np.ptp(changes[which]) > 0.1
+
+
+def test_curves_never_go_beyond_the_values_without_a_limit():
+    person = PEOPLE[1]
+    free = replace(own(person).joint, stiffness_change=None)
+    cycles = np.linspace(0.0, 1.0, 400, endpoint=False)
+    drawn = impedance_over_cycle(person, own(person), cycles)[0]
+    full = impedance_over_cycle(person, replace(own(person), joint=free), cycles)[0]
+    assert np.ptp(np.log(drawn)) <= np.ptp(np.log(full)) + 1e-12
+    assert np.log(drawn).mean() == pytest.approx(np.log(full).mean())
+    assert full[cycles.searchsorted(0.26)] == pytest.approx(
+        person.mass_kg * person.stiffness_per_mass["MST"], rel=0.02
+    )
