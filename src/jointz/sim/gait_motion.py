@@ -18,7 +18,6 @@ from jointz.sim.layout import GAIT_SIZE, HARMONICS, Gait
 from jointz.sim.presets import GaitSettings
 
 _LARGEST_DEVIATION = 3.0  # sd; of what changes from stride to stride
-_SHAPE_HARMONICS = 3
 #: The first stride has gone so far when a recording begins: in swing, before a heel strike.
 _BEGUN_CYCLES = 0.75
 _SAMPLES = 16  # of a cycle: enough for its Fourier series
@@ -159,9 +158,10 @@ class GaitMotion:
         size = 1.0 + shift.amplitude + settings.amplitude_sd * float(self._quick[0])
         curve = size * self._mean
         curve[0, 0] += shift.offset_rad + settings.offset_sd_rad * float(self._quick[1]) + drift
-        # 3 cosines and 3 sines of the same sd s have RMS s sqrt(3).
-        changes = self._rng.standard_normal((2, _SHAPE_HARMONICS))
-        curve[:, 1 : 1 + _SHAPE_HARMONICS] += settings.shape_sd_rad / sqrt(3.0) * changes
+        # n cosines and n sines of the same sd s have RMS s sqrt(n).
+        n = settings.shape_harmonics
+        changes = self._rng.standard_normal((2, n))
+        curve[:, 1 : 1 + n] += settings.shape_sd_rad / sqrt(n) * changes
         return curve
 
 

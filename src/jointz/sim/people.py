@@ -97,8 +97,8 @@ def personal_preset(person: Person, preset: Preset) -> Preset:
     ranges = preset.personal
     if ranges is None:
         return preset
-    low, high = ranges.softening_range_rad
-    softening = low * (high / low) ** _share(person, "softening")
+    softening = _drawn_log(person, "softening", ranges.softening_range_rad)
+    shape = _drawn_log(person, "shape of strides", ranges.shape_sd_range_rad)
     joint = replace(
         preset.joint,
         stiffness_change=_drawn(person, "change of stiffness", ranges.change_range),
@@ -114,6 +114,7 @@ def personal_preset(person: Person, preset: Preset) -> Preset:
     )
     return replace(
         _with_personal_strap(person, preset, ranges),
+        gait=replace(preset.gait, shape_sd_rad=shape),
         joint=joint,
         goniometer=goniometer,
         personal=None,
@@ -151,6 +152,11 @@ def _share(person: Person, purpose: str) -> float:
 
 def _drawn(person: Person, purpose: str, limits: Range) -> float:
     return limits[0] + _share(person, purpose) * (limits[1] - limits[0])
+
+
+def _drawn_log(person: Person, purpose: str, limits: Range) -> float:
+    low, high = limits
+    return float(low * (high / low) ** _share(person, purpose))
 
 
 @dataclass(frozen=True, slots=True)

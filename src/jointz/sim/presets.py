@@ -28,6 +28,7 @@ class GaitSettings:
     offset_sd_rad: float = radians(1.0)
     offset_drift_sd_rad: float = radians(1.5)  # rad: slow drift of the offset of the knee curve
     shape_sd_rad: float = radians(0.8)  # rad: RMS over the cycle of the random change of shape
+    shape_harmonics: int = 3  # harmonics of the stride that change at random, 1 to 6
     memory: float = 0.5  # correlation of amplitude and offset between neighbouring strides
     drift_strides: float = 150.0  # strides after which a drift has lost 63 % of its memory
     condition_offset_sd_rad: float = radians(1.5)  # rad: offset between two conditions
@@ -214,6 +215,8 @@ class PersonalSettings:
     softening_range_rad: Range = (radians(12.0), radians(40.0))  # log-uniform
     # relative change of K and of B per 100 ms, median over the cycle; drawn each on its own
     change_range: Range = (0.1, 0.3)
+    # rad: RMS over the cycle of the random change of shape of a stride; log-uniform
+    shape_sd_range_rad: Range = (radians(0.5), radians(1.4))
     reflex_gain_range: Range = (0.0, 0.6)
     reflex_latency_range_s: Range = (0.025, 0.070)
     reflex_twitch_range_s: Range = (0.020, 0.060)
@@ -325,6 +328,7 @@ _ANTHROPOMETRIC = replace(
 _REALISTIC = replace(
     _NOMINAL,
     name="realistic",
+    gait=GaitSettings(shape_harmonics=6),
     joint=JointSettings(smooth=True),
     goniometer=GoniometerSettings(tissue_range_hz=(10.0, 40.0)),
     body=BodySettings(segments="de_leva"),

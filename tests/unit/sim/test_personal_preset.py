@@ -24,11 +24,13 @@ def test_settings_are_drawn_within_their_ranges_and_differ():
     settings = [own(person) for person in PEOPLE]
     softening = np.degrees([s.joint.softening_rad for s in settings])
     latency = np.array([s.joint.reflex.latency_s for s in settings])
+    shape = np.degrees([s.gait.shape_sd_rad for s in settings])
     gain = np.array([s.joint.reflex.gain for s in settings])
     tissue = np.array([s.goniometer.tissue_range_hz[0] for s in settings])
     for values, low, high in (
         (softening, 12.0, 40.0),
         (latency, 0.025, 0.070),
+        (shape, 0.5, 1.4),
         (gain, 0.0, 0.6),
         (tissue, 10.0, 40.0),
     ):
