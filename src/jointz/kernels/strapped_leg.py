@@ -28,10 +28,18 @@ from numba import njit
     SKIN_SHARE,  # of the strap's deformation that the goniometer sees
     SENSOR_TIME,  # first-order lag of the goniometer
     SENSOR_DELAY,
-) = range(19)
-N_PARAMETERS = 19
-#: Columns of the responses: angles of the goniometer and of the bone.
-GONIOMETER, BONE = range(2)
+    SENSOR_GAIN,  # shown over true
+    ENCODER_DELAY,
+    ENCODER_GAIN,
+    GYROSCOPE_DELAY,
+    GYROSCOPE_GAIN,  # the share of the joint's velocity that it sees included
+    GYROSCOPE_HZ,  # resonance of its mount; 0: no gyroscope
+    GYROSCOPE_DAMPING,
+) = range(26)
+N_PARAMETERS = 26
+#: Columns of the responses: angles of the goniometer and of the device (rad), velocity that the
+#: gyroscope shows (rad/s), angle of the bone (rad).
+GONIOMETER, ENCODER, GYROSCOPE, BONE = range(4)
 #: Time from the onset at which the inertia has its value.
 REFERENCE_S = 0.06
 #: Velocity is this time as good as displacement to the reflex.
@@ -43,7 +51,7 @@ _STATES = 6
 
 #: Rows of the curves of a pulse, and of the motion that it causes.
 STIFFNESS, DAMPING, VELOCITY = range(3)
-_POSITION, _SPEED, _SENSED = range(3)
+_POSITION, _SPEED, _SENSED, _DEVICE = range(4)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -55,24 +63,38 @@ def leg_responses(
     substeps: int,
     lead_s: float,
 ) -> np.ndarray:
-    """Return the angles of goniometer and bone, (m, n, 2).
+    """Return what the sensors show, and the angle of the bone, (m, n, 4).
 
     ``torque`` (m, (n - 1) * substeps + 1) at the steps; ``curves`` (m, 3, n): K, B and the
     velocity of the unperturbed motion at the samples, linear between them; ``parameters`` (m,
     N_PARAMETERS); the onset is ``lead_s`` after the first sample.
     """
     m, _, n = curves.shape
-    out = np.zeros((m, n, 2))
+    out = np.zeros((m, n, 4))
     last = (n - 1) * substeps
-    motion = np.zeros((3, last + 1))
+    motion = np.zeros((4, last + 1))
+    step_s = period_s / substeps
     for j in range(m):
-        _respond(torque[j], curves[j], parameters[j], period_s, substeps, lead_s, motion)
-        _lag(motion[_SENSED], parameters[j, SENSOR_TIME], period_s / substeps)
-        delay = parameters[j, SENSOR_DELAY] * substeps / period_s
+        p = parameters[j]
+        _respond(torque[j], curves[j], p, period_s, substeps, lead_s, motion)
         for i in range(n):
             out[j, i, BONE] = motion[_POSITION, i * substeps]
-            out[j, i, GONIOMETER] = _past(motion[_SENSED], i * substeps - delay, last)
+        _lag(motion[_SENSED], p[SENSOR_TIME], step_s)
+        _show(motion[_SENSED], p[SENSOR_DELAY] / step_s, p[SENSOR_GAIN], out[j, :, GONIOMETER])
+        _show(motion[_DEVICE], p[ENCODER_DELAY] / step_s, p[ENCODER_GAIN], out[j, :, ENCODER])
+        if p[GYROSCOPE_HZ] > 0.0:
+            _resonate(motion[_SPEED], p[GYROSCOPE_HZ], p[GYROSCOPE_DAMPING], step_s)
+            late = p[GYROSCOPE_DELAY] / step_s
+            _show(motion[_SPEED], late, p[GYROSCOPE_GAIN], out[j, :, GYROSCOPE])
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _show(values: np.ndarray, late: float, gain: float, out: np.ndarray) -> None:
+    """Fill the samples of a sensor that is late by so many steps."""
+    substeps = (values.size - 1) // (out.size - 1)
+    for i in range(out.size):
+        out[i] = gain * _past(values, i * substeps - late, values.size - 1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -106,6 +128,7 @@ def _respond(
     for i in range(last + 1):
         motion[_POSITION, i], motion[_SPEED, i] = state[0], state[1]
         motion[_SENSED, i] = state[0] + p[SKIN_SHARE] * (state[2] - state[0])
+        motion[_DEVICE, i] = state[2]
         if i == last:
             break
         sample = i // substeps
@@ -145,6 +168,26 @@ def _lag(values: np.ndarray, time_s: float, step_s: float) -> None:
         lagged = kept * lagged + (1.0 - kept) * before + ramp * rise
         before = values[i]
         values[i] = lagged
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _resonate(values: np.ndarray, frequency_hz: float, damping: float, step_s: float) -> None:
+    """Pass a series, linear between steps, through a second-order mount, by Runge and Kutta."""
+    w = 2.0 * np.pi * frequency_hz
+    y, rate, before = values[0], 0.0, values[0]
+    for i in range(1, values.size):
+        middle, after = 0.5 * (before + values[i]), values[i]
+        a1 = w * w * (before - y) - 2.0 * damping * w * rate
+        r2 = rate + 0.5 * step_s * a1
+        a2 = w * w * (middle - y - 0.5 * step_s * rate) - 2.0 * damping * w * r2
+        r3 = rate + 0.5 * step_s * a2
+        a3 = w * w * (middle - y - 0.5 * step_s * r2) - 2.0 * damping * w * r3
+        r4 = rate + step_s * a3
+        a4 = w * w * (after - y - step_s * r3) - 2.0 * damping * w * r4
+        y += step_s / 6.0 * (rate + 2.0 * r2 + 2.0 * r3 + r4)
+        rate += step_s / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        before = values[i]
+        values[i] = y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

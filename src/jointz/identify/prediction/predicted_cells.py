@@ -22,10 +22,10 @@ from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.cell_data import dead_signals
 from jointz.identify.preparation.conditioning import Conditioned
 from jointz.identify.preparation.raw_signals import (
-    DRIVING,
-    FRICTION,
     RAW_ANGLE,
+    TORQUE_ROWS,
     common_rate_hz,
+    motion_sensors,
     raw_signals,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
@@ -72,18 +72,18 @@ def recorded_pulse(
 ) -> dict[str, np.ndarray]:
     """Return time from the onset, angle and torque as recorded and their baselines, by name.
 
-    ``response`` (3, n) is that of the pulse, turned by its sign: recorded minus predicted.
+    ``response`` (rows, n) is that of the pulse, turned by its sign: recorded minus predicted.
     """
     n, sign = response.shape[1], candidate.pulse.sign
     begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * period_s])
     cut, _ = signals.cut(begin, before_s=0.0, after_s=n * period_s)
-    angle, torque = cut[0, RAW_ANGLE], cut[0, DRIVING] + cut[0, FRICTION]
+    angle, torque = cut[0, RAW_ANGLE], cut[0, TORQUE_ROWS].sum(axis=0)
     return {
         "time_s": (np.arange(n) - LEAD_SAMPLES) * period_s,
         "angle": angle,
         "torque": torque,
         "baseline_angle": angle - sign * response[0],
-        "baseline_torque": torque - sign * response[1:].sum(axis=0),
+        "baseline_torque": torque - sign * response[TORQUE_ROWS].sum(axis=0),
     }
 
 
@@ -91,13 +91,19 @@ class CellPredictor:
     """Predicts the pulses of a participant's timing points, with one predictor a recording."""
 
     def __init__(
-        self, sources: Sequence[Source], settings: ParticipantSettings, *, reach_s: float
+        self,
+        sources: Sequence[Source],
+        settings: ParticipantSettings,
+        *,
+        reach_s: float,
+        all_sensors: bool = False,
     ) -> None:
         self._sources = sources
         self._settings = settings
         self._reach_s = reach_s  # from the onset to the end of the predicted windows
         self._predictors: dict[int, UnperturbedPredictor] = {}
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
+        self.sensors = motion_sensors(self._needed()) if all_sensors else ()
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
 
     def predict(
@@ -155,8 +161,8 @@ class CellPredictor:
     ) -> PulseExample:
         """Return n samples of one of the used pulses, or of those chosen.
 
-        ``response_of`` returns the response as it is averaged from the turned one, (3, n), and the
-        sign of the pulse; by default the turned angle.
+        ``response_of`` returns the response as it is averaged from the turned one, (rows, n), and
+        the sign of the pulse; by default the turned angle.
         """
         places = np.arange(len(cell.used)) if chosen is None else np.flatnonzero(chosen)
         responses = cell.predicted.responses[cell.kept][places, :, :n]
@@ -179,7 +185,7 @@ class CellPredictor:
         shapes = np.zeros(len(candidates), dtype=int)
         if by_shape:
             signs = np.array([c.pulse.sign for c in candidates])
-            torque = signs[:, None] * predicted.responses[:, 1:].sum(axis=1)
+            torque = signs[:, None] * predicted.responses[:, TORQUE_ROWS].sum(axis=1)
             shapes = pulse_shapes(torque, [c.pulse for c in candidates])
         codes = np.full(len(candidates), "", dtype=object)
         if by_shape:
@@ -226,13 +232,19 @@ class CellPredictor:
     def _predictor(self, index: int) -> UnperturbedPredictor:
         if index not in self._predictors:
             source, rate = self._sources[index], common_rate_hz(self._sources)
+            taught_by = [source, *self._teachers(source)]
+            signals = [raw_signals(s, target_hz=rate, sensors=self.sensors) for s in taught_by]
+            lessons = list(zip(taught_by, signals, strict=True))
             self._predictors[index] = UnperturbedPredictor(
-                source,
-                raw_signals(source, target_hz=rate),
-                window_s=self._reach_s,
-                others=[(s, raw_signals(s, target_hz=rate)) for s in self._teachers(source)],
+                *lessons[0], window_s=self._reach_s, others=lessons[1:], sensors=self.sensors
             )
         return self._predictors[index]
+
+    def _needed(self) -> list[Source]:
+        """Return the recordings with pulses, and what they learn from."""
+        pulsed = [s for s in self._sources if s.given.condition == "perturbed"]
+        teachers = [t for s in pulsed for t in self._teachers(s)]
+        return list({id(s): s for s in (*pulsed, *teachers)}.values())
 
     def _teachers(self, source: Source) -> list[Source]:
         """Return what else to learn from if a recording has too few quiet strides."""
@@ -274,7 +286,7 @@ def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarra
     fine = np.ones(len(angles), dtype=bool) if whole is None else whole
     if fine.sum() < _FEWEST_TO_COMPARE:
         return fine
-    torque = predicted.responses[:, 1:].sum(axis=1)
+    torque = predicted.responses[:, TORQUE_ROWS].sum(axis=1)
     shape = torque[fine].mean(axis=0)
     size = torque @ shape / (shape @ shape)
     usual, _ = robust_moments(angles[fine] / size[fine, None])

@@ -17,7 +17,7 @@ from jointz.core.codes import Exclusion
 from jointz.gait.phase import gait_phase
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.conditioning import Conditioned
-from jointz.identify.preparation.raw_signals import COMMAND, RAW_ANGLE
+from jointz.identify.preparation.raw_signals import COMMAND, ENCODER, RAW_ANGLE, SENSOR_ROWS
 from jointz.identify.preparation.sources import Source
 from jointz.kernels.blocked_ridge import BlockedRidge, fit_blocked_ridge
 from jointz.kernels.robust_spread import robust_moments, robust_sd
@@ -54,10 +54,12 @@ _ROUNDING = 0.01
 class Predicted:
     """Responses of the pulses of a cell, and errors of the prediction without pulses."""
 
-    # (m, 3, n) measured minus predicted, times the sign of the pulse, from :data:`LEAD_SAMPLES`
-    # before the onset: angle (rad), torque without friction (N*m), friction (N*m)
+    # (m, 3 + sensors, n) measured minus predicted, times the sign of the pulse, from
+    # :data:`LEAD_SAMPLES` before the onset: angle (rad), torque without friction (N*m), friction
+    # (N*m), then what further sensors show (rad, rad/s)
     responses: np.ndarray
-    misses: np.ndarray  # (v, 3, n) the same at virtual onsets of strides left out of the learning
+    # (v, 3 + sensors, n) the same at virtual onsets of strides left out of the learning
+    misses: np.ndarray
     strides: np.ndarray  # (v,) number of the stride of each virtual onset
     codes: tuple[str, ...]  # one for each pulse; ``responses`` has a row for each ``""``
     posture_rad: float  # mean unperturbed angle over the window
@@ -99,12 +101,19 @@ class UnperturbedPredictor:
         *,
         window_s: float,
         others: Sequence[tuple[Source, Conditioned]] = (),
+        sensors: Sequence[str] = (),
     ) -> None:
         self.signals = signals
         self._window_s = window_s
-        self._recording = _Lesson(source, signals, window_s)
         self._relative = bool(others)
-        self._lessons = [self._recording, *(_Lesson(*other, window_s) for other in others)]
+        # Of the windows; angles of several recordings are relative to their levels.
+        first = len(range(COMMAND)[PREDICTED_ROWS])
+        self._angles = [RAW_ANGLE, *(first + k for k, s in enumerate(sensors) if s == ENCODER)]
+        rows = [*range(COMMAND)[PREDICTED_ROWS], *(SENSOR_ROWS + k for k in range(len(sensors)))]
+        self._n_rows = len(rows)
+        lessons = [(source, signals), *others]
+        self._lessons = [_Lesson(*lesson, window_s, rows) for lesson in lessons]
+        self._recording = self._lessons[0]
 
     @property
     def rate_hz(self) -> float:
@@ -122,27 +131,27 @@ class UnperturbedPredictor:
         codes[(codes == "") & ~usable] = Exclusion.NO_BASELINE.value
         # Angles relative to the level before the onset do not include the posture.
         levels_rad = pulses.features[usable, 0] if self._relative else np.zeros(1)
-        pulses = pulses.relative() if self._relative else pulses
+        pulses = pulses.relative(self._angles) if self._relative else pulses
         n = round(self._window_s * self.signals.rate_hz) + 1 + LEAD_SAMPLES
         virtual = self._virtual(
             pulses.ratio[usable], middle, label=candidates[0].record.timing_point
         )
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
-            none = np.empty((0, 3, n))
+            none = np.empty((0, self._n_rows, n))
             return Predicted(none, none, np.empty(0, int), tuple(codes), np.nan, np.empty(0))
         unusual = _distance(pulses.features, virtual.features) > _FARTHEST_PULSE
         codes[(codes == "") & unusual] = Exclusion.UNUSUAL_GAIT.value
         used = codes == ""
         curve = _Curve(virtual.features)
         ridge = _learned(virtual, curve, n)
-        flat = (int(used.sum()), 3 * n)
+        flat = (int(used.sum()), self._n_rows * n)
         predicted = ridge.predict(curve.features(pulses.features[used], like=ridge))
         responses = pulses.windows[used].reshape(flat) - predicted
         signs = np.array([c.pulse.sign for c in candidates])[used]
         return Predicted(
-            responses=signs[:, None, None] * responses.reshape(-1, 3, n),
-            misses=ridge.left_out.reshape(-1, 3, n),
+            responses=signs[:, None, None] * responses.reshape(-1, self._n_rows, n),
+            misses=ridge.left_out.reshape(-1, self._n_rows, n),
             strides=virtual.strides,
             codes=tuple(codes),
             posture_rad=float(np.median(levels_rad) + virtual.windows[:, RAW_ANGLE].mean()),
@@ -163,7 +172,7 @@ class UnperturbedPredictor:
         if not parts:
             return None
         virtual = _joined(parts)
-        virtual = virtual.relative() if self._relative else virtual
+        virtual = virtual.relative(self._angles) if self._relative else virtual
         if virtual.strides.size == 0:
             return None
         virtual = virtual.take(_distance(virtual.features, virtual.features) < _FARTHEST_STRIDE)
@@ -173,8 +182,11 @@ class UnperturbedPredictor:
 class _Lesson:
     """A recording from which unperturbed walking is learned."""
 
-    def __init__(self, source: Source, signals: Conditioned, window_s: float) -> None:
+    def __init__(
+        self, source: Source, signals: Conditioned, window_s: float, rows: Sequence[int]
+    ) -> None:
         self._signals = signals
+        self._rows = rows
         self._strides = source.strides
         self._onsets = np.array([p.onset_s for p in source.pulses])
         self._window_s = window_s
@@ -205,7 +217,7 @@ class _Lesson:
         past, _ = signals.cut(
             onsets_s, before_s=_PAST_S, after_s=0.0, rows=slice(RAW_ANGLE, RAW_ANGLE + 1)
         )
-        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=PREDICTED_ROWS)
+        windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=self._rows)
         if strides is None or strides.start_s.size == 0:
             unknown = np.full(onsets_s.size, np.nan)
             features = np.zeros((onsets_s.size, 1))
@@ -224,7 +236,7 @@ class _Lesson:
 class _Moments:
     onsets_s: np.ndarray
     features: np.ndarray  # past angles (rad), then the timing of the stride (s)
-    windows: np.ndarray  # (m, channel, n) angle (rad) and torques (N*m)
+    windows: np.ndarray  # (m, row, n) angle (rad), torques (N*m), further sensors
     ratio: np.ndarray  # time since the heel strike over the expected duration of the stride
     codes: np.ndarray
     strides: np.ndarray  # number of the stride before each onset
@@ -245,12 +257,14 @@ class _Moments:
         features[:, _ELAPSED] += np.nan_to_num(whole) * features[:, _EXPECTED]
         return replace(self, features=features, ratio=self.ratio + whole)
 
-    def relative(self) -> "_Moments":
-        """Return moments with angles relative to the level just before the onset."""
+    def relative(self, angles: Sequence[int]) -> "_Moments":
+        """Return moments with angles, rows of the windows, relative to the level at the onset."""
         level = self.features[:, :1]
         features, windows = self.features.copy(), self.windows.copy()
         features[:, : _BINS + _COARSE] -= level
-        windows[:, RAW_ANGLE] -= level
+        for row in angles:
+            before = windows[:, row, :LEAD_SAMPLES].mean(axis=1, keepdims=True)
+            windows[:, row] -= level if row == RAW_ANGLE else before
         return replace(self, features=features, windows=windows)
 
     def take(self, chosen: np.ndarray) -> "_Moments":

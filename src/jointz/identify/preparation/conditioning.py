@@ -57,13 +57,14 @@ class Conditioned:
         *,
         before_s: float,
         after_s: float,
-        rows: slice = slice(None),
+        rows: slice | Sequence[int] = slice(None),
         every: int = 1,
     ) -> tuple[np.ndarray, list[str]]:
         """Return one window for each start, NaN and a code if there is none."""
         starts = np.asarray(starts_s, dtype=float)
         n_before, n_after = (round(s * self.rate_hz) for s in (before_s, after_s))
-        n_rows = len(range(4)[rows])
+        all_rows = len(self.stretches[0].signals) if self.stretches else 4
+        n_rows = len(range(all_rows)[rows] if isinstance(rows, slice) else rows)
         offsets = np.arange(-n_before, n_after, every)
         windows = np.full((starts.size, n_rows, offsets.size), np.nan)
         codes = [""] * starts.size

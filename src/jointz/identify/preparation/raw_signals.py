@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from jointz.core.channels import MOTION_SENSORS
+from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import value_of
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
@@ -15,6 +17,14 @@ from jointz.kernels.filtering import shortest_record
 
 #: Rows of the signals: angle, torque without friction, what friction adds, commanded torque.
 RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
+#: The two rows whose sum is the torque, and the first row of further sensors.
+TORQUE_ROWS, SENSOR_ROWS = slice(DRIVING, FRICTION + 1), COMMAND + 1
+#: Sensors of the joint's motion beside the goniometer; the velocity of the joint is the difference
+#: of both segments'.
+ENCODER, SHANK_VELOCITY, _THIGH_VELOCITY = MOTION_SENSORS
+JOINT_VELOCITY = "joint_velocity"
+#: A sensor that is silent for longer is not used, share of the recording.
+_LEAST_PRESENT = 0.95
 #: Faster recordings are averaged down to about this rate, far above the band of a leg.
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
@@ -28,16 +38,43 @@ def common_rate_hz(sources: Sequence[Source]) -> float:
     return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
 
 
-def raw_signals(source: Source, *, target_hz: float | None = None) -> Conditioned:
-    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted."""
+def motion_sensors(sources: Sequence[Source]) -> tuple[str, ...]:
+    """Return the sensors beside the goniometer that all recordings have."""
+
+    def everywhere(channel: str) -> bool:
+        return bool(sources) and all(_measures(s.given.recording, channel) for s in sources)
+
+    sensors = [ENCODER] if everywhere(ENCODER) else []
+    if everywhere(SHANK_VELOCITY):
+        both = everywhere(_THIGH_VELOCITY)
+        sensors.append(JOINT_VELOCITY if both else SHANK_VELOCITY)
+    return tuple(sensors)
+
+
+def _measures(recording: xr.Dataset, channel: str) -> bool:
+    """Return whether a sensor was there and alive."""
+    if channel not in recording:
+        return False
+    values = recording[channel].to_numpy()
+    finite = np.isfinite(values)
+    return bool(finite.mean() >= _LEAST_PRESENT and np.ptp(values[finite]) > 0.0)
+
+
+def raw_signals(
+    source: Source, *, target_hz: float | None = None, sensors: Sequence[str] = ()
+) -> Conditioned:
+    """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
+
+    Rows of further sensors follow, less their calibrated lags.
+    """
     recording = source.given.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
-    rows = _rows(source)
+    rows = np.stack([*_rows(source), *(_sensor(source, name) for name in sensors)])
     new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
     every = max(1, round(rate / new_rate))
     runs = []
-    for part in stretches(time, np.isfinite(rows[:COMMAND]).all(axis=0)):
+    for part in stretches(time, np.isfinite(np.delete(rows, COMMAND, axis=0)).all(axis=0)):
         if part.stop - part.start < max(2 * every, shortest_record()):
             continue
         even, signals = resample_stretch(time[part], rows[:, part], step_s=1.0 / rate)
@@ -76,6 +113,27 @@ def _rows(source: Source) -> np.ndarray:
             np.nan_to_num(_channel(recording, "command", angle.size)),
         ]
     )
+
+
+def _sensor(source: Source, name: str) -> np.ndarray:
+    if name == JOINT_VELOCITY:
+        thigh = _sensor(source, _THIGH_VELOCITY)
+        return np.asarray(_sensor(source, SHANK_VELOCITY) - thigh)
+    known, recording = source.given.calibration, source.given.recording
+    values = recording[name].to_numpy() / value_of(getattr(known, f"{name}_gain"), 1.0)
+    lag_s = value_of(sensor_lag(known, name), 0.0)
+    if lag_s == 0.0:
+        return np.asarray(values)
+    time = recording["time"].to_numpy()
+    return np.asarray(np.interp(time + lag_s, time, values))
+
+
+def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:
+    """Return the calibrated lag of a sensor; one gyroscope's stands for the other's."""
+    lag: Calibrated | None = getattr(known, f"{name}_lag_s")
+    if name == ENCODER or lag is not None:
+        return lag
+    return known.shank_velocity_lag_s or known.thigh_velocity_lag_s
 
 
 def _intrinsic_torque(source: Source) -> np.ndarray:

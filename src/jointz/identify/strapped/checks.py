@@ -21,7 +21,7 @@ _LONGEST_LAG_S = 0.03
 
 def response_failure(point: PointResponse) -> Failure | None:
     """Return why the responses of a timing point cannot be fitted, None if they can."""
-    stride = point.stride_covariance(np.zeros(point.time_s.size))
+    stride = point.stride_covariance(np.zeros((1, point.time_s.size)))
     checked = [_signed_response(point, stride, k) for k in range(len(point.shapes))]
     if any(against for _, against, _ in checked):
         return Failure.OPPOSITE_SIGN
@@ -39,7 +39,7 @@ def _signed_response(point: PointResponse, stride: np.ndarray, k: int) -> tuple[
     """
     shape = point.shapes[k]
     noise = stride * (1.0 / shape.n_pulses + 1.0 / point.n_strides)
-    angle = shape.angle[0]
+    angle = shape.shown[0]
     moved = float(angle @ np.linalg.solve(noise, angle)) > smallest_response(angle.size)
     early = point.time_s < _EARLY_S
     free = np.cumsum(np.cumsum(shape.torque))[early]
@@ -70,7 +70,7 @@ def differs_with_size(posterior: LegPosterior) -> bool:
     if span == 0.0:
         return False
     additions = [
-        np.repeat((own - every.mean()) / span, point.time_s.size)
+        np.repeat((own - every.mean()) / span, point.shapes[0].shown.size)
         * model.responses(fit.theta[None], k)[0]
         for k, (own, point) in enumerate(zip(sizes, model.points, strict=True))
     ]

@@ -8,11 +8,10 @@ import numpy as np
 from jointz.core.codes import Doubt
 from jointz.core.study import CalibrationSpec
 from jointz.identify.methods.cell_parameters import per_mass
-from jointz.identify.preparation.calibration import gains_sd
+from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
-from jointz.identify.strapped.leg_model import SHARED
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.responses import PointResponse
 from jointz.results.estimates import (
@@ -70,11 +69,12 @@ class Decision:
     known: CalibrationSpec  # calibration: gains and the intrinsic impedance
     mass_kg: float | None  # body mass, for values per kg
     subtract: Sequence[str]  # those of K, B and J of the device that the torque still includes
+    several_sensors: bool = False  # whether the gain of the angle is one of the fit's parameters
 
     @property
     def gain_sd(self) -> float:
-        """Relative sd of both gains together, common to K, B and J."""
-        return gains_sd(self.known)
+        """Relative sd of the gains that the fit does not know, common to K, B and J."""
+        return relative_sd(self.known.torque_gain) if self.several_sensors else gains_sd(self.known)
 
     def intrinsic(self, name: str) -> tuple[float, float]:
         """Return the device's own part of an estimate that its torque includes, and its sd."""
@@ -125,7 +125,7 @@ def holds_one_torque(point: PointResponse) -> bool:
 def _farthest_sd(posterior: LegPosterior) -> float:
     """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
     fit, layout = posterior.best, posterior.model.layout
-    names = [name for name in SHARED if name != "inertia"]
+    names = [name for name in layout.shared_names if name != "inertia"]
     places = [layout.shared(name) for name in names]
     root = np.linalg.cholesky(fit.prior.covariance[np.ix_(places, places)])
     off = np.linalg.solve(root, (fit.theta - fit.prior.mean)[places])

@@ -11,10 +11,18 @@ from jointz.identify.strapped.leg_model import REFLEX, Layout, LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.posterior import LegPosterior
 
-#: Source -> shared parameters that a measurement would give together.
+#: Source -> shared parameters that a measurement would give together, those of sensors that are
+#: there.
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "strap": ("device_share", "strap_hz", "strap_damping", "skin_share"),
-    "lag": ("sensor_delay_s", "sensor_lag_s"),
+    "strap": (
+        "device_share",
+        "strap_hz",
+        "strap_damping",
+        "skin_share",
+        "gyroscope_hz",
+        "gyroscope_damping",
+    ),
+    "lag": ("sensor_delay_s", "sensor_lag_s", "encoder_delay_s", "gyroscope_delay_s"),
     "softening": ("half_angle_rad", "softening_power"),
     "reflex": (
         "reflex_gain",
@@ -24,7 +32,7 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
         "reflex_shortening",
     ),
     "friction": ("friction_nm",),
-    "gain": ("torque_error",),
+    "gain": ("torque_error", "goniometer_gain", "encoder_gain", "gyroscope_gain"),
     "inertia": ("inertia",),
 }
 #: Twice as many pulses of every shape.
@@ -56,7 +64,8 @@ def _covariances(model: LegModel, fit: MapFit) -> tuple[np.ndarray, dict[str, np
 
 
 def _places(layout: Layout, source: str) -> np.ndarray:
-    places = [layout.shared(name) for name in _GROUPS[source]]
+    names = [name for name in _GROUPS[source] if name in layout.shared_names]
+    places = [layout.shared(name) for name in names]
     if source == "reflex":  # its deviation at every timing point, too
         places += [layout.own(point, REFLEX) for point in range(layout.n_points)]
     return np.array(places)

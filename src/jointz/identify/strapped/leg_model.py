@@ -4,17 +4,19 @@ The vector holds, for each timing point, the logarithms of K and B at knots from
 deviation of log J, the slope of J and the deviation of the reflex; then what all points share.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.special import expit
 
-from jointz.identify.strapped.responses import PointResponse
+from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY, SHANK_VELOCITY
+from jointz.identify.strapped.responses import GONIOMETER, PointResponse
 from jointz.kernels import strapped_leg as leg
 
 #: What all points share, behind the parameters of the points.
-SHARED = (
+_SHARED = (
     "inertia",
     "device_share",
     "strap_hz",
@@ -32,9 +34,22 @@ SHARED = (
     "friction_nm",
     "torque_error",
 )
-#: Of a point behind its knots: deviation of log J, slope of J, deviation of the log reflex.
-INERTIA, SLOPE, REFLEX = range(3)
-_OWN = 3
+_GYROSCOPE = ("gyroscope_delay_s", "gyroscope_gain", "gyroscope_hz", "gyroscope_damping")
+#: What a sensor beside the goniometer adds; the goniometer's gain is then known by comparison.
+_OF_SENSOR: Final[Mapping[str, tuple[str, ...]]] = {
+    ENCODER: ("encoder_delay_s", "encoder_gain"),
+    JOINT_VELOCITY: _GYROSCOPE,
+    SHANK_VELOCITY: _GYROSCOPE,
+}
+_COLUMNS: Final[Mapping[str, int]] = {
+    GONIOMETER: leg.GONIOMETER,
+    ENCODER: leg.ENCODER,
+    JOINT_VELOCITY: leg.GYROSCOPE,
+    SHANK_VELOCITY: leg.GYROSCOPE,
+}
+#: Of a point behind its knots: deviation of log J, slope of J, deviation of the log reflex, and of
+#: a gyroscope on the shank alone the log share of the joint's motion that the shank makes.
+INERTIA, SLOPE, REFLEX, SHANK = range(4)
 #: Knots of K and B at most so far apart, s.
 _KNOT_S = 0.06
 #: Speed at which Coulomb friction has two thirds of its size, rad/s.
@@ -45,6 +60,7 @@ _FARTHEST_RAD = 100.0
 _LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
 _SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
 _STRAPS_HZ = (1.0, 150.0)
+_GAINS = (-0.5, 0.5)
 _TORQUE_ERRORS = (-0.5, 0.5)
 _LATENCIES_S, _TIMES_S = (0.015, 0.15), (0.008, 0.2)
 #: Knots between which log K is a smooth process of this length, cycles.
@@ -58,16 +74,29 @@ class Layout:
 
     n_points: int
     n_knots: int
+    sensors: tuple[str, ...] = ()  # beside the goniometer
+
+    @property
+    def own_of_point(self) -> tuple[int, ...]:
+        """What a point has behind its knots."""
+        alone = SHANK_VELOCITY in self.sensors
+        return (INERTIA, SLOPE, REFLEX, SHANK) if alone else (INERTIA, SLOPE, REFLEX)
+
+    @property
+    def shared_names(self) -> tuple[str, ...]:
+        """What all points share."""
+        names = [name for sensor in self.sensors for name in _OF_SENSOR[sensor]]
+        return (*_SHARED, *(["goniometer_gain"] if names else []), *names)
 
     @property
     def per_point(self) -> int:
         """Number of parameters of a point."""
-        return 2 * self.n_knots + _OWN
+        return 2 * self.n_knots + len(self.own_of_point)
 
     @property
     def size(self) -> int:
         """Number of all parameters."""
-        return self.n_points * self.per_point + len(SHARED)
+        return self.n_points * self.per_point + len(self.shared_names)
 
     def stiffness(self, point: int) -> slice:
         """Return the places of log K at the knots of a point."""
@@ -80,12 +109,12 @@ class Layout:
         return slice(first, first + self.n_knots)
 
     def own(self, point: int, which: int) -> int:
-        """Return the place of INERTIA, SLOPE or REFLEX of a point."""
+        """Return the place of INERTIA, SLOPE, REFLEX or SHANK of a point."""
         return point * self.per_point + 2 * self.n_knots + which
 
     def shared(self, name: str) -> int:
         """Return the place of a shared parameter."""
-        return self.n_points * self.per_point + SHARED.index(name)
+        return self.n_points * self.per_point + self.shared_names.index(name)
 
     def columns(self, point: int) -> np.ndarray:
         """Return the places of all parameters that the responses of a point depend on."""
@@ -105,7 +134,9 @@ class LegModel:
         self._gravity = gravity_stiffness
         end_s = max(window_s, max(float(p.time_s[-1]) for p in points))
         self.knots_s = np.linspace(0.0, end_s, int(np.ceil(end_s / _KNOT_S - 1e-9)) + 1)
-        self.layout = Layout(len(points), self.knots_s.size)
+        self.channels = points[0].channels
+        self.layout = Layout(len(points), self.knots_s.size, self.channels[1:])
+        self._shown = [_COLUMNS[channel] for channel in self.channels]
         self._length_s = LENGTH_CYCLES * float(np.mean([p.stride_s for p in points]))
         among = self._correlation(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
         self._knot_inverse = np.linalg.inv(among)
@@ -126,15 +157,15 @@ class LegModel:
         return stiffness, damping, self._leg(theta, point, stiffness)
 
     def responses(self, theta: np.ndarray, point: int) -> np.ndarray:
-        """Return the measured channels of all shapes of a point, stacked, (m, shapes * n)."""
-        return self._simulated(theta, point, leg.GONIOMETER).reshape(len(theta), -1)
+        """Return what the sensors show of all shapes of a point, stacked as in the response."""
+        return self._simulated(theta, point, self._shown).reshape(len(theta), -1)
 
     def bone(self, theta: np.ndarray, point: int) -> np.ndarray:
         """Return the angle of the bone, (m, shapes, n)."""
-        return self._simulated(theta, point, leg.BONE)
+        return self._simulated(theta, point, [leg.BONE])[:, :, 0]
 
-    def kick(self, theta: np.ndarray, point: int) -> np.ndarray:
-        """Return the response of the sensor to 1 N*m at one sample, without friction, (n,)."""
+    def kicks(self, theta: np.ndarray, point: int) -> np.ndarray:
+        """Return what the sensors show of 1 N*m at one sample, without friction, (channel, n)."""
         stiffness, damping, parameters = self.natural(theta[None], point)
         parameters[:, leg.FRICTION] = 0.0
         small = 1e-3
@@ -147,8 +178,8 @@ class LegModel:
             damping,
             parameters,
         )
-        response = out[0, :, leg.GONIOMETER] / small
-        return np.append(response[1:], response[-1])
+        response = out[0][:, self._shown].T / small
+        return np.concatenate([response[:, 1:], response[:, -1:]], axis=1)
 
     def knot_weights(self, time_s: np.ndarray) -> np.ndarray:
         """Return the weights of the knots at times, (t, knots): the process's conditional mean."""
@@ -190,9 +221,32 @@ class LegModel:
         p[:, leg.SKIN_SHARE] = expit(raw("skin_share"))
         p[:, leg.SENSOR_TIME] = np.exp(raw("sensor_lag_s"))
         p[:, leg.SENSOR_DELAY] = np.exp(raw("sensor_delay_s"))
+        p[:, [leg.SENSOR_GAIN, leg.ENCODER_GAIN, leg.GYROSCOPE_GAIN]] = 1.0
+        if layout.sensors:
+            self._instruments(theta, point, p)
         return p
 
-    def _simulated(self, theta: np.ndarray, point: int, column: int) -> np.ndarray:
+    def _instruments(self, theta: np.ndarray, point: int, p: np.ndarray) -> None:
+        """Fill the parameters of several sensors."""
+        layout = self.layout
+
+        def raw(name: str) -> np.ndarray:
+            return np.asarray(theta[:, layout.shared(name)])
+
+        p[:, leg.SENSOR_GAIN] += np.clip(raw("goniometer_gain"), *_GAINS)
+        if ENCODER in layout.sensors:
+            p[:, leg.ENCODER_DELAY] = raw("encoder_delay_s")
+            p[:, leg.ENCODER_GAIN] += np.clip(raw("encoder_gain"), *_GAINS)
+        if "gyroscope_hz" in layout.shared_names:
+            p[:, leg.GYROSCOPE_DELAY] = raw("gyroscope_delay_s")
+            p[:, leg.GYROSCOPE_GAIN] += np.clip(raw("gyroscope_gain"), *_GAINS)
+            p[:, leg.GYROSCOPE_HZ] = np.clip(np.exp(raw("gyroscope_hz")), *_STRAPS_HZ)
+            p[:, leg.GYROSCOPE_DAMPING] = np.exp(raw("gyroscope_damping"))
+        if SHANK_VELOCITY in layout.sensors:
+            p[:, leg.GYROSCOPE_GAIN] *= np.exp(theta[:, layout.own(point, SHANK)])
+
+    def _simulated(self, theta: np.ndarray, point: int, columns: Sequence[int]) -> np.ndarray:
+        """Return columns of the responses, (m, shapes, columns, n)."""
         stiffness, damping, parameters = self.natural(theta, point)
         torques = self._torques[point]
         m, shapes = len(theta), len(torques)
@@ -201,7 +255,8 @@ class LegModel:
             np.tile(torques, (m, 1)),
             *(np.repeat(a, shapes, axis=0) for a in (stiffness, damping, parameters)),
         )
-        return np.asarray(out[:, :, column].reshape(m, shapes, -1))
+        shown = out[:, :, columns].transpose(0, 2, 1)
+        return np.asarray(shown.reshape(m, shapes, len(columns), -1))
 
     def _run(
         self,

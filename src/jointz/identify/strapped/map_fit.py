@@ -10,11 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from jointz.identify.preparation.raw_signals import JOINT_VELOCITY, SHANK_VELOCITY
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.prior import Prior
 
 #: Error of the model: share of the response, correlated over this time; and a floor.
 _MODEL_SHARE, _MODEL_S, _MODEL_FLOOR_RAD = 0.015, 0.03, np.deg2rad(0.02)
+#: The floor of a velocity, over that of an angle.
+_FLOOR_HZ = 30.0
 #: The share is of no less than this part of the largest response.
 _LEAST_RESPONSE = 0.1
 _JITTER = 1e-9
@@ -188,20 +191,29 @@ class MapSearch:
     def error_covariance(self, theta: np.ndarray, k: int) -> np.ndarray:
         """Return the covariance of all errors of a point's average responses."""
         point = self._model.points[k]
-        stride = point.stride_covariance(self._model.kick(theta, k))
-        n, shapes = point.time_s.size, len(point.shapes)
+        stride = point.stride_covariance(self._model.kicks(theta, k))
+        n, shapes, channels = point.time_s.size, len(point.shapes), len(point.channels)
         # The prediction's own error is common to all shapes.
         covariance = np.tile(stride / point.n_strides, (shapes, shapes))
         smooth = np.exp(-0.5 * ((point.time_s[:, None] - point.time_s) / _MODEL_S) ** 2)
-        modelled = self._model.responses(theta[None], k)[0].reshape(shapes, n)
-        for i, (shape, response) in enumerate(zip(point.shapes, modelled, strict=True)):
-            block = slice(i * n, (i + 1) * n)
-            size = np.maximum(np.abs(response), _LEAST_RESPONSE * np.abs(response).max())
+        floors = [_floor(channel) ** 2 * 0.5 * (smooth + np.eye(n)) for channel in point.channels]
+        modelled = self._model.responses(theta[None], k)[0].reshape(shapes, channels, n)
+        for i, (shape, responses) in enumerate(zip(point.shapes, modelled, strict=True)):
+            block = slice(i * channels * n, (i + 1) * channels * n)
             covariance[block, block] += stride / shape.n_pulses
-            covariance[block, block] += _MODEL_SHARE**2 * np.outer(size, size) * smooth
-            covariance[block, block] += 0.5 * _MODEL_FLOOR_RAD**2 * (smooth + np.eye(n))
+            for c, (floor, response) in enumerate(zip(floors, responses, strict=True)):
+                own = slice(block.start + c * n, block.start + (c + 1) * n)
+                size = np.maximum(np.abs(response), _LEAST_RESPONSE * np.abs(response).max())
+                covariance[own, own] += _MODEL_SHARE**2 * np.outer(size, size) * smooth + floor
         if point.twist_sd:
-            torque = np.concatenate([shape.torque for shape in point.shapes])
+            torque = np.zeros((shapes, channels, n))
+            torque[:, 0] = [shape.torque for shape in point.shapes]
             covariance += point.twist_sd**2 * np.outer(torque, torque)
-        level = float(np.trace(covariance)) / len(covariance)
-        return np.asarray(covariance + _JITTER * level * np.eye(len(covariance)))
+        level = np.sqrt(np.diag(covariance))
+        return np.asarray(covariance + _JITTER * np.diag(level**2))
+
+
+def _floor(channel: str) -> float:
+    """Return the floor of the model's error, rad or rad/s."""
+    velocity = channel in (JOINT_VELOCITY, SHANK_VELOCITY)
+    return float(_MODEL_FLOOR_RAD * (_FLOOR_HZ if velocity else 1.0))

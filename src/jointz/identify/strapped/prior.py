@@ -13,7 +13,7 @@ from jointz.identify.strapped.leg_model import (
     INERTIA,
     LENGTH_CYCLES,
     REFLEX,
-    SHARED,
+    SHANK,
     SLOPE,
     Layout,
     LegModel,
@@ -95,13 +95,15 @@ class LegPriors:
             INERTIA: (0.0, spec.inertia_of_point.sd),
             SLOPE: _moments(spec.inertia_slope),
             REFLEX: (0.0, spec.reflex_of_point.sd),
+            SHANK: _moments(spec.shank_share),
         }
         entries = {
             layout.own(point, which): moments
             for point in range(layout.n_points)
             for which, moments in own.items()
+            if which in layout.own_of_point
         }
-        for name in SHARED:
+        for name in layout.shared_names:
             usual = self.body.inertia if name == "inertia" else getattr(spec, name)
             entries[layout.shared(name)] = _moments(self.shared.get(name, usual))
         return entries

@@ -10,8 +10,10 @@ from jointz.identify.prediction.predicted_cells import PredictedCell
 from jointz.identify.prediction.pulse_shapes import pulse_shapes
 from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES, LEAD_SAMPLES
 from jointz.identify.preparation.calibration import twist_sd, value_of
+from jointz.identify.preparation.raw_signals import DRIVING, FRICTION, RAW_ANGLE, TORQUE_ROWS
 from jointz.kernels.robust_spread import robust_sd
 
+GONIOMETER = "goniometer"
 #: Data after the onset that are used, whatever the window, and the margin for lags.
 FIT_S, _BEYOND_S = 0.2, 0.012
 #: A response is used until the joint has moved so far, and at least so long.
@@ -20,7 +22,9 @@ LARGEST_RAD, _LEAST_S = np.deg2rad(18.0), 0.05
 _OUTLIER_SD = 6.0
 #: Correlations of few strides are reduced by this share, for each sample and stride.
 _LEAST_SHRINKAGE, _SHRINKAGE = 0.02, 0.05
-_RESOLUTION_RAD = 2e-5
+_RESOLUTION = 2e-5  # rad, or rad/s
+#: Time between samples of several sensors: together they need not be finer.
+_SEVERAL_S = 0.004
 _SMOOTH_S = 0.04
 
 
@@ -28,7 +32,7 @@ _SMOOTH_S = 0.04
 class ShapeAverage:
     """Average response to the pulses of one shape, as signed."""
 
-    angle: np.ndarray  # (channel, n) rad
+    shown: np.ndarray  # (channel, n) by every sensor, rad or rad/s; first the goniometer
     torque: np.ndarray  # (n,) N*m
     n_pulses: int
     used: np.ndarray  # (n,) samples before the joint has moved too far
@@ -44,11 +48,11 @@ class PointResponse:
     time_s: np.ndarray  # (n,) time from the onset
     shapes: tuple[ShapeAverage, ...]
     velocity: np.ndarray  # (n,) rad/s: velocity of the unperturbed motion
-    misses: np.ndarray  # (virtual onset, n) rad: errors of the predicted angle
+    misses: np.ndarray  # (virtual onset, channel, n) rad or rad/s: errors of the prediction
     torque_misses: np.ndarray  # (virtual onset, n) N*m: errors of the predicted torque
     n_strides: int
     twist_sd: float = 0.0  # rad/(N*m): sd of the angle shown per torque, by the calibration
-    channels: tuple[str, ...] = field(default=("goniometer",))
+    channels: tuple[str, ...] = (GONIOMETER,)  # sensors
     # (pulse,) place in ``shapes`` of each pulse that is used; empty if pulses are not known
     shape_of_pulse: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
@@ -60,21 +64,27 @@ class PointResponse:
     @property
     def stacked(self) -> np.ndarray:
         """All responses, shape by shape and channel by channel."""
-        return np.concatenate([s.angle.ravel() for s in self.shapes])
+        return np.concatenate([s.shown.ravel() for s in self.shapes])
 
     @property
     def used(self) -> np.ndarray:
         """Mask of the stacked samples that are used."""
-        return np.concatenate([np.tile(s.used, len(self.channels)) for s in self.shapes])
+        several = len(self.channels) > 1
+        every = max(1, round(_SEVERAL_S / self.period_s)) if several else 1
+        kept = np.arange(self.time_s.size) % every == 0
+        return np.concatenate([np.tile(s.used & kept, len(self.channels)) for s in self.shapes])
 
-    def stride_covariance(self, kick: np.ndarray) -> np.ndarray:
-        """Return the covariance of one stride's prediction error, (n, n) rad^2.
+    def stride_covariance(self, kicks: np.ndarray) -> np.ndarray:
+        """Return the covariance of one stride's prediction error by all channels of ``kicks``.
 
-        ``kick`` (n,) is the response to one sample of torque: torque that was predicted wrongly
-        moves the joint, which the measured torque explains.
+        ``kicks`` (channel, n) are the responses to one sample of torque: torque that was predicted
+        wrongly moves the joint, which the measured torque explains.
         """
         n = self.time_s.size
-        error = self.misses - self.torque_misses @ toeplitz(kick, np.zeros(n)).T
+        explained = [self.torque_misses @ toeplitz(kick, np.zeros(n)).T for kick in kicks]
+        error = (self.misses[:, : len(kicks)] - np.stack(explained, axis=1)).reshape(
+            len(self.misses), -1
+        )
         usual = (np.abs(error) < _OUTLIER_SD * (robust_sd(error) + 1e-6)).all(axis=1)
         if usual.sum() < FEWEST_STRIDES:
             usual[:] = True
@@ -83,13 +93,20 @@ class PointResponse:
         covariance = (1.0 - shrunk) * sample + shrunk * np.diag(np.diag(sample))
         # The noise is estimated from so many strides: variance of Student's t.
         covariance *= (self.n_strides - 1) / (self.n_strides - 3)
-        return np.asarray(covariance + _RESOLUTION_RAD**2 * np.eye(n))
+        return np.asarray(covariance + _RESOLUTION**2 * np.eye(len(covariance)))
 
 
 def point_response(
-    cell: PredictedCell, *, window_s: float, known: CalibrationSpec
+    cell: PredictedCell,
+    *,
+    window_s: float,
+    known: CalibrationSpec,
+    sensors: tuple[str, ...] = (),
 ) -> PointResponse:
-    """Average the responses of a timing point, every shape by itself."""
+    """Average the responses of a timing point, every shape by itself.
+
+    ``sensors`` are those beside the goniometer, in the order of the predicted rows.
+    """
     friction_gain = value_of(known.friction_gain, 1.0)
     n_all = cell.predicted.responses.shape[2]
     length_s = max(FIT_S, window_s) + _BEYOND_S
@@ -97,7 +114,7 @@ def point_response(
     signs = np.array([c.pulse.sign for c in cell.used])[:, None, None]
     responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
     misses = cell.predicted.misses[:, :, :n]
-    shapes = pulse_shapes(responses[:, 1] + responses[:, 2], [c.pulse for c in cell.used])
+    shapes = pulse_shapes(responses[:, TORQUE_ROWS].sum(axis=1), [c.pulse for c in cell.used])
     numbers, places = np.unique(shapes, return_inverse=True)
     return PointResponse(
         label=cell.label,
@@ -106,23 +123,25 @@ def point_response(
         time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
         shapes=tuple(_average(responses[shapes == k], cell.period_s, known) for k in numbers),
         velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
-        misses=misses[:, 0],
-        torque_misses=misses[:, 1] + friction_gain * misses[:, 2],
+        misses=np.delete(misses, TORQUE_ROWS, axis=1),
+        torque_misses=misses[:, DRIVING] + friction_gain * misses[:, FRICTION],
         n_strides=cell.predicted.n_strides,
         twist_sd=twist_sd(known),
+        channels=(GONIOMETER, *sensors),
         shape_of_pulse=places,
     )
 
 
 def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> ShapeAverage:
     """Average the pulses of a shape, corrected for what is known of torque and angle."""
-    angle, torque = corrected(responses.mean(axis=0), period_s, known)
+    average = responses.mean(axis=0)
+    angle, torque = corrected(average, period_s, known)
     late_s = value_of(known.torque_lag_s, 0.0)
     time_s = np.arange(angle.size) * period_s
     # Beyond, the torque was recorded after the end of the window.
     known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
     return ShapeAverage(
-        angle=angle[None],
+        shown=np.stack([angle, *average[TORQUE_ROWS.stop :]]),
         torque=torque,
         n_pulses=len(responses),
         used=known_torque & usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
@@ -132,8 +151,8 @@ def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> 
 def corrected(
     response: np.ndarray, period_s: float, known: CalibrationSpec
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and torque of a response (3, n), corrected for what is known of both."""
-    angle, driving, friction = response
+    """Return angle and torque of a response (rows, n), corrected for what is known of both."""
+    angle, driving, friction = response[RAW_ANGLE], response[DRIVING], response[FRICTION]
     time_s = np.arange(angle.size) * period_s
     recorded = driving + value_of(known.friction_gain, 1.0) * friction
     torque = np.interp(time_s + value_of(known.torque_lag_s, 0.0), time_s, recorded)

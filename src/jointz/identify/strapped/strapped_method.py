@@ -26,10 +26,16 @@ from jointz.identify.prediction.predicted_cells import (
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
-from jointz.identify.preparation.calibration import pooled_calibration
-from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.preparation.calibration import pooled_calibration, relative_sd
+from jointz.identify.preparation.cell_data import PARAMETERS, calibration_sd
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
-from jointz.identify.preparation.raw_signals import intrinsic_left_in
+from jointz.identify.preparation.raw_signals import (
+    ENCODER,
+    JOINT_VELOCITY,
+    SHANK_VELOCITY,
+    intrinsic_left_in,
+    sensor_lag,
+)
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
@@ -144,7 +150,7 @@ def _prepared(
     longer = _with_all_data(settings)
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
-    predictor = CellPredictor(data.sources, longer, reach_s=reach_s)
+    predictor = CellPredictor(data.sources, longer, reach_s=reach_s, all_sensors=True)
     participant = _Participant(
         data, settings, predictor, hypotheses=hypotheses, fits={} if fits is None else fits
     )
@@ -298,7 +304,12 @@ class _Participant:
         return pooled_calibration([s.given.calibration for s in sources])
 
     def _point(self, cell: PredictedCell, known: CalibrationSpec) -> PointResponse:
-        return point_response(cell, window_s=self._settings.perturbations.window_s, known=known)
+        return point_response(
+            cell,
+            window_s=self._settings.perturbations.window_s,
+            known=known,
+            sensors=self._predictor.sensors,
+        )
 
     # --- the fit -------------------------------------------------------------------------------
 
@@ -317,7 +328,7 @@ class _Participant:
         priors = LegPriors(
             settings.priors,
             body,
-            _declared(known, sources),
+            _declared(known, sources) | _of_sensors(known, self._predictor.sensors),
             _lag(known),
             steady=self._hypotheses.steady,
         )
@@ -364,7 +375,7 @@ class _Participant:
         parameters = decided_rows(k, explained.moments, decision, doubts)
         response, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
-        moved = max(float(np.abs(s.angle[0, inside]).max()) for s in point.shapes)
+        moved = max(float(np.abs(s.shown[0, inside]).max()) for s in point.shapes)
         return CellEstimate(
             participant=self._name,
             timing_point=cell.label,
@@ -405,7 +416,7 @@ class _Participant:
     ) -> ParameterEstimate | None:
         """Return the stiffness without gravity's part, if limb and posture are known."""
         inside = point.time_s <= self._settings.perturbations.window_s
-        moved_rad = float(np.mean([s.angle[0, inside].mean() for s in point.shapes]))
+        moved_rad = float(np.mean([s.shown[0, inside].mean() for s in point.shapes]))
         return participant_stiffness_without_gravity(
             stiffness,
             self._settings,
@@ -420,6 +431,7 @@ class _Participant:
             known=known,
             mass_kg=self._settings.mass_kg,
             subtract=intrinsic_left_in(recording),
+            several_sensors=bool(self._predictor.sensors),
         )
 
     def _log_posterior(
@@ -485,6 +497,27 @@ def _declared(
     return priors
 
 
+def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, NormalPrior]:
+    """Return priors of calibrated sensors, less their values, which the signals are free of."""
+    priors = {}
+    if sensors and known.angle_gain is not None:
+        priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
+    for sensor in sensors:
+        name = "encoder" if sensor == ENCODER else "gyroscope"
+        channel = SHANK_VELOCITY if sensor == JOINT_VELOCITY else sensor
+        lag, gain = sensor_lag(known, channel), getattr(known, f"{channel}_gain")
+        if lag is not None:
+            sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
+            priors[f"{name}_delay_s"] = _about_zero(sd)
+        if gain is not None:
+            priors[f"{name}_gain"] = _about_zero(relative_sd(gain))
+    return priors
+
+
+def _about_zero(sd: float) -> NormalPrior:
+    return NormalPrior(mean=0.0, sd=max(sd, 1e-4))
+
+
 def _contradicts(posterior: LegPosterior, priors: LegPriors, shares: Sequence[float]) -> bool:
     """Return whether the evidence speaks against the calibrated lag by the odds of a doubt."""
     free = explain(posterior.model, replace(priors, lag=None), shares)
@@ -518,19 +551,19 @@ def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
 def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
     """Return the response of the most frequent shape with its fit, and VAF (%) over all shapes."""
     point, model = posterior.model.points[k], posterior.model
-    modelled = model.responses(posterior.best.theta[None], k)[0]
-    used, stacked = point.used, point.stacked
-    residual = float(((stacked - modelled)[used] ** 2).sum() / (stacked[used] ** 2).sum())
+    fits = _goniometer(posterior, k)
+    measured = np.stack([s.shown[0] for s in point.shapes])
+    used = np.stack([s.used for s in point.shapes])
+    residual = float(((measured - fits)[used] ** 2).sum() / (measured[used] ** 2).sum())
     most = int(np.argmax([s.n_pulses for s in point.shapes]))
     shape = point.shapes[most]
     inside = (point.time_s <= model.window_s + 1e-9) & shape.used
-    fitted = modelled.reshape(len(point.shapes), -1)[most]
     response = Response(
         time_s=point.time_s[inside],
-        angle=shape.angle[0][inside],
+        angle=shape.shown[0][inside],
         torque=shape.torque[inside],
         fitted_torque=shape.torque[inside],
-        fitted_angle=fitted[inside],
+        fitted_angle=fits[most][inside],
     )
     return response, 100.0 * (1.0 - residual)
 
@@ -538,9 +571,15 @@ def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
 def _fitted_by_shape(posterior: LegPosterior, k: int) -> np.ndarray:
     """Return the fitted response of each shape (shape, n), NaN for samples that are not used."""
     point = posterior.model.points[k]
+    used = np.stack([s.used for s in point.shapes])
+    return np.where(used, _goniometer(posterior, k), np.nan)
+
+
+def _goniometer(posterior: LegPosterior, k: int) -> np.ndarray:
+    """Return the fitted angle of each shape, (shape, n) rad."""
+    point = posterior.model.points[k]
     modelled = posterior.model.responses(posterior.best.theta[None], k)[0]
-    fitted = modelled.reshape(len(point.shapes), -1)
-    return np.where(np.stack([s.used for s in point.shapes]), fitted, np.nan)
+    return np.asarray(modelled.reshape(len(point.shapes), len(point.channels), -1)[:, 0])
 
 
 def _through_sources(

@@ -32,6 +32,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil, inf, tanh
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -145,7 +146,7 @@ def independent_response(
     damping: Curve,
     velocity: Curve,
     leg: IndependentLeg,
-) -> dict[str, np.ndarray]:
+) -> dict[str, Any]:
     """Deviations in angle that one pulse causes.
 
     Parameters
@@ -163,7 +164,8 @@ def independent_response(
     Returns
     -------
     dict
-        ``bone``, ``device`` and ``goniometer``, rad, each of shape (n,).
+        ``bone``, ``device`` and ``goniometer``, rad, each of shape (n,), and ``state``, the state
+        at any time since the first sample.
     """
     times = np.asarray(time_s, dtype=float) - float(time_s[0])
     torque = np.asarray(torque, dtype=float)
@@ -206,9 +208,9 @@ def _integrate(equations: _Equations, start: float, end: float, state: np.ndarra
     return solution.y[:, -1]
 
 
-def _observed(past: _Past, times: np.ndarray, leg: IndependentLeg) -> dict[str, np.ndarray]:
+def _observed(past: _Past, times: np.ndarray, leg: IndependentLeg) -> dict[str, Any]:
     now = np.array([past.state(time) for time in times])
     late = np.array([past.state(time - leg.goniometer_delay) for time in times])
     bone, device = late[:, BONE], late[:, DEVICE]
     skin = late[:, LAGGED] if leg.goniometer_lag else bone + leg.skin_share * (device - bone)
-    return {"bone": now[:, BONE], "device": now[:, DEVICE], "goniometer": skin}
+    return {"bone": now[:, BONE], "device": now[:, DEVICE], "goniometer": skin, "state": past.state}

@@ -38,8 +38,16 @@ def misses_of(rng):
     return np.deg2rad(level + quick + 1.2 * slow)
 
 
-def template(label, phase, shapes, n_pulses, rng):
-    zero = np.zeros((1, TIME_S.size))
+def noise(misses, rng):
+    """White noise of a sensor: a thousandth of what walking itself does."""
+    return 1e-3 * misses.std() * rng.standard_normal(misses.shape)
+
+
+def template(label, phase, shapes, n_pulses, rng, sensors=()):
+    zero = np.zeros((1 + len(sensors), TIME_S.size))
+    misses = misses_of(rng)
+    velocities = np.gradient(misses, PERIOD_S, axis=1)
+    by_channel = [misses, *(velocities if "velocity" in s else misses for s in sensors)]
     return PointResponse(
         label=label,
         phase=phase,
@@ -50,20 +58,23 @@ def template(label, phase, shapes, n_pulses, rng):
             for steps in shapes
         ),
         velocity=2.0 * np.sin(2.0 * np.pi * (phase + TIME_S / STRIDE_S)),
-        misses=misses_of(rng),
+        misses=np.stack([m + noise(m, rng) if sensors else m for m in by_channel], axis=1),
         torque_misses=np.zeros((N_MISSES, TIME_S.size)),
         n_strides=N_STRIDES,
+        channels=("goniometer", *sensors),
     )
 
 
-def simulated_person(seed, *, shapes, n_pulses, window_s):
+def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=()):
     """Draw a leg from the priors and its responses; return model, priors and true logarithms."""
     rng = np.random.default_rng(seed)
     person = ParticipantSpec(id="S01", mass_kg=rng.uniform(55, 95), height_m=rng.uniform(1.6, 1.9))
     spec = PriorsSpec()
     body = body_of(person, "knee", spec)
     priors = LegPriors(spec, body, {})
-    points = [template(label, phase, shapes, n_pulses, rng) for label, phase in PHASES.items()]
+    points = [
+        template(label, phase, shapes, n_pulses, rng, sensors) for label, phase in PHASES.items()
+    ]
     model = LegModel(points, window_s=window_s, gravity_stiffness=body.gravity_stiffness)
     prior = priors.build(model, follows_cycle=CYCLE_SHARES[seed % len(CYCLE_SHARES)])
     theta = rng.multivariate_normal(prior.mean, prior.covariance)
@@ -75,8 +86,10 @@ def simulated_person(seed, *, shapes, n_pulses, window_s):
             np.zeros(len(errors)), errors
         )
         averages = tuple(
-            replace(shape, angle=own[None], used=usable_samples(own, TIME_S))
-            for shape, own in zip(point.shapes, angles.reshape(len(shapes), -1), strict=True)
+            replace(shape, shown=own, used=usable_samples(own[0], TIME_S))
+            for shape, own in zip(
+                point.shapes, angles.reshape(len(shapes), 1 + len(sensors), -1), strict=True
+            )
         )
         noisy.append(replace(point, shapes=averages))
     measured = LegModel(noisy, window_s=window_s, gravity_stiffness=body.gravity_stiffness)
@@ -84,11 +97,9 @@ def simulated_person(seed, *, shapes, n_pulses, window_s):
     return measured, priors, truth
 
 
-def standardised_errors(seed, *, shapes, n_pulses, window_s):
+def standardised_errors(seed, **study):
     """Return (estimate - truth) / sd of every estimand and timing point."""
-    model, priors, truth = simulated_person(
-        seed, shapes=shapes, n_pulses=n_pulses, window_s=window_s
-    )
+    model, priors, truth = simulated_person(seed, **study)
     moments = log_moments(explain(model, priors))
     n = len(ESTIMANDS)
     return (moments.mean.reshape(n, -1) - truth) / moments.sd.reshape(n, -1)

@@ -206,7 +206,7 @@ def test_motion_against_the_torque_and_none_at_all_are_noticed(shapes):
 
     def scaled(factor):
         return replace(
-            point, shapes=tuple(replace(s, angle=factor * s.angle) for s in point.shapes)
+            point, shapes=tuple(replace(s, shown=factor * s.shown) for s in point.shapes)
         )
 
     assert response_failure(point) is None

@@ -2,25 +2,25 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 from scipy.special import expit
 from tests.unit.identify.strapped.independent_leg import IndependentLeg, independent_response
 from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, TIME_S, simulated_person
 
-from jointz.identify.strapped.leg_model import INERTIA, REFLEX, SLOPE
+from jointz.identify.strapped.leg_model import INERTIA, REFLEX, SHANK, SLOPE
 from jointz.kernels import strapped_leg as columns
 
 
-def drawn(seed, shapes):
-    model, priors, _ = simulated_person(seed, shapes=shapes, n_pulses=10, window_s=0.2)
+def drawn(seed, shapes, **more):
+    model, priors, _ = simulated_person(seed, shapes=shapes, n_pulses=10, window_s=0.2, **more)
     prior = priors.build(model, follows_cycle=0.0)
     rng = np.random.default_rng(seed)
     return model, rng.multivariate_normal(prior.mean, 0.5 * prior.covariance)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_responses_are_those_of_an_independent_simulator(seed):
-    model, theta = drawn(seed, (DOUBLET,))
-    layout, point = model.layout, seed
+def simulated_apart(model, theta, point):
+    """Return the deviations that the first shape causes by the independent simulator."""
+    layout = model.layout
     stiffness, damping, leg = model.natural(theta[None], point)
 
     def shared(name):
@@ -54,7 +54,7 @@ def test_responses_are_those_of_an_independent_simulator(seed):
         goniometer_lag=np.exp(shared("sensor_lag_s")),
         goniometer_delay=np.exp(shared("sensor_delay_s")),
     )
-    expected = independent_response(
+    return independent_response(
         since,
         model.points[point].shapes[0].torque,
         stiffness=lambda t: np.interp(t, since, stiffness[0]),
@@ -63,9 +63,42 @@ def test_responses_are_those_of_an_independent_simulator(seed):
         leg=independent,
     )
 
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_responses_are_those_of_an_independent_simulator(seed):
+    model, theta = drawn(seed, (DOUBLET,))
+    point = seed
+    expected = simulated_apart(model, theta, point)
+
     bone, shown = model.bone(theta[None], point)[0, 0], model.responses(theta[None], point)[0]
     assert np.abs(bone - expected["bone"]).max() < 0.01 * np.abs(expected["bone"]).max()
     assert np.abs(shown - expected["goniometer"]).max() < 0.01 * np.abs(shown).max()
+
+
+@pytest.mark.parametrize(("seed", "gyroscope"), [(1, "joint_velocity"), (2, "shank_velocity")])
+def test_encoder_and_gyroscope_show_device_and_bone(seed, gyroscope):
+    model, theta = drawn(seed, (DOUBLET,), sensors=("joint_encoder", gyroscope))
+    layout, since = model.layout, TIME_S - TIME_S[0]
+    state = simulated_apart(model, theta, seed)["state"]
+
+    def shared(name):
+        return theta[layout.shared(name)]
+
+    _, encoder, shown = model.responses(theta[None], seed).reshape(3, -1)
+    late = shared("encoder_delay_s")
+    # At the end an early sensor would show what is not simulated.
+    device = np.array([state(max(t - late, 0.0))[2] for t in since[:-1]])
+    expected = (1.0 + shared("encoder_gain")) * device
+    assert np.abs(encoder[:-1] - expected).max() < 0.01 * np.abs(device).max()
+
+    fine = np.arange(0.0, since[-1], 1e-4)
+    w, z = 2 * np.pi * np.exp(shared("gyroscope_hz")), np.exp(shared("gyroscope_damping"))
+    _, mounted, _ = lsim(([w * w], [1, 2 * z * w, w * w]), [state(t)[1] for t in fine], fine)
+    share = np.exp(theta[layout.own(seed, SHANK)]) if gyroscope == "shank_velocity" else 1.0
+    late = shared("gyroscope_delay_s")
+    expected = (1.0 + shared("gyroscope_gain")) * share * np.interp(since - late, fine, mounted)
+    inside = since - late < fine[-1]
+    assert np.abs(shown - expected)[inside].max() < 0.01 * np.abs(expected).max()
 
 
 def test_shapes_are_simulated_apart_and_points_do_not_share_their_own_parameters():

@@ -18,10 +18,17 @@ STUDIES = {
     "doublet": {"shapes": (DOUBLET,), "n_pulses": 30, "window_s": 0.2},
     "two sizes and signs": {"shapes": PULSES, "n_pulses": 8, "window_s": 0.15},
 }
+THREE_SENSORS = {
+    "shapes": (DOUBLET, tuple((0.7 * a, 0.6 * s) for a, s in DOUBLET)),
+    "n_pulses": 12,
+    "window_s": 0.15,
+    "sensors": ("joint_encoder", "joint_velocity"),
+}
 
 
-def test_a_leg_from_the_priors_lies_within_its_intervals():
-    errors = standardised_errors(0, **STUDIES["doublet"])
+@pytest.mark.parametrize("study", [STUDIES["doublet"], THREE_SENSORS])
+def test_a_leg_from_the_priors_lies_within_its_intervals(study):
+    errors = standardised_errors(0, **study)
 
     assert np.abs(errors).max() < 4.0
     assert 0.3 < np.sqrt((errors[:3] ** 2).mean()) < 2.0
@@ -34,7 +41,7 @@ def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs):
         replace(
             point,
             shapes=tuple(
-                replace(s, angle=given * s.angle) if np.abs(s.torque).max() > 9.0 else s
+                replace(s, shown=given * s.shown) if np.abs(s.torque).max() > 9.0 else s
                 for s in point.shapes
             ),
         )
@@ -46,9 +53,9 @@ def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1500)
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("study", [*STUDIES.values(), THREE_SENSORS])
 def test_errors_of_24_legs_are_as_large_as_their_sds_say(study):
-    errors = np.array([standardised_errors(seed, **STUDIES[study]) for seed in range(24)])
+    errors = np.array([standardised_errors(seed, **study) for seed in range(24)])
 
     sds = errors[:, :3].std(axis=(0, 2))  # K, B, J
     # Errors of J are alike at all points of a leg: of 24 legs their sd is known to 1 / sqrt(48).
