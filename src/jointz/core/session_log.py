@@ -16,9 +16,13 @@ import struct
 import zlib
 from collections.abc import Mapping
 from enum import IntFlag
+from itertools import combinations
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+
+from jointz.core.channels import CHANNEL_UNITS
 
 VERSION = 2
 #: The header of this one stands there once and has no checksum.
@@ -155,18 +159,44 @@ BENCH_CONTACT = Layout(
     ),
 )
 
-#: Of walking with a measured moment of the joint.
-WALKING_MOMENT = Layout(
-    "walking-moment",
-    (
-        *WALKING.fields,
-        Field("moment_time_ns", "q", "ns", "when the joint moment was measured, by its clock"),
-        Field("joint_moment", "d", "N*m", "internal moment of the joint"),
-    ),
+#: What walking may be measured with besides: time and value, in this order behind all else.
+WALKING_EXTRAS: Mapping[str, tuple[Field, Field]] = MappingProxyType(
+    {
+        "moment": (
+            Field("moment_time_ns", "q", "ns", "when the joint moment was measured, by its clock"),
+            Field("joint_moment", "d", "N*m", "internal moment of the joint"),
+        ),
+        **{
+            name: (
+                Field(f"{name}_time_ns", "q", "ns", "when it was measured, by its clock"),
+                Field(name, "d", CHANNEL_UNITS[name][0], meaning),
+            )
+            for name, meaning in (
+                ("joint_encoder", "joint angle of the device's encoder"),
+                ("shank_velocity", "gyroscope on the shank, about the joint's axis"),
+                ("thigh_velocity", "gyroscope on the thigh, about the joint's axis"),
+            )
+        },
+    }
+)
+
+
+def _walking_with(extras: tuple[str, ...]) -> Layout:
+    fields = [field for name in extras for field in WALKING_EXTRAS[name]]
+    return Layout("-".join(("walking", *extras)), (*WALKING.fields, *fields))
+
+
+#: Layouts of walking, by what is measured besides.
+WALKING_LAYOUTS: Mapping[tuple[str, ...], Layout] = MappingProxyType(
+    {
+        extras: _walking_with(extras) if extras else WALKING
+        for count in range(len(WALKING_EXTRAS) + 1)
+        for extras in combinations(WALKING_EXTRAS, count)
+    }
 )
 
 #: Name -> layout.
-LAYOUTS = {layout.name: layout for layout in (WALKING, WALKING_MOMENT, BENCH, BENCH_CONTACT)}
+LAYOUTS = {layout.name: layout for layout in (*WALKING_LAYOUTS.values(), BENCH, BENCH_CONTACT)}
 
 
 class LogHeader(NamedTuple):

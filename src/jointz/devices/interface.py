@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
@@ -212,6 +213,10 @@ class Devices:
     # motor that moves the far side of a bench; a series-elastic actuator under position control is
     # its own
     positioner: Positioner | None = None
+    joint_encoder: Sensor | None = None  # the joint's angle, measured on the device
+    # gyroscopes on both segments, about the joint's axis; the joint's velocity is their difference
+    shank_velocity: Sensor | None = None
+    thigh_velocity: Sensor | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the descriptions of the devices as plain values."""
@@ -223,7 +228,7 @@ class Devices:
 
     def named(self) -> dict[str, Device]:
         """Return every device by what it is here, the actuator first: it is stopped first."""
-        names = ("actuator", "positioner", "angle", "contact", "torque")
+        names = ("actuator", "positioner", "angle", "contact", "torque", *MOTION_SENSORS)
         return {name: device for name in names if (device := getattr(self, name)) is not None}
 
     def all(self) -> tuple[Device, ...]:

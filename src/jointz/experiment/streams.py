@@ -2,13 +2,14 @@
 
 from collections.abc import Collection
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.session_log import NO_SAMPLE
 from jointz.devices.interface import ActuatorSample, Devices, SensorSample
 
 _NAN = float("nan")
 NO_ACTUATOR_SAMPLE = ActuatorSample(NO_SAMPLE, NO_SAMPLE, _NAN, _NAN, _NAN, _NAN, _NAN, 0)
 NO_SENSOR_SAMPLE = SensorSample(NO_SAMPLE, NO_SAMPLE, _NAN)
-_NAMES = ("actuator", "angle", "torque", "positioner", "contact")
+_NAMES = ("actuator", "angle", "torque", "positioner", "contact", *MOTION_SENSORS)
 
 
 class Streams:
@@ -17,11 +18,20 @@ class Streams:
     Nobody acts on a ``dispensable`` one: its age does not count.
     """
 
-    __slots__ = (*_NAMES, "_last_ns", "_reads", "newest_actuator", "newest_angle", "newest_contact")
+    __slots__ = (
+        *_NAMES,
+        "_last_ns",
+        "_more",
+        "_reads",
+        "newest_actuator",
+        "newest_angle",
+        "newest_contact",
+    )
 
     def __init__(self, devices: Devices, *, dispensable: Collection[str] = ()) -> None:
         present = [(n, device) for n in _NAMES if (device := getattr(devices, n)) is not None]
         self._reads = [(name, device.read) for name, device in present]
+        self._more = [name for name, _ in present if name in MOTION_SENSORS]
         #: When each device last gave a sample, -1 before the first.
         self._last_ns = dict.fromkeys((n for n, _ in present if n not in dispensable), -1)
         self.actuator: list[ActuatorSample] = []
@@ -29,6 +39,9 @@ class Streams:
         self.torque: list[SensorSample] = []
         self.positioner: list[SensorSample] = []
         self.contact: list[SensorSample] = []
+        self.joint_encoder: list[SensorSample] = []
+        self.shank_velocity: list[SensorSample] = []
+        self.thigh_velocity: list[SensorSample] = []
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
         self.newest_contact = NO_SENSOR_SAMPLE
@@ -56,4 +69,5 @@ class Streams:
     def parts(self) -> int:
         """Records of this tick: one for each sample of the device that had most, at least one."""
         counts = len(self.actuator), len(self.angle), len(self.contact)
-        return max(1, *counts, len(self.torque), len(self.positioner))
+        more = (len(getattr(self, name)) for name in self._more)
+        return max(1, *counts, len(self.torque), len(self.positioner), *more)

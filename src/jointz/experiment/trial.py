@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.protocols.protocol_models import GaitSpec
-from jointz.core.session_log import Flag
+from jointz.core.session_log import WALKING_EXTRAS, Flag
 from jointz.devices.interface import Devices
 from jointz.experiment.controller_runner import ControllerRunner
 from jointz.experiment.files.recorder import Recorder
@@ -63,6 +64,17 @@ class Motor:
         self.zero_torque = ZeroTorque(described.torque_model)
 
 
+#: Where a device has another name than what it measures besides.
+_DEVICE_OF = {"moment": "torque"}
+
+
+def walking_extras(devices: Devices) -> tuple[str, ...]:
+    """Return what is measured in walking besides angle, contact and actuator."""
+    return tuple(
+        name for name in WALKING_EXTRAS if getattr(devices, _DEVICE_OF.get(name, name)) is not None
+    )
+
+
 class Trial:
     """Reads, decides, commands and records, once a tick.
 
@@ -85,9 +97,9 @@ class Trial:
         if devices.angle is None or devices.contact is None:
             raise ValueError("expected devices with a goniometer and a footswitch.")
         self._period_ns = course.period_ns
-        # A moment is measured to be recorded: nothing in the loop depends on it.
-        self._streams = Streams(devices, dispensable=("torque",))
-        self._has_moment = devices.torque is not None
+        # What is measured to be recorded: nothing in the loop depends on it.
+        self._streams = Streams(devices, dispensable=("torque", *MOTION_SENSORS))
+        self._extras = walking_extras(devices)
         self._watch = GaitWatch(course.gait, course.contact_levels)
         self._motor = motor
         self._pulses = pulses
@@ -293,14 +305,17 @@ class Trial:
 
     def _record(self, slot: int, host_ns: int) -> None:
         parts = range(self._streams.parts)
-        record = self._part_with_moment if self._has_moment else self._part
+        record = self._part_with_extras if self._extras else self._part
         self._recorder.write(*[record(slot, host_ns, part) for part in parts])
 
-    def _part_with_moment(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
-        """Return one record of a rig that measures the joint's moment."""
-        moment = self._streams.torque
-        m = moment[part] if part < len(moment) else NO_SENSOR_SAMPLE
-        return (*self._part(slot, host_ns, part), m.device_time_ns, m.value)
+    def _part_with_extras(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
+        """Return one record of a rig that measures the joint's moment or more of its motion."""
+        values = self._part(slot, host_ns, part)
+        for name in self._extras:
+            samples = getattr(self._streams, _DEVICE_OF.get(name, name))
+            one = samples[part] if part < len(samples) else NO_SENSOR_SAMPLE
+            values += (one.device_time_ns, one.value)
+        return values
 
     def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""

@@ -14,7 +14,7 @@ from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.protocols.pulse_models import Pulse
-from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING, WALKING_MOMENT, Layout
+from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING_LAYOUTS, Layout
 from jointz.devices.interface import Devices, Wearer
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 from jointz.experiment.bench.bench_trial import BenchTrial
@@ -29,7 +29,7 @@ from jointz.experiment.plan import PlannedPulse, make_plan
 from jointz.experiment.pulse_runner import PulseRunner
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.scheduler import LATE_PCT, Scheduler
-from jointz.experiment.trial import Course, Motor, Trial
+from jointz.experiment.trial import Course, Motor, Trial, walking_extras
 
 #: Called with accepted strides, completed pulses and planned pulses of walking; with seconds done,
 #: the same again and seconds in all of a bench.
@@ -217,7 +217,7 @@ class TrialKind:
 
 
 def _walking_layout(devices: Devices) -> Layout:
-    return WALKING if devices.torque is None else WALKING_MOMENT
+    return WALKING_LAYOUTS[walking_extras(devices)]
 
 
 WALKING_TRIALS = TrialKind(

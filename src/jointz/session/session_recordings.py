@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.recording import build_recording
@@ -46,6 +47,7 @@ _CLOCKS = {
     "positioner": "positioner_time_ns",
     "contact": "contact_time_ns",
     "moment": "moment_time_ns",
+    **{name: f"{name}_time_ns" for name in MOTION_SENSORS},
 }
 #: Units of channels that no schema knows, or that may have several.
 _UNITS = {
@@ -235,6 +237,7 @@ class WalkingRecordings(SessionRecordings):
         channels = {"angle": aligned("angle"), "contact": aligned("contact")}
         if "moment" in _clocks(log):
             channels["joint_moment"] = aligned("moment", "joint_moment")
+        channels |= {name: aligned(name) for name in MOTION_SENSORS if name in _clocks(log)}
         if master == _CLOCKS["actuator"]:
             channels |= _motor(log.records, _MOTOR | {"applied_torque": "applied_torque"})
         return channels

@@ -2,13 +2,14 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import xarray as xr
 
+from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -21,6 +22,7 @@ from jointz.session.run_claim import STUDY_FILE
 from jointz.session.run_settings import pulses_name, recording_name
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, Walk, WalkPlan, walk_directly
+from jointz.sim.motion_sensors import draw_motion_instruments
 from jointz.sim.people import Person, draw_person
 from jointz.sim.presets import Preset
 from jointz.sim.presets import preset as preset_named
@@ -50,6 +52,7 @@ def simulate_study(
     unperturbed_strides: int = 60,
     lag_sd_s: float | None = None,
     seed: int = 1,
+    sensors: Collection[str] | None = None,
 ) -> Path:
     """Simulate people walking with and without pulses, and write the recordings as a study.
 
@@ -70,6 +73,9 @@ def simulate_study(
         Sd of the lab's measurement of its goniometer's lag; by default the lag is unknown.
     seed : int
         Seed of the population; a given person has an own seed.
+    sensors : collection of str, optional
+        Sensors of the knee's motion: ``goniometer``, and with it ``encoder`` and ``gyroscopes``;
+        by default those of the preset.
 
     Returns
     -------
@@ -103,7 +109,7 @@ def simulate_study(
             "simulate_study: expected one unperturbed stride or more and lag_sd_s above 0, got "
             f"{unperturbed_strides} and {lag_sd_s}."
         )
-    rigs = [SimulatedRig(person, settings, grid=QUICK_GRID) for person in people]
+    rigs = [SimulatedRig(one, settings, grid=QUICK_GRID, sensors=sensors) for one in people]
     with new_folder(Path(out), marker=STUDY_FILE, overwrite=False) as folder:
         truth = {
             rig.person.id: _walk(rig, folder, plan, strides=unperturbed_strides) for rig in rigs
@@ -192,7 +198,7 @@ def _study_toml(
         f"torque_model = {written_table(model)}",
         *(
             f"channels.{name} = {written_table({'column': name, 'unit': unit})}"
-            for name, unit in _UNITS.items()
+            for name, unit in (_UNITS | _moved_units(rigs[0])).items()
         ),
         'channels.contact = { column = "contact", kind = "contact" }',
         f"perturbations.timing_points = {written_table(dict(plan.timing_points))}",
@@ -204,6 +210,12 @@ def _study_toml(
     for rig in rigs:
         lines += _recordings(rig.person.id)
     return "\n".join(lines) + "\n"
+
+
+def _moved_units(rig: SimulatedRig) -> dict[str, str]:
+    """Return the units of the sensors that a rig has beside the goniometer."""
+    channels = draw_motion_instruments(rig.person, rig.preset)
+    return {name: CHANNEL_UNITS[name][0] for name in channels}
 
 
 def _participant(person: Person, known: Mapping[str, Any]) -> list[str]:

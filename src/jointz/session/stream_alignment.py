@@ -16,6 +16,8 @@ _HOLE_PERIODS = 1.5
 #: The fastest sample of every block of so long tells the way; a line goes through three or more.
 _BLOCK_NS = 10_000_000_000
 _FEWEST_BLOCKS = 3
+#: Fitted times of samples taken in step may differ by so much.
+_ROUNDING_NS = 1000.0
 _NEVER = np.iinfo(np.int64).min
 
 
@@ -94,7 +96,8 @@ def onto(
     after = np.searchsorted(device_place, place, side="right").clip(1, device_place.size - 1)
     hole = np.diff(device_place) > _HOLE_PERIODS * np.median(np.diff(device_place))
     inside = (place > device_place[after - 1]) & (place < device_place[after])
-    outside = (place < device_place[0]) | (place > device_place[-1])
+    first, last = device_place[0] - _ROUNDING_NS, device_place[-1] + _ROUNDING_NS
+    outside = (place < first) | (place > last)
     if interpolated:
         placed = np.interp(place, device_place, values)
     else:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
@@ -120,7 +121,9 @@ def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
 
 def _walking_units(devices: Mapping[str, Any]) -> dict[str, str]:
     sensor = devices.get("torque")
-    return _WALKING_UNITS if sensor is None else _WALKING_UNITS | {"joint_moment": sensor["unit"]}
+    moment = {} if sensor is None else {"joint_moment": sensor["unit"]}
+    moved = {name: devices[name]["unit"] for name in MOTION_SENSORS if devices.get(name)}
+    return _WALKING_UNITS | moment | moved
 
 
 def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """Descriptions of the simulated devices that a participant wears."""
 
+from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
 from jointz.devices.interface import ActuatorDescription, SensorDescription
@@ -53,6 +54,19 @@ def goniometer(build: PlantBuild) -> SensorDescription:
         serial=build.person.id,
         channel="angle",
         unit="rad",
+        sample_rate_hz=build.grid.sample_rate_hz,
+    )
+
+
+def motion_sensor(build: PlantBuild, channel: str) -> SensorDescription:
+    """Describe the device's encoder, or the gyroscope on shank or thigh."""
+    encoder = channel == "joint_encoder"
+    return SensorDescription(
+        name="joint encoder" if encoder else f"{channel.partition('_')[0]} gyroscope",
+        model=f"jointz simulated {'encoder' if encoder else 'gyroscope'}",
+        serial=build.person.id,
+        channel=channel,
+        unit=CHANNEL_UNITS[channel][0],
         sample_rate_hz=build.grid.sample_rate_hz,
     )
 

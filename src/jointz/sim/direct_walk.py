@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.protocols.pulse_models import (
@@ -28,6 +29,7 @@ from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.moment_measurement import MomentMeasurement
+from jointz.sim.motion_sensors import MotionSensors, measure
 from jointz.sim.plant_build import Grid, PlantBuild
 from jointz.sim.rig import SimulatedRig
 
@@ -38,6 +40,7 @@ WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
 QUICK_GRID = Grid(500.0, substeps=5)
 _MEASURED = ("motor_angle", "motor_velocity", "current", "angle", "joint_moment")
 _BISECTIONS = 40
+_NO_NOISE = np.empty((0, 0))
 _PULSE_COLUMNS = (
     "pulse",
     "onset_s",
@@ -171,6 +174,8 @@ class Walk:
     channels : mapping of str to (n,) float
         Channel -> samples, SI: ``motor_angle, motor_velocity, current, angle, joint_moment,
         command, contact``; ``angle``, ``joint_moment`` and ``contact`` where nothing is worn.
+        With the rig's sensors also ``joint_encoder`` where worn, ``shank_velocity`` and
+        ``thigh_velocity``.
     pulses : pandas.DataFrame
         ``pulse, onset_s, duration_s, amplitude_nm, timing_point, shape, completed``.
     """
@@ -247,17 +252,22 @@ def walk_directly(
     pulses = _pulse_table(planned, strides, plan, period_s)
     _check_room(pulses, n * period_s)
     command = _command(pulses, plan, n, period_s)
-    measured = _advance(build, strides, command, rig.person.stream(f"noise {condition}", 0))
+    sensors = MotionSensors(build, purpose=condition, segment=0)
+    noise = rig.person.stream(f"noise {condition}", 0)
+    measured = _advance(build, strides, command, noise, sensors)
     contacts = ContactMaker(
         rig.preset.footswitch,
         contact_share=rig.preset.gait.contact_share,
         rng=rig.person.stream(f"contact {condition}", 0),
     )
-    channels = dict(zip(_MEASURED, measured, strict=True)) | {"command": command}
+    channels = dict(zip(_MEASURED, measured[: len(_MEASURED)], strict=True))
+    channels["command"] = command
     moment = MomentMeasurement(build, purpose=condition, segment=0)
     channels["joint_moment"] = moment.gain * channels["joint_moment"] + moment.errors(n)
     if not worn:
         channels = {name: channels[name] for name in ("angle", "joint_moment")}
+    moving = dict(zip(MOTION_SENSORS, measured[len(_MEASURED) :], strict=True))
+    channels |= {name: moving[name] for name in sensors.channels}
     channels["contact"] = _contact(contacts, strides, n, build.grid.period_ns)
     return Walk(np.arange(n) * period_s, channels, pulses)
 
@@ -356,9 +366,13 @@ def _contact(contacts: ContactMaker, strides: list[Stride], n: int, period_ns: i
 
 
 def _advance(
-    build: PlantBuild, strides: list[Stride], command: np.ndarray, rng: np.random.Generator
+    build: PlantBuild,
+    strides: list[Stride],
+    command: np.ndarray,
+    rng: np.random.Generator,
+    sensors: MotionSensors,
 ) -> np.ndarray:
-    """Return what motor and goniometer show and the true moment at every sample, (5, n)."""
+    """Return what motor and sensors show and, fifth, the true moment at every sample, (8, n)."""
     gaits = np.array([stride.row for stride in strides])
     period_ns = build.grid.period_ns
     # The sample after which a stride holds: physics advances from the sample before.
@@ -367,7 +381,19 @@ def _advance(
     state = np.zeros(STATE_SIZE)
     history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
     plant.begin(build.params, state, gaits[0], history)
-    measured = _advance_all(build.params, state, build.curves, history, gaits, ends, noise, command)
+    measured = _advance_all(
+        build.params,
+        state,
+        build.curves,
+        history,
+        (gaits, ends),
+        noise,
+        command,
+        (
+            (sensors.params, sensors.state, sensors.curves),
+            sensors.noise(command.size) if sensors.channels else _NO_NOISE,
+        ),
+    )
     return np.asarray(measured)
 
 
@@ -377,13 +403,18 @@ def _advance_all(
     state: np.ndarray,
     curves: np.ndarray,
     history: np.ndarray,
-    gaits: np.ndarray,
-    ends: np.ndarray,
+    strides: tuple[np.ndarray, np.ndarray],
     noise: np.ndarray,
     command: np.ndarray,
+    sensing: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return what is measured, (5, n); ``ends`` are samples from which a stride is over."""
-    out = np.empty((5, command.size))
+    """Return what is measured, (8, n).
+
+    ``strides`` are their rows and the samples from which each is over, ``sensing`` the motion's
+    sensors and their noise, which is empty without sensors.
+    """
+    (gaits, ends), (sensors, sensor_noise) = strides, sensing
+    out = np.empty((8, command.size))
     stride = 0
     for sample in range(command.size):
         if sample - 1 >= ends[stride]:
@@ -395,4 +426,8 @@ def _advance_all(
         )
         out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
         out[3, sample], out[4, sample] = angle, state[State.MOMENT]
+        if sensor_noise.size > 0:
+            out[5, sample], out[6, sample], out[7, sample] = measure(
+                sensors, p, state, gaits[stride], sample, sensor_noise[sample]
+            )
     return out

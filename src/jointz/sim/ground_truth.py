@@ -15,6 +15,7 @@ from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
 from jointz.sim.internal_moment import internal_moment
 from jointz.sim.knee_joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
+from jointz.sim.motion_sensors import draw_motion_instruments
 from jointz.sim.plant_build import PlantBuild
 
 _RATE_HZ = 2000.0  # of the model response that weighs K, B and J
@@ -280,6 +281,10 @@ def _instruments(build: PlantBuild) -> dict[str, Any]:
     leg = leg_of(build.person, build.preset.body)
     return {
         **asdict(build.instruments),
+        **{
+            name: asdict(sensor)
+            for name, sensor in draw_motion_instruments(build.person, build.preset).items()
+        },
         "angle_delay_s": goniometer.delay_s,
         "tissue_damping": goniometer.tissue_damping if goniometer.tissue_range_hz else None,
         "torsion_rad_nm": goniometer.torsion_rad_nm,

@@ -4,7 +4,16 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Literal, get_args
 
-DeviceName = Literal["actuator", "angle", "contact", "torque", "positioner"]
+DeviceName = Literal[
+    "actuator",
+    "angle",
+    "contact",
+    "torque",
+    "positioner",
+    "joint_encoder",
+    "shank_velocity",
+    "thigh_velocity",
+]
 Kind = Literal["freeze", "silence", "nan", "disconnect", "fault", "heat", "double"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Literal, TypeVar
 
 from jointz.core.errors import DataError
+from jointz.sim.sensor_settings import EncoderSettings, GyroscopeSettings
 
 Range = tuple[float, float]
 PresetT = TypeVar("PresetT")
@@ -245,6 +246,8 @@ class Preset:
     personal : PersonalSettings, optional
         Ranges of settings that differ between people; without them all people share the settings
         above.
+    encoder, gyroscopes : settings, optional
+        Sensors of the knee's motion beside the goniometer; none without them.
     """
 
     name: str
@@ -256,6 +259,8 @@ class Preset:
     moment: MomentSettings = field(default_factory=MomentSettings)
     body: BodySettings | None = None
     personal: PersonalSettings | None = None
+    encoder: EncoderSettings | None = None
+    gyroscopes: GyroscopeSettings | None = None
 
 
 _NOMINAL = Preset("nominal")
@@ -333,6 +338,8 @@ _REALISTIC = replace(
     goniometer=GoniometerSettings(tissue_range_hz=(10.0, 40.0)),
     body=BodySettings(segments="de_leva"),
     personal=PersonalSettings(),
+    encoder=EncoderSettings(),
+    gyroscopes=GyroscopeSettings(),
 )
 
 #: Name -> preset.

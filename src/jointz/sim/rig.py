@@ -13,10 +13,21 @@ from jointz.core.study import Calibrated, CalibrationSpec, DeviceSpec
 from jointz.devices.interface import Devices, SensorDescription, Stretch, Wearer
 from jointz.sim.benches.running_plant import RunningPlant
 from jointz.sim.calibration_benches.calibration_instruments import OffsetSensor, draw_angle_zero
-from jointz.sim.descriptions import exoskeleton, footswitch, goniometer, inverse_dynamics
+from jointz.sim.descriptions import (
+    exoskeleton,
+    footswitch,
+    goniometer,
+    inverse_dynamics,
+    motion_sensor,
+)
 from jointz.sim.gait_motion import ConditionShift, GaitMotion, draw_shift, knee_size_at
 from jointz.sim.ground_truth import condition_truth
 from jointz.sim.injection import Injection
+from jointz.sim.motion_sensors import (
+    known_of_sensors,
+    own_clock,
+    with_sensors,
+)
 from jointz.sim.people import Person, draw_person, personal_preset
 from jointz.sim.plant_build import Grid, PlantBuild, build_plant
 from jointz.sim.presets import Preset
@@ -25,6 +36,7 @@ from jointz.sim.simulated_devices import (
     SimulatedActuator,
     SimulatedFootswitch,
     SimulatedMoment,
+    SimulatedMotionSensor,
     SimulatedSensor,
     Wiring,
 )
@@ -52,6 +64,9 @@ class SimulatedRig:
         impedance at a phase of the cycle is the person's at any speed.
     zeroed : bool
         Whether the goniometer is zeroed when it is taped on; else it shows its own zero.
+    sensors : collection of str, optional
+        Sensors of the knee's motion: ``goniometer``, and with it ``encoder`` and ``gyroscopes``.
+        By default those of the preset; what it lacks has the sensor's default settings.
 
     Attributes
     ----------
@@ -67,9 +82,10 @@ class SimulatedRig:
         grid: Grid | None = None,
         speed_m_s: float = REFERENCE_SPEED_M_S,
         zeroed: bool = True,
+        sensors: Collection[str] | None = None,
     ) -> None:
         self.person = person
-        self.preset = personal_preset(person, preset)
+        self.preset = with_sensors(personal_preset(person, preset), sensors)
         self.grid = grid or Grid()
         self.speed_m_s = speed_m_s
         self.inject = Injection()
@@ -82,7 +98,11 @@ class SimulatedRig:
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """Gains, friction and frame as a laboratory knows them, with SD; no lag was measured."""
+        """Gains, friction and frame as a laboratory knows them, with SD.
+
+        The goniometer's lag was not measured; those of encoder and gyroscopes were where the preset
+        says that they were synchronised.
+        """
         gains = {
             "torque_gain": self.preset.actuator.gain_error_sd,
             "angle_gain": self.preset.goniometer.gain_error_sd,
@@ -93,6 +113,7 @@ class SimulatedRig:
         if body is not None:
             frame = body.frame_mass_kg * body.frame_distance_m**2
             entries["intrinsic_inertia"] = Calibrated(value=frame, sd=_FRAME_SD * frame)
+        entries |= known_of_sensors(self.person, self.preset)
         return CalibrationSpec(**entries)
 
     @property
@@ -131,7 +152,22 @@ class SimulatedRig:
             contact=SimulatedFootswitch(wiring, running, footswitch(build)),
             actuator=SimulatedActuator(wiring, exoskeleton(build)) if build.worn else None,
             torque=SimulatedMoment(wiring, "torque", inverse_dynamics(build)),
+            **self._motion_sensors(wiring, running.motion_channels, build),
         )
+
+    def _motion_sensors(
+        self, wiring: Wiring, channels: Collection[str], build: PlantBuild
+    ) -> dict[str, Any]:
+        """Return encoder and gyroscopes by channel; the encoder's clock is the actuator's."""
+        own = own_clock(self.person, self.preset)
+        return {
+            name: SimulatedMotionSensor(
+                wiring,
+                motion_sensor(build, name),
+                clock=(0.0, 0.0) if name == "joint_encoder" else own,
+            )
+            for name in channels
+        }
 
     def _goniometer(self, wiring: Wiring, description: SensorDescription) -> SimulatedSensor:
         if self._angle_zero_rad == 0.0:
@@ -233,6 +269,7 @@ def simulated_rig(
     sample_rate_hz: float = 500.0,
     speed_m_s: float = REFERENCE_SPEED_M_S,
     not_zeroed: Collection[str] = (),
+    sensors: Collection[str] | None = None,
 ) -> SimulatedRig:
     """Return the rig of one participant of the seeded population.
 
@@ -250,6 +287,9 @@ def simulated_rig(
         Of the treadmill.
     not_zeroed : collection of str
         Ids of those whose goniometer shows its own zero.
+    sensors : collection of str, optional
+        ``goniometer``, and with it ``encoder`` and ``gyroscopes``; by default those of the preset,
+        of which ``realistic`` has all and the others the goniometer.
 
     Examples
     --------
@@ -263,4 +303,5 @@ def simulated_rig(
         grid=Grid(sample_rate_hz),
         speed_m_s=speed_m_s,
         zeroed=person.id not in not_zeroed,
+        sensors=sensors,
     )

@@ -6,8 +6,8 @@ from jointz.sim.plant import MotorMeasured
 
 #: Device time (ns, 0 at the first sample), what the motor measures, and more readings: of a
 #: person angle, contact (0 or 1) and internal moment, of a bench torque, the far side's angle and
-#: no third (NaN).
-Sample = tuple[int, MotorMeasured, float, float, float]
+#: no third (NaN). Behind them, of a person with such sensors, encoder and gyroscopes.
+Sample = tuple[int, MotorMeasured, float, float, float, *tuple[float, ...]]
 
 
 class SampledTime(ABC):

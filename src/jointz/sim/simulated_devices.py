@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, cast
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.interface import (
@@ -22,6 +23,8 @@ from jointz.sim.sampled_time import Sample, SampledTime
 _NAN = float("nan")
 _new = tuple.__new__  # of named tuples: half the time of their constructors
 _DOUBLE_CYCLES = (0.25, 0.35)
+
+_MOTION_PLACES: dict[str, int] = dict(zip(MOTION_SENSORS, (5, 6, 7), strict=True))
 
 _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40 ns a time
 
@@ -191,7 +194,7 @@ class SimulatedActuator(_SimulatedDevice):
 class _SimulatedSensor(_SimulatedDevice):
     """A device that measures one value."""
 
-    _place: Literal[2, 3, 4]  # of its value in a sample of the plant
+    _place: int  # of its value in a sample of the plant
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
@@ -204,7 +207,7 @@ class _SimulatedSensor(_SimulatedDevice):
         now = self._now_ns()
         if now >= self._plant.due_ns:
             self._plant.look(now)
-        queue = self._queue
+        queue: list[Any] = self._queue
         if not queue:
             return []
         if self._orders:
@@ -227,7 +230,7 @@ class _SimulatedSensor(_SimulatedDevice):
             kinds = {o.kind for o in self._wiring.inject.found(self._device, sample[0])}
             if "silence" in kinds:
                 continue
-            value = sample[self._place]
+            value = cast(float, sample[self._place])
             if "freeze" in kinds and self._frozen is not None:
                 value = self._frozen
             if "nan" in kinds:
@@ -248,7 +251,7 @@ class _SimulatedSensor(_SimulatedDevice):
 class SimulatedSensor(_SimulatedSensor):
     """A goniometer, or a torque sensor of a bench."""
 
-    _place: Literal[2, 3, 4] = 2
+    _place = 2
 
     def __init__(self, wiring: Wiring, device: DeviceName, description: SensorDescription) -> None:
         super().__init__(wiring)
@@ -264,6 +267,31 @@ class SimulatedMoment(SimulatedSensor):
     """The internal moment of the joint by inverse dynamics."""
 
     _place = 4
+
+
+class SimulatedMotionSensor(SimulatedSensor):
+    """An encoder or gyroscope, whose clock may have a zero (s) and a rate of its own."""
+
+    def __init__(
+        self,
+        wiring: Wiring,
+        description: SensorDescription,
+        *,
+        clock: tuple[float, float],
+    ) -> None:
+        super().__init__(wiring, cast(DeviceName, description.channel), description)
+        self._place = _MOTION_PLACES[description.channel]
+        self._zero_ns, self._rate = round(clock[0] * 1e9), clock[1]
+
+    def read(self) -> list[SensorSample]:
+        """Return all samples queued since the last read, oldest first."""
+        return [
+            sample._replace(device_time_ns=self._own_ns(sample.device_time_ns))
+            for sample in super().read()
+        ]
+
+    def _own_ns(self, time_ns: int) -> int:
+        return self._zero_ns + time_ns + round(self._rate * time_ns)
 
 
 class SimulatedFootswitch(_SimulatedSensor):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import VirtualClock
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
@@ -20,7 +21,7 @@ from jointz.sim.rig import SimulatedRig, simulated_rig
 
 PERIOD_S = 0.002
 EXACT = {"joint_moment": 1e-9} | dict.fromkeys(  # N*m; rad, rad/s, A
-    ("angle", "motor_angle", "motor_velocity", "current", "contact"), 1e-12
+    ("angle", "motor_angle", "motor_velocity", "current", "contact", *MOTION_SENSORS), 1e-12
 )
 FEW = WalkPlan(per_point=1, gap_strides=(1, 2), warm_up_strides=2, tail_strides=2)
 RAMPED = PulseSpec(
@@ -81,6 +82,11 @@ def through_devices(rig, walk, *, worn=True, condition="perturbed"):
                 "motor_angle": motor.angle,
                 "motor_velocity": motor.velocity,
                 "current": motor.current,
+            }
+            row |= {
+                name: device.read()[0].value
+                for name, device in devices.named().items()
+                if name in MOTION_SENSORS
             }
             devices.actuator.command_torque(walk.channels["command"][k])
         found.append(row)

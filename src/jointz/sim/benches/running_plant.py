@@ -10,8 +10,9 @@ from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.moment_measurement import MomentMeasurement
+from jointz.sim.motion_sensors import MOTION_NOISES, MotionSensors, measure
 from jointz.sim.plant_build import PlantBuild
-from jointz.sim.sampled_time import SampledTime
+from jointz.sim.sampled_time import Sample, SampledTime
 
 
 class Motion(Protocol):
@@ -44,6 +45,8 @@ class RunningPlant(SampledTime):
         self._rng = person.stream(f"noise {purpose}", segment)
         self._moment = MomentMeasurement(build, purpose=purpose, segment=segment)
         self._moment_errors: list[float] = []
+        self._sensors = MotionSensors(build, purpose=purpose, segment=segment)
+        self._sensor_noise = np.empty((0, 0))
         self._state = np.zeros(STATE_SIZE)
         self._history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
         self._noise = np.zeros((_NOISE_ROWS, len(Noise)))
@@ -71,6 +74,11 @@ class RunningPlant(SampledTime):
         """Set fault bits of the actuator: it goes to zero current by itself."""
         self._state[State.FAULT] = float(int(self._state[State.FAULT]) | bits)
 
+    @property
+    def motion_channels(self) -> tuple[str, ...]:
+        """Channels of encoder and gyroscopes that are measured."""
+        return self._sensors.channels
+
     def _compile(self) -> None:
         """Take a step without effect: the first one compiles, or loads the compiled code."""
         plant.advance(
@@ -83,6 +91,9 @@ class RunningPlant(SampledTime):
             1,
             0.0,
         )
+        sensors = self._sensors
+        copies = sensors.params, sensors.state.copy(), sensors.curves
+        measure(copies, self._params, self._state, self._row, 1, np.zeros(MOTION_NOISES))
 
     def _step(self) -> None:
         sample = self.samples
@@ -92,6 +103,8 @@ class RunningPlant(SampledTime):
         if sample % _NOISE_ROWS == 0:
             self._rng.standard_normal(out=self._noise)
             self._moment_errors = self._moment.errors(_NOISE_ROWS).tolist()
+            if self._sensors.channels:
+                self._sensor_noise = self._sensors.noise(_NOISE_ROWS)
         if sample - 1 - self._commanded >= self._timeout:
             self._command = 0.0
         motor, angle = plant.advance(
@@ -110,10 +123,24 @@ class RunningPlant(SampledTime):
             self._contact = 1.0 - self._contact
         moment = self._moment.gain * self._state.item(_MOMENT)
         moment += self._moment_errors[sample % _NOISE_ROWS]
-        newest = (time_ns, motor, angle, self._contact, moment)
+        newest: Sample = (time_ns, motor, angle, self._contact, moment)
+        if self._sensors.channels:
+            newest = (*newest, *self._moved(sample))
         for queue in self._queues:
             queue.append(newest)
         self.samples = sample + 1
+
+    def _moved(self, sample: int) -> tuple[float, float, float]:
+        """Return what encoder and gyroscopes show at a sample."""
+        sensors = self._sensors
+        return measure(
+            (sensors.params, sensors.state, sensors.curves),
+            self._params,
+            self._state,
+            self._row,
+            sample,
+            self._sensor_noise[sample % _NOISE_ROWS],
+        )
 
     def _load_stride(self) -> None:
         """Go on to the next stride; its successor's contacts may begin before it does."""
