@@ -138,7 +138,7 @@ def _analyze_group(
             source.given.file for source in new if is_unclean_switch(source.given.recording)
         ),
         units=() if unit is None else (unit,),
-        notes=notes,
+        notes=(*estimates[chosen].notes, *notes),
     )
 
 

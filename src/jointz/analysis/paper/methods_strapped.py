@@ -43,6 +43,24 @@ _DECIDED: Final = (
     "have two one-sided 95 % limits, which are twice as far out, in logarithms, if the median over "
     "the timing points exceeds 50 %."
 )
+_SENSORS: Final = (
+    "The same fit explains what {names} showed, of the bone or of the device, each with a lag and "
+    "a gain of its own{mount}."
+)
+#: Lag that is estimated with a sensor -> the sensor in words.
+_SENSOR_OF_LAG: Final = {
+    "joint_encoder_lag": "the encoder of the device",
+    "joint_velocity_lag": "gyroscopes on shank and thigh",
+    "shank_velocity_lag": "a gyroscope on the shank",
+}
+#: Begin of the names of priors -> lags of the sensors that they are for.
+_PRIORS_OF_LAG: Final = {
+    "goniometer_": frozenset(_SENSOR_OF_LAG),
+    "encoder_": frozenset({"joint_encoder_lag"}),
+    "gyroscope_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
+    "shank_share": frozenset({"shank_velocity_lag"}),
+}
+_MOUNT: Final = ", the gyroscopes on resonant mounts"
 #: Unit at the end of the name of an entry.
 _UNIT: Final = re.compile(r"_(hz|s|rad|nm)$")
 _BY_THE_STUDY: Final = "stated by the study"
@@ -53,10 +71,24 @@ def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
     fitted = 1e3 * max(0.2, window_s)
     return [
         _MODEL.format(fitted=f"{fitted:g}"),
+        *_sensor_sentences(analysis),
         _ERRORS.format(evidence=cite("evidence"), wider=f"{WIDER:g}"),
         _ESTIMANDS.format(window=f"{1e3 * window_s:g}", onset=onset_note(AT_ONSET)),
         _priors_sentence(analysis),
     ]
+
+
+def _sensor_sentences(analysis: StudyAnalysis) -> Iterator[str]:
+    lags = _lags_of_sensors(analysis)
+    if lags:
+        names = " and ".join(_SENSOR_OF_LAG[lag] for lag in lags)
+        mount = _MOUNT if set(lags) - {"joint_encoder_lag"} else ""
+        yield _SENSORS.format(names=names, mount=mount)
+
+
+def _lags_of_sensors(analysis: StudyAnalysis) -> list[str]:
+    found = {p.name for cell in analysis.cells for p in cell.nuisance}
+    return [lag for lag in _SENSOR_OF_LAG if lag in found]
 
 
 def strapped_decision() -> str:
@@ -67,7 +99,9 @@ def strapped_decision() -> str:
 def _priors_sentence(analysis: StudyAnalysis) -> str:
     """List the priors that were used, with their sources."""
     record = analysis.provenance.get("priors")
-    each = "; ".join(_priors(PriorsSpec.model_validate(record or {})))
+    lags = _lags_of_sensors(analysis)
+    unused = tuple(begin for begin, of in _PRIORS_OF_LAG.items() if of.isdisjoint(lags))
+    each = "; ".join(_priors(PriorsSpec.model_validate(record or {}), unused))
     return (
         "Priors, SI and rad, are normal for the logarithm (median, SD of the logarithm), for the "
         "logit of shares (median, SD of the logit) or for the quantity itself (mean ± SD); in "
@@ -75,8 +109,10 @@ def _priors_sentence(analysis: StudyAnalysis) -> str:
     )
 
 
-def _priors(spec: PriorsSpec) -> Iterator[str]:
+def _priors(spec: PriorsSpec, unused: tuple[str, ...]) -> Iterator[str]:
     for name, entry in PriorsSpec.model_fields.items():
+        if name.startswith(unused):
+            continue
         prior = getattr(spec, name)
         source = entry.description if prior == entry.default else _BY_THE_STUDY
         words = _UNIT.sub("", name).replace("_", " ")

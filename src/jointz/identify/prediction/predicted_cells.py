@@ -27,6 +27,7 @@ from jointz.identify.preparation.raw_signals import (
     common_rate_hz,
     motion_sensors,
     raw_signals,
+    unused_sensors,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
 from jointz.kernels.robust_spread import robust_moments, robust_sd
@@ -103,7 +104,9 @@ class CellPredictor:
         self._reach_s = reach_s  # from the onset to the end of the predicted windows
         self._predictors: dict[int, UnperturbedPredictor] = {}
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
-        self.sensors = motion_sensors(self._needed()) if all_sensors else ()
+        needed = self._needed() if all_sensors else []
+        self.sensors = motion_sensors(needed)
+        self.unused_sensors = unused_sensors(needed, self.sensors)
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
 
     def predict(

@@ -26,7 +26,7 @@ from jointz.identify.prediction.predicted_cells import (
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
-from jointz.identify.preparation.calibration import pooled_calibration, relative_sd
+from jointz.identify.preparation.calibration import pooled_calibration, relative_sd, value_of
 from jointz.identify.preparation.cell_data import PARAMETERS, calibration_sd
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import (
@@ -75,6 +75,7 @@ LONGEST_WINDOW_S = 0.25
 _MARGIN_S = 0.03
 #: A fit that explains less of the responses explains nothing.
 _LEAST_VAF_PCT = 50.0
+_NEEDS_SHANK = ", and goes with shank_velocity"
 #: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
 _FRICTION_ERROR = 0.1
 
@@ -276,7 +277,16 @@ class _Participant:
         posterior = None
         if explained is not None and not all(failures[c.label] for c in explained.cells):
             posterior = self._log_posterior(explained, doubts, failures)
-        return Estimates(tuple(cells), records, log_posterior=posterior)
+        return Estimates(tuple(cells), records, notes=self._notes(), log_posterior=posterior)
+
+    def _notes(self) -> tuple[str, ...]:
+        """Name sensors that are not used."""
+        return tuple(
+            f"{self._name}: {name} was not used. It must be in all recordings with pulses (and in "
+            "those that unperturbed walking is learned from), alive for 95 % of each"
+            f"{_NEEDS_SHANK if name == 'thigh_velocity' else ''}."
+            for name in self._predictor.unused_sensors
+        )
 
     # --- before the fit ------------------------------------------------------------------------
 
@@ -388,7 +398,7 @@ class _Participant:
             baseline=PREDICTED,
             displacement_rad=moved,
             response=response,
-            nuisance=_nuisance(explained.posterior),
+            nuisance=(_lag_of_angle(explained.posterior), *_lags_of_sensors(explained)),
             through_instruments=_through_sources(k, explained, parameters),
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], point, centre),
@@ -503,8 +513,7 @@ def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, Nor
     if sensors and known.angle_gain is not None:
         priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
     for sensor in sensors:
-        name = "encoder" if sensor == ENCODER else "gyroscope"
-        channel = SHANK_VELOCITY if sensor == JOINT_VELOCITY else sensor
+        name, channel = _names_of(sensor)
         lag, gain = sensor_lag(known, channel), getattr(known, f"{channel}_gain")
         if lag is not None:
             sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
@@ -598,10 +607,26 @@ def _through_sources(
     return parts
 
 
-def _nuisance(posterior: LegPosterior) -> tuple[ParameterEstimate, ...]:
-    """Return the lag of the sensor: delay and first-order lag together."""
+def _lag_of_angle(posterior: LegPosterior) -> ParameterEstimate:
+    """Return the lag of the goniometer: delay and first-order lag together."""
     moments = [posterior.shared_moments(name) for name in ("sensor_delay_s", "sensor_lag_s")]
     values = [float(np.exp(mean)) for mean, _ in moments]
     sds = [value * sd for value, (_, sd) in zip(values, moments, strict=True)]
     lag, reach = sum(values), REACH_95 * float(np.linalg.norm(sds))
-    return (ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok"),)
+    return ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok")
+
+
+def _lags_of_sensors(explained: _Explained) -> Iterator[ParameterEstimate]:
+    """Yield the lags of further sensors, calibrated part included."""
+    for sensor in explained.posterior.model.layout.sensors:
+        name, channel = _names_of(sensor)
+        known_s = value_of(sensor_lag(explained.known, channel), 0.0)
+        mean, sd = explained.posterior.shared_moments(f"{name}_delay_s")
+        lag, reach = known_s + mean, REACH_95 * sd
+        yield ParameterEstimate(f"{sensor}_lag", lag, lag - reach, lag + reach, "ok")
+
+
+def _names_of(sensor: str) -> tuple[str, str]:
+    """Return the name of a sensor's parameters, and the channel of its calibration."""
+    name = "encoder" if sensor == ENCODER else "gyroscope"
+    return name, SHANK_VELOCITY if sensor == JOINT_VELOCITY else sensor
