@@ -1,14 +1,11 @@
 """Runs participants of rows in processes of their own; what is done is kept and not done again."""
 
 import hashlib
-import json
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from benchmarks.accuracy.bound import participant_bound, participant_information
@@ -21,6 +18,7 @@ from benchmarks.accuracy.people import (
     walk_key,
 )
 from benchmarks.accuracy.rows import Row
+from benchmarks.kept import Entry, keep, kept_entries, one_thread_each
 
 import jointz
 from jointz.core.errors import JointzError
@@ -34,9 +32,6 @@ TRUTH = "truth"
 #: Packages that results depend on.
 _SIMULATION = ("sim", "core", "devices")
 ESTIMATION = ("identify", "kernels", "gait", *_SIMULATION)
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "NUMBA_NUM_THREADS")
-
-Entry = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +81,7 @@ class Cache:
         kind : str
             A method or ``truth``.
         """
-        path = self._path(row, seed, kind)
-        lines = path.read_text().splitlines() if path.is_file() else []
-        found = {}
-        for line in lines:
-            try:
-                entry = json.loads(line)
-            except json.JSONDecodeError:
-                continue  # cut off when a run was stopped
-            found[int(entry["number"])] = entry
-        return found
+        return kept_entries(self._path(row, seed, kind))
 
     def add(self, row: Row, seed: int, kind: str, entry: Entry) -> None:
         """Keep the result of one participant.
@@ -111,10 +97,7 @@ class Cache:
         entry : dict
             Ready for JSON.
         """
-        path = self._path(row, seed, kind)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a") as file:
-            file.write(json.dumps(entry) + "\n")
+        keep(self._path(row, seed, kind), entry)
 
     def _path(self, row: Row, seed: int, kind: str) -> Path:
         what = repr(replace(row, title="", target=None)).encode()
@@ -202,8 +185,7 @@ def _bundles(jobs: Sequence[Job]) -> list[list[Job]]:
 
 
 def _results(bundles: Sequence[Sequence[Job]], workers: int) -> Iterable[Done]:
-    for name in _THREADS:  # a process a core: threads of their own would fight for them
-        os.environ.setdefault(name, "1")
+    one_thread_each()
     tasks = [Task(f"{b[0].row.name} {b[0].number}", partial(run_bundle, b)) for b in bundles]
     with open_engine(workers=workers, tasks=len(tasks), needs=__name__) as engine:
         for done in done_in_turn(engine, tasks):

@@ -1,0 +1,129 @@
+"""The true values of what the method ``strapped`` estimates, from motion that nobody measured.
+
+The method's stiffness is the mean over window and shapes of s(x) K(t) + gravity along the bone's
+own motion x. The ground truth's secant weighs the same torque by x^2 and its motion is that of a
+joint without strap and reflex, so the estimate's own truth is made here: x is the difference of
+two walks of the same strides, with the pulses and with pulses of no size, by a goniometer without
+errors; K(t), gravity and J are the ground truth's curves.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.protocols.pulse_models import NamedPulse, PulseSpec
+from jointz.devices.interface import Stretch
+from jointz.sim.direct_walk import QUICK_GRID, Walk, WalkPlan, walk_directly
+from jointz.sim.people import Person
+from jointz.sim.presets import GoniometerSettings, Preset
+from jointz.sim.rig import SimulatedRig
+
+CONDITION = "perturbed"
+_PERFECT = GoniometerSettings(
+    delay_s=0.0,
+    lag_range_s=(0.0, 0.0),
+    gain_error=0.0,
+    white_sd_rad=0.0,
+    coloured_sd_rad=0.0,
+)
+#: The inertia of the method is that at this time after the onset.
+_INERTIA_AT_S = 0.06
+_NO_SIZE_NM = 1e-9
+
+
+def own_truth(
+    person: Person, preset: Preset, plan: WalkPlan, window_s: float
+) -> dict[str, dict[str, float]]:
+    """Return timing point -> true ``stiffness, damping, inertia`` and ``displacement_deg``.
+
+    Parameters
+    ----------
+    person : Person
+        Who walked.
+    preset : Preset
+        In what.
+    plan : WalkPlan
+        With which pulses.
+    window_s : float, s
+        Window of the analysis.
+    """
+    rig = SimulatedRig(person, preset, grid=QUICK_GRID)
+    # Of the rig's preset, which has the person's own strap, reflex and softening.
+    bare = SimulatedRig(person, _without_errors(rig.preset), grid=QUICK_GRID)
+    walk = walk_directly(bare, CONDITION, plan=plan)
+    level = walk_directly(bare, CONDITION, plan=_of_no_size(plan))
+    truth = rig.truth(
+        CONDITION,
+        worn=True,
+        stretches=[Stretch(0, 0.0, walk.end_s)],
+        pulses=walk.pulses,
+        shapes=plan.shapes,
+        window_s=window_s,
+    )
+    half_rad = rig.preset.joint.softening_rad
+    moved = _deviations(walk, level, window_s)
+    since = np.arange(moved.shape[1]) * rig.grid.period_s
+    strides = np.diff(truth["heel_strike_s"]).mean()
+    rows = [
+        _pulse(pulse, truth["curves"], since / strides, x, half_rad)
+        | {"inertia": _inertia(pulse, truth["curves"], _INERTIA_AT_S / strides)}
+        for pulse, x in zip(truth["pulses"], moved, strict=True)
+    ]
+    means = pd.DataFrame(rows).groupby("timing_point").mean()
+    return {str(point): row for point, row in means.to_dict("index").items()}
+
+
+def _without_errors(preset: Preset) -> Preset:
+    return replace(preset, goniometer=_PERFECT, encoder=None, gyroscopes=None)
+
+
+def _of_no_size(plan: WalkPlan) -> WalkPlan:
+    """Return the plan of the same strides whose pulses move nothing."""
+
+    def small(pulse: NamedPulse) -> NamedPulse:
+        sizes = tuple(_NO_SIZE_NM * (k + 1) for k, _ in enumerate(pulse.amplitudes_nm))
+        return pulse.model_copy(update={"amplitudes_nm": sizes})
+
+    only: PulseSpec = plan.pulse.model_copy(update={"amplitude_nm": _NO_SIZE_NM})
+    return replace(plan, pulse=only, pulses=tuple(small(pulse) for pulse in plan.pulses))
+
+
+def _deviations(walk: Walk, level: Walk, window_s: float) -> np.ndarray:
+    """Return how far every pulse moved the joint, (pulse, n), rad."""
+    period_s = float(walk.time_s[1] - walk.time_s[0])
+    n = round(window_s / period_s) + 1
+    first = np.round(walk.pulses["onset_s"].to_numpy(dtype=float) / period_s).astype(int)
+    moved = walk.channels["angle"] - level.channels["angle"]
+    return np.asarray(moved[first[:, None] + np.arange(n)])
+
+
+def _pulse(
+    pulse: dict[str, Any],
+    curves: dict[str, Any],
+    cycles: np.ndarray,
+    x: np.ndarray,
+    half_rad: float | None,
+) -> dict[str, Any]:
+    """Return the truths of one pulse, but for the inertia."""
+    phase = pulse["onset_gait_pct"] + 100.0 * cycles
+    small, gravity = _along(curves, "stiffness", phase), _along(curves, "gravity_stiffness", phase)
+    softened = small if half_rad is None else small / (1.0 + (x / half_rad) ** 2)
+    # The mean for small motion is the ground truth's, by exact phases: strides differ in time.
+    kept = float(softened.mean() / small.mean())
+    return {
+        "timing_point": pulse["timing_point"],
+        "stiffness": kept * pulse["stiffness_window_mean"] + float(gravity.mean()),
+        "damping": pulse["damping_window_mean"],
+        "displacement_deg": float(np.degrees(np.abs(x).max())),
+    }
+
+
+def _inertia(pulse: dict[str, Any], curves: dict[str, Any], cycles: float) -> float:
+    phase = np.array([pulse["onset_gait_pct"] + 100.0 * cycles])
+    return float(_along(curves, "inertia", phase)[0])
+
+
+def _along(curves: dict[str, Any], name: str, phase_pct: np.ndarray) -> np.ndarray:
+    return np.interp(np.mod(phase_pct, 100.0), curves["gait_pct"], curves[name])
