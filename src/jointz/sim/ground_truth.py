@@ -11,7 +11,7 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.protocols.pulse_models import Pulse, TorquePart
 from jointz.devices.interface import Stretch
 from jointz.sim.gait_motion import GaitMotion, Stride
-from jointz.sim.impedance_curves import impedance_over_cycle, leg_of
+from jointz.sim.impedance_curves import chain_terms, impedance_over_cycle, leg_of
 from jointz.sim.internal_moment import internal_moment
 from jointz.sim.knee_joint import knee_angle, respond
 from jointz.sim.layout import Param, describe
@@ -30,6 +30,8 @@ _MEANS = (
     "damping",
     "inertia",
     "gravity_stiffness",
+    "inertial_stiffness",
+    "inertia_rate",
     "onset_gait_pct",
     "stiffness_centre_pct",
     "damping_centre_pct",
@@ -114,11 +116,15 @@ def _pulse_truth(
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
     torque = _torque(build, since, pulse, course)
     moved = J + build.params[Param.EXO_INERTIA]
-    gravity = _gravity_stiffness(build, phase)
+    chain, gravity = (
+        chain_terms(build.person, build.preset, phase),
+        _gravity_stiffness(build, phase),
+    )
+    beside, damping = gravity + chain.stiffness, B + chain.inertia_rate
     small = K  # before softening
-    K, x, v = _softened_response(build, torque, small, gravity, damping=B, inertia=moved)
-    a = (torque - B * v - (K + gravity) * x) / moved
-    joint = K + gravity, B, moved
+    K, x, v = _softened_response(build, torque, small, beside, damping=damping, inertia=moved)
+    a = (torque - damping * v - (K + beside) * x) / moved
+    joint = K + beside, damping, moved
     weights = {
         name: window_weights(motion, *joint, rate_hz=_RATE_HZ)
         for name, motion in (("stiffness", x), ("damping", v), ("inertia", a))
@@ -134,6 +140,8 @@ def _pulse_truth(
         "damping": float(weights["damping"] @ B),
         "inertia": float(weights["inertia"] @ J),
         "gravity_stiffness": float(weights["stiffness"] @ gravity),
+        "inertial_stiffness": float(weights["stiffness"] @ chain.stiffness),
+        "inertia_rate": float(weights["damping"] @ chain.inertia_rate),
         **centres,
         "displacement_rad": float(x[-1]),
         **_window_values("stiffness", small, K, x),
@@ -265,12 +273,15 @@ def _by_point(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 def _curves(build: PlantBuild) -> dict[str, Any]:
     cycles = np.linspace(0.0, 1.0, _CURVE_POINTS)
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, np.mod(cycles, 1.0))
+    chain = chain_terms(build.person, build.preset, np.mod(cycles, 1.0))
     return {
         "gait_pct": (100.0 * cycles).tolist(),
         "stiffness": K.tolist(),
         "damping": B.tolist(),
         "inertia": J.tolist(),
         "gravity_stiffness": _gravity_stiffness(build, np.mod(cycles, 1.0)).tolist(),
+        "inertial_stiffness": chain.stiffness.tolist(),
+        "inertia_rate": chain.inertia_rate.tolist(),
         "moment": internal_moment(build.person, cycles).tolist(),
         "timing_points": dict(TIMING_POINTS),
     }

@@ -1,6 +1,6 @@
 """Impedance of a person's knee over the gait cycle, and the leg as two links."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi, radians
 
@@ -15,11 +15,12 @@ from jointz.sim.people import Person, personal_preset
 from jointz.sim.presets import BodySettings, Preset
 
 _GRAVITY = 9.81  # m/s^2
+_TINY = 1e-4  # of differences, cycles or rad
 
 # Winter, Biomechanics and Motor Control of Human Movement, table 4.1: shares of body mass, of
 # height, of segment length.
 _LEG_MASS, _LEG_LENGTH, _LEG_CENTRE, _LEG_GYRATION = 0.061, 0.246, 0.606, 0.735
-_THIGH_MASS, _THIGH_LENGTH, _THIGH_GYRATION = 0.100, 0.245, 0.540
+_THIGH_MASS, _THIGH_LENGTH, _THIGH_GYRATION, _THIGH_CENTRE = 0.100, 0.245, 0.540, 0.433
 
 #: Apparent inertia of the closed chain in stance, share of the leg's about the knee: from loading
 #: response to push-off (0.43 to 0.17 kg*m^2 of 0.42).
@@ -71,6 +72,8 @@ class Leg:
     inertia: float  # kg*m^2, of shank and foot about the knee
     thigh_inertia: float  # kg*m^2, of the thigh alone, about the hip
     thigh_length_m: float
+    thigh_moment: float  # kg*m, mass of the thigh times distance of its centre from the hip
+    shank_length_m: float
 
     @property
     def gravity_nm(self) -> float:
@@ -83,8 +86,7 @@ class Leg:
         Two links, torque between them: with A = thigh inertia + m L^2 and C =
         m L l cos(knee), J = (A I - C^2) / (A + I + 2 C).
         """
-        above = self.thigh_inertia + self.mass_kg * self.thigh_length_m**2
-        coupling = self.mass_kg * self.thigh_length_m * self.centre_m * np.cos(knee)
+        above, coupling = self._above, self._coupling * np.cos(knee)
         return np.asarray(
             (above * self.inertia - coupling**2) / (above + self.inertia + 2.0 * coupling)
         )
@@ -95,9 +97,36 @@ class Leg:
         Flexing the knee flexes the hip by this share: (I + C) / (A + I + 2 C), with the symbols
         of :meth:`free_inertia`.
         """
-        above = self.thigh_inertia + self.mass_kg * self.thigh_length_m**2
-        coupling = self.mass_kg * self.thigh_length_m * self.centre_m * np.cos(knee)
-        return np.asarray((self.inertia + coupling) / (above + self.inertia + 2.0 * coupling))
+        coupling = self._coupling * np.cos(knee)
+        return np.asarray((self.inertia + coupling) / self.whole_inertia(knee))
+
+    def whole_inertia(self, knee: np.ndarray) -> np.ndarray:
+        """Return the inertia of the whole leg about the hip, A + I + 2 C, kg*m^2."""
+        return np.asarray(self._above + self.inertia + 2.0 * self._coupling * np.cos(knee))
+
+    def standing_share(self, knee: np.ndarray) -> np.ndarray:
+        """Return the thigh's rotation over the knee's when the foot stands.
+
+        The trunk is so heavy that the hip moves only along its line to the ankle.
+        """
+        L, S = self.thigh_length_m, self.shank_length_m
+        cosine = np.cos(knee)
+        return np.asarray(S * (S + L * cosine) / (L**2 + S**2 + 2.0 * L * S * cosine))
+
+    def free_gravity(self, knee: np.ndarray, thigh: np.ndarray) -> np.ndarray:
+        """Return the stiffness by gravity when the thigh follows by its free share, N*m/rad."""
+        share = self.free_share(knee)
+        above = _GRAVITY * (self.thigh_moment + self.mass_kg * self.thigh_length_m)
+        below = (1.0 - share) ** 2 * self.gravity_nm * np.cos(knee - thigh)
+        return np.asarray(below + share**2 * above * np.cos(thigh))
+
+    @property
+    def _above(self) -> float:
+        return self.thigh_inertia + self.mass_kg * self.thigh_length_m**2
+
+    @property
+    def _coupling(self) -> float:
+        return self.mass_kg * self.thigh_length_m * self.centre_m
 
 
 def leg_of(person: Person, body: BodySettings | None = None) -> Leg:
@@ -112,6 +141,8 @@ def leg_of(person: Person, body: BodySettings | None = None) -> Leg:
         inertia=mass * (_LEG_GYRATION * length) ** 2,
         thigh_inertia=_THIGH_MASS * person.mass_kg * (_THIGH_GYRATION * thigh) ** 2,
         thigh_length_m=thigh,
+        thigh_moment=_THIGH_MASS * person.mass_kg * _THIGH_CENTRE * thigh,
+        shank_length_m=length,
     )
 
 
@@ -133,6 +164,8 @@ def _leg_by_sex(person: Person) -> Leg:
         inertia=inertia,
         thigh_inertia=thigh.mass * mass * thigh_m**2 * (thigh.centre**2 + thigh.gyration**2),
         thigh_length_m=thigh_m,
+        thigh_moment=thigh.mass * mass * thigh.centre * thigh_m,
+        shank_length_m=shank_m,
     )
 
 
@@ -176,8 +209,68 @@ def impedance_over_cycle(
     else:
         inertia = _leg_inertia(leg_of(person, preset.body), cycles)
     inertia = inertia * (1.0 + preset.joint.inertia_variation * np.cos(2.0 * pi * cycles))
-    thigh = _THIGH_MEAN + _THIGH_SWING * np.cos(2.0 * pi * (cycles - _THIGH_PEAK))
-    return stiffness, damping, inertia, thigh
+    return stiffness, damping, inertia, _thigh_angle(cycles)
+
+
+@dataclass(frozen=True, slots=True)
+class ChainTerms:
+    """What the chain of thigh and leg adds to the equation of a small deviation of the knee.
+
+    An experiment measures B plus ``inertia_rate`` and K plus gravity plus ``stiffness``.
+    """
+
+    inertia_rate: np.ndarray  # N*m*s/rad: change of the inertia, kg*m^2 per s
+    stiffness: np.ndarray  # N*m/rad: by inertia, and by the thigh's part in gravity
+
+
+def chain_terms(person: Person, preset: Preset, cycles: np.ndarray) -> ChainTerms:
+    """Return the terms of the chain at the person's mean stride; zero unless the preset has them.
+
+    In stance there is no stiffness: the inertia there is a curve over phase, not one of posture.
+    """
+    cycles = np.asarray(cycles, dtype=float)
+    if preset.body is None or not preset.body.chain:
+        return ChainTerms(np.zeros(cycles.shape), np.zeros(cycles.shape))
+    slope = _slope(lambda c: impedance_over_cycle(person, preset, np.mod(c, 1.0))[2], cycles)
+    leg = leg_of(person, preset.body)
+    gravity = leg.free_gravity(knee_angle(cycles), _thigh_angle(cycles))
+    gravity -= leg.gravity_nm * np.cos(knee_angle(cycles) - _thigh_angle(cycles))
+    stiffness = _inertial_stiffness(leg, cycles, stride_s=person.stride_time_s) + gravity
+    return ChainTerms(slope / person.stride_time_s, _swing(np.mod(cycles, 1.0)) * stiffness)
+
+
+def _inertial_stiffness(leg: Leg, cycles: np.ndarray, *, stride_s: float) -> np.ndarray:
+    """Return the stiffness that a free leg has because it moves, N*m/rad.
+
+    J_q q'' + J_qq q'^2 / 2 - s_q p' + (1/D)_qq p^2 / 2 with knee q, inertia J, the thigh's share s,
+    the inertia of the whole leg D, and the angular momentum about the hip p = D (thigh' - s q').
+    """
+
+    def momentum(c: np.ndarray) -> np.ndarray:
+        knee = knee_angle(c)
+        turning = _slope(_thigh_angle, c) - leg.free_share(knee) * _slope(knee_angle, c)
+        return np.asarray(leg.whole_inertia(knee) * turning / stride_s)
+
+    knee = knee_angle(cycles)
+    rate = _slope(knee_angle, cycles) / stride_s
+    bend = _slope(lambda c: _slope(knee_angle, c), cycles) / stride_s**2
+    push = _slope(momentum, cycles) / stride_s
+    own = _slope(leg.free_inertia, knee) * bend
+    own += 0.5 * _slope(lambda q: _slope(leg.free_inertia, q), knee) * rate**2
+    mobility = _slope(lambda q: _slope(lambda r: 1.0 / leg.whole_inertia(r), q), knee)
+    shared = 0.5 * mobility * momentum(cycles) ** 2 - _slope(leg.free_share, knee) * push
+    return np.asarray(own + shared)
+
+
+def _slope(curve: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    """Return the derivative of a smooth curve, by central differences."""
+    return np.asarray((curve(at + _TINY) - curve(at - _TINY)) / (2.0 * _TINY))
+
+
+def _thigh_angle(cycles: np.ndarray) -> np.ndarray:
+    """Return the thigh's flexion, rad."""
+    angle = _THIGH_MEAN + _THIGH_SWING * np.cos(2.0 * pi * (cycles - _THIGH_PEAK))
+    return np.asarray(angle)
 
 
 def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarray:
@@ -202,20 +295,26 @@ def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarra
     """
     if preset.body is None:
         return np.zeros(np.shape(cycles))
-    return leg_of(person, preset.body).free_share(knee_angle(np.asarray(cycles)))
+    leg, knee = leg_of(person, preset.body), knee_angle(np.asarray(cycles))
+    swing = _swing(np.asarray(cycles))
+    share = swing * leg.free_share(knee) + (1.0 - swing) * leg.standing_share(knee)
+    return np.asarray(share)
 
 
 def packed_curves(person: Person, preset: Preset) -> np.ndarray:
     """Return stiffness, damping, inertia, thigh and moment as cubics, piece by piece of the cycle.
 
     The plateaus of K and B begin and end where pieces do, so that these two are
-    exact; the others are cubic splines through the pieces' ends.
+    exact; the others are cubic splines through the pieces' ends. The stiffness of the chain comes
+    last, for presets that have it.
     """
     # Three inner points of every piece give its cubic, whatever the curve is between pieces.
     inner = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0
     at = (np.arange(CURVE_PIECES)[:, None] + inner) / CURVE_PIECES
     impedance = impedance_over_cycle(person, preset, at.ravel())
-    values = (*impedance, internal_moment(person, at.ravel()))
+    values = [*impedance, internal_moment(person, at.ravel())]
+    if preset.body is not None and preset.body.chain:
+        values.append(chain_terms(person, preset, at.ravel()).stiffness)
     to_powers = np.linalg.inv(np.vander(inner, increasing=True))
     return np.hstack([v.reshape(at.shape) @ to_powers.T for v in values])
 
@@ -249,12 +348,17 @@ def _leg_inertia(leg: Leg, cycles: np.ndarray) -> np.ndarray:
     first, last = _STANCE_SHARES
     share = np.clip(cycles / _STANCE_CYCLES, 0.0, 1.0)
     stance = leg.inertia * (last + (first - last) * 0.5 * (1.0 + np.cos(pi * share)))
-    begin = _ramp((cycles - _STANCE_CYCLES) / _CHANGE_CYCLES)
-    end = _ramp((cycles - (1.0 - _CHANGE_CYCLES)) / _CHANGE_CYCLES)
-    swing = begin * (1.0 - end)
+    swing = _swing(cycles)
     # Towards the next heel strike the closed chain is that of loading response again.
     stance = np.where(cycles > 0.5 * (1.0 + _STANCE_CYCLES), first * leg.inertia, stance)
     return np.asarray(swing * leg.free_inertia(knee_angle(cycles)) + (1.0 - swing) * stance)
+
+
+def _swing(cycles: np.ndarray) -> np.ndarray:
+    """Return how much the leg is free: 0 in stance, 1 in swing."""
+    begin = _ramp((cycles - _STANCE_CYCLES) / _CHANGE_CYCLES)
+    end = _ramp((cycles - (1.0 - _CHANGE_CYCLES)) / _CHANGE_CYCLES)
+    return np.asarray(begin * (1.0 - end))
 
 
 def _ramp(share: np.ndarray) -> np.ndarray:

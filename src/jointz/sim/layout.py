@@ -133,7 +133,7 @@ class Fault(IntEnum):
 
 
 INTEGRATED = 9
-STATE_SIZE = int(State.WORK) + 5 * INTEGRATED + CURVES + 10
+STATE_SIZE = int(State.WORK) + 5 * INTEGRATED + CURVES + 12
 GAIT_SIZE = 6 + 4 * HARMONICS
 
 

@@ -13,7 +13,8 @@ motor
     Ornstein-Uhlenbeck process; i follows the delayed command with a first order
 
 K, B and J go with phase; :math:`\alpha` is the angle of the shank from the vertical,
-:math:`\Delta g` the change of the limb's gravity torque with x. Runge and Kutta's fourth-order
+:math:`\Delta g` the change of the limb's gravity torque with x. A body with a chain adds
+:math:`-\dot J\dot x - K_c x` to the right side (docs/leg-model.md). Runge and Kutta's fourth-order
 method with the current and all inputs given exactly at its stages. Between samples the path
 :math:`\theta_0` is the quintic through its values and two derivatives: at 500 Hz it is exact to
 1e-9 rad. Muscles and ligaments give the shank :math:`M_0(phase) - Kx - B\dot x + \tau_v + \tau_r`,
@@ -52,6 +53,7 @@ _K, _B, _J, _THIGH = range(_TRIAL + INTEGRATED, _TRIAL + INTEGRATED + _INPUT_CUR
 _THETA, _THETA_RATE, _THETA_BEND = range(_THIGH + 1, _THIGH + 4)
 _MOBILITY = _THETA_BEND + 1
 _QUINTIC = _MOBILITY + 1
+_J_RATE, _CHAIN = _QUINTIC + 6, _QUINTIC + 7
 
 #: Angle, velocity, current, voltage, temperature, fault bits.
 MotorMeasured = tuple[float, float, float, float, float, int]
@@ -107,8 +109,27 @@ def _inputs(
     piece, r = _piece(gait, time_s)
     for j in range(_INPUT_CURVES):
         state[_K + j] = _cubic(curves, (piece, j), r)
+    _chain(state, curves, gait, (piece, r), time_s)
     carried = p[Param.EXO_INERTIA] if p[Param.STRAP_STIFFNESS] == 0.0 else 0.0
     state[_MOBILITY] = 1.0 / (state[_J] + carried)
+
+
+@_compiled
+def _chain(
+    state: np.ndarray, curves: np.ndarray, gait: np.ndarray, at: tuple[int, float], time_s: float
+) -> None:
+    """Fill dJ/dt and the stiffness of the chain; ``at`` is piece and share of it."""
+    state[_J_RATE] = state[_CHAIN] = 0.0
+    if curves.shape[1] <= 4 * CURVES:
+        return
+    piece, r = at
+    state[_CHAIN] = _cubic(curves, (piece, CURVES), r)
+    j = 4 * (_J - _K)
+    slope = curves[piece, j + 1] + r * (2.0 * curves[piece, j + 2] + r * 3.0 * curves[piece, j + 3])
+    v = (time_s - gait[Gait.START_S]) * gait[Gait.RATE_HZ]
+    higher = 3.0 * gait[Gait.CUBIC] + v * (4.0 * gait[Gait.QUARTIC] + v * 5.0 * gait[Gait.QUINTIC])
+    rate = gait[Gait.RATE_HZ] * (gait[Gait.LINEAR] + v * v * higher)
+    state[_J_RATE] = slope * CURVE_PIECES * rate
 
 
 @_compiled
@@ -147,7 +168,7 @@ def _slopes(
     thigh = s[_THIGH]
     theta, theta_rate, theta_bend = s[_THETA], s[_THETA_RATE], s[_THETA_BEND]
     x, v = s[i + State.ANGLE], s[i + State.VELOCITY]
-    joint = _muscle_torque(p, s, i, voluntary)
+    joint = _muscle_torque(p, s, i, voluntary) - s[_J_RATE] * v - s[_CHAIN] * x
     if p[Param.REFLEX_GAIN] > 0.0:
         r, rate, w = s[i + State.REFLEX], s[i + State.REFLEX_RATE], p[Param.REFLEX_RATE]
         s[k + State.REFLEX] = rate

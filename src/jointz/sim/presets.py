@@ -204,6 +204,7 @@ class BodySettings:
     frame_distance_m: float = 0.18  # distance of the frame's centre below the knee
     # proportions of the leg: ``winter`` (average body) or ``de_leva`` (female and male bodies)
     segments: Literal["winter", "de_leva"] = "winter"
+    chain: bool = False  # dJ/dt times velocity, and the stiffness that a moving leg has by inertia
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,7 +337,7 @@ _REALISTIC = replace(
     gait=GaitSettings(shape_harmonics=6),
     joint=JointSettings(smooth=True),
     goniometer=GoniometerSettings(tissue_range_hz=(10.0, 40.0)),
-    body=BodySettings(segments="de_leva"),
+    body=BodySettings(segments="de_leva", chain=True),
     personal=PersonalSettings(),
     encoder=EncoderSettings(),
     gyroscopes=GyroscopeSettings(),

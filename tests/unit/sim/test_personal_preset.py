@@ -80,6 +80,12 @@ def test_truth_has_onset_mean_and_secant(tmp_path):
         # Softening makes the secant smaller than what small motion would have met.
         assert 0.0 < pulse["stiffness_secant"] < 1.5 * pulse["stiffness_window_mean"]
         assert pulse["damping_onset"] > 0.0
+        assert abs(pulse["inertial_stiffness"]) < 12.0
+        assert -2.0 < pulse["inertia_rate"] < 2.0
+    by_point = truth["perturbed"]["timing_points"]
+    assert by_point["MST"]["inertial_stiffness"] == 0.0  # in stance only dJ/dt is known
+    assert by_point["MST"]["inertia_rate"] < -0.1
+    assert by_point["ISW"]["inertial_stiffness"] < -1.0
     soft = [p["stiffness_secant"] / p["stiffness_window_mean"] for p in pulses]
     assert np.median(soft) < 0.98
 
