@@ -1,9 +1,10 @@
 """The devices of a laboratory as its people write them down: ``device.toml``.
 
-Sections ``[actuator]``, ``[angle]``, ``[contact]``, each with a ``driver`` and its keys,
-``[calibration]`` and ``[device]`` as in a study, and ``[[participants]]``. Reading the file is not
-done here: these models take what :mod:`tomllib` makes of it. Drivers, and the libraries that they
-need, are imported when the devices are opened.
+Sections ``[actuator]``, ``[angle]``, ``[contact]``, ``[joint_encoder]``, ``[shank_velocity]`` and
+``[thigh_velocity]``, each with a ``driver`` and its keys, ``[calibration]`` and ``[device]`` as in
+a study, and ``[[participants]]``. Reading the file is not done here: these models take what
+:mod:`tomllib` makes of it. Drivers, and the libraries that they need, are imported when the devices
+are opened.
 """
 
 import reprlib
@@ -13,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PlainValidator, SerializeAsAny, ValidationError, ValidationInfo
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
+from jointz.core.channels import CHANNEL_UNITS, MOTION_SENSORS
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceFileError
@@ -87,8 +89,8 @@ class DephySpec(DriverSettings):
 class Ads1115Spec(DriverSettings):
     """One input of an ADS1115 on an I2C bus: ``driver = "ads1115"``.
 
-    ``value = gain_per_v * (volts - offset_v)``, rad for an angle. A contact is the voltage
-    itself, or with ``kind = "contact"`` 1 above ``threshold_v`` and 0 below ``release_v``.
+    ``value = gain_per_v * (volts - offset_v)``, rad or rad/s for what moves. A contact is the
+    voltage itself, or with ``kind = "contact"`` 1 above ``threshold_v`` and 0 below ``release_v``.
     """
 
     driver: Literal["ads1115"] = "ads1115"
@@ -137,7 +139,7 @@ class Ads1115Spec(DriverSettings):
 class LslSpec(DriverSettings):
     """One channel of a stream of Lab Streaming Layer: ``driver = "lsl"``.
 
-    ``value = gain * (received - offset)``, rad for an angle.
+    ``value = gain * (received - offset)``, rad or rad/s for what moves.
     """
 
     driver: Literal["lsl"] = "lsl"
@@ -194,6 +196,9 @@ class DeviceFile(CheckedModel):
     actuator: Section = None
     angle: Section = None
     contact: Section = None
+    joint_encoder: Section = None
+    shank_velocity: Section = None
+    thigh_velocity: Section = None
     calibration: CalibrationSpec = CalibrationSpec()
     device: DeviceSpec | None = None
     participants: tuple[WearerSpec, ...] = Field(default=(), strict=False)
@@ -204,8 +209,9 @@ class DeviceFile(CheckedModel):
         return *devices, self._each_is_another
 
     def sections(self) -> dict[str, DriverSettings]:
-        """Return what the file names of actuator, angle and contact."""
-        named = {"actuator": self.actuator, "angle": self.angle, "contact": self.contact}
+        """Return what the file names of actuator and sensors."""
+        names = ("actuator", "angle", "contact", *MOTION_SENSORS)
+        named = {name: getattr(self, name) for name in names}
         return {name: spec for name, spec in named.items() if spec is not None}
 
     def _each_is_another(self) -> Iterator[Problem]:
@@ -219,17 +225,23 @@ class DeviceFile(CheckedModel):
             yield Problem(("actuator",), "missing, and so are angle and contact; give one.")
 
     def _angle_has_a_gain(self) -> Iterator[Problem]:
-        if isinstance(self.angle, Ads1115Spec) and "gain_per_v" not in self.angle.model_fields_set:
-            yield Problem(("angle", "gain_per_v"), "missing; rad per volt, as calibrated.")
+        for name, spec in self.sections().items():
+            without = isinstance(spec, Ads1115Spec) and "gain_per_v" not in spec.model_fields_set
+            if without and name != "contact":
+                unit = CHANNEL_UNITS[name][0]
+                yield Problem((name, "gain_per_v"), f"missing; {unit} per volt, as calibrated.")
 
     def _a_chip_for_each(self) -> Iterator[Problem]:
-        one, other = self.angle, self.contact
-        if not (isinstance(one, Ads1115Spec) and isinstance(other, Ads1115Spec)):
-            return
-        if (one.bus, one.address) == (other.bus, other.address):
+        chips: dict[tuple[int, int], str] = {}
+        for name, other in self.sections().items():
+            if not isinstance(other, Ads1115Spec):
+                continue
+            first = chips.setdefault((other.bus, other.address), name)
+            if first == name:
+                continue
             yield Problem(
-                ("contact", "address"),
-                f"expected another chip than [angle] has, got {other.address:#x} on bus "
+                (name, "address"),
+                f"expected another chip than [{first}] has, got {other.address:#x} on bus "
                 f"{other.bus} for both: one that switches its input converts neither in time.",
             )
 

@@ -3,6 +3,7 @@
 import importlib
 from typing import Any, Literal, TypeVar
 
+from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DeviceError
 from jointz.devices.interface import Lifecycle
 
@@ -57,5 +58,5 @@ def load_library(module: str, *, device: str, extra: str) -> Any:
 def channel_unit(channel: str, kind: KindT) -> tuple[str, KindT | Literal[""]]:
     """Return unit and kind of the samples of a channel; only a contact has a kind."""
     if channel != "contact":
-        return "rad", ""
+        return CHANNEL_UNITS[channel][0], ""
     return ("V" if kind == "voltage" else "1"), kind

@@ -11,6 +11,7 @@ from functools import cache
 from importlib.metadata import EntryPoint
 from typing import Any
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.checked_model import CheckedModel
 from jointz.core.entry_points import registered
 
@@ -24,7 +25,10 @@ BUILT_IN: Mapping[str, str] = {
     "sensor.opensourceleg": "jointz.devices.opensourceleg:SENSOR_DRIVER",
     "rig.sim": "jointz.session.rigs.simulated_rigs:open_simulated_rig",
 }
-_KIND_OF_SECTION = {"actuator": "actuator", "angle": "sensor", "contact": "sensor"}
+_KIND_OF_SECTION = {
+    "actuator": "actuator",
+    **dict.fromkeys(("angle", "contact", *MOTION_SENSORS), "sensor"),
+}
 
 
 class DriverSettings(CheckedModel):

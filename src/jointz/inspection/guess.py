@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jointz.core.channels import CHANNEL_UNITS, CONDITIONS
+from jointz.core.channels import CHANNEL_UNITS, CONDITIONS, MOTION_SENSORS
 from jointz.core.units import conversion, si_unit_of
 from jointz.inspection.content import Column
 from jointz.inspection.names import (
@@ -25,7 +25,7 @@ from jointz.inspection.signals import Course, course_of
 _ORDER = (
     *("time", "trial", "condition", "contact", "ground_reaction_force", "command", "reference"),
     *("current", "motor_velocity", "motor_acceleration", "motor_angle", "torque", "angle"),
-    *("velocity", "cycle"),
+    *(*MOTION_SENSORS, "velocity", "cycle"),
 )
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")

@@ -123,6 +123,10 @@ _TORQUES = word_set("torque moment tau trq drehmoment couple")
 _ANGLES = word_set("angle ang position pos theta winkel goniometer gonio encoder enc flexion q")
 _COMMANDED = word_set("command cmd commanded desired setpoint target demand")
 _MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
+_RATES = word_set("velocity vel speed rate omega acceleration acc accel")
+_GYROSCOPE = word_set("gyro gyroscope gyr angularvelocity velocity vel rate omega")
+#: Which of three axes is the joint's no name tells.
+_NOT_SENSED = _COMMANDED | _AXES | word_set("acceleration acc accel accelerometer mag")
 _RULES = (
     _Rule("time", word_set("time t timestamp zeit tijd temps sec seconds clock s"),
           word_set("point to")),
@@ -144,6 +148,10 @@ _RULES = (
     _Rule("motor_acceleration", _MOTOR, _TORQUES | _COMMANDED,
           word_set("acceleration acc accel"), 4),
     _Rule("motor_angle", _MOTOR, _TORQUES | _COMMANDED, _ANGLES, 4),
+    _Rule("shank_velocity", word_set("shank tibia calf shin"), _NOT_SENSED, _GYROSCOPE, 4),
+    _Rule("thigh_velocity", word_set("thigh femur"), _NOT_SENSED, _GYROSCOPE, 4),
+    _Rule("joint_encoder", word_set("encoder enc"), _MOTOR | _TORQUES | _NOT_SENSED | _RATES,
+          score=3),
     _Rule("torque", _TORQUES, _COMMANDED | _AXES | word_set("momx momy momz motor"), score=3),
     _Rule("velocity", word_set("velocity vel omega angularvelocity"),
           word_set("belt treadmill motor com walking gait") | _AXES),
@@ -155,7 +163,7 @@ _NOT_JOINT = _MOTOR | word_set("scheduling reference ref sd std error")
 _INSOLE = word_set("heel foot toe insole sole")
 #: Words that raise or lower the score of a column.
 _PREFERRED = word_set("measured sensor adc loadcell joint exo actual knee filtered")
-_AVOIDED = word_set("raw estimated model calc calculated error sd std var perkg")
+_AVOIDED = word_set("raw estimated model calc calculated error sd std var perkg encoder enc")
 
 
 def channel_scores(words: Words) -> dict[str, int]:

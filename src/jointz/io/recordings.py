@@ -13,6 +13,7 @@ from jointz.core.channels import (
     CONDITIONS,
     DEVICE_SIDE_CHANNELS,
     LABEL_CHANNELS,
+    MOTION_SENSORS,
     MOTOR_CHANNELS,
     is_turned,
 )
@@ -21,7 +22,7 @@ from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
-from jointz.io.formats.registry import read_table
+from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
@@ -90,6 +91,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     # Columns count from 0 where one of them says so, be it one that this recording does not need.
     zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     with named_as_written(study.root, entry.file) as path:
+        numeric = _without_absent_sensors(spec, path, numeric)
         table = read_table(
             path,
             numeric=[columns[n] for n in numeric],
@@ -105,6 +107,15 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
     pieces = _split(text, len(next(iter(channels.values()))))
     return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
+
+
+def _without_absent_sensors(spec: StudySpec, path: Path, numeric: list[str]) -> list[str]:
+    """Return channels without encoder and gyroscopes that this file does not have."""
+    optional = {n: str(spec.channels[n].column) for n in numeric if n in MOTION_SENSORS}
+    there = list_columns(path, spec.files) if optional and spec.files.header else None
+    if there is None:
+        return numeric
+    return [n for n in numeric if n not in optional or optional[n] in there]
 
 
 def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:

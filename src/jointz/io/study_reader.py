@@ -17,6 +17,7 @@ from jointz.core.channels import (
     CHANNEL_UNITS,
     CONDITIONS,
     LABEL_CHANNELS,
+    MOTION_SENSORS,
     OPPOSITE_DIRECTION,
 )
 from jointz.core.errors import DataError, StudyError, UnitError
@@ -347,6 +348,7 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
     conditions = {_condition_of(entry) for entry in _entries(raw, "recordings")}
     moments_only = raw.get("kind") == "walking" and conditions == {"no_device"}
     checked: set[tuple[str, ...]] = set()
+    of_sensors: dict[str, list[Problems]] = {}
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
         needed = needed_channels(columns, _condition_of(entry) or None, moments_only=moments_only)
         for key in ("file", "perturbations"):
@@ -359,8 +361,14 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
                 checked.add((name, *needed))
-                needed_columns = {n: columns[n] for n in needed}
+                needed_columns = {n: columns[n] for n in needed if n not in MOTION_SENSORS}
                 problems += _column_problems(place, root, name, needed_columns, files)
+                for n in (n for n in needed if n in MOTION_SENSORS):
+                    lacks = _column_problems(place, root, name, {n: columns[n]}, files)
+                    of_sensors.setdefault(n, []).append(lacks)
+    # A recording may lack a sensor; if all of them do, its column is misspelt.
+    for found in of_sensors.values():
+        problems += found[0] if all(found) else []
     return problems
 
 

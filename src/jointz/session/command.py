@@ -61,6 +61,14 @@ PresetOption = Annotated[
         "people only.",
     ),
 ]
+SensorsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sensors",
+        help="Of simulated people: goniometer, and with it encoder and gyroscopes, with commas "
+        "between (default: all that the preset has; realistic has all three).",
+    ),
+]
 CalibrationOption = Annotated[
     Path | None,
     typer.Option(
@@ -90,6 +98,7 @@ def run(
     device: DeviceOption = None,
     config: ConfigOption = None,
     preset: PresetOption = None,
+    sensors: SensorsOption = None,
     clock: Annotated[
         ClockName | None,
         typer.Option(
@@ -149,6 +158,7 @@ def run(
             out=out,
             seed=seed,
             preset=preset.value if preset else None,
+            sensors=sensors.replace(" ", "").split(",") if sensors else None,
             clock=clock.value if clock else None,
             participants=participants,
             workers=workers or (1 if real or attended else os.cpu_count() or 1),

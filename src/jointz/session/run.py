@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -52,6 +52,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     out: str | os.PathLike[str],
     seed: int | None = None,
     preset: str | None = None,
+    sensors: Collection[str] | None = None,
     clock: Literal["fast", "real"] | None = None,
     participants: int | None = None,
     workers: int = 1,
@@ -81,6 +82,9 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     preset : str, optional
         Of the simulation: ``clean``, ``nominal`` (the default), ``hard``, ``anthropometric``,
         ``realistic``.
+    sensors : collection of str, optional
+        Of simulated people: ``goniometer``, and with it ``encoder`` and ``gyroscopes``; by default
+        those of the preset, of which ``realistic`` has all and the others the goniometer.
     clock : {"fast", "real"}, optional
         As fast as it can, the default of a simulation, or in real time, that of devices.
     participants : int, optional
@@ -138,10 +142,12 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         raise DataError(f"clock: expected fast or real, got {clock!r}.")
     known = None if calibration is None else read_calibration(calibration)
     if config is None:
-        rig = rig_settings(spec, device or "sim", preset or "nominal", chosen)
+        rig = rig_settings(spec, device or "sim", preset or "nominal", chosen, sensors)
     else:
         from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
 
+        if sensors is not None:
+            raise DataError("sensors: those of a device file are its own. Leave them out.")
         refuse_with_devices(device=device, preset=preset, clock=clock, workers=workers)
         if operator is None and not attended:
             raise DataError("operator: missing; with real devices somebody has to be prompted.")

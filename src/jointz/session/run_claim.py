@@ -119,6 +119,7 @@ def _about(settings: RunSettings, rig: RigSettings, count: int) -> dict[str, Any
         "seed": rig.seed,
         "device": rig.device,
         "preset": rig.preset,
+        "sensors": None if rig.sensors is None else list(rig.sensors),
         "clock": settings.clock,
         "participants": count,
     }

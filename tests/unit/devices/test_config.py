@@ -226,3 +226,48 @@ def test_no_library_of_a_driver_is_imported_before_it_is_used() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+class TestMotionSensors:
+    TEXT = """
+[joint_encoder]
+driver = "lsl"
+stream = "device"
+sample_rate_hz = 500
+
+[shank_velocity]
+driver = "lsl"
+stream = "inertial"
+index = 2
+sample_rate_hz = 200
+
+[thigh_velocity]
+driver = "opensourceleg"
+device = "jointz.testing:Missing"
+attribute = "vel_z"
+sample_rate_hz = 200
+"""
+
+    def test_streams_become_sensors_of_their_channels_in_si_units(self) -> None:
+        raw = tomllib.loads(self.TEXT.partition("[thigh")[0] + '[angle]\ndriver = "lsl"\n')
+        raw["angle"] |= {"stream": "device", "index": 1, "sample_rate_hz": 500.0}
+        devices = open_devices(raw, clock=VirtualClock())
+        told = {name: device.describe() for name, device in devices.named().items()}
+        assert {name: (one.channel, one.unit) for name, one in told.items()} == {
+            "angle": ("angle", "rad"),
+            "joint_encoder": ("joint_encoder", "rad"),
+            "shank_velocity": ("shank_velocity", "rad/s"),
+        }
+
+    def test_an_inertial_sensor_of_opensourceleg_is_a_gyroscope_in_rad_per_s(self) -> None:
+        settings: Any = load_driver("thigh_velocity", "opensourceleg").settings
+        keys = settings.model_validate(tomllib.loads(self.TEXT)["thigh_velocity"])
+        reading = keys.reading("thigh_velocity")
+        assert (reading.attribute, reading.unit, reading.kind) == ("vel_z", "rad/s", "")
+
+    def test_a_converter_needs_a_gain_and_a_chip_of_its_own(self) -> None:
+        chip = {"driver": "ads1115"}
+        with pytest.raises(DeviceFileError) as caught:
+            device_file({"contact": chip, "shank_velocity": chip})
+        assert "shank_velocity.gain_per_v: missing; rad/s per volt" in str(caught.value)
+        assert "shank_velocity.address: expected another chip than [contact]" in str(caught.value)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.errors import DataError, DeviceFileError
 from jointz.core.protocols.protocol import Protocol
@@ -77,7 +78,7 @@ class HardwareRig:
         del condition, segment
         file = self._hardware.file
         if not worn:
-            file = file.model_copy(update={"actuator": None})
+            file = file.model_copy(update={"actuator": None, "joint_encoder": None})
         devices = open_devices(file, clock=clock, before=self._actuator)
         self._actuator = devices.actuator or self._actuator
         return devices
@@ -113,7 +114,8 @@ def read_hardware(
     problems = list(_lacking(protocol, file, levels_known=_knows_levels(file, wearers, known)))
     if problems:
         raise DeviceFileError(f"{where} for {protocol.name}", problems)
-    unused = dict.fromkeys({"angle", "contact"} - set(_sensors(protocol, file)))
+    of_motion = () if protocol.by_gait else MOTION_SENSORS
+    unused = dict.fromkeys({"angle", "contact", *of_motion} - set(_sensors(protocol, file)))
     return Hardware(where, file.model_copy(update=unused), wearers)
 
 

@@ -1,6 +1,6 @@
 """Settings of the rig that an experiment is run on, and the rig itself."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from jointz.core.study import CalibrationSpec, DeviceSpec
 from jointz.devices.drivers import registered_devices
 from jointz.devices.interface import Devices, Rig, Wearer
 from jointz.io.calibration_file import CalibrationFile
+from jointz.sim.sensor_settings import checked_sensors
 
 if TYPE_CHECKING:
     from jointz.session.rigs.hardware_rig import Hardware
@@ -43,6 +44,8 @@ class RigSettings:
     step: CalibrationStep | None = None  # step of a calibration, for a protocol of a calibration
     # calibration of the instruments; takes precedence over the values of the rig
     known: CalibrationFile | None = None
+    # sensors of the motion of simulated people; None: those of the preset
+    sensors: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.hardware is not None:
@@ -66,8 +69,19 @@ class RigSettings:
             raise DataError(f"preset: expected one of {', '.join(presets)}; got {self.preset!r}.")
 
 
-def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> RigSettings:
+def rig_settings(
+    protocol: Protocol,
+    device: str,
+    preset: str,
+    seed: int,
+    sensors: Collection[str] | None = None,
+) -> RigSettings:
     """Return the settings of the rig that a protocol asks for."""
+    if sensors is not None and not (protocol.by_gait and device == "sim"):
+        raise DataError(
+            "sensors: they are chosen for simulated people that walk. Leave them out for a bench, "
+            "a calibration or another device."
+        )
     if protocol.kind == "bench" and protocol.bench is None:
         raise DataError(
             f"{protocol.name}: bench: missing; the simulated devices need to know which: "
@@ -82,6 +96,7 @@ def rig_settings(protocol: Protocol, device: str, preset: str, seed: int) -> Rig
         loads=protocol.loads,
         speed_m_s=protocol.gait.speed_m_s if protocol.gait else REFERENCE_SPEED_M_S,
         step=protocol.calibration,
+        sensors=None if sensors is None else checked_sensors(sensors),
     )
 
 
