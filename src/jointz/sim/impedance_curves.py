@@ -27,6 +27,8 @@ _THIGH_MASS, _THIGH_LENGTH, _THIGH_GYRATION, _THIGH_CENTRE = 0.100, 0.245, 0.540
 _STANCE_SHARES = (1.0, 0.4)
 _STANCE_CYCLES = 0.62
 _CHANGE_CYCLES = 0.04  # between stance and swing
+# The thigh's share of a deviation changes more slowly, as its rate is measured.
+_UNLOADING_CYCLES = ((0.54, 0.68), (0.86, 1.0))
 _HALF_WINDOW_PCT = 4.5
 _CHANGE_S = 0.1  # to which the settings of the change of K and B belong
 # The thigh over the cycle, one cosine: flexion at heel strike, extension at push-off.
@@ -296,7 +298,7 @@ def thigh_share(person: Person, preset: Preset, cycles: np.ndarray) -> np.ndarra
     if preset.body is None:
         return np.zeros(np.shape(cycles))
     leg, knee = leg_of(person, preset.body), knee_angle(np.asarray(cycles))
-    swing = _swing(np.asarray(cycles))
+    swing = _unloaded(np.asarray(cycles))
     share = swing * leg.free_share(knee) + (1.0 - swing) * leg.standing_share(knee)
     return np.asarray(share)
 
@@ -359,6 +361,15 @@ def _swing(cycles: np.ndarray) -> np.ndarray:
     begin = _ramp((cycles - _STANCE_CYCLES) / _CHANGE_CYCLES)
     end = _ramp((cycles - (1.0 - _CHANGE_CYCLES)) / _CHANGE_CYCLES)
     return np.asarray(begin * (1.0 - end))
+
+
+def _unloaded(cycles: np.ndarray) -> np.ndarray:
+    """Return how much the thigh moves as that of a free leg: over pre-swing and terminal swing."""
+    begin, end = (
+        np.clip((cycles - first) / (last - first), 0.0, 1.0) for first, last in _UNLOADING_CYCLES
+    )
+    rise, fall = (u**3 * (10.0 + u * (6.0 * u - 15.0)) for u in (begin, end))
+    return np.asarray(rise * (1.0 - fall))
 
 
 def _ramp(share: np.ndarray) -> np.ndarray:
