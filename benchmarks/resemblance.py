@@ -1,4 +1,4 @@
-"""What the dissertation's method makes of simulated people, beside what the dissertation prints.
+"""Estimates of the dissertation's method in simulated people, beside the printed ones.
 
 ``python -m benchmarks.resemblance`` from the root of the repository writes
 ``docs/tables/resemblance.csv``. Protocol and method are the dissertation's: 17 N*m held for

@@ -78,8 +78,9 @@ def _write_page(results: Path, page: Path, order: Sequence[str]) -> None:
         if row in by_row
         and draw_ranks(by_row[row], judged, page.parent / "images" / f"accuracy-{row}.svg")
     ]
-    write_tables(summaries, judged, page.parent / "tables")
-    page.write_text(page_of(summaries, judged, drawn))
+    tables = page.parent / "tables"
+    write_tables(summaries, judged, tables)
+    page.write_text(page_of(summaries, judged, drawn, tables))
     print(f"Page: {page}")
 
 

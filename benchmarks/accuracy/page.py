@@ -9,6 +9,7 @@ from benchmarks.accuracy.ranks import BINS
 from benchmarks.accuracy.rows import PARAMETERS
 from benchmarks.accuracy.scores import ALL, Score
 from benchmarks.accuracy.summaries import Summary, verdicts
+from benchmarks.realistic.page import realistic_text, resemblance_text
 
 #: Rows with a drawn rank histogram: inside the model class, and outside.
 RANK_ROWS = ("inside", "nominal-lag-0.5ms", "hard-lag-unknown", "anthropometric")
@@ -140,11 +141,15 @@ From the root of the repository (a stopped run continues):
 
     python -m benchmarks.accuracy --rows all --methods all --participants 400 --seed 20260
 
-`--list` lists the rows; `--page-only` only writes this page and its files.
+`--list` lists the rows; `--page-only` only writes this page and its files. Realistic people and
+the comparison with the dissertation:
+
+    python -m benchmarks.realistic
+    python -m benchmarks.resemblance
 """
 
 
-def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str]) -> str:
+def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str], tables: Path) -> str:
     """Return the page as Markdown.
 
     Parameters
@@ -155,15 +160,19 @@ def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str]) -
         Method that the targets are for.
     figures : sequence of str
         Rows with a drawn rank histogram.
+    tables : Path
+        Folder of the tables, which holds those of realistic people if these have been run.
     """
     if not summaries:
         return "\n".join([_INTRODUCTION, "No row has been run yet.\n"])
     rest = [s for s in summaries if s["row"] not in MAIN_ROWS]
     parts = [
         _INTRODUCTION,
+        realistic_text(tables),
         _overview([s for s in summaries if s["row"] in MAIN_ROWS], method),
         _ranks_text(figures, method),
         _STRAPPED,
+        resemblance_text(tables),
         _LIMITS,
         _targets_text(summaries, method),
         _FILES,

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         scores = scores_of_row(name, entries)
         print(f"{name}: {ROWS[name].title}, window {ROWS[name].window_s:g} s")
-        print(scores.T.to_string(header=False, float_format="%.3g"))
+        print(scores.drop(columns=["row", "people"]).set_index("parameter").T.to_string())
         print(remedies_of(entries).to_string(index=False), "\n", flush=True)
         _write(scores, asked.table)
     return 0

@@ -1,4 +1,4 @@
-"""Scores of a row: what is decided, whether intervals and limits hold the truth, and errors.
+"""Scores of a row: decided share, coverage of intervals and limits, errors and widths.
 
 Errors and half-widths are in % of the truth, of decided estimates. The band of a coverage is where
 a true 95 % stays with probability 95 %, for as many estimates over their design effect: those of a

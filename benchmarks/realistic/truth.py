@@ -1,4 +1,4 @@
-"""The true values of what the method ``strapped`` estimates, from motion that nobody measured.
+"""True values of the quantities that the method ``strapped`` estimates.
 
 The method's stiffness is the mean over window and shapes of s(x) K(t) + gravity along the bone's
 own motion x. The ground truth's secant weighs the same torque by x^2 and its motion is that of a
@@ -72,7 +72,10 @@ def own_truth(
         for pulse, x in zip(truth["pulses"], moved, strict=True)
     ]
     means = pd.DataFrame(rows).groupby("timing_point").mean()
-    return {str(point): row for point, row in means.to_dict("index").items()}
+    return {
+        str(point): {str(name): float(value) for name, value in row.items()}
+        for point, row in means.iterrows()
+    }
 
 
 def _without_errors(preset: Preset) -> Preset:
@@ -126,4 +129,4 @@ def _inertia(pulse: dict[str, Any], curves: dict[str, Any], cycles: float) -> fl
 
 
 def _along(curves: dict[str, Any], name: str, phase_pct: np.ndarray) -> np.ndarray:
-    return np.interp(np.mod(phase_pct, 100.0), curves["gait_pct"], curves[name])
+    return np.asarray(np.interp(np.mod(phase_pct, 100.0), curves["gait_pct"], curves[name]))

@@ -1,9 +1,11 @@
 """Rows of realistic people: the truth of what is estimated, and the scores."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
-from benchmarks.realistic.rows import ROWS, preset_of
+from benchmarks.realistic.page import realistic_text, resemblance_text
+from benchmarks.realistic.rows import PARAMETERS, ROWS, preset_of
 from benchmarks.realistic.scores import remedies_of, scores_of_row
 from benchmarks.realistic.truth import own_truth
 
@@ -70,3 +72,13 @@ def test_scores_of_decided_withheld_and_limited_values() -> None:
     assert remedies_of(people).to_dict("records") == [
         {"parameter": "stiffness", "named first": "twice as many pulses", "times": 1}
     ]
+
+
+def test_the_page_has_a_line_a_row_and_no_section_without_figures(tmp_path: Path) -> None:
+    assert realistic_text(tmp_path) == resemblance_text(tmp_path) == ""
+    cells = [cell(name, "ok", value=110.0, low=90.0, high=130.0) for name in PARAMETERS]
+    cells[0] = cell("stiffness", "undecided", low=50.0, high=99.0)
+    scores_of_row("a", [entry(0, cells)]).to_csv(tmp_path / "realistic.csv", index=False)
+    line = realistic_text(tmp_path).splitlines()[-1]
+    assert "| 1 | 0 / 100 / 100 | - / 1.00 (0.00-1.00) / 1.00 (0.00-1.00) |" in line
+    assert line.endswith("| - / 10 / 10 | - / 10 / 10 | - / 20 / 20 | 0.50 / - / - |")
