@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_validator
 
-from jointz.core.channels import CONDITIONS, OPPOSITE_DIRECTION
+from jointz.core.channels import CONDITIONS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.checked_model import STRICT
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.priors import PriorsSpec
@@ -247,6 +247,35 @@ class ParticipantSpec(_Model):
         return self
 
 
+class JoinedSpec(_Model):
+    """A file that another device wrote by its own clock, brought to the time of a recording.
+
+    ``events_s`` are pairs of times of one event, by the recording and by this file: one gives the
+    offset, two or more also the rate of its clock. ``offset_s`` is time of the recording minus time
+    of this file.
+    """
+
+    file: FileName
+    channels: dict[TableName, ChannelSpec]
+    offset_s: float | None = None
+    events_s: tuple[Annotated[tuple[float, float], Field(strict=False)], ...] = Field(
+        default=(), strict=False
+    )
+
+    @model_validator(mode="after")
+    def _can_be_placed(self) -> "JoinedSpec":
+        if (self.offset_s is None) == (not self.events_s):
+            raise ValueError("expected either offset_s or events_s, which say when its time begins")
+        if len({own for _, own in self.events_s}) < len(self.events_s):
+            raise ValueError("events_s: expected different times of different events")
+        if "time" not in self.channels or len(self.channels) < 2:
+            raise ValueError("channels: expected time, and a channel or more to be joined")
+        unfit = {*LABEL_CHANNELS, "contact"} & set(self.channels)
+        if unfit:
+            raise ValueError(f"channels.{min(unfit)}: only what can be interpolated can be joined")
+        return self
+
+
 class RecordingSpec(_Model):
     """One file, or the part of a file that belongs to one participant."""
 
@@ -257,6 +286,7 @@ class RecordingSpec(_Model):
     session: TableName | None = None
     side: Literal["left", "right"] | None = None
     calibration: CalibrationSpec | None = None
+    joined: tuple[JoinedSpec, ...] = Field(default=(), strict=False)
 
 
 class GroupSpec(_Model):

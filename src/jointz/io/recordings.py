@@ -1,7 +1,7 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
 from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.joined_files import join_files
 from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
@@ -104,6 +105,10 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     converted = {n: _in_si(study, entry, n, table) for n in numeric}
     channels = {n: values for n, (values, _) in converted.items()}
     units = {n: unit for n, (_, unit) in converted.items()}
+    if entry.joined:
+        joined, joined_units, steps = join_files(study, entry, _whole_time(spec, channels))
+        channels, units = channels | joined, units | joined_units
+        table = replace(table, history=(*table.history, *steps))
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
     pieces = _split(text, len(next(iter(channels.values()))))
     return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
@@ -319,6 +324,13 @@ def _piece(
     return recording
 
 
+def _whole_time(spec: StudySpec, channels: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the times of all samples of a file, s."""
+    if "time" in channels:
+        return channels["time"]
+    return np.arange(len(next(iter(channels.values())))) / float(spec.sample_rate_hz or 1.0)
+
+
 def _time(
     spec: StudySpec, entry: RecordingSpec, channels: Mapping[str, np.ndarray], rows: slice
 ) -> np.ndarray:
@@ -357,7 +369,8 @@ def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:
 def _reading_step(
     study: Study, entry: RecordingSpec, table: RawTable, si_units: Mapping[str, str]
 ) -> dict[str, object]:
-    channels = {name: study.spec.channels[name] for name in si_units}
+    joined = {name for one in entry.joined for name in one.channels if name != "time"}
+    channels = {n: study.spec.channels[n] for n in si_units if n not in joined}
     return {
         "step": "read",
         "file": entry.file,

@@ -366,9 +366,26 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
                 for n in (n for n in needed if n in MOTION_SENSORS):
                     lacks = _column_problems(place, root, name, {n: columns[n]}, files)
                     of_sensors.setdefault(n, []).append(lacks)
+        problems += _joined_problems(entry, root, f"recordings[{i}].joined")
     # A recording may lack a sensor; if all of them do, its column is misspelt.
     for found in of_sensors.values():
         problems += found[0] if all(found) else []
+    return problems
+
+
+def _joined_problems(entry: Mapping[str, Any], root: Path, place: str) -> Problems:
+    problems: Problems = []
+    for k, joined in enumerate(_entries(entry, "joined"), start=1):
+        name = joined.get("file")
+        if not isinstance(name, str):
+            continue  # reported already
+        if path_problem := _path_problem(root, name):
+            problems.append(f"{place}[{k}].file: {path_problem}")
+            continue
+        channels = _table(joined, "channels").items()
+        columns = {n: c["column"] for n, c in channels if isinstance(c, Mapping) and "column" in c}
+        problems += _column_problems(f"{place}[{k}].file", root, name, columns, FilesSpec())
+        problems += [f"{place}[{k}].{problem}" for problem in _units(joined)[2]]
     return problems
 
 

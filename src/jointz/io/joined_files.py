@@ -1,0 +1,103 @@
+"""Files that another device wrote by its own clock, joined to a recording after the experiment."""
+
+from typing import Any
+
+import numpy as np
+
+from jointz.core.channels import is_turned
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec, JoinedSpec, RecordingSpec, Study
+from jointz.io.formats.columns import RawTable, check_samples
+from jointz.io.formats.registry import read_table
+from jointz.io.study_files import channel_unit, named_as_written
+
+#: Nothing is filled over a hole of more than this many of a file's own sample periods.
+_HOLE_PERIODS = 1.5
+_LARGEST_DRIFT = 1e-3  # between two clocks; more is a mistake in the events
+
+#: Channels on the time of the recording, their units, and what was done.
+Joined = tuple[dict[str, np.ndarray], dict[str, str], tuple[dict[str, Any], ...]]
+
+
+def join_files(study: Study, entry: RecordingSpec, time_s: np.ndarray) -> Joined:
+    """Return what the joined files of a recording hold, at the times of its samples.
+
+    Between two samples a value is interpolated; in holes of a file and beyond its ends it is NaN.
+    """
+    channels: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    history: list[dict[str, Any]] = []
+    if entry.joined and not (np.diff(time_s) > 0.0).all():
+        raise DataError(
+            f"{entry.file}: its time does not rise throughout, so that no other file can be joined "
+            "to it. Give each of its parts a file of its own.",
+            path=entry.file,
+        )
+    for joined in entry.joined:
+        # Where lines are skipped in the recording, they need not be in the other device's file.
+        with named_as_written(study.root, joined.file) as path:
+            columns = [one.column for one in joined.channels.values()]
+            table = read_table(path, numeric=columns, files=FilesSpec())
+            check_samples(path, table)
+        found, units_of_file = _in_si(study, joined, table)
+        own_s = found.pop("time")
+        if own_s.size < 2 or not (np.diff(own_s) > 0.0).all():
+            raise DataError(
+                f"{joined.file}: expected two samples or more whose times rise. Repair its time.",
+                path=joined.file,
+            )
+        offset_s, rate = clock_of(joined)
+        placed_s = offset_s + rate * own_s
+        channels |= {name: _resampled(placed_s, one, time_s) for name, one in found.items()}
+        units |= units_of_file
+        history.append(
+            {
+                "step": "joined",
+                "file": joined.file,
+                "sha256": table.sha256,
+                "offset_s": offset_s,
+                "rate": rate,
+            }
+        )
+    return channels, units, tuple(history)
+
+
+def clock_of(joined: JoinedSpec) -> tuple[float, float]:
+    """Return offset (s) and rate that bring a file's times to those of its recording."""
+    if joined.offset_s is not None:
+        return joined.offset_s, 1.0
+    of_recording, of_file = np.array(joined.events_s).T
+    if of_file.size == 1:
+        return float(of_recording[0] - of_file[0]), 1.0
+    rate, offset_s = (float(one) for one in np.polyfit(of_file, of_recording, 1))
+    if abs(rate - 1.0) > _LARGEST_DRIFT:
+        raise DataError(
+            f"{joined.file}: by events_s its clock runs {100.0 * (rate - 1.0):+.2g} % off the "
+            "recording's, expected at most 0.1 %. Correct the times of the events.",
+            path=joined.file,
+        )
+    return offset_s, rate
+
+
+def _in_si(
+    study: Study, joined: JoinedSpec, table: RawTable
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    values, units = {}, {}
+    for name, channel in joined.channels.items():
+        if channel.unit is None:
+            si_unit, factor, offset = channel_unit(name, table.units.get(str(channel.column), ""))
+        else:
+            si_unit, factor, offset = channel_unit(name, channel.unit)
+        sign = -1.0 if is_turned(channel.positive, study.spec.positive, on_device=False) else 1.0
+        own = np.asarray(table.columns[str(channel.column)], dtype=float)
+        values[name] = sign * (factor * own + offset)
+        units[name] = si_unit
+    return values, units
+
+
+def _resampled(own_s: np.ndarray, values: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    found = np.interp(time_s, own_s, values, left=np.nan, right=np.nan)
+    step_s = np.diff(own_s)
+    for before in np.flatnonzero(step_s > _HOLE_PERIODS * float(np.median(step_s))):
+        found[(time_s > own_s[before]) & (time_s < own_s[before + 1])] = np.nan
+    return np.asarray(found)
