@@ -14,7 +14,7 @@ import pandas as pd
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
 from benchmarks.kept import by_person
 from benchmarks.realistic.rows import ROWS, person_of_row
-from benchmarks.realistic.scores import remedies_of, scores_of_row
+from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
 
 _ROOT = Path(__file__).parents[2]
 _TABLE = _ROOT / "docs" / "tables" / "realistic.csv"
@@ -44,7 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         scores = scores_of_row(name, entries)
         print(f"{name}: {ROWS[name].title}, window {ROWS[name].window_s:g} s")
         print(scores.drop(columns=["row", "people"]).set_index("parameter").T.to_string())
-        print(remedies_of(entries).to_string(index=False), "\n", flush=True)
+        print(remedies_of(entries).to_string(index=False))
+        print(withheld_reasons(entries).to_string(index=False), "\n", flush=True)
         _write(scores, asked.table)
     return 0
 

@@ -126,8 +126,10 @@ def person_of_row(name: str, seed: int, number: int) -> Entry:
         analysis = analyze(study, method=METHOD, resamples=_RESAMPLES, progress=False)
         cpu_s = time.process_time() - start
     section = uncertainty_section(analysis) or {"undecided": []}
-    remedies = {(r["name"], r["parameter"]): str(r["remedy"]) for r in section["undecided"]}
-    cells = [c for cell in analysis.cells for c in _cells(cell, truth, remedies)]
+    reports = {
+        (r["name"], r["parameter"]): (str(r["why"]), str(r["remedy"])) for r in section["undecided"]
+    }
+    cells = [c for cell in analysis.cells for c in _cells(cell, truth, reports)]
     return {"number": number, "cpu_s": cpu_s, "cells": cells}
 
 
@@ -143,12 +145,12 @@ def _set_window(study: Path, window_s: float) -> None:
 def _cells(
     cell: CellEstimate,
     truth: Mapping[str, Mapping[str, float]],
-    remedies: Mapping[tuple[str, str], str],
+    reports: Mapping[tuple[str, str], tuple[str, str]],
 ) -> Iterator[Entry]:
     """Yield K, B and J of a timing point, also those that the method did not give."""
     for name in PARAMETERS:
         found = cell.parameter(name) or ParameterEstimate(name, None, None, None, "failed:missing")
-        remedy = remedies.get((cell.timing_point, parameter_name(name)), "")
+        why, remedy = reports.get((cell.timing_point, parameter_name(name)), ("", ""))
         yield {
             "timing_point": cell.timing_point,
             "parameter": name,
@@ -158,5 +160,7 @@ def _cells(
             "status": found.status,
             "truth": truth[cell.timing_point][name],
             "displacement_deg": truth[cell.timing_point]["displacement_deg"],
-            "remedy": "" if remedy.startswith(_NOTHING) else remedy,
+            "why": why,
+            # A withheld value has no limits; its reason names what to check, no measurement.
+            "remedy": "" if found.ci_low is None or remedy.startswith(_NOTHING) else remedy,
         }

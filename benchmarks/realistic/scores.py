@@ -14,7 +14,7 @@ from benchmarks.accuracy.scores import Coverage, coverage_of
 from benchmarks.kept import Entry
 from benchmarks.realistic.rows import PARAMETERS
 
-_COLUMNS = ["timing_point", "parameter", "status", "remedy"]
+_COLUMNS = ["timing_point", "parameter", "status", "why", "remedy"]
 _NUMBERS = ["value", "low", "high", "truth"]
 
 
@@ -75,9 +75,7 @@ def _score(cells: pd.DataFrame) -> dict[str, Any]:
         "withheld_pct": 100.0 * (len(undecided) - len(limits)) / len(cells),
         "limits": len(sides),
         **_columns("limits_hold", coverage_of(sides.to_numpy(), whose.to_numpy())),
-        "remedy_named_pct": 100.0 * float((undecided["remedy"] != "").mean())
-        if len(undecided)
-        else None,
+        "remedy_named_pct": 100.0 * float((limits["remedy"] != "").mean()) if len(limits) else None,
     }
 
 
@@ -103,3 +101,16 @@ def remedies_of(entries: Sequence[Entry]) -> pd.DataFrame:
     first = named["remedy"].str.split(r"[:;]", regex=True).str[0].rename("named first")
     counts = named.groupby(["parameter", first], sort=False).size()
     return counts.rename("times").reset_index()
+
+
+def withheld_reasons(entries: Sequence[Entry]) -> pd.DataFrame:
+    """Return how often a value is withheld for which reason.
+
+    Parameters
+    ----------
+    entries : sequence of dict
+        Results of the people of a row.
+    """
+    cells = table_of_cells(entries)
+    withheld = cells[(cells["status"] == "undecided") & cells["low"].isna()]
+    return withheld.groupby("why", sort=False).size().rename("withheld").reset_index()

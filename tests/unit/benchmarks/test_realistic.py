@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from benchmarks.realistic.page import realistic_text, resemblance_text
 from benchmarks.realistic.rows import PARAMETERS, ROWS, preset_of
-from benchmarks.realistic.scores import remedies_of, scores_of_row
+from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
 from benchmarks.realistic.truth import own_truth
 
 from jointz.core.gait_phases import TIMING_POINTS
@@ -51,14 +51,14 @@ def entry(number: int, cells: list[dict[str, object]]) -> dict[str, object]:
 
 def cell(parameter: str, status: str, **values: object) -> dict[str, object]:
     usual = {"timing_point": "LRE", "value": None, "low": None, "high": None, "truth": 100.0}
-    return {"parameter": parameter, "status": status, "remedy": "", **usual, **values}
+    return {"parameter": parameter, "status": status, "why": "", "remedy": "", **usual, **values}
 
 
 def test_scores_of_decided_withheld_and_limited_values() -> None:
     fine = cell("inertia", "ok", value=110.0, low=90.0, high=130.0)
     ok = cell("stiffness", "ok", value=80.0, low=70.0, high=90.0)
     open_ = cell("stiffness", "undecided", low=50.0, high=99.0, remedy="twice as many pulses: 40 %")
-    withheld = cell("damping", "undecided")
+    withheld = cell("damping", "undecided", why="lag")
     people = [entry(0, [fine, ok, withheld]), entry(1, [fine, open_, withheld])]
     scores = scores_of_row("b", people).set_index("parameter")
     stiffness = scores.loc["stiffness"]
@@ -69,6 +69,7 @@ def test_scores_of_decided_withheld_and_limited_values() -> None:
     assert scores.loc["inertia", "coverage"] == 1.0
     assert scores.loc["inertia", "half_width_pct"] == pytest.approx(20.0)
     assert scores.loc["damping", "withheld_pct"] == 100.0
+    assert withheld_reasons(people).to_dict("records") == [{"why": "lag", "withheld": 2}]
     assert remedies_of(people).to_dict("records") == [
         {"parameter": "stiffness", "named first": "twice as many pulses", "times": 1}
     ]
