@@ -1,7 +1,8 @@
 """True values of the quantities that the method ``strapped`` estimates.
 
-The method's stiffness is the mean over window and shapes of s(x) K(t) + gravity along the bone's
-own motion x. The ground truth's secant weighs the same torque by x^2 and its motion is that of a
+The method's stiffness is the mean over window and shapes of s(x) K(t) + gravity + that of the
+moving chain along the bone's own motion x; its damping is the muscles', as the fit knows the
+momentum of an inertia that changes. The ground truth's secant weighs the same torque by x^2 and its motion is that of a
 joint without strap and reflex, so the estimate's own truth is made here: x is the difference of
 two walks of the same strides, with the pulses and with pulses of no size, by a goniometer without
 errors; K(t), gravity and J are the ground truth's curves.
@@ -111,13 +112,15 @@ def _pulse(
 ) -> dict[str, Any]:
     """Return the truths of one pulse, but for the inertia."""
     phase = pulse["onset_gait_pct"] + 100.0 * cycles
-    small, gravity = _along(curves, "stiffness", phase), _along(curves, "gravity_stiffness", phase)
+    small = _along(curves, "stiffness", phase)
+    # Of gravity and of the moving chain, which do not soften.
+    firm = _along(curves, "gravity_stiffness", phase) + _along(curves, "inertial_stiffness", phase)
     softened = small if half_rad is None else small / (1.0 + (x / half_rad) ** 2)
     # The mean for small motion is the ground truth's, by exact phases: strides differ in time.
     kept = float(softened.mean() / small.mean())
     return {
         "timing_point": pulse["timing_point"],
-        "stiffness": kept * pulse["stiffness_window_mean"] + float(gravity.mean()),
+        "stiffness": kept * pulse["stiffness_window_mean"] + float(firm.mean()),
         "damping": pulse["damping_window_mean"],
         "displacement_deg": float(np.degrees(np.abs(x).max())),
     }

@@ -77,7 +77,6 @@ class PriorsSpec(_Prior):
     inertia_of_point: Spread = _spread(
         0.45, "of its logarithm: a leg with a free hip differs three-fold over the cycle"
     )
-    inertia_slope: NormalPrior = _normal(0.0, 1.0, "1/s: the hip moves during the pulse")
     device_share: LogPrior = _log(0.17, 0.4, "of the inertia: frame, cuff and calf, 0.08 to 0.38")
     strap_hz: LogPrior = _log(20.0, 0.45, "Hz: strap and tissue with the device, 8 to 49")
     strap_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
@@ -95,13 +94,15 @@ class PriorsSpec(_Prior):
     friction_nm: LogPrior = _log(1.0, 0.7, "N*m of Coulomb that the torque does not include")
     torque_error: NormalPrior = _normal(0.0, 0.02, "gain of the stated torque, +-2 %")
     goniometer_gain: NormalPrior = _normal(0.0, 0.02, "beside other sensors, +-2 %")
+    goniometer_hz: LogPrior = _log(25.0, 0.5, "Hz: on the skin, 9 to 67")
+    goniometer_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
     encoder_delay_s: NormalPrior = _normal(0.0, 0.0005, "s: on the clock of the torque")
     encoder_gain: NormalPrior = _normal(0.0, 0.001, "an encoder counts")
     gyroscope_delay_s: NormalPrior = _normal(
         0.003, 0.003, "s: low-pass of the chip (2 to 5 ms at 190 to 40 Hz) and clock"
     )
     gyroscope_gain: NormalPrior = _normal(0.0, 0.015, "sensitivity of usual chips, +-3 %")
-    gyroscope_hz: LogPrior = _log(30.0, 0.4, "Hz: mount on the skin, 13 to 67")
+    gyroscope_hz: LogPrior = _log(30.0, 0.4, "Hz: on the skin, 13 to 67")
     gyroscope_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
     shank_share: LogPrior = _log(
         0.7, 0.35, "of the joint's velocity that the shank makes, without a gyroscope on the thigh"

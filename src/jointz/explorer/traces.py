@@ -229,7 +229,7 @@ def _by_shape(
     original, lifted = settings
     data = ParticipantData(participant, sources)
     rate = common_rate_hz(sources)
-    signals = [raw_signals(source, target_hz=rate) for source in sources]
+    signals = [raw_signals(source, target_hz=rate, strapped=True) for source in sources]
     excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
     if excluded and lifted.user_exclusions != original.user_exclusions:
         restored = StrappedMethod().fitted_shapes(data, lifted, fit=False)

@@ -9,7 +9,6 @@ from numba import njit
 
 #: Columns of the parameters of a leg, SI.
 (
-    LIMB_INERTIA,  # of the bone side at REFERENCE_S
     DEVICE_INERTIA,
     STRAP_STIFFNESS,
     STRAP_DAMPING,
@@ -24,11 +23,12 @@ from numba import njit
     FRICTION,  # of Coulomb, that the stated torque does not include
     FRICTION_VELOCITY,
     TORQUE_ERROR,  # stated over true, less one
-    INERTIA_SLOPE,  # relative change a second
     SKIN_SHARE,  # of the strap's deformation that the goniometer sees
     SENSOR_TIME,  # first-order lag of the goniometer
     SENSOR_DELAY,
     SENSOR_GAIN,  # shown over true
+    SENSOR_HZ,  # resonance of the goniometer on the skin; 0: none
+    SENSOR_DAMPING,
     ENCODER_DELAY,
     ENCODER_GAIN,
     GYROSCOPE_DELAY,
@@ -40,8 +40,6 @@ N_PARAMETERS = 26
 #: Columns of the responses: angles of the goniometer and of the device (rad), velocity that the
 #: gyroscope shows (rad/s), angle of the bone (rad).
 GONIOMETER, ENCODER, GYROSCOPE, BONE = range(4)
-#: Time from the onset at which the inertia has its value.
-REFERENCE_S = 0.06
 #: Velocity is this time as good as displacement to the reflex.
 _VELOCITY_S = 0.05
 #: A lag below this is none.
@@ -50,7 +48,8 @@ _STATES = 6
 
 
 #: Rows of the curves of a pulse, and of the motion that it causes.
-STIFFNESS, DAMPING, VELOCITY = range(3)
+STIFFNESS, DAMPING, VELOCITY, INERTIA = range(4)
+_TORQUE, _DRIVE, _INERTIA_RATE = range(4, 7)
 _POSITION, _SPEED, _SENSED, _DEVICE = range(4)
 
 
@@ -61,13 +60,12 @@ def leg_responses(
     parameters: np.ndarray,
     period_s: float,
     substeps: int,
-    lead_s: float,
 ) -> np.ndarray:
     """Return what the sensors show, and the angle of the bone, (m, n, 4).
 
-    ``torque`` (m, (n - 1) * substeps + 1) at the steps; ``curves`` (m, 3, n): K, B and the
-    velocity of the unperturbed motion at the samples, linear between them; ``parameters`` (m,
-    N_PARAMETERS); the onset is ``lead_s`` after the first sample.
+    ``torque`` (m, (n - 1) * substeps + 1) at the steps; ``curves`` (m, 4, n): K, B, the
+    velocity of the unperturbed motion and the inertia of the bone side at the samples, linear
+    between them; ``parameters`` (m, N_PARAMETERS).
     """
     m, _, n = curves.shape
     out = np.zeros((m, n, 4))
@@ -76,9 +74,11 @@ def leg_responses(
     step_s = period_s / substeps
     for j in range(m):
         p = parameters[j]
-        _respond(torque[j], curves[j], p, period_s, substeps, lead_s, motion)
+        _respond(torque[j], curves[j], p, period_s, substeps, motion)
         for i in range(n):
             out[j, i, BONE] = motion[_POSITION, i * substeps]
+        if p[SENSOR_HZ] > 0.0:
+            _resonate(motion[_SENSED], p[SENSOR_HZ], p[SENSOR_DAMPING], step_s)
         _lag(motion[_SENSED], p[SENSOR_TIME], step_s)
         _show(motion[_SENSED], p[SENSOR_DELAY] / step_s, p[SENSOR_GAIN], out[j, :, GONIOMETER])
         _show(motion[_DEVICE], p[ENCODER_DELAY] / step_s, p[ENCODER_GAIN], out[j, :, ENCODER])
@@ -115,12 +115,11 @@ def _respond(
     p: np.ndarray,
     period_s: float,
     substeps: int,
-    lead_s: float,
     motion: np.ndarray,
 ) -> None:
     """Integrate one response from rest; fill position and speed of the bone, and the sensor."""
     state, trial = np.zeros(_STATES), np.zeros(_STATES)
-    slopes, inputs = np.zeros((4, _STATES)), np.zeros(6)
+    slopes, inputs = np.zeros((4, _STATES)), np.zeros(7)
     step_s = period_s / substeps
     last = motion.shape[1] - 1
     latency = p[REFLEX_LATENCY] / step_s
@@ -138,17 +137,17 @@ def _respond(
             for z in range(_STATES):
                 trial[z] = state[z] + (0.0 if stage == 0 else step_s * part * slopes[stage - 1, z])
             within = first + part / substeps
-            for row in range(3):
+            for row in range(4):
                 rise = curves[row, sample + 1] - curves[row, sample]
                 inputs[row] = curves[row, sample] + within * rise
-            inputs[3] = torque[i] + part * (torque[i + 1] - torque[i])
+            inputs[_INERTIA_RATE] = rise / period_s
+            inputs[_TORQUE] = torque[i] + part * (torque[i + 1] - torque[i])
             # What the reflex answers was before this step: latencies are longer than a step.
             past = i + part - latency
             drive = share * _past(motion[_POSITION], past, i)
             drive += (1.0 - share) * _VELOCITY_S * _past(motion[_SPEED], past, i)
             drive *= p[REFLEX_GAIN] * inputs[STIFFNESS]
-            inputs[4] = drive if drive > 0.0 else drive * p[REFLEX_SHORTENING]
-            inputs[5] = (i + part) * step_s - lead_s
+            inputs[_DRIVE] = drive if drive > 0.0 else drive * p[REFLEX_SHORTENING]
             _slopes(trial, inputs, p, slopes[stage])
         for z in range(_STATES):
             change = slopes[0, z] + 2.0 * slopes[1, z] + 2.0 * slopes[2, z] + slopes[3, z]
@@ -172,20 +171,24 @@ def _lag(values: np.ndarray, time_s: float, step_s: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _resonate(values: np.ndarray, frequency_hz: float, damping: float, step_s: float) -> None:
-    """Pass a series, linear between steps, through a second-order mount, by Runge and Kutta."""
-    w = 2.0 * np.pi * frequency_hz
-    y, rate, before = values[0], 0.0, values[0]
+    """Let a sensor on a spring and a damper follow a series, linear between steps.
+
+    Runge and Kutta's method on position y and pull p = dy/dt - 2 zeta omega u.
+    """
+    square, damped = (2.0 * np.pi * frequency_hz) ** 2, 4.0 * np.pi * damping * frequency_hz
+    y, pull, before = values[0], -damped * values[0], values[0]
     for i in range(1, values.size):
         middle, after = 0.5 * (before + values[i]), values[i]
-        a1 = w * w * (before - y) - 2.0 * damping * w * rate
-        r2 = rate + 0.5 * step_s * a1
-        a2 = w * w * (middle - y - 0.5 * step_s * rate) - 2.0 * damping * w * r2
-        r3 = rate + 0.5 * step_s * a2
-        a3 = w * w * (middle - y - 0.5 * step_s * r2) - 2.0 * damping * w * r3
-        r4 = rate + step_s * a3
-        a4 = w * w * (after - y - step_s * r3) - 2.0 * damping * w * r4
-        y += step_s / 6.0 * (rate + 2.0 * r2 + 2.0 * r3 + r4)
-        rate += step_s / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        a1 = pull + damped * before
+        b1 = square * (before - y) - damped * a1
+        a2 = pull + 0.5 * step_s * b1 + damped * middle
+        b2 = square * (middle - y - 0.5 * step_s * a1) - damped * a2
+        a3 = pull + 0.5 * step_s * b2 + damped * middle
+        b3 = square * (middle - y - 0.5 * step_s * a2) - damped * a3
+        a4 = pull + step_s * b3 + damped * after
+        b4 = square * (after - y - step_s * a3) - damped * a4
+        y += step_s / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        pull += step_s / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
         before = values[i]
         values[i] = y
 
@@ -194,15 +197,16 @@ def _resonate(values: np.ndarray, frequency_hz: float, damping: float, step_s: f
 def _slopes(state: np.ndarray, inputs: np.ndarray, p: np.ndarray, out: np.ndarray) -> None:
     """Fill the derivatives of angle and speed of bone and device, reflex and sensor."""
     x, v, x2, v2 = state[0], state[1], state[2], state[3]
-    v0, torque, drive, since_s = inputs[VELOCITY], inputs[3], inputs[4], inputs[5]
+    v0, torque, drive = inputs[VELOCITY], inputs[_TORQUE], inputs[_DRIVE]
     gravity = p[GRAVITY_STIFFNESS]
     soft = 1.0 + (abs(x) / p[HALF_ANGLE]) ** p[SOFTENING_POWER]
     elastic = (gravity + (inputs[STIFFNESS] - gravity) / soft) * x
-    inertia = p[LIMB_INERTIA] * (1.0 + p[INERTIA_SLOPE] * (since_s - REFERENCE_S))
+    # The momentum of an inertia that changes: d(J v)/dt.
+    damping = inputs[DAMPING] + inputs[_INERTIA_RATE]
     strap = p[STRAP_STIFFNESS] * (x2 - x) + p[STRAP_DAMPING] * (v2 - v)
     vs = p[FRICTION_VELOCITY]
     friction = p[FRICTION] * (np.tanh(v0 / vs) - np.tanh((v0 + v2) / vs))
-    out[0], out[1] = v, (strap - elastic - inputs[DAMPING] * v - state[5]) / inertia
+    out[0], out[1] = v, (strap - elastic - damping * v - state[5]) / inputs[INERTIA]
     out[2] = v2
     out[3] = (torque / (1.0 + p[TORQUE_ERROR]) + friction - strap) / p[DEVICE_INERTIA]
     out[4] = (drive - state[4]) / p[REFLEX_TIME]

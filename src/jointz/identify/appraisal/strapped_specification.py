@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from jointz.core.method_names import PREDICTED, RIGID, STRAPPED
-from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, Spread
+from jointz.core.priors import LogPrior, PriorsSpec, Spread
 from jointz.identify.appraisal.specification import (
     Choices,
     SpecifiedCells,
@@ -52,10 +52,9 @@ ASSUMPTIONS: Final[Mapping[str, _Assumption]] = {
             "reflex_of_point": Spread(sd=_HELD),
         }
     ),
-    # One curve over the cycle is a drift: constant K and B need independent points.
+    # One curve over the cycle is a drift: constant K, B and J need independent points.
     "no_drift": _Assumption(
-        {"inertia_slope": NormalPrior(mean=0.0, sd=_HELD)},
-        CycleHypotheses(shares=(0.0,), steady=1.0),
+        hypotheses=CycleHypotheses(shares=(0.0,), steady=1.0),
     ),
 }
 

@@ -89,7 +89,10 @@ def recorded_pulse(
 
 
 class CellPredictor:
-    """Predicts the pulses of a participant's timing points, with one predictor a recording."""
+    """Predicts the pulses of a participant's timing points, with one predictor a recording.
+
+    For a ``strapped`` device, all sensors of its motion and the leg's are predicted.
+    """
 
     def __init__(
         self,
@@ -97,14 +100,15 @@ class CellPredictor:
         settings: ParticipantSettings,
         *,
         reach_s: float,
-        all_sensors: bool = False,
+        strapped: bool = False,
     ) -> None:
         self._sources = sources
         self._settings = settings
         self._reach_s = reach_s  # from the onset to the end of the predicted windows
         self._predictors: dict[int, UnperturbedPredictor] = {}
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
-        needed = self._needed() if all_sensors else []
+        self._strapped = strapped
+        needed = self._needed() if strapped else []
         self.sensors = motion_sensors(needed)
         self.unused_sensors = unused_sensors(needed, self.sensors)
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
@@ -236,7 +240,10 @@ class CellPredictor:
         if index not in self._predictors:
             source, rate = self._sources[index], common_rate_hz(self._sources)
             taught_by = [source, *self._teachers(source)]
-            signals = [raw_signals(s, target_hz=rate, sensors=self.sensors) for s in taught_by]
+            signals = [
+                raw_signals(s, target_hz=rate, sensors=self.sensors, strapped=self._strapped)
+                for s in taught_by
+            ]
             lessons = list(zip(taught_by, signals, strict=True))
             self._predictors[index] = UnperturbedPredictor(
                 *lessons[0], window_s=self._reach_s, others=lessons[1:], sensors=self.sensors

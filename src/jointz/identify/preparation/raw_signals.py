@@ -68,16 +68,23 @@ def _measures(recording: xr.Dataset, channel: str) -> bool:
 
 
 def raw_signals(
-    source: Source, *, target_hz: float | None = None, sensors: Sequence[str] = ()
+    source: Source,
+    *,
+    target_hz: float | None = None,
+    sensors: Sequence[str] = (),
+    strapped: bool = False,
 ) -> Conditioned:
     """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
 
-    Rows of further sensors follow, less their calibrated lags.
+    Rows of further sensors follow, less their calibrated lags. The torque on a ``strapped`` device
+    is that which moves the device's own inertia, too.
     """
     recording = source.given.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
-    rows = np.stack([*_rows(source), *(_sensor(source, name) for name in sensors)])
+    rows = np.stack(
+        [*_rows(source, strapped=strapped), *(_sensor(source, name) for name in sensors)]
+    )
     new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
     every = max(1, round(rate / new_rate))
     runs = []
@@ -96,17 +103,19 @@ def raw_signals(
     )
 
 
-def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
+def intrinsic_left_in(recording: xr.Dataset, *, strapped: bool = False) -> tuple[str, ...]:
     """Return which of the device's K, B and J remain in the torque.
 
     The motor's angle gives the torque of all three, its velocity that of damping and inertia.
     """
     if "motor_angle" in recording:
-        return ()
-    return ("stiffness",) if "motor_velocity" in recording else PARAMETERS
+        return ("inertia",) if strapped else ()
+    if "motor_velocity" in recording:
+        return ("stiffness", "inertia") if strapped else ("stiffness",)
+    return PARAMETERS
 
 
-def _rows(source: Source) -> np.ndarray:
+def _rows(source: Source, *, strapped: bool) -> np.ndarray:
     recording, known = source.given.recording, source.given.calibration
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
@@ -115,7 +124,7 @@ def _rows(source: Source) -> np.ndarray:
     return np.stack(
         [
             angle / angle_gain,
-            (torque - friction) / torque_gain - _intrinsic_torque(source),
+            (torque - friction) / torque_gain - _intrinsic_torque(source, strapped=strapped),
             friction / torque_gain,
             np.nan_to_num(_channel(recording, "command", angle.size)),
         ]
@@ -143,10 +152,12 @@ def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:
     return known.shank_velocity_lag_s or known.thigh_velocity_lag_s
 
 
-def _intrinsic_torque(source: Source) -> np.ndarray:
+def _intrinsic_torque(source: Source, *, strapped: bool) -> np.ndarray:
     """Return the torque that moves the device itself, N*m, from the motion of its motor."""
     recording = source.given.recording
     (stiffness, damping, inertia), _ = intrinsic_impedance(source.given.calibration)
+    if strapped:
+        inertia = 0.0  # a mass of the model
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
     name = next((n for n in _MOTOR_MOTION if n in recording), None)

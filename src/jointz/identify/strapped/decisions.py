@@ -47,6 +47,8 @@ _FARTHEST_INSTRUMENT_SD = 2.5
 #: Less of these than usual is no error: a torque sensor leaves no friction, a goniometer may follow
 #: the bone, and muscles need not answer.
 _MAY_BE_ABSENT = ("friction_nm", "skin_share", "reflex_gain")
+#: The body tells of the first; of the others no source says what they are in a leg.
+_NO_INSTRUMENTS = ("inertia", "reflex_position", "reflex_shortening", "softening_power")
 _AGAINST_ALL = frozenset(
     {
         Doubt.INERTIA_UNLIKE_BODY,
@@ -125,7 +127,7 @@ def holds_one_torque(point: PointResponse) -> bool:
 def _farthest_sd(posterior: LegPosterior) -> float:
     """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
     fit, layout = posterior.best, posterior.model.layout
-    names = [name for name in layout.shared_names if name != "inertia"]
+    names = [name for name in layout.shared_names if name not in _NO_INSTRUMENTS]
     places = [layout.shared(name) for name in names]
     root = np.linalg.cholesky(fit.prior.covariance[np.ix_(places, places)])
     off = np.linalg.solve(root, (fit.theta - fit.prior.mean)[places])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.leg_model import REFERENCE_S, LegModel
 from jointz.identify.strapped.map_fit import MapFit
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.kernels import strapped_leg as leg
@@ -97,6 +97,7 @@ def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
     log_k, log_b = theta[:, layout.stiffness(point)], theta[:, layout.damping(point)]
     stiffness, damping = np.exp(log_k @ inside.T), np.exp(log_b @ inside.T)
     _, _, p = model.natural(theta, point)
+    limb = model.limb_inertia(theta, point, np.array([REFERENCE_S]))[:, 0]
     bone = model.bone(theta, point)
     moved = np.stack([[np.interp(window, at, x) for x in shapes] for shapes in bone])
     gravity, half, power = (
@@ -109,7 +110,7 @@ def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
         [
             np.log(secant.mean(axis=(1, 2))),
             np.log(damping.mean(axis=1)),
-            np.log(p[:, leg.LIMB_INERTIA] + p[:, leg.DEVICE_INERTIA]),
+            np.log(limb + p[:, leg.DEVICE_INERTIA]),
             log_k @ onset,
             log_b @ onset,
         ],

@@ -34,8 +34,10 @@ _SHARED = (
     "friction_nm",
     "torque_error",
 )
+#: Beside other sensors, whose comparison shows them.
+_GONIOMETER = ("goniometer_gain", "goniometer_hz", "goniometer_damping")
 _GYROSCOPE = ("gyroscope_delay_s", "gyroscope_gain", "gyroscope_hz", "gyroscope_damping")
-#: What a sensor beside the goniometer adds; the goniometer's gain is then known by comparison.
+#: What a sensor beside the goniometer adds.
 _OF_SENSOR: Final[Mapping[str, tuple[str, ...]]] = {
     ENCODER: ("encoder_delay_s", "encoder_gain"),
     JOINT_VELOCITY: _GYROSCOPE,
@@ -47,17 +49,19 @@ _COLUMNS: Final[Mapping[str, int]] = {
     JOINT_VELOCITY: leg.GYROSCOPE,
     SHANK_VELOCITY: leg.GYROSCOPE,
 }
-#: Of a point behind its knots: deviation of log J, slope of J, deviation of the log reflex, and of
-#: a gyroscope on the shank alone the log share of the joint's motion that the shank makes.
-INERTIA, SLOPE, REFLEX, SHANK = range(4)
+#: Of a point behind its knots: deviation of the log reflex, and of a gyroscope on the shank alone
+#: the log share of the joint's motion that the shank makes.
+REFLEX, SHANK = range(2)
+#: Time from the onset at which the inertia has its value.
+REFERENCE_S = 0.06
 #: Knots of K and B at most so far apart, s.
 _KNOT_S = 0.06
 #: Speed at which Coulomb friction has two thirds of its size, rad/s.
 _FRICTION_VELOCITY = 0.08
 _STEP_S = 0.001
 _FARTHEST_RAD = 100.0
-#: Bounds of the search: logarithms of K and B, 1/s, and physical limits.
-_LOG_K, _LOG_B, _SLOPES = (-1.0, 8.0), (-5.0, 4.0), (-4.0, 4.0)
+#: Bounds of the search: logarithms of K, B and the change of J, and physical limits.
+_LOG_K, _LOG_B, _LOG_J = (-1.0, 8.0), (-5.0, 4.0), (-3.0, 3.0)
 _SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
 _STRAPS_HZ = (1.0, 150.0)
 _GAINS = (-0.5, 0.5)
@@ -77,21 +81,21 @@ class Layout:
     sensors: tuple[str, ...] = ()  # beside the goniometer
 
     @property
-    def own_of_point(self) -> tuple[int, ...]:
+    def own_of_point(self) -> range:
         """What a point has behind its knots."""
         alone = SHANK_VELOCITY in self.sensors
-        return (INERTIA, SLOPE, REFLEX, SHANK) if alone else (INERTIA, SLOPE, REFLEX)
+        return range(SHANK + 1 if alone else SHANK)
 
     @property
     def shared_names(self) -> tuple[str, ...]:
         """What all points share."""
         names = [name for sensor in self.sensors for name in _OF_SENSOR[sensor]]
-        return (*_SHARED, *(["goniometer_gain"] if names else []), *names)
+        return (*_SHARED, *(_GONIOMETER if names else ()), *names)
 
     @property
     def per_point(self) -> int:
         """Number of parameters of a point."""
-        return 2 * self.n_knots + len(self.own_of_point)
+        return 3 * self.n_knots + len(self.own_of_point)
 
     @property
     def size(self) -> int:
@@ -108,9 +112,14 @@ class Layout:
         first = point * self.per_point + self.n_knots
         return slice(first, first + self.n_knots)
 
+    def inertia(self, point: int) -> slice:
+        """Return the places of the deviation of log J at the knots of a point."""
+        first = point * self.per_point + 2 * self.n_knots
+        return slice(first, first + self.n_knots)
+
     def own(self, point: int, which: int) -> int:
-        """Return the place of INERTIA, SLOPE, REFLEX or SHANK of a point."""
-        return point * self.per_point + 2 * self.n_knots + which
+        """Return the place of REFLEX or SHANK of a point."""
+        return point * self.per_point + 3 * self.n_knots + which
 
     def shared(self, name: str) -> int:
         """Return the place of a shared parameter."""
@@ -156,6 +165,15 @@ class LegModel:
         damping = np.exp(np.clip(theta[:, layout.damping(point)] @ weights.T, *_LOG_B))
         return stiffness, damping, self._leg(theta, point, stiffness)
 
+    def limb_inertia(self, theta: np.ndarray, point: int, time_s: np.ndarray) -> np.ndarray:
+        """Return the inertia of the bone side at times from the onset, (m, t)."""
+        layout = self.layout
+        weights = self.knot_weights(np.clip(time_s, 0.0, None))
+        change = np.clip(theta[:, layout.inertia(point)] @ weights.T, *_LOG_J)
+        share = np.clip(np.exp(theta[:, layout.shared("device_share")]), *_SHARES)
+        leg_and_device = np.exp(theta[:, layout.shared("inertia")])
+        return np.asarray((leg_and_device * (1.0 - share))[:, None] * np.exp(change))
+
     def responses(self, theta: np.ndarray, point: int) -> np.ndarray:
         """Return what the sensors show of all shapes of a point, stacked as in the response."""
         return self._simulated(theta, point, self._shown).reshape(len(theta), -1)
@@ -167,6 +185,7 @@ class LegModel:
     def kicks(self, theta: np.ndarray, point: int) -> np.ndarray:
         """Return what the sensors show of 1 N*m at one sample, without friction, (channel, n)."""
         stiffness, damping, parameters = self.natural(theta[None], point)
+        inertia = self.limb_inertia(theta[None], point, self.points[point].time_s)
         parameters[:, leg.FRICTION] = 0.0
         small = 1e-3
         torque = np.zeros(stiffness.shape[1])
@@ -174,8 +193,7 @@ class LegModel:
         out = self._run(
             point,
             _at_steps(torque, self.points[point].period_s)[None],
-            stiffness,
-            damping,
+            (stiffness, damping, inertia),
             parameters,
         )
         response = out[0][:, self._shown].T / small
@@ -201,8 +219,6 @@ class LegModel:
         reduced = inertia * share * (1.0 - share)
         turn = 2.0 * np.pi * np.clip(np.exp(raw("strap_hz")), *_STRAPS_HZ)
         p = np.zeros((len(theta), leg.N_PARAMETERS))
-        own = theta[:, layout.own(point, INERTIA)]
-        p[:, leg.LIMB_INERTIA] = inertia * (1.0 - share) * np.exp(own)
         p[:, leg.DEVICE_INERTIA] = inertia * share
         p[:, leg.STRAP_STIFFNESS] = reduced * turn**2
         p[:, leg.STRAP_DAMPING] = 2.0 * np.exp(raw("strap_damping")) * reduced * turn
@@ -217,7 +233,6 @@ class LegModel:
         p[:, leg.FRICTION] = np.exp(raw("friction_nm"))
         p[:, leg.FRICTION_VELOCITY] = _FRICTION_VELOCITY
         p[:, leg.TORQUE_ERROR] = np.clip(raw("torque_error"), *_TORQUE_ERRORS)
-        p[:, leg.INERTIA_SLOPE] = np.clip(theta[:, layout.own(point, SLOPE)], *_SLOPES)
         p[:, leg.SKIN_SHARE] = expit(raw("skin_share"))
         p[:, leg.SENSOR_TIME] = np.exp(raw("sensor_lag_s"))
         p[:, leg.SENSOR_DELAY] = np.exp(raw("sensor_delay_s"))
@@ -234,6 +249,8 @@ class LegModel:
             return np.asarray(theta[:, layout.shared(name)])
 
         p[:, leg.SENSOR_GAIN] += np.clip(raw("goniometer_gain"), *_GAINS)
+        p[:, leg.SENSOR_HZ] = np.clip(np.exp(raw("goniometer_hz")), *_STRAPS_HZ)
+        p[:, leg.SENSOR_DAMPING] = np.exp(raw("goniometer_damping"))
         if ENCODER in layout.sensors:
             p[:, leg.ENCODER_DELAY] = raw("encoder_delay_s")
             p[:, leg.ENCODER_GAIN] += np.clip(raw("encoder_gain"), *_GAINS)
@@ -248,13 +265,12 @@ class LegModel:
     def _simulated(self, theta: np.ndarray, point: int, columns: Sequence[int]) -> np.ndarray:
         """Return columns of the responses, (m, shapes, columns, n)."""
         stiffness, damping, parameters = self.natural(theta, point)
+        inertia = self.limb_inertia(theta, point, self.points[point].time_s)
         torques = self._torques[point]
         m, shapes = len(theta), len(torques)
-        out = self._run(
-            point,
-            np.tile(torques, (m, 1)),
-            *(np.repeat(a, shapes, axis=0) for a in (stiffness, damping, parameters)),
-        )
+        curves = [np.repeat(c, shapes, axis=0) for c in (stiffness, damping, inertia)]
+        leg_of_each = np.repeat(parameters, shapes, axis=0)
+        out = self._run(point, np.tile(torques, (m, 1)), curves, leg_of_each)
         shown = out[:, :, columns].transpose(0, 2, 1)
         return np.asarray(shown.reshape(m, shapes, len(columns), -1))
 
@@ -262,16 +278,16 @@ class LegModel:
         self,
         point: int,
         torque: np.ndarray,
-        stiffness: np.ndarray,
-        damping: np.ndarray,
+        curves: Sequence[np.ndarray],
         parameters: np.ndarray,
     ) -> np.ndarray:
+        """Return the responses for K, B and J over time."""
         response = self.points[point]
+        stiffness, damping, inertia = curves
         velocity = np.broadcast_to(response.velocity, stiffness.shape)
-        curves = np.ascontiguousarray(np.stack([stiffness, damping, velocity], axis=1))
-        period_s, lead_s = response.period_s, -float(response.time_s[0])
-        substeps = _substeps(period_s)
-        out = leg.leg_responses(torque, curves, parameters, period_s, substeps, lead_s)
+        stacked = np.ascontiguousarray(np.stack([stiffness, damping, velocity, inertia], axis=1))
+        substeps = _substeps(response.period_s)
+        out = leg.leg_responses(torque, stacked, parameters, response.period_s, substeps)
         # Far from any leg the integration diverges; the search only needs to see that.
         near = np.clip(np.nan_to_num(out, nan=_FARTHEST_RAD), -_FARTHEST_RAD, _FARTHEST_RAD)
         return np.asarray(near)

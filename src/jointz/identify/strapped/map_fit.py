@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from jointz.identify.preparation.raw_signals import JOINT_VELOCITY, SHANK_VELOCITY
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.prior import Prior
+from jointz.identify.strapped.responses import PointResponse
 
 #: Error of the model: share of the response, correlated over this time; and a floor.
 _MODEL_SHARE, _MODEL_S, _MODEL_FLOOR_RAD = 0.015, 0.03, np.deg2rad(0.02)
@@ -75,7 +76,6 @@ class MapSearch:
     def __init__(self, model: LegModel, prior: Prior) -> None:
         self._model = model
         self._prior = prior
-        self._used = [p.used for p in model.points]
 
     def best(self, starts: Sequence[np.ndarray]) -> MapFit:
         """Return the best of the modes reached from several starts."""
@@ -114,7 +114,7 @@ class MapSearch:
         shared = np.zeros(fit.theta.size)
         power = product = 0.0
         for k, (addition, residual) in enumerate(zip(additions, residuals, strict=True)):
-            added = weights.whitened(k, addition[self._used[k]])
+            added = weights.whitened(k, self._model.points[k].fitted(addition))
             columns, slopes = self._slopes(fit.theta, weights, k)
             shared[columns] += slopes.T @ added
             power, product = power + float(added @ added), product + float(added @ residual)
@@ -153,8 +153,8 @@ class MapSearch:
 
     def _cost(self, theta: np.ndarray, weights: _Weights) -> tuple[list[np.ndarray], float]:
         residuals = []
-        for k, used in enumerate(self._used):
-            modelled = self._model.responses(theta[None], k)[0][used]
+        for k in range(len(self._model.points)):
+            modelled = self._modelled(theta[None], k)[0]
             residuals.append(weights.whitened(k, weights.measured[k] - modelled))
         squares = sum(float(r @ r) for r in residuals)
         return residuals, 0.5 * (squares + self._prior.misfit(theta))
@@ -177,27 +177,34 @@ class MapSearch:
         steps = np.clip(_DERIVATIVE_SD * self._prior.sd, 1e-5, _LONGEST_DERIVATIVE)[columns]
         moved = np.tile(theta, (columns.size + 1, 1))
         moved[np.arange(columns.size) + 1, columns] += steps
-        responses = self._model.responses(moved, k)[:, self._used[k]]
+        responses = self._modelled(moved, k)
         return columns, weights.whitened(k, ((responses[1:] - responses[0]) / steps[:, None]).T)
 
     def _weights(self, theta: np.ndarray) -> _Weights:
         factors, measured = [], []
-        for k, (point, used) in enumerate(zip(self._model.points, self._used, strict=True)):
+        for k, point in enumerate(self._model.points):
+            used = point.used
             covariance = self.error_covariance(theta, k)[np.ix_(used, used)]
             factors.append(np.linalg.cholesky(covariance))
-            measured.append(point.stacked[used])
+            measured.append(point.fitted(point.stacked))
         return _Weights(tuple(factors), tuple(measured))
 
+    def _modelled(self, theta: np.ndarray, k: int) -> np.ndarray:
+        return self._model.points[k].fitted(self._model.responses(theta, k))
+
     def error_covariance(self, theta: np.ndarray, k: int) -> np.ndarray:
-        """Return the covariance of all errors of a point's average responses."""
+        """Return the covariance of all errors of a point's average responses, by blocks."""
         point = self._model.points[k]
         stride = point.stride_covariance(self._model.kicks(theta, k))
-        n, shapes, channels = point.time_s.size, len(point.shapes), len(point.channels)
+        stride = _over_blocks(point, stride)
+        time_s = point.blocks(point.time_s)
+        n, shapes, channels = time_s.size, len(point.shapes), len(point.channels)
         # The prediction's own error is common to all shapes.
         covariance = np.tile(stride / point.n_strides, (shapes, shapes))
-        smooth = np.exp(-0.5 * ((point.time_s[:, None] - point.time_s) / _MODEL_S) ** 2)
+        smooth = np.exp(-0.5 * ((time_s[:, None] - time_s) / _MODEL_S) ** 2)
         floors = [_floor(channel) ** 2 * 0.5 * (smooth + np.eye(n)) for channel in point.channels]
-        modelled = self._model.responses(theta[None], k)[0].reshape(shapes, channels, n)
+        full = self._model.responses(theta[None], k)[0].reshape(shapes, channels, -1)
+        modelled = point.blocks(full)
         for i, (shape, responses) in enumerate(zip(point.shapes, modelled, strict=True)):
             block = slice(i * channels * n, (i + 1) * channels * n)
             covariance[block, block] += stride / shape.n_pulses
@@ -207,10 +214,18 @@ class MapSearch:
                 covariance[own, own] += _MODEL_SHARE**2 * np.outer(size, size) * smooth + floor
         if point.twist_sd:
             torque = np.zeros((shapes, channels, n))
-            torque[:, 0] = [shape.torque for shape in point.shapes]
+            torque[:, 0] = [point.blocks(shape.torque) for shape in point.shapes]
             covariance += point.twist_sd**2 * np.outer(torque, torque)
         level = np.sqrt(np.diag(covariance))
         return np.asarray(covariance + _JITTER * np.diag(level**2))
+
+
+def _over_blocks(point: PointResponse, covariance: np.ndarray) -> np.ndarray:
+    """Return the covariance of what is averaged over blocks, channel by channel."""
+    for _ in range(2):
+        rows = point.blocks(covariance.reshape(len(covariance), -1, point.time_s.size))
+        covariance = rows.reshape(len(covariance), -1).T
+    return covariance
 
 
 def _floor(channel: str) -> float:

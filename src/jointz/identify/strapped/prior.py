@@ -10,11 +10,9 @@ from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior
 from jointz.core.study import Calibrated
 from jointz.identify.strapped.body import Body
 from jointz.identify.strapped.leg_model import (
-    INERTIA,
     LENGTH_CYCLES,
     REFLEX,
     SHANK,
-    SLOPE,
     Layout,
     LegModel,
 )
@@ -56,12 +54,12 @@ class LegPriors:
     # priors of shared parameters that replace those of ``spec``
     shared: Mapping[str, LogPrior | SharePrior | NormalPrior]
     lag: Calibrated | None = None  # s: calibrated total lag, delay included
-    steady: float = STEADY  # of K and B of a point by itself: share that does not change
+    steady: float = STEADY  # of K, B and J of a point by itself: share that does not change
 
     def build(self, model: LegModel, *, follows_cycle: float) -> Prior:
         """Return the prior.
 
-        ``follows_cycle`` is the share of the variance of K and B that one smooth curve of the
+        ``follows_cycle`` is the share of the variance of K, B and J that one smooth curve of the
         gait cycle has through all points; the rest is every point's own.
         """
         layout, spec = model.layout, self.spec
@@ -76,6 +74,9 @@ class LegPriors:
             covariance[np.ix_(at, at)] = (
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
+        at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])
+        alike = _correlation(model.points, model.knots_s, follows_cycle, self.steady)
+        covariance[np.ix_(at, at)] = spec.inertia_of_point.sd**2 * alike + _NUGGET * np.eye(at.size)
         for place, (centre, sd) in self._independent(layout).items():
             mean[place], covariance[place, place] = centre, sd**2
         if self.lag is not None:
@@ -92,8 +93,6 @@ class LegPriors:
     def _independent(self, layout: Layout) -> dict[int, tuple[float, float]]:
         spec = self.spec
         own = {
-            INERTIA: (0.0, spec.inertia_of_point.sd),
-            SLOPE: _moments(spec.inertia_slope),
             REFLEX: (0.0, spec.reflex_of_point.sd),
             SHANK: _moments(spec.shank_share),
         }
@@ -132,7 +131,7 @@ def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:
 def _correlation(
     points: Sequence[PointResponse], knots_s: np.ndarray, follows_cycle: float, steady: float
 ) -> np.ndarray:
-    """Return the correlation of K, or B, between all knots of all points."""
+    """Return the correlation of K, B or J between all knots of all points."""
     n = len(points)
     apart = (knots_s[:, None] - knots_s) / _DRIFT_S
     own = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))

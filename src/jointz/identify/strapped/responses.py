@@ -20,11 +20,14 @@ FIT_S, _BEYOND_S = 0.2, 0.012
 LARGEST_RAD, _LEAST_S = np.deg2rad(18.0), 0.05
 #: Virtual onsets further from zero, in sds, do not count.
 _OUTLIER_SD = 6.0
+#: Data end so long before the next heel strike, which changes the leg to a closed chain; strides
+#: differ in time.
+_BEFORE_STRIKE_CYCLES = 0.05
 #: Correlations of few strides are reduced by this share, for each sample and stride.
 _LEAST_SHRINKAGE, _SHRINKAGE = 0.02, 0.05
 _RESOLUTION = 2e-5  # rad, or rad/s
-#: Time between samples of several sensors: together they need not be finer.
-_SEVERAL_S = 0.004
+#: What several sensors show is averaged over this time: together they need not be finer.
+_SEVERAL_S = 0.006
 _SMOOTH_S = 0.04
 
 
@@ -67,12 +70,28 @@ class PointResponse:
         return np.concatenate([s.shown.ravel() for s in self.shapes])
 
     @property
+    def averaged(self) -> int:
+        """Number of neighbouring samples that are averaged for the fit."""
+        return max(1, round(_SEVERAL_S / self.period_s)) if len(self.channels) > 1 else 1
+
+    def blocks(self, values: np.ndarray) -> np.ndarray:
+        """Average neighbouring samples along the last axis."""
+        n = values.shape[-1] // self.averaged
+        whole = values[..., : n * self.averaged]
+        return np.asarray(whole.reshape(*values.shape[:-1], n, self.averaged).mean(axis=-1))
+
+    def fitted(self, stacked: np.ndarray) -> np.ndarray:
+        """Return what is fitted of stacked values (..., shapes * channels * n)."""
+        lead = stacked.shape[:-1]
+        blocks = self.blocks(stacked.reshape(*lead, -1, self.time_s.size)).reshape(*lead, -1)
+        return np.asarray(blocks[..., self.used])
+
+    @property
     def used(self) -> np.ndarray:
-        """Mask of the stacked samples that are used."""
-        several = len(self.channels) > 1
-        every = max(1, round(_SEVERAL_S / self.period_s)) if several else 1
-        kept = np.arange(self.time_s.size) % every == 0
-        return np.concatenate([np.tile(s.used & kept, len(self.channels)) for s in self.shapes])
+        """Mask of the stacked blocks that are used."""
+        return np.concatenate(
+            [np.tile(self.blocks(s.used) == 1.0, len(self.channels)) for s in self.shapes]
+        )
 
     def stride_covariance(self, kicks: np.ndarray) -> np.ndarray:
         """Return the covariance of one stride's prediction error by all channels of ``kicks``.
@@ -121,7 +140,10 @@ def point_response(
         phase=cell.phase,
         stride_s=cell.stride_s,
         time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
-        shapes=tuple(_average(responses[shapes == k], cell.period_s, known) for k in numbers),
+        shapes=tuple(
+            _average(responses[shapes == k], cell.period_s, known, until_s=_until_s(cell))
+            for k in numbers
+        ),
         velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
         misses=np.delete(misses, TORQUE_ROWS, axis=1),
         torque_misses=misses[:, DRIVING] + friction_gain * misses[:, FRICTION],
@@ -132,7 +154,15 @@ def point_response(
     )
 
 
-def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> ShapeAverage:
+def _until_s(cell: PredictedCell) -> float:
+    """Return the time from the onset until just before the next heel strike."""
+    left = (1.0 - cell.phase % 1.0 - _BEFORE_STRIKE_CYCLES) * cell.stride_s
+    return max(left, _LEAST_S) if np.isfinite(left) else np.inf
+
+
+def _average(
+    responses: np.ndarray, period_s: float, known: CalibrationSpec, *, until_s: float
+) -> ShapeAverage:
     """Average the pulses of a shape, corrected for what is known of torque and angle."""
     average = responses.mean(axis=0)
     angle, torque = corrected(average, period_s, known)
@@ -140,11 +170,12 @@ def _average(responses: np.ndarray, period_s: float, known: CalibrationSpec) -> 
     time_s = np.arange(angle.size) * period_s
     # Beyond, the torque was recorded after the end of the window.
     known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
+    since_s = time_s - LEAD_SAMPLES * period_s
     return ShapeAverage(
         shown=np.stack([angle, *average[TORQUE_ROWS.stop :]]),
         torque=torque,
         n_pulses=len(responses),
-        used=known_torque & usable_samples(angle, time_s - LEAD_SAMPLES * period_s),
+        used=known_torque & (since_s <= until_s) & usable_samples(angle, since_s),
     )
 
 

@@ -92,7 +92,7 @@ class FittedShapes:
 
 @dataclass(frozen=True, slots=True)
 class CycleHypotheses:
-    """Hypotheses about K and B over the gait cycle and over the pulse."""
+    """Hypotheses about K, B and J over the gait cycle and over the pulse."""
 
     shares: tuple[float, ...] = CYCLE_SHARES  # of the variance that follow one curve; weighed
     steady: float = STEADY  # share that does not change over the pulse, if points are independent
@@ -151,7 +151,7 @@ def _prepared(
     longer = _with_all_data(settings)
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
-    predictor = CellPredictor(data.sources, longer, reach_s=reach_s, all_sensors=True)
+    predictor = CellPredictor(data.sources, longer, reach_s=reach_s, strapped=True)
     participant = _Participant(
         data, settings, predictor, hypotheses=hypotheses, fits={} if fits is None else fits
     )
@@ -440,7 +440,7 @@ class _Participant:
         return Decision(
             known=known,
             mass_kg=self._settings.mass_kg,
-            subtract=intrinsic_left_in(recording),
+            subtract=intrinsic_left_in(recording, strapped=True),
             several_sensors=bool(self._predictor.sensors),
         )
 

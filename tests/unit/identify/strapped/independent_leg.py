@@ -4,10 +4,9 @@ The code shares nothing with the package. It integrates, for one pulse, the devi
 predicted unperturbed motion: bone angle x, device angle x2, reflex states r1 and r2, lagged
 goniometer y. Everything is zero at and before the first sample; t is the time since then.
 
-    J1(t) x'' = -Ks(t, x) x - B(t) x' - r2 + S
+    (J1(t) x')' = -Ks(t, x) x - B(t) x' - r2 + S
     J2 x2''   = tau/(1+g_tau) + F(v0+x2', f0+f1|tau|) - F(v0, f0) - S
     S         = ks (x2-x) + cs (x2'-x')
-    J1(t)     = J1 (1 + j (t - 60 ms))
     Ks(t, x)  = kg + (K(t)-kg) / (1 + (|x|/h)^p)
     F(v, c)   = -c tanh(v/vs)
     T r1'     = u - r1,   T r2' = r1 - r2
@@ -20,7 +19,7 @@ Readings of what the equations leave open:
 - tau is linear between samples; |tau| in the friction is the torque before the division by 1+g_tau.
 - The reflex is delayed in x and x' only: K is that of time t.
 - kg is a constant and may exceed K(t); nothing is clipped.
-- J1(t) x'' has no dJ1/dt x' beside it.
+- J1(t) changes without a torque: only the momentum J1 x' of the deviation counts.
 
 Units: N*m, rad, s. Method: explicit Runge-Kutta of order 8 from torque sample to torque sample (the
 torque has its corners there), in pieces no longer than L; the delay reads the dense output of the
@@ -39,9 +38,10 @@ from scipy.integrate import solve_ivp
 
 Curve = Callable[[float], float]
 
-INERTIA_TIME_S = 0.06
 REFLEX_VELOCITY_TIME_S = 0.05
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE, LONGEST_STEP_S = 1e-8, 1e-12, 0.0005
+#: Half of the time over which the change of the inertia is a difference.
+_BESIDE_S = 1e-5
 BONE, BONE_VELOCITY, DEVICE, DEVICE_VELOCITY, REFLEX_1, REFLEX_2, LAGGED = range(7)
 
 
@@ -52,7 +52,6 @@ class IndependentLeg:
     The defaults switch off everything but the two masses and the strap.
     """
 
-    inertia_limb: float
     inertia_device: float
     strap_stiffness: float
     strap_damping: float
@@ -68,7 +67,6 @@ class IndependentLeg:
     load_friction: float = 0.0
     friction_velocity: float = 0.08
     torque_gain_error: float = 0.0
-    inertia_slope: float = 0.0
     skin_share: float = 0.0
     goniometer_lag: float = 0.0
     goniometer_delay: float = 0.0
@@ -99,6 +97,7 @@ class _Equations:
     leg: IndependentLeg
     stiffness: Curve
     damping: Curve
+    inertia: Curve
     velocity: Curve
     torque: Curve
     past: _Past
@@ -109,11 +108,14 @@ class _Equations:
         strap = leg.strap_stiffness * (x2 - x) + leg.strap_damping * (v2 - v)
         joint = self.elastic_torque(time, x) + float(self.damping(time)) * v + r2
         device = self.torque(time) / (1 + leg.torque_gain_error) + self.net_friction(time, v2)
-        inertia = leg.inertia_limb * (1 + leg.inertia_slope * (time - INERTIA_TIME_S))
+        inertia = float(self.inertia(time))
+        rate = (
+            float(self.inertia(time + _BESIDE_S) - self.inertia(time - _BESIDE_S)) / 2 / _BESIDE_S
+        )
         drive = self.reflex_input(time)
         reflex = [(drive - r1) / leg.reflex_time, (r1 - r2) / leg.reflex_time]
         sensor = (x + leg.skin_share * (x2 - x) - lagged) / (leg.goniometer_lag or inf)
-        limb = (strap - joint) / inertia
+        limb = (strap - joint - rate * v) / inertia
         return [v, limb, v2, (device - strap) / leg.inertia_device, *reflex, sensor]
 
     def elastic_torque(self, time: float, x: float) -> float:
@@ -144,6 +146,7 @@ def independent_response(
     *,
     stiffness: Curve,
     damping: Curve,
+    inertia: Curve,
     velocity: Curve,
     leg: IndependentLeg,
 ) -> dict[str, Any]:
@@ -155,9 +158,9 @@ def independent_response(
         Increasing times of the samples, s, shape (n,). The first is time zero of the curves.
     torque
         Torque of the pulse at these times, N*m, shape (n,); linear in between.
-    stiffness, damping, velocity
-        K (N*m/rad), B (N*m*s/rad) and the predicted unperturbed velocity (rad/s), each a function
-        of the time since the first sample.
+    stiffness, damping, inertia, velocity
+        K (N*m/rad), B (N*m*s/rad), J1 (kg*m^2) and the predicted unperturbed velocity (rad/s), each
+        a function of the time since the first sample.
     leg
         Constants of the model.
 
@@ -172,7 +175,7 @@ def independent_response(
     past, state = _Past(), np.zeros(7)
     for sample, (start, end) in enumerate(pairwise(times.tolist())):
         line = _line(start, end, float(torque[sample]), float(torque[sample + 1]))
-        equations = _Equations(leg, stiffness, damping, velocity, line, past)
+        equations = _Equations(leg, stiffness, damping, inertia, velocity, line, past)
         for first, last in pairwise(_piece_edges(start, end, leg)):
             state = _integrate(equations, first, last, state)
     return _observed(past, times, leg)

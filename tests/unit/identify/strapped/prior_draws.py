@@ -43,6 +43,13 @@ def noise(misses, rng):
     return 1e-3 * misses.std() * rng.standard_normal(misses.shape)
 
 
+def of_samples(blocks, point):
+    """Errors of all samples, those of the last too few for a block as in the last block."""
+    n = TIME_S.size
+    each = np.repeat(blocks.reshape(-1, n // point.averaged), point.averaged, axis=1)
+    return np.pad(each, ((0, 0), (0, n - each.shape[1])), mode="edge").ravel()
+
+
 def template(label, phase, shapes, n_pulses, rng, sensors=()):
     zero = np.zeros((1 + len(sensors), TIME_S.size))
     misses = misses_of(rng)
@@ -82,9 +89,8 @@ def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=()):
     noisy = []
     for k, point in enumerate(points):
         errors = search.error_covariance(theta, k)
-        angles = model.responses(theta[None], k)[0] + rng.multivariate_normal(
-            np.zeros(len(errors)), errors
-        )
+        drawn = rng.multivariate_normal(np.zeros(len(errors)), errors)
+        angles = model.responses(theta[None], k)[0] + of_samples(drawn, point)
         averages = tuple(
             replace(shape, shown=own, used=usable_samples(own[0], TIME_S))
             for shape, own in zip(
