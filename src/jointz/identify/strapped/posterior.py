@@ -45,13 +45,20 @@ class LegPosterior:
 def explain(
     model: LegModel, priors: LegPriors, cycle_shares: Sequence[float] = CYCLE_SHARES
 ) -> LegPosterior:
-    """Fit all hypotheses; the first from three starts, the other from its mode and the mean."""
+    """Fit all hypotheses; the first from three starts, the other from its mode and the mean.
+
+    Where sensors show device and bone, the search has one mode (all starts agreed): two starts and
+    one are enough.
+    """
+    one_mode = len(model.layout.sensors) > 1
     known = all(np.isfinite(point.phase) for point in model.points)
     fits: list[MapFit] = []
     for share in cycle_shares if known else CYCLE_SHARES[-1:]:
         prior = priors.build(model, follows_cycle=share)
         others = [fits[0].theta] if fits else _other_starts(model, prior.mean)
         starts = [prior.mean, *others]
+        if one_mode:
+            starts = others if fits else starts[:2]
         fits.append(MapSearch(model, prior).best(starts))
     return LegPosterior(model, tuple(fits), _weights(fits))
 
