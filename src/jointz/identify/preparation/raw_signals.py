@@ -53,7 +53,8 @@ def motion_sensors(sources: Sequence[Source]) -> tuple[str, ...]:
 
 def unused_sensors(sources: Sequence[Source], used: Sequence[str]) -> list[str]:
     """Return channels of sensors that some recordings have and that are not used."""
-    taken = {SHANK_VELOCITY, _THIGH_VELOCITY} if JOINT_VELOCITY in used else set(used)
+    both = {SHANK_VELOCITY, _THIGH_VELOCITY} if JOINT_VELOCITY in used else set()
+    taken = both | set(used)
     left = [name for name in MOTION_SENSORS if name not in taken]
     return [name for name in left if any(name in s.given.recording for s in sources)]
 

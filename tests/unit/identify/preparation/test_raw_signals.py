@@ -12,9 +12,12 @@ from jointz.identify.preparation.raw_signals import (
     DRIVING,
     FRICTION,
     RAW_ANGLE,
+    SENSOR_ROWS,
     common_rate_hz,
     intrinsic_left_in,
+    motion_sensors,
     raw_signals,
+    unused_sensors,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
 from jointz.identify.study_kinds import WALKING
@@ -180,3 +183,104 @@ def test_only_perturbed_recordings_decide_the_common_rate():
     level = replace(slow, given=replace(slow.given, recording=slow.given.recording.copy()))
     level.given.recording.attrs["condition"] = "unperturbed"
     assert common_rate_hz([plain(500.0), level]) == pytest.approx(500.0)
+
+
+def walked(**sensors):
+    time = np.arange(2000) / 500.0
+    channels = {"angle": np.sin(5.0 * time), "torque": np.cos(3.0 * time), "command": 0.0 * time}
+    calibration = sensors.pop("calibration", None)
+    return source(
+        time, channels | {n: f(time) for n, f in sensors.items()}, calibration=calibration
+    )
+
+
+def moving(time):
+    return np.cos(2.0 * time)
+
+
+def mostly_silent(time):
+    return np.where(time < 3.7, moving(time), np.nan)
+
+
+def dead(time):
+    return np.full_like(time, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("recordings", "used", "unused"),
+    [
+        ([{}], (), []),
+        ([{"joint_encoder": moving}], ("joint_encoder",), []),
+        (
+            [{"shank_velocity": moving, "thigh_velocity": moving, "joint_encoder": moving}],
+            ("joint_encoder", "joint_velocity"),
+            [],
+        ),
+        ([{"shank_velocity": moving}], ("shank_velocity",), []),
+        ([{"thigh_velocity": moving}], (), ["thigh_velocity"]),
+        ([{"joint_encoder": moving}, {}], (), ["joint_encoder"]),
+        ([{"joint_encoder": mostly_silent}], (), ["joint_encoder"]),
+        ([{"joint_encoder": dead}], (), ["joint_encoder"]),
+        (
+            [{"shank_velocity": moving, "thigh_velocity": moving}, {"shank_velocity": moving}],
+            ("shank_velocity",),
+            ["thigh_velocity"],
+        ),
+    ],
+)
+def test_sensors_are_used_that_all_recordings_have(recordings, used, unused):
+    sources = [walked(**sensors) for sensors in recordings]
+
+    assert motion_sensors(sources) == used
+    assert unused_sensors(sources, used) == unused
+
+
+def test_further_sensors_are_free_of_their_calibrated_gains_and_lags():
+    known = CalibrationSpec(
+        joint_encoder_gain=Calibrated(value=1.25, sd=0.01),
+        joint_encoder_lag_s=Calibrated(value=0.004, sd=1e-4),
+        shank_velocity_gain=Calibrated(value=2.0, sd=0.01),
+        shank_velocity_lag_s=Calibrated(value=0.01, sd=1e-4),
+        thigh_velocity_lag_s=Calibrated(value=0.006, sd=1e-4),
+    )
+    made = walked(
+        joint_encoder=lambda t: 1.25 * np.sin(5.0 * (t - 0.004)),
+        shank_velocity=lambda t: 2.0 * np.cos(4.0 * (t - 0.01)),
+        thigh_velocity=lambda t: np.cos(9.0 * (t - 0.006)),
+        calibration=known,
+    )
+    sensors = ("joint_encoder", "joint_velocity")
+    stretch = raw_signals(made, sensors=sensors).stretches[0]
+    encoder, velocity = stretch.signals[SENSOR_ROWS:, :-10]
+    time = stretch.time[:-10]
+
+    assert encoder == pytest.approx(np.sin(5.0 * time), abs=1e-4)
+    assert velocity == pytest.approx(np.cos(4.0 * time) - np.cos(9.0 * time), abs=1e-3)
+
+
+def test_a_gap_of_a_used_sensor_is_a_gap():
+    made = walked(joint_encoder=lambda t: np.where(abs(t - 2.0) < 0.05, np.nan, moving(t)))
+
+    assert len(raw_signals(made).stretches) == 1
+    assert len(raw_signals(made, sensors=("joint_encoder",)).stretches) == 2
+
+
+@pytest.mark.parametrize(
+    ("motor", "left_in", "of_strapped"),
+    [
+        ("motor_angle", (), ("inertia",)),
+        ("motor_velocity", ("stiffness",), ("stiffness", "inertia")),
+    ],
+)
+def test_the_torque_on_a_strapped_device_moves_its_inertia_too(motor, left_in, of_strapped):
+    known = CalibrationSpec(intrinsic_inertia=Calibrated(value=0.05, sd=0.001))
+    made = walked(**{motor: lambda t: np.sin(6.0 * t)}, calibration=known)
+    free, strapped = (
+        raw_signals(made, strapped=s).stretches[0].signals[DRIVING] for s in (False, True)
+    )
+    time = raw_signals(made).stretches[0].time
+
+    assert strapped == pytest.approx(np.cos(3.0 * time))
+    assert np.abs(free - strapped).max() > 0.1
+    assert intrinsic_left_in(made.given.recording) == left_in
+    assert intrinsic_left_in(made.given.recording, strapped=True) == of_strapped
