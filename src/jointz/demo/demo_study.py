@@ -63,6 +63,7 @@ def run_demo(
         study_run = run(
             _protocol(quick=quick),
             out=folder / "study",
+            preset="nominal",
             seed=seed,
             workers=os.cpu_count() or 1,
             progress=run_progress,

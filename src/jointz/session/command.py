@@ -57,8 +57,8 @@ PresetOption = Annotated[
     Preset | None,
     typer.Option(
         "--preset",
-        help="How well simulated devices behave (default: nominal). anthropometric, realistic: "
-        "people only.",
+        help="How well simulated people and devices behave (default: realistic for people, "
+        "nominal for benches and calibrations). anthropometric, realistic: people only.",
     ),
 ]
 SensorsOption = Annotated[

@@ -80,8 +80,8 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
     seed : int, optional
         Of plan and simulation; the protocol's own by default.
     preset : str, optional
-        Of the simulation: ``clean``, ``nominal`` (the default), ``hard``, ``anthropometric``,
-        ``realistic``.
+        Of the simulation: ``clean``, ``nominal``, ``hard``, ``anthropometric``, ``realistic``; by
+        default people are ``realistic``, and benches and calibrations ``nominal``.
     sensors : collection of str, optional
         Of simulated people: ``goniometer``, and with it ``encoder`` and ``gyroscopes``; by default
         those of the preset, of which ``realistic`` has all and the others the goniometer.
@@ -142,7 +142,7 @@ def run(  # noqa: PLR0913 - the options of the command, all by keyword
         raise DataError(f"clock: expected fast or real, got {clock!r}.")
     known = None if calibration is None else read_calibration(calibration)
     if config is None:
-        rig = rig_settings(spec, device or "sim", preset or "nominal", chosen, sensors)
+        rig = rig_settings(spec, device or "sim", preset, chosen, sensors)
     else:
         from jointz.session.rigs.hardware_rig import read_hardware, refuse_with_devices
 

@@ -26,6 +26,18 @@ _CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
     "angle_zero_rad": ("zero of the angle", float(np.degrees(1.0)), "degrees"),
     "angle_per_torque": ("change of the angle reading per torque", 1.0, "rad/(N·m)"),
     "tissue_hz": ("resonance of the soft tissue below the sensor", 1.0, "Hz"),
+    "joint_encoder_lag_s": ("lag of the device's encoder", 1e3, "ms"),
+    "joint_encoder_gain": ("gain of the device's encoder", 1.0, ""),
+    "shank_velocity_lag_s": ("lag of the gyroscope on the shank", 1e3, "ms"),
+    "shank_velocity_gain": ("gain of the gyroscope on the shank", 1.0, ""),
+    "thigh_velocity_lag_s": ("lag of the gyroscope on the thigh", 1e3, "ms"),
+    "thigh_velocity_gain": ("gain of the gyroscope on the thigh", 1.0, ""),
+}
+#: Begin of the names of entries of sensors -> lags that are estimated where they are used.
+_OF_SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
+    "joint_encoder_": ("joint_encoder_lag",),
+    "shank_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
+    "thigh_velocity_": ("joint_velocity_lag",),
 }
 #: Entries whose sd only the method ``rigid`` uses.
 _OF_RIGID: Final = ("friction_gain", "tissue_hz")
@@ -78,6 +90,10 @@ def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
 def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
     if key == "friction_gain":
         return "torque" not in (study_record(analysis).get("channels") or {})
+    for begin, lags in _OF_SENSORS.items():
+        if key.startswith(begin):
+            found = {p.name for cell in analysis.cells for p in cell.nuisance}
+            return not found.isdisjoint(lags)
     return key != "tissue_hz" or RIGID in used_methods(analysis)
 
 

@@ -72,11 +72,12 @@ class RigSettings:
 def rig_settings(
     protocol: Protocol,
     device: str,
-    preset: str,
+    preset: str | None,
     seed: int,
     sensors: Collection[str] | None = None,
 ) -> RigSettings:
-    """Return the settings of the rig that a protocol asks for."""
+    """Return the settings of the rig that a protocol asks for, of simulated people real legs."""
+    usual = "realistic" if protocol.by_gait and device == "sim" else "nominal"
     if sensors is not None and not (protocol.by_gait and device == "sim"):
         raise DataError(
             "sensors: they are chosen for simulated people that walk. Leave them out for a bench, "
@@ -89,7 +90,7 @@ def rig_settings(
         )
     return RigSettings(
         device,
-        preset,
+        preset or usual,
         seed,
         protocol.rates.sample_hz,
         bench=protocol.bench,

@@ -90,7 +90,9 @@ def test_encoder_and_gyroscope_show_device_and_bone(seed, gyroscope):
 
     fine = np.arange(0.0, since[-1], 1e-4)
     w, z = 2 * np.pi * np.exp(shared("gyroscope_hz")), np.exp(shared("gyroscope_damping"))
-    _, mounted, _ = lsim(([2 * z * w, w * w], [1, 2 * z * w, w * w]), [state(t)[1] for t in fine], fine)
+    _, mounted, _ = lsim(
+        ([2 * z * w, w * w], [1, 2 * z * w, w * w]), [state(t)[1] for t in fine], fine
+    )
     share = np.exp(theta[layout.own(seed, SHANK)]) if gyroscope == "shank_velocity" else 1.0
     late = shared("gyroscope_delay_s")
     expected = (1.0 + shared("gyroscope_gain")) * share * np.interp(since - late, fine, mounted)
