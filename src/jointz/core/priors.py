@@ -102,8 +102,10 @@ class PriorsSpec(_Prior):
         0.003, 0.003, "s: low-pass of the chip (2 to 5 ms at 190 to 40 Hz) and clock"
     )
     gyroscope_gain: NormalPrior = _normal(0.0, 0.015, "sensitivity of usual chips, +-3 %")
-    gyroscope_hz: LogPrior = _log(30.0, 0.4, "Hz: on the skin, 13 to 67")
-    gyroscope_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
-    shank_share: LogPrior = _log(
-        0.7, 0.35, "of the joint's velocity that the shank makes, without a gyroscope on the thigh"
+    shank_hz: LogPrior = _log(30.0, 0.4, "Hz: gyroscope on the skin, 13 to 67")
+    shank_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
+    thigh_hz: LogPrior = _log(30.0, 0.4, "Hz: likewise")
+    thigh_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
+    shank_share: SharePrior = _share(
+        0.6, 0.8, "of the joint's motion that the shank makes: two links, 0.2 to 0.9"
     )

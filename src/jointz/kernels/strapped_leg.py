@@ -32,11 +32,14 @@ from numba import njit
     ENCODER_DELAY,
     ENCODER_GAIN,
     GYROSCOPE_DELAY,
-    GYROSCOPE_GAIN,  # the share of the joint's velocity that it sees included
-    GYROSCOPE_HZ,  # resonance of its mount; 0: no gyroscope
-    GYROSCOPE_DAMPING,
-) = range(26)
-N_PARAMETERS = 26
+    GYROSCOPE_GAIN,
+    SHANK_SHARE,  # of the joint's velocity; the rest is the thigh's
+    SHANK_HZ,  # resonance of the gyroscope on the shank; 0: none
+    SHANK_DAMPING,
+    THIGH_HZ,  # of the one on the thigh; 0: none
+    THIGH_DAMPING,
+) = range(29)
+N_PARAMETERS = 29
 #: Columns of the responses: angles of the goniometer and of the device (rad), velocity that the
 #: gyroscope shows (rad/s), angle of the bone (rad).
 GONIOMETER, ENCODER, GYROSCOPE, BONE = range(4)
@@ -82,11 +85,25 @@ def leg_responses(
         _lag(motion[_SENSED], p[SENSOR_TIME], step_s)
         _show(motion[_SENSED], p[SENSOR_DELAY] / step_s, p[SENSOR_GAIN], out[j, :, GONIOMETER])
         _show(motion[_DEVICE], p[ENCODER_DELAY] / step_s, p[ENCODER_GAIN], out[j, :, ENCODER])
-        if p[GYROSCOPE_HZ] > 0.0:
-            _resonate(motion[_SPEED], p[GYROSCOPE_HZ], p[GYROSCOPE_DAMPING], step_s)
+        if p[SHANK_HZ] > 0.0:
+            _turn(motion[_SPEED], motion[_SENSED], p, step_s)
             late = p[GYROSCOPE_DELAY] / step_s
             _show(motion[_SPEED], late, p[GYROSCOPE_GAIN], out[j, :, GYROSCOPE])
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(speed: np.ndarray, work: np.ndarray, p: np.ndarray, step_s: float) -> None:
+    """Make of the joint's velocity what gyroscopes on their mounts show of it."""
+    share = p[SHANK_SHARE]
+    for i in range(speed.size):
+        work[i] = (1.0 - share) * speed[i]
+        speed[i] = share * speed[i]
+    _resonate(speed, p[SHANK_HZ], p[SHANK_DAMPING], step_s)
+    if p[THIGH_HZ] > 0.0:
+        _resonate(work, p[THIGH_HZ], p[THIGH_DAMPING], step_s)
+        for i in range(speed.size):
+            speed[i] += work[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

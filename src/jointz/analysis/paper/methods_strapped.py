@@ -58,7 +58,8 @@ _PRIORS_OF_LAG: Final = {
     "goniometer_": frozenset(_SENSOR_OF_LAG),
     "encoder_": frozenset({"joint_encoder_lag"}),
     "gyroscope_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
-    "shank_share": frozenset({"shank_velocity_lag"}),
+    "shank_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
+    "thigh_": frozenset({"joint_velocity_lag"}),
 }
 _MOUNT: Final = ", the gyroscopes on resonant mounts"
 #: Unit at the end of the name of an entry.

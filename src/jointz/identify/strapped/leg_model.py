@@ -36,12 +36,12 @@ _SHARED = (
 )
 #: Beside other sensors, whose comparison shows them.
 _GONIOMETER = ("goniometer_gain", "goniometer_hz", "goniometer_damping")
-_GYROSCOPE = ("gyroscope_delay_s", "gyroscope_gain", "gyroscope_hz", "gyroscope_damping")
+_SHANK = ("gyroscope_delay_s", "gyroscope_gain", "shank_hz", "shank_damping")
 #: What a sensor beside the goniometer adds.
 _OF_SENSOR: Final[Mapping[str, tuple[str, ...]]] = {
     ENCODER: ("encoder_delay_s", "encoder_gain"),
-    JOINT_VELOCITY: _GYROSCOPE,
-    SHANK_VELOCITY: _GYROSCOPE,
+    JOINT_VELOCITY: (*_SHANK, "thigh_hz", "thigh_damping"),
+    SHANK_VELOCITY: _SHANK,
 }
 _COLUMNS: Final[Mapping[str, int]] = {
     GONIOMETER: leg.GONIOMETER,
@@ -49,8 +49,8 @@ _COLUMNS: Final[Mapping[str, int]] = {
     JOINT_VELOCITY: leg.GYROSCOPE,
     SHANK_VELOCITY: leg.GYROSCOPE,
 }
-#: Of a point behind its knots: deviation of the log reflex, and of a gyroscope on the shank alone
-#: the log share of the joint's motion that the shank makes.
+#: Of a point behind its knots: deviation of the log reflex and, with gyroscopes, the logit of the
+#: share of the joint's motion that the shank makes.
 REFLEX, SHANK = range(2)
 #: Time from the onset at which the inertia has its value.
 REFERENCE_S = 0.06
@@ -83,8 +83,8 @@ class Layout:
     @property
     def own_of_point(self) -> range:
         """What a point has behind its knots."""
-        alone = SHANK_VELOCITY in self.sensors
-        return range(SHANK + 1 if alone else SHANK)
+        turns = not {JOINT_VELOCITY, SHANK_VELOCITY}.isdisjoint(self.sensors)
+        return range(SHANK + 1 if turns else SHANK)
 
     @property
     def shared_names(self) -> tuple[str, ...]:
@@ -254,13 +254,15 @@ class LegModel:
         if ENCODER in layout.sensors:
             p[:, leg.ENCODER_DELAY] = raw("encoder_delay_s")
             p[:, leg.ENCODER_GAIN] += np.clip(raw("encoder_gain"), *_GAINS)
-        if "gyroscope_hz" in layout.shared_names:
+        if SHANK in layout.own_of_point:
             p[:, leg.GYROSCOPE_DELAY] = raw("gyroscope_delay_s")
             p[:, leg.GYROSCOPE_GAIN] += np.clip(raw("gyroscope_gain"), *_GAINS)
-            p[:, leg.GYROSCOPE_HZ] = np.clip(np.exp(raw("gyroscope_hz")), *_STRAPS_HZ)
-            p[:, leg.GYROSCOPE_DAMPING] = np.exp(raw("gyroscope_damping"))
-        if SHANK_VELOCITY in layout.sensors:
-            p[:, leg.GYROSCOPE_GAIN] *= np.exp(theta[:, layout.own(point, SHANK)])
+            p[:, leg.SHANK_SHARE] = expit(theta[:, layout.own(point, SHANK)])
+            p[:, leg.SHANK_HZ] = np.clip(np.exp(raw("shank_hz")), *_STRAPS_HZ)
+            p[:, leg.SHANK_DAMPING] = np.exp(raw("shank_damping"))
+        if JOINT_VELOCITY in layout.sensors:
+            p[:, leg.THIGH_HZ] = np.clip(np.exp(raw("thigh_hz")), *_STRAPS_HZ)
+            p[:, leg.THIGH_DAMPING] = np.exp(raw("thigh_damping"))
 
     def _simulated(self, theta: np.ndarray, point: int, columns: Sequence[int]) -> np.ndarray:
         """Return columns of the responses, (m, shapes, columns, n)."""

@@ -72,6 +72,12 @@ def test_responses_are_those_of_an_independent_simulator(seed):
     assert np.abs(shown - expected["goniometer"]).max() < 0.01 * np.abs(shown).max()
 
 
+def on_tissue(time_s, motion, log_hz, log_damping):
+    """Motion of a mass on a spring and a damper between it and the moving bone."""
+    w, z = 2 * np.pi * np.exp(log_hz), np.exp(log_damping)
+    return lsim(([2 * z * w, w * w], [1, 2 * z * w, w * w]), motion, time_s)[1]
+
+
 @pytest.mark.parametrize(("seed", "gyroscope"), [(1, "joint_velocity"), (2, "shank_velocity")])
 def test_encoder_and_gyroscope_show_device_and_bone(seed, gyroscope):
     model, theta = drawn(seed, (DOUBLET,), sensors=("joint_encoder", gyroscope))
@@ -89,13 +95,14 @@ def test_encoder_and_gyroscope_show_device_and_bone(seed, gyroscope):
     assert np.abs(encoder[:-1] - expected).max() < 0.01 * np.abs(device).max()
 
     fine = np.arange(0.0, since[-1], 1e-4)
-    w, z = 2 * np.pi * np.exp(shared("gyroscope_hz")), np.exp(shared("gyroscope_damping"))
-    _, mounted, _ = lsim(
-        ([2 * z * w, w * w], [1, 2 * z * w, w * w]), [state(t)[1] for t in fine], fine
-    )
-    share = np.exp(theta[layout.own(seed, SHANK)]) if gyroscope == "shank_velocity" else 1.0
+    speeds = np.array([state(t)[1] for t in fine])
+    share = expit(theta[layout.own(seed, SHANK)])
+    mounted = share * on_tissue(fine, speeds, shared("shank_hz"), shared("shank_damping"))
+    if gyroscope == "joint_velocity":
+        thigh = on_tissue(fine, speeds, shared("thigh_hz"), shared("thigh_damping"))
+        mounted = mounted + (1.0 - share) * thigh
     late = shared("gyroscope_delay_s")
-    expected = (1.0 + shared("gyroscope_gain")) * share * np.interp(since - late, fine, mounted)
+    expected = (1.0 + shared("gyroscope_gain")) * np.interp(since - late, fine, mounted)
     inside = since - late < fine[-1]
     assert np.abs(shown - expected)[inside].max() < 0.01 * np.abs(expected).max()
 
