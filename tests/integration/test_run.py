@@ -117,7 +117,8 @@ def test_recordings_hold_what_was_worn(made):
     assert {"angle", "contact", "current", "motor_angle", "command"} <= set(with_device)
     assert not with_device["command"].any()
     without = read_recording(made.study / "S01_no_device.nc")
-    assert set(without) == {"angle", "contact", "joint_moment"}
+    gyroscopes = {"shank_velocity", "thigh_velocity"}
+    assert set(without) == {"angle", "contact", "joint_moment"} | gyroscopes
 
 
 def test_the_pulse_table_and_the_command_agree(made):
