@@ -56,7 +56,8 @@ def write_csv_study(
         }
     )
     made = jointz.run(
-        protocol, out=folder.with_name(folder.name + "_run"), participants=people, seed=seed,
+        protocol, out=folder.with_name(folder.name + "_run"), preset="nominal",
+        participants=people, seed=seed,
         workers=1 if people < 3 else 2,  # to start two takes longer than one person
     )  # fmt: skip
     spec = open_study(made.study).spec

@@ -2,10 +2,10 @@
 
 The method's stiffness is the mean over window and shapes of s(x) K(t) + gravity + that of the
 moving chain along the bone's own motion x; its damping is the muscles', as the fit knows the
-momentum of an inertia that changes. The ground truth's secant weighs the same torque by x^2 and its motion is that of a
-joint without strap and reflex, so the estimate's own truth is made here: x is the difference of
-two walks of the same strides, with the pulses and with pulses of no size, by a goniometer without
-errors; K(t), gravity and J are the ground truth's curves.
+momentum of an inertia that changes. The ground truth's secant weighs the same torque by x^2 and
+its motion is that of a joint without strap and reflex, so the estimate's own truth is made here: x
+is the difference of two walks of the same strides, with the pulses and with pulses of no size, by
+a goniometer without errors; K(t), gravity and J are the ground truth's curves.
 """
 
 from dataclasses import replace
