@@ -36,8 +36,8 @@ _VERDICT = """\
 **No preset is like the printed people in every figure.** `nominal` is nearest in K and B, but its J
 is over twice the printed J. Only `hard` has a VAF below 60 %, as the dissertation has.
 `anthropometric` and `realistic` people have the inertia of published body segments and are unlike
-the printed people: J is over seven times the printed one, K is too low at LRE and three times as
-high at ISW, and a K or B of 0 is frequent. Their mean VAF is nevertheless nearer to the printed
+the printed people: J is over seven times the printed one, K at LRE is lower and at ISW three times
+as high, and a K or B of 0 is frequent. Their mean VAF is nevertheless nearer to the printed
 one: a high VAF does not show that estimates are right. Printed figures are from tables 4.1 to 4.4.
 VAF is of the mean response."""
 _KEYS = ("quantity", "unit", "timing_point")

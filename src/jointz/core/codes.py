@@ -281,9 +281,9 @@ class Doubt(Code):
     )
     HELD_TORQUE = (
         "held_torque",
-        "the pulses hold one torque throughout the window, so that stiffness cannot be "
-        "separated from softening and drift: K is undecided, with limits; use doublets, or "
-        "short pulses of several sizes",
+        "the pulses hold one torque throughout the window, so that stiffness and damping cannot "
+        "be separated from softening and drift: K and B are undecided, with limits; use "
+        "doublets, or short pulses of several sizes",
     )
     RESPONSES_UNLIKE_SIZE = (
         "responses_unlike_size",

@@ -128,11 +128,11 @@ def test_pulses_that_hold_one_torque_to_the_end_are_told_from_others(torques, he
     assert holds_one_torque(pulses(*torques)) is held
 
 
-def test_after_a_held_torque_stiffness_alone_is_undecided_with_limits():
+def test_after_a_held_torque_inertia_alone_is_decided():
     found = rows(same(NARROW), doubts={Doubt.HELD_TORQUE})
 
-    open_ = {name for name, p in found.items() if p.status == "undecided"}
-    assert open_ == {"stiffness", "stiffness_per_mass", "stiffness_onset"}
+    decided = {name for name, p in found.items() if p.status == "ok"}
+    assert decided == {"inertia"}
     assert found["stiffness"].ci == pytest.approx(
         (60 * np.exp(-2 * 0.1645), 60 * np.exp(2 * 0.1645)), rel=1e-3
     )
