@@ -76,8 +76,8 @@ and the others wrong (K 47 % too low). Use `strapped`, the default, with short p
 [Realistic people](#accuracy-realistic) are above. `anthropometric` ones have an inertia that
 changes without the momentum that goes with it ([why that matters](leg-model.md)): B comes out too
 high by the rate of J there. With a goniometer alone B is 5 to 13 % too high in every world that was
-tried; intervals of B include 8 % (SD) for this. A wrong torque gain scales K, B and J unnoticed. More:
-[strapped](estimator.md#a-device-strapped-to-the-leg).
+tried; intervals of B include 8 % (SD) for this. A wrong torque gain scales K, B and J unnoticed.
+More: [strapped](estimator.md#a-device-strapped-to-the-leg).
 """
 _LIMITS = """(accuracy-hard-lag-unknown)=
 ## Where the estimates are wrong
