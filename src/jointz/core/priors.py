@@ -96,8 +96,8 @@ class PriorsSpec(_Prior):
     goniometer_gain: NormalPrior = _normal(0.0, 0.02, "beside other sensors, +-2 %")
     goniometer_hz: LogPrior = _log(25.0, 0.5, "Hz: on the skin, 9 to 67")
     goniometer_damping: LogPrior = _log(0.3, 0.5, "of critical damping, 0.1 to 0.8")
-    encoder_delay_s: NormalPrior = _normal(0.0, 0.0005, "s: on the clock of the torque")
-    encoder_gain: NormalPrior = _normal(0.0, 0.001, "an encoder counts")
+    encoder_delay_s: NormalPrior = _normal(0.001, 0.001, "s: clock of the torque")
+    encoder_gain: NormalPrior = _normal(0.0, 0.01, "the axes of device and joint are not one")
     gyroscope_delay_s: NormalPrior = _normal(
         0.003, 0.003, "s: low-pass of the chip (2 to 5 ms at 190 to 40 Hz) and clock"
     )

@@ -1,5 +1,6 @@
 """Files that another device wrote by its own clock, joined to a recording after the experiment."""
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,18 @@ from jointz.io.study_files import channel_unit, named_as_written
 
 #: Nothing is filled over a hole of more than this many of a file's own sample periods.
 _HOLE_PERIODS = 1.5
+#: Events closer together than this give an offset only.
+_SHORTEST_SPAN_S = 5.0
+_LARGEST_RESIDUAL_S = 0.01  # of an event; more is a mistake in it
 _LARGEST_DRIFT = 1e-3  # between two clocks; more is a mistake in the events
 
 #: Channels on the time of the recording, their units, and what was done.
 Joined = tuple[dict[str, np.ndarray], dict[str, str], tuple[dict[str, Any], ...]]
 
 
-def join_files(study: Study, entry: RecordingSpec, time_s: np.ndarray) -> Joined:
+def join_files(
+    study: Study, entry: RecordingSpec, time_s: np.ndarray, *, taken: Collection[str]
+) -> Joined:
     """Return what the joined files of a recording hold, at the times of its samples.
 
     Between two samples a value is interpolated; in holes of a file and beyond its ends it is NaN.
@@ -48,6 +54,19 @@ def join_files(study: Study, entry: RecordingSpec, time_s: np.ndarray) -> Joined
             )
         offset_s, rate = clock_of(joined)
         placed_s = offset_s + rate * own_s
+        if twice := sorted(set(found) & {*taken, *channels}):
+            raise DataError(
+                f"{joined.file}: {', '.join(twice)}: {entry.file}, or another file joined to "
+                "it, has the channel too. Leave one of them out.",
+                path=joined.file,
+            )
+        if placed_s[0] > time_s[-1] or placed_s[-1] < time_s[0]:
+            raise DataError(
+                f"{joined.file}: by offset or events it lies at {placed_s[0]:.6g} to "
+                f"{placed_s[-1]:.6g} s, {entry.file} at {time_s[0]:.6g} to {time_s[-1]:.6g} s: "
+                "they do not overlap. Correct offset_s or events_s.",
+                path=joined.file,
+            )
         channels |= {name: _resampled(placed_s, one, time_s) for name, one in found.items()}
         units |= units_of_file
         history.append(
@@ -67,13 +86,21 @@ def clock_of(joined: JoinedSpec) -> tuple[float, float]:
     if joined.offset_s is not None:
         return joined.offset_s, 1.0
     of_recording, of_file = np.array(joined.events_s).T
-    if of_file.size == 1:
-        return float(of_recording[0] - of_file[0]), 1.0
-    rate, offset_s = (float(one) for one in np.polyfit(of_file, of_recording, 1))
+    if np.ptp(of_file) < _SHORTEST_SPAN_S:
+        rate, offset_s = 1.0, float((of_recording - of_file).mean())
+    else:
+        rate, offset_s = (float(one) for one in np.polyfit(of_file, of_recording, 1))
     if abs(rate - 1.0) > _LARGEST_DRIFT:
         raise DataError(
             f"{joined.file}: by events_s its clock runs {100.0 * (rate - 1.0):+.2g} % off the "
             "recording's, expected at most 0.1 %. Correct the times of the events.",
+            path=joined.file,
+        )
+    off_s = float(np.abs(of_recording - offset_s - rate * of_file).max())
+    if off_s > _LARGEST_RESIDUAL_S:
+        raise DataError(
+            f"{joined.file}: events_s do not fit together: one is {1e3 * off_s:.3g} ms off, "
+            f"expected at most {1e3 * _LARGEST_RESIDUAL_S:g} ms. Correct the times of the events.",
             path=joined.file,
         )
     return offset_s, rate

@@ -106,7 +106,8 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     channels = {n: values for n, (values, _) in converted.items()}
     units = {n: unit for n, (_, unit) in converted.items()}
     if entry.joined:
-        joined, joined_units, steps = join_files(study, entry, _whole_time(spec, channels))
+        time_s = _whole_time(spec, channels)
+        joined, joined_units, steps = join_files(study, entry, time_s, taken=(*channels, *labels))
         channels, units = channels | joined, units | joined_units
         table = replace(table, history=(*table.history, *steps))
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}

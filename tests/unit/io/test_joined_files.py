@@ -118,3 +118,19 @@ class TestRefusals:
         folder = written(tmp_path, "events_s = [[3.0, 1.0], [13.0, 10.0]]")
         with pytest.raises(DataError, match=r"runs \+11 % off"):
             joined(folder)
+
+    @pytest.mark.parametrize(
+        ("when", "told"),
+        [
+            ("events_s = [[3.0, 1.0], [8.1, 6.0], [13.0, 11.0]]", "do not fit together"),
+            ("offset_s = 1e6", "do not overlap"),
+        ],
+    )
+    def test_an_event_that_is_wrong_and_clocks_apart_are_mistakes(self, tmp_path, when, told):
+        with pytest.raises(DataError, match=told):
+            joined(written(tmp_path, when))
+
+    def test_a_channel_that_is_there_twice_is_refused(self, tmp_path):
+        text = STUDY.replace("shank_velocity", "angle").replace('"deg/s"', '"deg"')
+        with pytest.raises(DataError, match=r"angle: .* has the channel too"):
+            joined(written(tmp_path, "offset_s = 1.0", text=text))

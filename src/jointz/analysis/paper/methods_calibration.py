@@ -37,7 +37,7 @@ _CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
 _OF_SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
     "joint_encoder_": ("joint_encoder_lag",),
     "shank_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
-    "thigh_velocity_": ("joint_velocity_lag",),
+    "thigh_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
 }
 #: Entries whose sd only the method ``rigid`` uses.
 _OF_RIGID: Final = ("friction_gain", "tissue_hz")

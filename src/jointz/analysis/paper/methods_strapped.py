@@ -44,8 +44,8 @@ _DECIDED: Final = (
     "the timing points exceeds 50 %."
 )
 _SENSORS: Final = (
-    "The same fit explains what {names} showed, of the bone or of the device, each with a lag and "
-    "a gain of its own{mount}."
+    "The same fit explains the signals of {names}, each with a lag and a gain of its own{mount}; a "
+    "calibrated lag or gain replaced its prior."
 )
 #: Lag that is estimated with a sensor -> the sensor in words.
 _SENSOR_OF_LAG: Final = {
@@ -61,7 +61,7 @@ _PRIORS_OF_LAG: Final = {
     "shank_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
     "thigh_": frozenset({"joint_velocity_lag"}),
 }
-_MOUNT: Final = ", the gyroscopes on resonant mounts"
+_MOUNT: Final = ", and with a mount that resonates for each gyroscope"
 #: Unit at the end of the name of an entry.
 _UNIT: Final = re.compile(r"_(hz|s|rad|nm)$")
 _BY_THE_STUDY: Final = "stated by the study"

@@ -25,6 +25,11 @@ ENCODER, SHANK_VELOCITY, _THIGH_VELOCITY = MOTION_SENSORS
 JOINT_VELOCITY = "joint_velocity"
 #: A sensor that is silent for longer is not used, share of the recording.
 _LEAST_PRESENT = 0.95
+#: Holes of a further sensor up to this length are interpolated.
+_LONGEST_HOLE_S = 0.02
+#: Time over which sensors are averaged to be compared; usual gains over the goniometer, and sizes
+#: of the shank's velocity over the joint's.
+_COMPARED_S, _LIKE_GAINS, _SIZES = 0.02, (0.7, 1.4), (0.1, 5.0)
 #: Faster recordings are averaged down to about this rate, far above the band of a leg.
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
@@ -39,7 +44,7 @@ def common_rate_hz(sources: Sequence[Source]) -> float:
 
 
 def motion_sensors(sources: Sequence[Source]) -> tuple[str, ...]:
-    """Return the sensors beside the goniometer that all recordings have."""
+    """Return the sensors beside the goniometer that all recordings have, and that follow it."""
 
     def everywhere(channel: str) -> bool:
         return bool(sources) and all(_measures(s.given.recording, channel) for s in sources)
@@ -48,7 +53,7 @@ def motion_sensors(sources: Sequence[Source]) -> tuple[str, ...]:
     if everywhere(SHANK_VELOCITY):
         both = everywhere(_THIGH_VELOCITY)
         sensors.append(JOINT_VELOCITY if both else SHANK_VELOCITY)
-    return tuple(sensors)
+    return tuple(name for name in sensors if all(_follows(s, name) for s in sources))
 
 
 def unused_sensors(sources: Sequence[Source], used: Sequence[str]) -> list[str]:
@@ -66,6 +71,32 @@ def _measures(recording: xr.Dataset, channel: str) -> bool:
     values = recording[channel].to_numpy()
     finite = np.isfinite(values)
     return bool(finite.mean() >= _LEAST_PRESENT and np.ptp(values[finite]) > 0.0)
+
+
+def _follows(source: Source, name: str) -> bool:
+    """Return whether a sensor shows the motion of the goniometer: its unit and sign are right.
+
+    Walking moves the shank alone by another share of the joint's motion: only sizes are compared.
+    """
+    recording = source.given.recording
+    time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
+    if name == ENCODER and np.array_equal(recording[ENCODER].to_numpy(), angle, equal_nan=True):
+        return False  # the same sensor twice
+    every = max(1, round(_COMPARED_S * rate_hz(time)))
+    n = time.size // every
+    if n < 2:
+        return False
+    rows = np.stack([time, angle, _sensor(source, name)])[:, : n * every]
+    at, angle, shown = rows.reshape(3, n, every).mean(axis=2)
+    motion = angle if name == ENCODER else np.gradient(angle, at)
+    both = np.isfinite(motion) & np.isfinite(shown)
+    motion, shown = (v[both] - v[both].mean() for v in (motion, shown))
+    power = float(motion @ motion)
+    if name == SHANK_VELOCITY:
+        ratio, (low, high) = float(shown @ shown) / power, _SIZES
+        return low**2 <= ratio <= high**2
+    low, high = _LIKE_GAINS
+    return low <= float(shown @ motion) / power <= high
 
 
 def raw_signals(
@@ -137,12 +168,25 @@ def _sensor(source: Source, name: str) -> np.ndarray:
         thigh = _sensor(source, _THIGH_VELOCITY)
         return np.asarray(_sensor(source, SHANK_VELOCITY) - thigh)
     known, recording = source.given.calibration, source.given.recording
-    values = recording[name].to_numpy() / value_of(getattr(known, f"{name}_gain"), 1.0)
-    lag_s = value_of(sensor_lag(known, name), 0.0)
-    if lag_s == 0.0:
-        return np.asarray(values)
     time = recording["time"].to_numpy()
-    return np.asarray(np.interp(time + lag_s, time, values))
+    values = _bridged(time, recording[name].to_numpy())
+    values = values / value_of(getattr(known, f"{name}_gain"), 1.0)
+    lag_s = value_of(sensor_lag(known, name), 0.0)
+    return np.asarray(values if lag_s == 0.0 else np.interp(time + lag_s, time, values))
+
+
+def _bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Fill short holes by interpolation: a lost sample of one sensor must not cost a pulse."""
+    finite = np.isfinite(values)
+    if finite.all() or finite.sum() < 2:
+        return values
+    known_s = time[finite]
+    after = np.searchsorted(known_s, time)
+    inside = (after > 0) & (after < known_s.size)
+    hole_s = np.full(time.size, np.inf)
+    hole_s[inside] = known_s[after[inside]] - known_s[after[inside] - 1]
+    filled = np.interp(time, known_s, values[finite])
+    return np.where(finite | (hole_s <= _LONGEST_HOLE_S), filled, np.nan)
 
 
 def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:

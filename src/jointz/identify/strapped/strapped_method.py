@@ -75,7 +75,7 @@ LONGEST_WINDOW_S = 0.25
 _MARGIN_S = 0.03
 #: A fit that explains less of the responses explains nothing.
 _LEAST_VAF_PCT = 50.0
-_NEEDS_SHANK = ", and goes with shank_velocity"
+_NEEDS_SHANK = "; it goes with shank_velocity"
 #: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
 _FRICTION_ERROR = 0.1
 
@@ -283,7 +283,8 @@ class _Participant:
         """Name sensors that are not used."""
         return tuple(
             f"{self._name}: {name} was not used. It must be in all recordings with pulses (and in "
-            "those that unperturbed walking is learned from), alive for 95 % of each"
+            "those that unperturbed walking is learned from), alive for 95 % of each, and show the "
+            "motion of the angle: check its unit and its direction"
             f"{_NEEDS_SHANK if name == 'thigh_velocity' else ''}."
             for name in self._predictor.unused_sensors
         )

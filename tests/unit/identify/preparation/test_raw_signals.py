@@ -194,12 +194,20 @@ def walked(**sensors):
     )
 
 
-def moving(time):
-    return np.cos(2.0 * time)
+def encoder(time):
+    return 1.02 * np.sin(5.0 * time) + 0.1
+
+
+def shank(time):
+    return 3.0 * np.cos(5.0 * time) + 0.3 * np.sin(9.0 * time)
+
+
+def thigh(time):
+    return shank(time) - 5.0 * np.cos(5.0 * time)
 
 
 def mostly_silent(time):
-    return np.where(time < 3.7, moving(time), np.nan)
+    return np.where(time < 3.7, encoder(time), np.nan)
 
 
 def dead(time):
@@ -210,19 +218,28 @@ def dead(time):
     ("recordings", "used", "unused"),
     [
         ([{}], (), []),
-        ([{"joint_encoder": moving}], ("joint_encoder",), []),
+        ([{"joint_encoder": encoder}], ("joint_encoder",), []),
         (
-            [{"shank_velocity": moving, "thigh_velocity": moving, "joint_encoder": moving}],
+            [{"shank_velocity": shank, "thigh_velocity": thigh, "joint_encoder": encoder}],
             ("joint_encoder", "joint_velocity"),
             [],
         ),
-        ([{"shank_velocity": moving}], ("shank_velocity",), []),
-        ([{"thigh_velocity": moving}], (), ["thigh_velocity"]),
-        ([{"joint_encoder": moving}, {}], (), ["joint_encoder"]),
+        ([{"shank_velocity": shank}], ("shank_velocity",), []),
+        ([{"thigh_velocity": thigh}], (), ["thigh_velocity"]),
+        ([{"joint_encoder": encoder}, {}], (), ["joint_encoder"]),
         ([{"joint_encoder": mostly_silent}], (), ["joint_encoder"]),
         ([{"joint_encoder": dead}], (), ["joint_encoder"]),
+        ([{"joint_encoder": lambda t: np.rad2deg(encoder(t))}], (), ["joint_encoder"]),
+        ([{"joint_encoder": lambda t: -encoder(t)}], (), ["joint_encoder"]),
+        ([{"joint_encoder": lambda t: np.sin(5.0 * t)}], (), ["joint_encoder"]),
+        ([{"shank_velocity": lambda t: np.rad2deg(shank(t))}], (), ["shank_velocity"]),
         (
-            [{"shank_velocity": moving, "thigh_velocity": moving}, {"shank_velocity": moving}],
+            [{"shank_velocity": shank, "thigh_velocity": lambda t: -thigh(t)}],
+            (),
+            ["shank_velocity", "thigh_velocity"],
+        ),
+        (
+            [{"shank_velocity": shank, "thigh_velocity": thigh}, {"shank_velocity": shank}],
             ("shank_velocity",),
             ["thigh_velocity"],
         ),
@@ -258,11 +275,15 @@ def test_further_sensors_are_free_of_their_calibrated_gains_and_lags():
     assert velocity == pytest.approx(np.cos(4.0 * time) - np.cos(9.0 * time), abs=1e-3)
 
 
-def test_a_gap_of_a_used_sensor_is_a_gap():
-    made = walked(joint_encoder=lambda t: np.where(abs(t - 2.0) < 0.05, np.nan, moving(t)))
+@pytest.mark.parametrize(("half_s", "stretches"), [(0.008, 1), (0.05, 2)])
+def test_short_holes_of_a_sensor_are_filled_and_long_ones_are_gaps(half_s, stretches):
+    made = walked(joint_encoder=lambda t: np.where(abs(t - 2.0) < half_s, np.nan, encoder(t)))
 
     assert len(raw_signals(made).stretches) == 1
-    assert len(raw_signals(made, sensors=("joint_encoder",)).stretches) == 2
+    found = raw_signals(made, sensors=("joint_encoder",)).stretches
+    assert len(found) == stretches
+    for stretch in found:
+        assert stretch.signals[SENSOR_ROWS] == pytest.approx(encoder(stretch.time), abs=1e-3)
 
 
 @pytest.mark.parametrize(
