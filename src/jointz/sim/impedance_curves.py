@@ -216,7 +216,7 @@ def impedance_over_cycle(
 
 @dataclass(frozen=True, slots=True)
 class ChainTerms:
-    """What the chain of thigh and leg adds to the equation of a small deviation of the knee.
+    """Stiffness and rate of inertia of the chain of thigh and leg, for small deviations.
 
     An experiment measures B plus ``inertia_rate`` and K plus gravity plus ``stiffness``.
     """

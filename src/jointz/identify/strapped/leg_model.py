@@ -82,13 +82,13 @@ class Layout:
 
     @property
     def own_of_point(self) -> range:
-        """What a point has behind its knots."""
+        """Parameters of a timing point beside its knots, in order."""
         turns = not {JOINT_VELOCITY, SHANK_VELOCITY}.isdisjoint(self.sensors)
         return range(SHANK + 1 if turns else SHANK)
 
     @property
     def shared_names(self) -> tuple[str, ...]:
-        """What all points share."""
+        """Names of the parameters that all timing points share, in order."""
         names = [name for sensor in self.sensors for name in _OF_SENSOR[sensor]]
         return (*_SHARED, *(_GONIOMETER if names else ()), *names)
 
