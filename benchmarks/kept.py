@@ -1,5 +1,6 @@
 """Results of simulated people in files, a line a person, so that a second run goes on."""
 
+import argparse
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -95,3 +96,23 @@ def _new_entries(
     with open_engine(workers=min(workers, len(tasks)), tasks=len(tasks), needs=__name__) as engine:
         for done in done_in_turn(engine, tasks):
             yield done.result()
+
+
+def add_options(parser: argparse.ArgumentParser, *, people: int, kept: Path, table: Path) -> None:
+    """Add what the programs that keep results by person share.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Of the program.
+    people : int
+        How many by default.
+    kept, table : Path
+        Folder of the results and file to write by default.
+    """
+    add = parser.add_argument
+    add("--people", type=int, default=people, help="of every row, from one pool")
+    add("--seed", type=int, default=20260, help="of the population")
+    add("--workers", type=int, default=2, help="processes, one person each")
+    add("--kept", type=Path, default=kept, help="results")
+    add("--table", type=Path, default=table, help="file to write")

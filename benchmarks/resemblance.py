@@ -18,7 +18,7 @@ import pandas as pd
 from benchmarks.accuracy.people import settings_of, simulate
 from benchmarks.accuracy.rows import Row
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
-from benchmarks.kept import Entry, by_person
+from benchmarks.kept import Entry, add_options, by_person
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.participant import analyze_participant
@@ -181,13 +181,9 @@ def table_of(columns: Mapping[str, Mapping[tuple[str, str], float]]) -> pd.DataF
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.resemblance", description=__doc__)
-    add = parser.add_argument
-    add("--presets", nargs="+", default=list(PRESETS), help="presets to simulate")
-    add("--people", type=int, default=10, help="of every preset")
-    add("--seed", type=int, default=20260, help="of the population")
-    add("--workers", type=int, default=2, help="processes, one person each")
-    add("--kept", type=Path, default=_ROOT / ".accuracy-cache" / "resemblance", help="results")
-    add("--table", type=Path, default=_TABLE, help="file to write")
+    parser.add_argument("--presets", nargs="+", default=list(PRESETS), help="presets to simulate")
+    kept = _ROOT / ".accuracy-cache" / "resemblance"
+    add_options(parser, people=10, kept=kept, table=_TABLE)
     return parser
 
 

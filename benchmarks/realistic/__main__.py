@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 from benchmarks.accuracy.runs import ESTIMATION, code_hash
-from benchmarks.kept import by_person
+from benchmarks.kept import add_options, by_person
 from benchmarks.realistic.rows import ROWS, person_of_row
 from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
 
@@ -64,13 +64,9 @@ def _write(scores: pd.DataFrame, table: Path) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.realistic", description=__doc__)
-    add = parser.add_argument
-    add("--rows", default=",".join(ROWS), help="names, separated by commas")
-    add("--people", type=int, default=30, help="of every row, from one pool")
-    add("--seed", type=int, default=20260, help="of the population")
-    add("--workers", type=int, default=2, help="processes, one person each")
-    add("--kept", type=Path, default=_ROOT / ".accuracy-cache" / "realistic", help="results")
-    add("--table", type=Path, default=_TABLE, help="file to write")
+    parser.add_argument("--rows", default=",".join(ROWS), help="names, separated by commas")
+    kept = _ROOT / ".accuracy-cache" / "realistic"
+    add_options(parser, people=30, kept=kept, table=_TABLE)
     return parser
 
 

@@ -157,7 +157,8 @@ def _respond(
             for row in range(4):
                 rise = curves[row, sample + 1] - curves[row, sample]
                 inputs[row] = curves[row, sample] + within * rise
-            inputs[_INERTIA_RATE] = rise / period_s
+            growth = curves[INERTIA, sample + 1] - curves[INERTIA, sample]
+            inputs[_INERTIA_RATE] = growth / period_s
             inputs[_TORQUE] = torque[i] + part * (torque[i + 1] - torque[i])
             # What the reflex answers was before this step: latencies are longer than a step.
             past = i + part - latency

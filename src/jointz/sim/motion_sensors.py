@@ -23,7 +23,7 @@ from jointz.core.study import Calibrated
 from jointz.sim.impedance_curves import impedance_over_cycle, thigh_share
 from jointz.sim.layout import CURVE_PIECES, Param, State
 from jointz.sim.path import phase_at
-from jointz.sim.people import Person
+from jointz.sim.people import Person, within_errors
 from jointz.sim.plant_build import Grid, PlantBuild
 from jointz.sim.presets import Preset
 from jointz.sim.sensor_settings import (
@@ -36,7 +36,6 @@ from jointz.sim.sensor_settings import (
 
 _ENCODER, _SHANK, _THIGH = range(3)  # rows of all arrays, as in MOTION_SENSORS
 _RING = 64  # samples kept: more than any delay; a power of two
-_LARGEST_ERROR = 3.0  # sd
 #: Columns of a block of standard normal numbers, a row a sample.
 MOTION_NOISES = 6
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
@@ -327,7 +326,7 @@ def measure(
 
 def _error(person: Person, purpose: str) -> float:
     deviation = float(person.stream(f"motion sensors {purpose}").standard_normal())
-    return min(max(deviation, -_LARGEST_ERROR), _LARGEST_ERROR)
+    return within_errors(deviation)
 
 
 def _between(person: Person, purpose: str, limits: Range) -> float:

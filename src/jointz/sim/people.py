@@ -200,7 +200,12 @@ def draw_instruments(person: Person, preset: Preset) -> Instruments:
 def _moment_gain(person: Person, error_sd: float) -> float:
     # An own stream: the other instruments of a person stay the same.
     deviation = float(person.stream("moment instruments").standard_normal())
-    return 1.0 + error_sd * min(max(deviation, -_LARGEST_ERROR), _LARGEST_ERROR)
+    return 1.0 + error_sd * within_errors(deviation)
+
+
+def within_errors(deviation: float) -> float:
+    """Return a standard normal number, cut off where no instrument is so wrong."""
+    return min(max(deviation, -_LARGEST_ERROR), _LARGEST_ERROR)
 
 
 def _within(rng: np.random.Generator, mean: float, sd: float, *, low: float, high: float) -> float:

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.paper.methods_strapped import lags_of_sensors
 from jointz.analysis.paper.methods_used import FULL_RECORD, RIGID, STRAPPED, used_methods
 from jointz.report.subjects import study_record
 from jointz.report.wording import format_with_sd
@@ -92,8 +93,7 @@ def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
         return "torque" not in (study_record(analysis).get("channels") or {})
     for begin, lags in _OF_SENSORS.items():
         if key.startswith(begin):
-            found = {p.name for cell in analysis.cells for p in cell.nuisance}
-            return not found.isdisjoint(lags)
+            return not set(lags_of_sensors(analysis)).isdisjoint(lags)
     return key != "tissue_hz" or RIGID in used_methods(analysis)
 
 

@@ -80,14 +80,15 @@ def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
 
 
 def _sensor_sentences(analysis: StudyAnalysis) -> Iterator[str]:
-    lags = _lags_of_sensors(analysis)
+    lags = lags_of_sensors(analysis)
     if lags:
         names = " and ".join(_SENSOR_OF_LAG[lag] for lag in lags)
         mount = _MOUNT if set(lags) - {"joint_encoder_lag"} else ""
         yield _SENSORS.format(names=names, mount=mount)
 
 
-def _lags_of_sensors(analysis: StudyAnalysis) -> list[str]:
+def lags_of_sensors(analysis: StudyAnalysis) -> list[str]:
+    """Return the lags that were estimated with sensors beside the goniometer."""
     found = {p.name for cell in analysis.cells for p in cell.nuisance}
     return [lag for lag in _SENSOR_OF_LAG if lag in found]
 
@@ -100,7 +101,7 @@ def strapped_decision() -> str:
 def _priors_sentence(analysis: StudyAnalysis) -> str:
     """List the priors that were used, with their sources."""
     record = analysis.provenance.get("priors")
-    lags = _lags_of_sensors(analysis)
+    lags = lags_of_sensors(analysis)
     unused = tuple(begin for begin, of in _PRIORS_OF_LAG.items() if of.isdisjoint(lags))
     each = "; ".join(_priors(PriorsSpec.model_validate(record or {}), unused))
     return (

@@ -216,8 +216,7 @@ class MapSearch:
             torque = np.zeros((shapes, channels, n))
             torque[:, 0] = [point.blocks(shape.torque) for shape in point.shapes]
             covariance += point.twist_sd**2 * np.outer(torque, torque)
-        level = np.sqrt(np.diag(covariance))
-        return np.asarray(covariance + _JITTER * np.diag(level**2))
+        return np.asarray(covariance + _JITTER * np.diag(np.diag(covariance)))
 
 
 def _over_blocks(point: PointResponse, covariance: np.ndarray) -> np.ndarray:

@@ -14,8 +14,7 @@ from jointz.core.codes import Doubt, Failure
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
 from jointz.core.method_names import PREDICTED, STRAPPED
-from jointz.core.priors import LogPrior, NormalPrior, SharePrior
-from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.core.study import CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
@@ -26,17 +25,11 @@ from jointz.identify.prediction.predicted_cells import (
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
-from jointz.identify.preparation.calibration import pooled_calibration, relative_sd, value_of
-from jointz.identify.preparation.cell_data import PARAMETERS, calibration_sd
+from jointz.identify.preparation.calibration import pooled_calibration
+from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
-from jointz.identify.preparation.raw_signals import (
-    ENCODER,
-    JOINT_VELOCITY,
-    SHANK_VELOCITY,
-    intrinsic_left_in,
-    sensor_lag,
-)
-from jointz.identify.preparation.sources import FRICTION_OF_MODEL, ParticipantSettings, Source
+from jointz.identify.preparation.raw_signals import intrinsic_left_in
+from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
@@ -50,6 +43,11 @@ from jointz.identify.strapped.decisions import (
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
+from jointz.identify.strapped.instruments import (
+    calibrated_lag,
+    instrument_priors,
+    lags_of_instruments,
+)
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.posterior import CYCLE_SHARES, LegPosterior, explain
 from jointz.identify.strapped.prior import STEADY, LegPriors
@@ -61,7 +59,6 @@ from jointz.identify.strapped.responses import (
 )
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import (
-    REACH_95,
     CellEstimate,
     ParameterEstimate,
     PulseExample,
@@ -76,8 +73,6 @@ _MARGIN_S = 0.03
 #: A fit that explains less of the responses explains nothing.
 _LEAST_VAF_PCT = 50.0
 _NEEDS_SHANK = "; it goes with shank_velocity"
-#: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
-_FRICTION_ERROR = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -339,8 +334,8 @@ class _Participant:
         priors = LegPriors(
             settings.priors,
             body,
-            _declared(known, sources) | _of_sensors(known, self._predictor.sensors),
-            _lag(known),
+            instrument_priors(known, sources, self._predictor.sensors),
+            calibrated_lag(known),
             steady=self._hypotheses.steady,
         )
         posterior, lag_unlikely = self._fit(model, priors)
@@ -399,7 +394,7 @@ class _Participant:
             baseline=PREDICTED,
             displacement_rad=moved,
             response=response,
-            nuisance=(_lag_of_angle(explained.posterior), *_lags_of_sensors(explained)),
+            nuisance=tuple(lags_of_instruments(explained.posterior, explained.known)),
             through_instruments=_through_sources(k, explained, parameters),
             centre_gait_pct=centre,
             gravity_corrected=self._gravity_corrected(cell, parameters[0], point, centre),
@@ -490,57 +485,11 @@ class _Participant:
         )
 
 
-def _declared(
-    known: CalibrationSpec, sources: Sequence[Source]
-) -> dict[str, LogPrior | SharePrior | NormalPrior]:
-    """Return priors of what the torque model declares."""
-    priors: dict[str, LogPrior | SharePrior | NormalPrior] = {}
-    frictions = [
-        np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
-        for s in sources
-        if FRICTION_OF_MODEL in s.given.recording
-    ]
-    size = float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
-    if size > 0.0:
-        gain = known.friction_gain
-        error = _FRICTION_ERROR if gain is None else max(gain.sd / gain.value, 1e-3)
-        priors["friction_nm"] = LogPrior(median=error * size, log_sd=0.7)
-    return priors
-
-
-def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, NormalPrior]:
-    """Return priors of calibrated sensors, less their values, which the signals are free of."""
-    priors = {}
-    if sensors and known.angle_gain is not None:
-        priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
-    for sensor in sensors:
-        name, channel = _names_of(sensor)
-        lag, gain = sensor_lag(known, channel), getattr(known, f"{channel}_gain")
-        if lag is not None:
-            sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
-            priors[f"{name}_delay_s"] = _about_zero(sd)
-        if gain is not None:
-            priors[f"{name}_gain"] = _about_zero(relative_sd(gain))
-    return priors
-
-
-def _about_zero(sd: float) -> NormalPrior:
-    return NormalPrior(mean=0.0, sd=max(sd, 1e-4))
-
-
 def _contradicts(posterior: LegPosterior, priors: LegPriors, shares: Sequence[float]) -> bool:
     """Return whether the evidence speaks against the calibrated lag by the odds of a doubt."""
     free = explain(posterior.model, replace(priors, lag=None), shares)
     evidence = [max(fit.log_evidence for fit in p.fits) for p in (free, posterior)]
     return bool(evidence[0] - evidence[1] > np.log(DOUBTFUL_ODDS))
-
-
-def _lag(known: CalibrationSpec) -> Calibrated | None:
-    """Return the calibrated lag of the angle; the error of a torque's lag, shifted, adds to it."""
-    lag, late = known.angle_lag_s, known.torque_lag_s
-    if lag is None or late is None:
-        return lag
-    return Calibrated(value=lag.value, sd=float(np.hypot(lag.sd, late.sd)))
 
 
 def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
@@ -606,28 +555,3 @@ def _through_sources(
                 for source, left in explained.remaining.items()
             }
     return parts
-
-
-def _lag_of_angle(posterior: LegPosterior) -> ParameterEstimate:
-    """Return the lag of the goniometer: delay and first-order lag together."""
-    moments = [posterior.shared_moments(name) for name in ("sensor_delay_s", "sensor_lag_s")]
-    values = [float(np.exp(mean)) for mean, _ in moments]
-    sds = [value * sd for value, (_, sd) in zip(values, moments, strict=True)]
-    lag, reach = sum(values), REACH_95 * float(np.linalg.norm(sds))
-    return ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok")
-
-
-def _lags_of_sensors(explained: _Explained) -> Iterator[ParameterEstimate]:
-    """Yield the lags of further sensors, calibrated part included."""
-    for sensor in explained.posterior.model.layout.sensors:
-        name, channel = _names_of(sensor)
-        known_s = value_of(sensor_lag(explained.known, channel), 0.0)
-        mean, sd = explained.posterior.shared_moments(f"{name}_delay_s")
-        lag, reach = known_s + mean, REACH_95 * sd
-        yield ParameterEstimate(f"{sensor}_lag", lag, lag - reach, lag + reach, "ok")
-
-
-def _names_of(sensor: str) -> tuple[str, str]:
-    """Return the name of a sensor's parameters, and the channel of its calibration."""
-    name = "encoder" if sensor == ENCODER else "gyroscope"
-    return name, SHANK_VELOCITY if sensor == JOINT_VELOCITY else sensor

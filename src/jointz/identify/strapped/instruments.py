@@ -1,0 +1,103 @@
+"""Instruments of a strapped leg: their priors by calibration, and their lags by the fit."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from jointz.core.priors import LogPrior, NormalPrior, SharePrior
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.identify.preparation.calibration import relative_sd, value_of
+from jointz.identify.preparation.cell_data import calibration_sd
+from jointz.identify.preparation.raw_signals import (
+    ENCODER,
+    JOINT_VELOCITY,
+    SHANK_VELOCITY,
+    sensor_lag,
+)
+from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
+from jointz.identify.strapped.posterior import LegPosterior
+from jointz.results.estimates import REACH_95, ParameterEstimate
+
+#: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
+_FRICTION_ERROR = 0.1
+
+
+def instrument_priors(
+    known: CalibrationSpec, sources: Sequence[Source], sensors: Sequence[str]
+) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+    """Return priors of what torque model and calibration tell, instead of the usual ones."""
+    return _of_torque_model(known, sources) | _of_sensors(known, sensors)
+
+
+def _of_torque_model(
+    known: CalibrationSpec, sources: Sequence[Source]
+) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+    """Return priors of what the torque model declares."""
+    priors: dict[str, LogPrior | SharePrior | NormalPrior] = {}
+    frictions = [
+        np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
+        for s in sources
+        if FRICTION_OF_MODEL in s.given.recording
+    ]
+    size = float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
+    if size > 0.0:
+        gain = known.friction_gain
+        error = _FRICTION_ERROR if gain is None else max(gain.sd / gain.value, 1e-3)
+        priors["friction_nm"] = LogPrior(median=error * size, log_sd=0.7)
+    return priors
+
+
+def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, NormalPrior]:
+    """Return priors of calibrated sensors, less their values, which the signals are free of."""
+    priors = {}
+    if sensors and known.angle_gain is not None:
+        priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
+    for sensor in sensors:
+        name, channel = _names_of(sensor)
+        lag, gain = sensor_lag(known, channel), getattr(known, f"{channel}_gain")
+        if lag is not None:
+            sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
+            priors[f"{name}_delay_s"] = _about_zero(sd)
+        if gain is not None:
+            priors[f"{name}_gain"] = _about_zero(relative_sd(gain))
+    return priors
+
+
+def _about_zero(sd: float) -> NormalPrior:
+    return NormalPrior(mean=0.0, sd=max(sd, 1e-4))
+
+
+def calibrated_lag(known: CalibrationSpec) -> Calibrated | None:
+    """Return the calibrated lag of the angle; the error of a torque's lag, shifted, adds to it."""
+    lag, late = known.angle_lag_s, known.torque_lag_s
+    if lag is None or late is None:
+        return lag
+    return Calibrated(value=lag.value, sd=float(np.hypot(lag.sd, late.sd)))
+
+
+def lags_of_instruments(
+    posterior: LegPosterior, known: CalibrationSpec
+) -> Iterator[ParameterEstimate]:
+    """Yield the lags of the goniometer and of further sensors, calibrated part included."""
+    yield _lag_of_angle(posterior)
+    for sensor in posterior.model.layout.sensors:
+        name, channel = _names_of(sensor)
+        known_s = value_of(sensor_lag(known, channel), 0.0)
+        mean, sd = posterior.shared_moments(f"{name}_delay_s")
+        lag, reach = known_s + mean, REACH_95 * sd
+        yield ParameterEstimate(f"{sensor}_lag", lag, lag - reach, lag + reach, "ok")
+
+
+def _lag_of_angle(posterior: LegPosterior) -> ParameterEstimate:
+    """Return the lag of the goniometer: delay and first-order lag together."""
+    moments = [posterior.shared_moments(name) for name in ("sensor_delay_s", "sensor_lag_s")]
+    values = [float(np.exp(mean)) for mean, _ in moments]
+    sds = [value * sd for value, (_, sd) in zip(values, moments, strict=True)]
+    lag, reach = sum(values), REACH_95 * float(np.linalg.norm(sds))
+    return ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok")
+
+
+def _names_of(sensor: str) -> tuple[str, str]:
+    """Return the name of a sensor's parameters, and the channel of its calibration."""
+    name = "encoder" if sensor == ENCODER else "gyroscope"
+    return name, SHANK_VELOCITY if sensor == JOINT_VELOCITY else sensor
