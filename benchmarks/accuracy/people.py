@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
-from benchmarks.accuracy.rows import PARAMETERS, Row
+from benchmarks.accuracy.rows import Row
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
@@ -18,6 +17,7 @@ from jointz.identify.preparation.sources import ParticipantSettings, RecordingIn
 from jointz.identify.study_kinds import WALKING
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
+from jointz.sim.own_truth import cell_truth as cell_truth
 from jointz.sim.people import Person, draw_person
 from jointz.sim.rig import SimulatedRig
 
@@ -170,28 +170,6 @@ def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> Particip
         mass_kg=rig.person.mass_kg,
         **more,
     )
-
-
-def cell_truth(truth: dict[str, Any]) -> dict[str, dict[str, float]]:
-    """Return the truth at every timing point: apparent K (gravity included), B and J.
-
-    Parameters
-    ----------
-    truth : mapping
-        As the simulation writes it.
-
-    Returns
-    -------
-    dict
-        Timing point -> ``stiffness``, ``damping``, ``inertia``, mean over its pulses.
-    """
-    pulses = pd.DataFrame(truth["pulses"])
-    pulses["stiffness"] += pulses["gravity_stiffness"]
-    means = pulses.groupby("timing_point")[list(PARAMETERS)].mean()
-    return {
-        str(point): {name: float(values[name]) for name in PARAMETERS}
-        for point, values in means.iterrows()
-    }
 
 
 def _from_priors(person: Person, priors: Priors) -> Person:

@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 
 from benchmarks.kept import Entry
-from benchmarks.realistic.truth import own_truth
 
 import jointz
 from jointz.analysis.page.uncertainty_section import uncertainty_section
@@ -18,6 +17,7 @@ from jointz.report.wording import parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
+from jointz.sim.own_truth import own_truth
 from jointz.sim.people import draw_person
 from jointz.sim.presets import Preset, preset
 

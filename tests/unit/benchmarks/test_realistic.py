@@ -7,9 +7,9 @@ import pytest
 from benchmarks.realistic.page import realistic_text, resemblance_text
 from benchmarks.realistic.rows import PARAMETERS, ROWS, preset_of
 from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
-from benchmarks.realistic.truth import own_truth
 
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.sim.own_truth import own_truth
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
 
