@@ -59,7 +59,12 @@ from jointz.results.bench.calibration_fit import (
     failed,
 )
 from jointz.results.bench.paired_runs_fit import PairedRunsFit
-from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
+from jointz.results.certificate_result import (
+    Certificate,
+    ComparedStatistic,
+    VirtualEstimate,
+    expected_errors,
+)
 from jointz.results.estimates import CellEstimate, ParameterEstimate, Response
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.run_report import RunReport, StudyRun
@@ -360,20 +365,25 @@ def log_posterior() -> LogPosterior:
 
 def certificate() -> Certificate:
     estimates = tuple(
-        VirtualEstimate("S01", replicate, "LRE", name, truth, value, low, high, status)
-        for replicate, name, truth, value, low, high, status in (
-            (0, "stiffness", 100.0, 104.0, 95.0, 113.0, "ok"),
-            (1, "stiffness", 90.0, None, None, None, "undecided"),
-            (0, "damping", 3.0, 3.1, 2.8, 3.4, "ok"),
-            (0, "inertia", 0.05, 0.051, 0.047, 0.055, "ok"),
+        VirtualEstimate(who, "LRE", name, truth, value, low, high, status)
+        for who, name, truth, value, low, high, status in (
+            ("V01", "stiffness", 100.0, 104.0, 95.0, 113.0, "ok"),
+            ("V02", "stiffness", 90.0, None, None, None, "undecided"),
+            ("V01", "damping", 3.0, 3.1, 2.8, 3.4, "ok"),
+            ("V01", "inertia", 0.05, 0.051, 0.047, 0.055, "ok"),
         )
     )
-    told = {
-        "left_out": {"S02": "no pulse"},
-        "injected": {"stiffness": "10"},
-        "settings": {"seed": 1},
-    }
-    return Certificate("rigid", expected_errors(estimates), estimates, 1, 2, **told)
+    return Certificate(
+        "strapped",
+        expected_errors(estimates),
+        estimates,
+        2,
+        (ComparedStatistic("misfit", 1.2, 1.0, 0.8, 1.1),),
+        world="realistic",
+        protocol="+17 N*m for 250 ms",
+        left_out={"V03": "no pulse"},
+        settings={"seed": 1},
+    )
 
 
 def specification_curve() -> SpecificationCurve:

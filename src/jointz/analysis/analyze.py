@@ -1,7 +1,7 @@
 """Analysis of a study: from recordings to impedance with intervals."""
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -34,7 +34,6 @@ from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
 from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
-from jointz.results.certificate_result import VirtualEstimate
 from jointz.results.estimates import CellEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.statistics.pooled_estimates import has_budget
@@ -46,9 +45,8 @@ from jointz.tasks.task_store import TaskStore
 from jointz.terminal.progress_bars import shown_progress
 
 DEFAULT_RESAMPLES = 1000
-#: Known responses added to a study's own strides: enough for a report, not for a study of the
-#: method (:func:`jointz.analysis.certify.certify`).
-_INJECTIONS = 10
+#: Number of simulated people of a certificate.
+VIRTUAL_PEOPLE = 10
 
 #: Result of a participant whose analysis ended with an error.
 _EMPTY_RESULT = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
@@ -60,7 +58,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     method: str = "recommended",
     resamples: int = DEFAULT_RESAMPLES,
     seed: int = 0,
-    certify: bool = False,
+    certify: bool | int = False,
     salvage: bool = False,
     engine: Engine | None = None,
     store: TaskStore | None = None,
@@ -83,9 +81,9 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         Bootstrap resamples for each cell.
     seed : int
         Seed of the bootstrap.
-    certify : bool
-        Whether to add a certificate (:func:`jointz.certify`), with few injections; walking studies
-        by the method ``rigid`` only.
+    certify : bool or int
+        Whether to add a certificate (:func:`jointz.certify`), of 10 simulated people or of this
+        number; walking studies of the knee by ``strapped`` or ``rigid`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
         (:func:`jointz.analysis.salvage_hook.salvage_recordings`).
@@ -108,7 +106,8 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     StudyError
         If recordings cannot be trusted; one message names all of them.
     DataError
-        If the method does not suit the study or its baseline, or has no certificate.
+        If the method does not suit the study or its baseline, or no simulated person can
+        repeat it for a certificate.
     EngineError
         If the engine cannot continue; finished participants stay in the store.
     ValueError
@@ -120,11 +119,11 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
     name = _chosen(opened, check_method(method))
-    if certify and name != RIGID:
-        raise DataError(
-            f"certify: a certificate is for walking by the method {RIGID}; this is {name}. "
-            "Remove it, or choose that method."
-        )
+    simulated = VIRTUAL_PEOPLE if certify is True else int(certify)
+    if simulated:
+        from jointz.analysis.certificate.study_protocol import check_certifiable
+
+        check_certifiable(opened, name)
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     outputs = _Outputs(seed)
@@ -132,27 +131,33 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     if exclusions.is_file():
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
-    injections = _injections(len(people)) if certify else 0
-    request = EstimationRequest(opened, name, resamples=resamples, seed=seed, injections=injections)
-    with (
-        shown_progress(progress=progress) as show,
-        closing(outcomes(request, people, engine=engine or Serial(), store=store)) as pending,
-    ):
-        for done, (person_id, outcome) in enumerate(pending):
-            show(done, len(people), person_id)
-            outputs.add(person_id, outcome, last=len(people) == len(outputs.errors) + 1)
-            del outcome  # it would keep the recordings in memory
+    engine = engine or Serial()
+    request = EstimationRequest(opened, name, resamples=resamples, seed=seed)
+    total = len(people) + simulated
+    with shown_progress(progress=progress) as show:
+        with closing(outcomes(request, people, engine=engine, store=store)) as pending:
+            for done, (person_id, outcome) in enumerate(pending):
+                show(done, total, person_id)
+                outputs.add(person_id, outcome, last=len(people) == len(outputs.errors) + 1)
+                del outcome  # it would keep the recordings in memory
         if outputs.problems:
             raise StudyError(str(opened.root), outputs.problems)
-        show(len(people), len(people), "done")
-    analysis = _assembled(request, outputs)
-    return _with_pooled_people(request, analysis, outputs.virtual)
+        analysis = _with_pooled_people(_assembled(request, outputs))
+        if simulated:
+            from jointz.analysis.certificate.certificate_step import certificate_of
 
-
-def _injections(people: int) -> int:
-    from jointz.identify.appraisal.certificate_study import replicates_for
-
-    return replicates_for(people, virtual=_INJECTIONS)
+            certificate = certificate_of(
+                opened,
+                analysis,
+                people=simulated,
+                seed=seed,
+                engine=engine,
+                store=store,
+                show=lambda done, text: show(len(people) + done, total, text),
+            )
+            analysis = replace(analysis, certificate=certificate)
+        show(total, total, "done")
+    return analysis
 
 
 @dataclass(slots=True)
@@ -161,7 +166,6 @@ class _Outputs:
 
     seed: int
     results: dict[str, ParticipantResult] = field(default_factory=dict)
-    virtual: dict[str, list[VirtualEstimate]] = field(default_factory=dict)
     inputs: dict[str, dict[str, Any]] = field(default_factory=dict)  # file -> its name and hash
     problems: list[str] = field(default_factory=list)  # of recordings that cannot be trusted
     errors: dict[str, str] = field(default_factory=dict)  # participant without a result -> message
@@ -183,7 +187,7 @@ class _Outputs:
             self.errors[person_id] = self._message(person_id, exc)
         else:
             self.inputs |= completed.inputs
-            self.results[person_id], self.virtual[person_id] = completed.result, completed.virtual
+            self.results[person_id] = completed.result
 
     def _message(self, person_id: str, exc: Exception) -> str:
         """Explain why an analysis failed; too little memory is no bug."""
@@ -199,27 +203,11 @@ class _Outputs:
         )
 
 
-def _with_pooled_people(
-    request: EstimationRequest,
-    analysis: Analysis,
-    virtual: Mapping[str, Sequence[VirtualEstimate]],
-) -> Analysis:
-    """Add the certificate of a walking study, and estimates pooled over its people."""
-    if request.method != RIGID:
-        return analysis
-    if request.injections:
-        from jointz.identify.appraisal.certificate_draws import Injection
-        from jointz.identify.appraisal.certificate_study import assembled
-
-        certificate = assembled(
-            virtual,
-            Injection(),
-            replicates=request.injections,
-            seed=request.seed,
-            window_s=request.study.spec.perturbations.window_s,
-        )
-        analysis = replace(analysis, certificate=certificate)
-    if len(virtual) < 2 or not any(map(has_budget, analysis.cells)):
+def _with_pooled_people(analysis: Analysis) -> Analysis:
+    """Add estimates pooled over the people of a walking study by ``rigid``."""
+    people = {cell.participant for cell in analysis.cells}
+    wanted = analysis.settings["method"] == RIGID and len(people) > 1
+    if not wanted or not any(map(has_budget, analysis.cells)):
         return analysis
     pooled = pool_people(person_cells(analysis.cells))
     return replace(analysis, population=pooled.population, pooled=pooled.cells)

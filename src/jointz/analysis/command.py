@@ -40,8 +40,8 @@ def analyze(
         bool,
         typer.Option(
             "--certify",
-            help="Add a certificate: the errors to expect, from known responses put into the "
-            "study's own strides (method rigid).",
+            help="Add a certificate: the errors to expect, from 10 simulated people who walk the "
+            "study's protocol (methods strapped and rigid).",
         ),
     ] = False,
     figures: Annotated[

@@ -22,7 +22,6 @@ from jointz.identify.study_kinds import KINDS
 from jointz.io.formats.columns import damaged, file_sha256
 from jointz.io.recordings import read_recording
 from jointz.io.study_files import named_as_written, shown_file
-from jointz.results.certificate_result import VirtualEstimate
 from jointz.tasks.engine import Engine, Serial, Task, done_in_turn, on_one_thread
 from jointz.tasks.task_store import TaskStore, task_key
 
@@ -35,8 +34,6 @@ class EstimationRequest:
     method: str
     resamples: int  # number of resamples of the bootstrap
     seed: int
-    # number of known responses added to each participant's own strides, for a certificate
-    injections: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +41,6 @@ class Outcome:
     """Result for a participant."""
 
     result: ParticipantResult  # without its evidence, which is large
-    virtual: list[VirtualEstimate]  # estimates of the known responses
     inputs: dict[str, dict[str, Any]]  # file -> its name and hash
 
 
@@ -90,7 +86,6 @@ def _key(request: EstimationRequest, person_id: str) -> str:
         "method": request.method,
         "resamples": request.resamples,
         "seed": request.seed,
-        "injections": request.injections,
         "exclusions": exclusions,
     }
     return task_key(what=f"analyze {person_id}", inputs=inputs, settings=settings)
@@ -162,15 +157,7 @@ def _outcome(
         request.study, person_id, request.method, resamples=request.resamples, seed=request.seed
     )
     result = _analyzed(person_id, recordings, settings)
-    virtual: list[VirtualEstimate] = []
-    if request.injections:
-        from jointz.identify.appraisal.certificate_draws import Injection
-        from jointz.identify.appraisal.certificate_study import certify_participant
-
-        virtual = certify_participant(
-            result.evidence, Injection(), replicates=request.injections, seed=request.seed
-        )
-    return Outcome(replace(result, evidence=()), virtual, inputs)
+    return Outcome(replace(result, evidence=()), inputs)
 
 
 def recommended_method(study: Study) -> str:

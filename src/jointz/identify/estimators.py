@@ -53,7 +53,7 @@ class Estimates:
     pulses: Sequence[PulseRecord]  # all pulses of the data with their final codes
     single: tuple[PulseEstimate, ...] = ()  # estimates from single pulses of a bench
     model: ParticipantModel | None = None  # model of joint and sensor
-    evidence: "Evidence | None" = None  # input of a certificate or a repeated estimate
+    evidence: "Evidence | None" = None  # input of a repeated estimate
     notes: tuple[str, ...] = ()  # what was not used
     log_posterior: LogPosterior | None = None  # joint posterior of K, B and J of all timing points
 

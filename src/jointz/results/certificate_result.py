@@ -1,14 +1,14 @@
-"""Expected errors of a study, from known responses injected into it."""
+"""Expected errors of a study, from simulated people who walk its protocol."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.core.events import row_label
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
 
@@ -24,20 +24,82 @@ _SMALL = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class VirtualEstimate:
-    """One parameter of an injected response, and its estimate."""
+class Statistic:
+    """A statistic by which the study's people are compared with the simulated ones."""
 
-    participant: str  # owner of the strides
-    replicate: int  # number of the injection; all of one replicate share sensor and inertia
-    timing_point: str  # timing point of the injection
+    title: str
+    unit: str
+    above: str  # what follows where the study's is larger than those of the simulated people
+    below: str  # what follows where it is smaller
+
+
+_LARGER = "errors can be larger than stated"
+_OTHER = "the stated errors are of other joints"
+#: What a study is compared by; chosen before any comparison was made.
+STATISTICS: Mapping[str, Statistic] = MappingProxyType(
+    {
+        "unexplained_pct": Statistic(
+            "unexplained variance",
+            "%",
+            f"The fit explains less of your responses than of the simulated ones: {_LARGER}",
+            "The fit explains more of your responses than of the simulated ones: errors are "
+            "probably smaller than stated",
+        ),
+        "misfit": Statistic(
+            "misfit over the noise of the average response",
+            "",
+            f"Your responses have a form that the model does not explain: {_LARGER}",
+            "The fit leaves less than the noise of the simulated people explains: noise or "
+            f"number of pulses is unlike the simulated one, and {_LARGER}",
+        ),
+        "unpredictability_deg": Statistic(
+            "unpredictability of a stride",
+            "deg",
+            f"Your strides are less predictable than the simulated ones: {_LARGER}",
+            "Your strides are more predictable than the simulated ones: errors are probably "
+            "smaller than stated",
+        ),
+        "displacement_deg": Statistic(
+            "displacement by a pulse",
+            "deg",
+            f"Your pulses move the joint further than the simulated ones: {_OTHER}",
+            f"Your pulses move the joint less than the simulated ones: {_LARGER}",
+        ),
+        "natural_frequency_hz": Statistic(
+            "natural frequency",
+            "Hz",
+            f"Your joints are stiffer or lighter than the simulated ones: {_OTHER}",
+            f"Your joints are softer or heavier than the simulated ones: {_OTHER}",
+        ),
+        "damping_ratio": Statistic(
+            "damping ratio",
+            "",
+            f"Your joints are more damped than the simulated ones: {_OTHER}",
+            f"Your joints are less damped than the simulated ones: {_OTHER}",
+        ),
+        "without_value_pct": Statistic(
+            "estimates without a value",
+            "%",
+            f"More of your estimates are undecided, doubted or failed: {_LARGER}",
+            "Fewer of your estimates are undecided, doubted or failed: the method sees less "
+            "uncertainty than in the simulated people, which can be wrong",
+        ),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualEstimate:
+    """One parameter of a simulated person at a timing point, and its estimate."""
+
+    participant: str  # the simulated person
+    timing_point: str
     parameter: str  # estimated parameter
-    truth: float  # injected value, SI; mean over the window, weighted by the effect on the response
+    truth: float  # true value of the quantity that the method estimates, SI
     value: float | None  # estimate, SI; None where undecided
     ci_low: float | None  # lower end of the interval, SI; None where undecided
     ci_high: float | None  # upper end of the interval, SI; None where undecided
     status: str  # as in :class:`jointz.results.estimates.ParameterEstimate`
-    session: str = ""  # session of the strides; "" where the study does not state it
-    side: str = ""  # side of the strides; "" where the study does not state it
 
     @property
     def decided(self) -> bool:
@@ -57,11 +119,11 @@ class ExpectedError:
     bias_pct: float | None
     # root mean square of estimate / truth - 1 over the same estimates; None without any
     rmse_pct: float | None
-    rmse_sd_pct: float | None  # standard deviation of ``rmse_pct`` from so many injections
+    rmse_sd_pct: float | None  # standard deviation of ``rmse_pct`` from so many people
     rmse: float | None  # root mean square error over all decided estimates, SI
     # share of the 95 % intervals that contain the truth, over all decided estimates
     coverage: float | None
-    coverage_sd: float | None  # standard deviation of ``coverage`` from so many injections
+    coverage_sd: float | None  # standard deviation of ``coverage`` from so many people
     # median width of the intervals, % of the truth, where the truth is not small
     width_pct: float | None
     # number of decided estimates whose truth is too small for an error in %; see
@@ -74,40 +136,83 @@ class ExpectedError:
         return PARAMETER_UNITS[self.parameter]
 
 
+@dataclass(frozen=True, slots=True)
+class ComparedStatistic:
+    """One statistic of the study's people beside that of simulated ones, medians over people."""
+
+    name: str  # key of :data:`STATISTICS`
+    study: float  # of the study's people
+    simulated: float  # of the simulated people
+    low: float  # limits of the median of equally many simulated people
+    high: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether the study is outside the limits."""
+        return not self.low <= self.study <= self.high
+
+    @property
+    def sentence(self) -> str:
+        """How the study differs, and what follows."""
+        statistic = STATISTICS[self.name]
+        text = statistic.above if self.study > self.high else statistic.below
+        return (
+            f"{text} ({statistic.title} {self.study:.3g} {statistic.unit}; simulated "
+            f"{self.low:.3g} to {self.high:.3g})"
+        )
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Certificate(PlottedResult):
-    """Error and coverage to expect in a study, measured in its own strides.
+    """Error and coverage to expect in a study, from simulated people in its own protocol.
 
     Parameters
     ----------
     method : str
-        The method that the injected responses were estimated by.
+        The method that analysed the study and the simulated people.
     errors : tuple of ExpectedError
         For each parameter, over all timing points and at each.
     estimates : tuple of VirtualEstimate
-        Every injected parameter and its estimate.
-    n_participants, replicates : int
-        People whose strides were used, and injections into each.
-    injected : mapping of str to str
-        ``stiffness``, ``damping``, ``inertia``, ``lag_s`` -> where the truth was from: "found"
-        where it is that of the study, or the values that were given.
+        Every estimate of the simulated people with its truth.
+    n_participants : int
+        Number of simulated people.
+    comparisons : tuple of ComparedStatistic
+        Statistics of the study's people beside those of the simulated ones.
+    world : str
+        Preset of the simulated people.
+    protocol : str
+        What they walked, in words.
     left_out : mapping of str to str
-        Participants that nothing could be injected into, and why.
+        Simulated people without a result, and why.
     settings : mapping
         Window, seed.
     """
 
     SCHEMA: ClassVar[str] = "jointz.Certificate/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("status",)
 
     method: str
     errors: tuple[ExpectedError, ...]
     estimates: tuple[VirtualEstimate, ...] = ()
     n_participants: int = 0
-    replicates: int = 0
-    injected: Mapping[str, str] = field(default_factory=dict)
+    comparisons: tuple[ComparedStatistic, ...] = ()
+    world: str = ""
+    protocol: str = ""
     left_out: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def status(self) -> str:
+        """``promised``, or ``cannot_promise`` where the study is unlike the simulated people."""
+        return "cannot_promise" if self.reasons else "promised"
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Sentences that say why the errors cannot be promised; empty if they are."""
+        if not self.comparisons:
+            return ("Too few simulated people have a result to compare the study with",)
+        return tuple(row.sentence for row in self.comparisons if row.differs)
 
     def error(self, parameter: str, timing_point: str = ALL_POINTS) -> ExpectedError:
         """Return the error to expect of a parameter.
@@ -122,7 +227,7 @@ class Certificate(PlottedResult):
         Raises
         ------
         KeyError
-            When nothing was injected there.
+            When no simulated person was perturbed there.
         """
         for row in self.errors:
             if (row.parameter, row.timing_point) == (parameter, timing_point):
@@ -132,22 +237,27 @@ class Certificate(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return the errors to expect, one row a parameter and timing point."""
-        return record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
+        table = record_frame(self.errors, columns_with(ExpectedError, "unit", after="rmse"))
+        return table.assign(status=self.status, reasons="; ".join(self.reasons))
 
     def estimates_frame(self) -> pd.DataFrame:
-        """Return every injected parameter beside its estimate."""
+        """Return every estimate of a simulated person beside its truth."""
         return record_frame(self.estimates, VirtualEstimate.__slots__)
+
+    def comparison_frame(self) -> pd.DataFrame:
+        """Return the statistics of the study beside those of the simulated people."""
+        columns = ("name", "study", "simulated", "low", "high", "differs")
+        return record_frame(self.comparisons, columns)
 
     def summary(self) -> str:
         """Return a short text: what error to expect of K, B and J, and how often it is decided."""
         title = (
-            f"Certificate of {self.method}: {self.replicates} injection(s) into the unperturbed "
-            f"strides of {self.n_participants} participant(s)."
+            f"Certificate of {self.method}: {self.n_participants} simulated people "
+            f"({self.world}) in the protocol of the study."
         )
-        lines = [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
-        settings = [f"{k} {v}" for k, v in self.injected.items() if v != "found"]
-        if settings:
-            lines.append("Injected as given: " + "; ".join(settings))
+        lines = [f"Cannot promise: {reason}." for reason in self.reasons]
+        lines += [_line(row) for row in self.errors if row.timing_point == ALL_POINTS]
+        lines += [f"Protocol: {self.protocol}"] if self.protocol else []
         lines += [f"Left out: {who}: {why}" for who, why in self.left_out.items()]
         return summary_text(title, lines)
 
@@ -171,7 +281,7 @@ class Certificate(PlottedResult):
 def expected_errors(estimates: Sequence[VirtualEstimate]) -> tuple[ExpectedError, ...]:
     """Return the error to expect of every parameter, over all timing points and at each.
 
-    Standard deviations are those of a ratio of sums over virtual participants (Cochran,
+    Standard deviations are those of a ratio of sums over simulated people (Cochran,
     Sampling Techniques, 6.3): what a participant's timing points share counts once.
 
     An error in % of nearly nothing says nothing: a truth below a tenth of the median of its
@@ -247,8 +357,8 @@ def _rmse(estimates: Sequence[VirtualEstimate]) -> float:
     return float(np.sqrt((errors**2).mean()))
 
 
-def _people(estimates: Sequence[VirtualEstimate]) -> list[tuple[str, int]]:
-    return [(row_label(e.participant, e.session, e.side), e.replicate) for e in estimates]
+def _people(estimates: Sequence[VirtualEstimate]) -> list[str]:
+    return [e.participant for e in estimates]
 
 
 def _column(values: Iterable[float | None]) -> np.ndarray:
@@ -271,7 +381,7 @@ def _mean(values: np.ndarray, clusters: Sequence[Any]) -> tuple[float, float | N
 
 def _line(row: ExpectedError) -> str:
     if row.rmse is None or row.coverage is None:
-        return f"{row.parameter:<10} never decided, {row.n} injected"
+        return f"{row.parameter:<10} never decided, {row.n} estimates"
     size = f"RMSE {row.rmse:.3g} {row.unit}"
     if row.rmse_pct is not None:
         about = "" if row.rmse_sd_pct is None else f" +- {row.rmse_sd_pct:.1f}"

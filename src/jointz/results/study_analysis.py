@@ -89,7 +89,7 @@ class StudyAnalysis(Result):
     mean_strides : tuple of MeanStride
         Mean stride of each walker in each condition, over the strides without pulses.
     certificate : Certificate or None
-        What error to expect in this study; of walking by the method ``rigid``.
+        What error to expect in this study, if it was asked for.
     statistics : mapping
         Descriptive statistics: onset accuracy, strides, VAF.
     settings : mapping

@@ -73,7 +73,7 @@ def test_options_out_of_range_are_refused(small_study_source, options, message):
 
 
 def test_a_certificate_is_made_on_request_and_changes_no_estimate(whole, small_study_source):
-    certified = analyze(small_study_source, resamples=50, seed=3, certify=True)
+    certified = analyze(small_study_source, resamples=50, seed=3, certify=2)
     assert whole.certificate is None
     assert certified.certificate.n_participants == 2
     pd.testing.assert_frame_equal(certified.to_frame(), whole.to_frame())

@@ -1,78 +1,141 @@
-"""A certificate of a whole study."""
+"""A certificate of a whole study: simulated people walk its protocol."""
 
+import numpy as np
 import pytest
 
-from jointz.analysis.certify import certify, checked_injection
+from jointz.analysis.analyze import analyze
+from jointz.analysis.certificate.compared_statistics import compared_statistics
+from jointz.analysis.certificate.study_protocol import study_protocol
+from jointz.analysis.certify import certify
 from jointz.core.errors import DataError
+from jointz.core.protocols.pulse_models import DoubletPulse
+from jointz.io.study_reader import open_study
+from jointz.results.certificate_result import STATISTICS
+from jointz.session.simulate_study import simulate_study
+from jointz.sim.direct_walk import WalkPlan
 
-from .studies import without_recordings
+DOUBLET = DoubletPulse(
+    name="short", kind="doublet", amplitudes_nm=(17.0,), durations_s=(0.039, 0.021),
+    direction="both",
+)  # fmt: skip
+POINTS = {"early": 20.0, "late": 60.0}
+
+
+def doublet_study(folder, *, per_point=6, participants=1):
+    plan = WalkPlan(per_point=per_point, pulses=(DOUBLET,), timing_points=POINTS)
+    return simulate_study(folder, preset="realistic", participants=participants, plan=plan, seed=4)
 
 
 @pytest.fixture(scope="module")
-def whole(small_study_source):
+def doublets(tmp_path_factory):
+    return doublet_study(tmp_path_factory.mktemp("doublets") / "study")
+
+
+@pytest.fixture(scope="module")
+def strapped(doublets):
     told = []
-    found = certify(
-        small_study_source, stiffness=80.0, replicates=1, seed=3, progress=lambda *a: told.append(a)
+    return certify(doublets, people=2, seed=3, progress=lambda *a: told.append(a)), told
+
+
+def test_simulated_people_are_analysed_at_every_timing_point(strapped):
+    found, told = strapped
+
+    assert (found.method, found.world, found.n_participants) == ("strapped", "realistic", 2)
+    assert {(e.participant, e.timing_point) for e in found.estimates} == {
+        (who, point) for who in ("V01", "V02") for point in POINTS
+    }
+    assert all(e.truth > 0.0 for e in found.estimates)
+    assert [t[:2] for t in told] == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
+
+
+def test_two_people_are_too_few_for_a_promise(strapped):
+    assert strapped[0].status == "cannot_promise"
+
+
+def test_the_protocol_is_that_of_the_study(doublets):
+    analysis = analyze(doublets, resamples=2, progress=False)
+    protocol = study_protocol(open_study(doublets), analysis.pulses, analysis.strides)
+
+    assert protocol.sensors == ("joint_encoder", "shank_velocity", "thigh_velocity")
+    assert [p.direction for p in protocol.plan.pulses] == ["positive", "negative"]
+    assert [p.sizes_nm for p in protocol.plan.pulses] == [(17.0,), (17.0,)]
+    assert all(p.length_s == pytest.approx(0.06) for p in protocol.plan.pulses)
+    assert "reversed after 40 ms" in protocol.text
+    for point, onset_pct in POINTS.items():
+        assert protocol.plan.timing_points[point] == pytest.approx(onset_pct, abs=1.0)
+
+
+def test_without_a_command_the_measured_torque_shows_the_second_level(doublets, tmp_path):
+    study = doublet_study(tmp_path / "study")
+    file = study / "study.toml"
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(li for li in lines if not li.startswith("channels.command")))
+    analysis = analyze(study, resamples=2, progress=False)
+    protocol = study_protocol(open_study(study), analysis.pulses, analysis.strides)
+
+    for pulse in protocol.plan.pulses:
+        assert pulse.durations_s[0] == pytest.approx(0.039, abs=0.006)
+        assert pulse.second_level == -1.0
+
+
+def test_a_rigid_device_is_certified_by_rigid(small_study_source):
+    found = certify(small_study_source, people=1)
+
+    assert (found.method, found.world) == ("rigid", "realistic, rigid coupling")
+    assert len(found.estimates) == 6 * 3
+
+
+def test_the_same_seed_gives_the_same_certificate(small_study_source):
+    first, again, other = (
+        certify(small_study_source, people=1, seed=seed).estimates for seed in (1, 1, 2)
     )
-    return found, told
 
-
-def test_every_participant_parameter_and_timing_point_is_certified(whole):
-    found, told = whole
-
-    assert found.n_participants == 2
-    assert found.left_out == {}
-    assert len(found.estimates) == 2 * 6 * 3
-    table = found.to_frame()
-    assert set(table["parameter"]) == {"stiffness", "damping", "inertia"}
-    assert list(table["timing_point"].unique()) == ["all", "LRE", "MST", "TST", "PSW", "ISW", "MSW"]
-    assert [t[:2] for t in told] == [(0, 2), (1, 2), (2, 2)]
-
-
-def test_what_was_given_is_what_was_injected(whole):
-    found, _ = whole
-    truths = [e.truth for e in found.estimates if e.parameter == "stiffness"]
-
-    assert truths == pytest.approx([80.0] * 12)
-    assert found.injected["stiffness"] == "80"
-    assert found.injected["lag_s"] == "found"
-
-
-def test_a_participant_without_pulses_is_left_out_by_name(small_study):
-    without_recordings(small_study, "S02", "perturbed")
-
-    found = certify(small_study.root, replicates=1)
-
-    assert list(found.left_out) == ["S02"]
-    assert found.n_participants == 1
-
-
-def test_a_bench_study_is_refused(small_study):
-    small_study.edit_toml('kind = "walking"\ncoupling = "rigid"', 'kind = "bench"')
-
-    with pytest.raises(ValueError, match="expected a walking study"):
-        certify(small_study.root)
+    assert first == again
+    assert first != other
 
 
 @pytest.mark.parametrize(
-    ("given", "place"),
+    ("old", "new", "message"),
     [
-        ({"stiffness": -1.0}, "stiffness: .*-1.0"),
-        ({"damping": float("nan")}, "damping: "),
-        ({"damping": {"XYZ": 1.0}}, "damping: .*XYZ"),
-        ({"lag_s": 5.0}, "lag_s: .*5.0"),
+        ('kind = "walking"\ncoupling = "rigid"', 'kind = "bench"', 'kind "bench"'),
+        ('joint = "knee"', 'joint = "ankle"', "knee only.*ankle"),
     ],
 )
-def test_values_that_make_no_sense_are_refused(given, place):
-    asked = {"stiffness": None, "damping": None, "inertia": None} | given
-    lag_s = asked.pop("lag_s", None)
+def test_a_study_that_nobody_can_repeat_is_refused(small_study, old, new, message):
+    small_study.edit_toml(old, new)
 
-    with pytest.raises(ValueError, match=place):
-        checked_injection(**asked, lag_s=lag_s, timing_points=["LRE"])
+    with pytest.raises(DataError, match=message):
+        certify(small_study.root, people=1)
 
 
-def test_a_study_of_a_strapped_device_has_no_certificate(small_study):
-    small_study.edit_toml('coupling = "rigid"', 'coupling = "strap"')
+def test_nobody_is_no_number_of_people(small_study_source):
+    with pytest.raises(ValueError, match="people: expected at least 1"):
+        certify(small_study_source, people=0)
 
-    with pytest.raises(DataError, match=r'of the method rigid, .* by strapped.*coupling = "rigid"'):
-        certify(small_study.root, replicates=1)
+
+def people(rng, n, factor=1.0):
+    return [
+        {
+            name: 30.0 if name == "without_value_pct" else factor * np.exp(0.3 * z)
+            for name, z in zip(STATISTICS, rng.standard_normal(len(STATISTICS)), strict=True)
+        }
+        for _ in range(n)
+    ]
+
+
+def test_people_of_one_population_seldom_differ():
+    rng = np.random.default_rng(1)
+    differ = [
+        any(row.differs for row in compared_statistics(people(rng, 6), people(rng, 10), seed=1))
+        for _ in range(100)
+    ]
+
+    assert np.mean(differ) < 0.12
+
+
+def test_people_of_another_population_differ_in_the_direction():
+    rng = np.random.default_rng(1)
+    rows = compared_statistics(people(rng, 6, factor=5.0), people(rng, 10), seed=1)
+
+    assert [row.name for row in rows if not row.differs] == ["without_value_pct"]
+    assert "less predictable" in {row.name: row for row in rows}["unpredictability_deg"].sentence

@@ -11,7 +11,12 @@ from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import uncertainty_section
-from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
+from jointz.results.certificate_result import (
+    Certificate,
+    ComparedStatistic,
+    VirtualEstimate,
+    expected_errors,
+)
 
 
 def test_the_lead_holds_the_root_mean_square_difference(recommended):
@@ -92,13 +97,23 @@ def test_the_page_shows_both_sections_and_is_well_formed(recommended):
 @pytest.fixture
 def certificate():
     rows = [
-        VirtualEstimate(who, r, point, name, 1.0, 1.0 + off, 1.0 + off - 0.2, 1.0 + off + 0.2, "ok")
-        for who in ("S01", "S02")
-        for r, off in enumerate((-0.1, 0.1))
+        VirtualEstimate(
+            f"V{k}", point, name, 1.0, 1.0 + off, 1.0 + off - 0.2, 1.0 + off + 0.2, "ok"
+        )
+        for k, off in enumerate((-0.1, 0.1, -0.1, 0.1), start=1)
         for point in ("LRE", "MSW")
         for name in ("stiffness", "damping", "inertia")
     ]
-    return Certificate("rigid", expected_errors(rows), tuple(rows), 2, 2)
+    alike = (ComparedStatistic("misfit", 1.0, 1.0, 0.5, 2.0),)
+    return Certificate("rigid", expected_errors(rows), tuple(rows), 4, alike)
+
+
+def test_the_certificate_says_if_it_cannot_promise(certificate):
+    unlike = (ComparedStatistic("misfit", 5.0, 1.0, 0.5, 2.0),)
+    section = certificate_section(replace(certificate, comparisons=unlike))
+    assert "cannot be promised" in section["sentence"]
+    assert "does not explain" in section["sentence"]
+    assert "Simulated people had errors of 10 % in K" in section["sentence"]
 
 
 def test_the_certificate_says_what_error_to_expect(certificate):
@@ -128,10 +143,10 @@ def test_errors_of_what_is_nearly_nothing_are_told_in_si_units_only(certificate)
 
 
 def test_a_parameter_that_is_seldom_decided_has_no_coverage(certificate):
-    decided = ("S01", "LRE")
+    decided = (("V1", "LRE"), ("V2", "LRE"))
     rows = [
         replace(e, value=None, ci_low=None, ci_high=None, status="undecided")
-        if e.parameter == "inertia" and (e.participant, e.timing_point) != decided
+        if e.parameter == "inertia" and (e.participant, e.timing_point) not in decided
         else e
         for e in certificate.estimates
     ]

@@ -1,35 +1,42 @@
-"""The benchmark of certificates: how it scores, and what it finds in a few small studies."""
+"""The benchmark of certificates: promised beside true errors."""
+
+import json
 
 import pytest
-from benchmarks.certificate import main, scored
+from benchmarks.certificate import main, simulated_study
 
-from jointz.results.certificate_result import PARAMETERS, VirtualEstimate
+from jointz.results.certificate_result import PARAMETERS
 
-
-def estimates(*pairs):
-    return [
-        VirtualEstimate("S01", 0, "LRE", name, truth, value, value - 1.0, value + 1.0, "ok")
-        for truth, value in pairs
-        for name in PARAMETERS
-    ]
+FEW = ["--participants", "1", "--per-point", "4", "--people", "1"]
 
 
-def test_errors_are_relative_to_the_truth():
-    scores = scored(estimates((10.0, 11.0), (10.0, 7.0)))
+def test_a_study_of_a_rigid_device_has_promised_and_true_errors():
+    (result,) = main(["--worlds", "nominal", "--studies", "1", *FEW]).values()
 
-    assert scores["stiffness"]["rmse"] == pytest.approx(100.0 * (0.05) ** 0.5)
-    assert scores["stiffness"]["bias"] == pytest.approx(-10.0)
-    assert scores["damping"]["coverage"] == 0.5
+    assert result["status"] == "cannot_promise"
+    assert list(result["parameters"]) == list(PARAMETERS)
+    row = result["parameters"]["stiffness"]
+    assert row["ratio"] == pytest.approx(row["promised"] / row["true"])
+
+
+def test_a_study_from_elsewhere_needs_its_truth(tmp_path):
+    study, truth = simulated_study(
+        tmp_path / "study", "nominal", participants=1, per_point=4, seed=1
+    )
+    file = tmp_path / "truth.json"
+    file.write_text(json.dumps(truth))
+
+    (result,) = main(["--study", str(study), "--truth", str(file), *FEW]).values()
+
+    assert result["parameters"]["stiffness"]["true"] > 0.0
 
 
 @pytest.mark.slow
-def test_a_planted_lag_is_seen_and_an_honest_certificate_is_near_the_truth():
-    """Twenty people each; the bands are wide of what so few tell: a RMSE to 20 %."""
-    few = ["--studies", "5", "--participants", "4", "--replicates", "3", "--seed", "9100"]
-    honest = main([*few, "--rows", "nominal-lag-0.5ms"])["all"]
-    planted = main([*few[:1], "1", *few[2:], "--rows", "nominal-lag-0.5ms",
-                    "--planted-lag-s", "0.005"])["all"]  # fmt: skip
+def test_realistic_people_are_promised_what_they_get():
+    """Few people: the RMSE of J is known to a third."""
+    (result,) = main(
+        ["--studies", "1", "--participants", "3", "--per-point", "10", "--people", "5"]
+    ).values()
 
-    for name in PARAMETERS:
-        assert 0.6 < honest["virtual"][name]["rmse"] / honest["real"][name]["rmse"] < 1.6
-    assert planted["virtual"]["inertia"]["bias"] > 15.0
+    assert result["status"] == "promised"
+    assert 0.3 < result["parameters"]["inertia"]["ratio"] < 3.0

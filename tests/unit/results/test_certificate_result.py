@@ -1,16 +1,20 @@
-"""Error to expect: bias, RMSE and coverage out of injected responses."""
+"""Error to expect: bias, RMSE and coverage of simulated people."""
 
 import numpy as np
 import pytest
 
-from jointz.results.certificate_result import Certificate, VirtualEstimate, expected_errors
+from jointz.results.certificate_result import (
+    Certificate,
+    ComparedStatistic,
+    VirtualEstimate,
+    expected_errors,
+)
 
 
-def injected(truth, value, *, half=5.0, point="LRE", person="S01", replicate=0, **more):
+def estimated(truth, value, *, half=5.0, point="LRE", person="V01", **more):
     decided = value is not None
     return VirtualEstimate(
         participant=person,
-        replicate=replicate,
         timing_point=point,
         parameter=more.get("parameter", "stiffness"),
         truth=truth,
@@ -21,12 +25,12 @@ def injected(truth, value, *, half=5.0, point="LRE", person="S01", replicate=0, 
     )
 
 
-def certificate(estimates) -> Certificate:
-    return Certificate("rigid", expected_errors(estimates), tuple(estimates), 1, 2)
+def certificate(estimates, comparisons=()) -> Certificate:
+    return Certificate("rigid", expected_errors(estimates), tuple(estimates), 2, comparisons)
 
 
 def test_bias_rmse_and_coverage_are_those_of_the_relative_errors():
-    rows = certificate([injected(100.0, 104.0), injected(50.0, 45.0), injected(20.0, 40.0)])
+    rows = certificate([estimated(100.0, 104.0), estimated(50.0, 45.0), estimated(20.0, 40.0)])
 
     found = rows.error("stiffness")
 
@@ -38,19 +42,21 @@ def test_bias_rmse_and_coverage_are_those_of_the_relative_errors():
 
 
 def test_a_truth_of_zero_has_no_relative_error_and_an_undecided_one_none_at_all():
-    estimates = [injected(0.0, 3.0, status="at_bound"), injected(100.0, 90.0)]
+    estimates = [estimated(0.0, 3.0, status="at_bound"), estimated(100.0, 90.0)]
     assert certificate(estimates).error("stiffness").undecided_pct == 0.0
-    found = certificate([*estimates, injected(100.0, None), injected(100.0, None)])
+    found = certificate([*estimates, estimated(100.0, None), estimated(100.0, None)])
     assert found.error("stiffness").rmse_pct == pytest.approx(10.0)
     assert found.error("stiffness").undecided_pct == 50.0
     assert found.error("stiffness").rmse_sd_pct is None
-    assert certificate([injected(100.0, None)]).error("stiffness").rmse_pct is None
+    assert certificate([estimated(100.0, None)]).error("stiffness").rmse_pct is None
 
 
 def test_a_truth_of_nearly_nothing_is_told_in_si_only():
     """Off by 2 N*m/rad is no error of 20000 %."""
-    usual = [injected(100.0, 103.0), injected(80.0, 80.0), injected(60.0, 57.0)]
-    rows = certificate([*usual, injected(0.01, 2.01, point="ISW"), injected(9.0, 9.9, point="PSW")])
+    usual = [estimated(100.0, 103.0), estimated(80.0, 80.0), estimated(60.0, 57.0)]
+    rows = certificate(
+        [*usual, estimated(0.01, 2.01, point="ISW"), estimated(9.0, 9.9, point="PSW")]
+    )
 
     alone = rows.error("stiffness", "ISW")
     assert (alone.bias_pct, alone.rmse_pct, alone.rmse_sd_pct, alone.width_pct) == (None,) * 4
@@ -66,7 +72,7 @@ def test_a_truth_of_nearly_nothing_is_told_in_si_only():
 
 
 def test_where_every_truth_is_small_beside_its_error_none_is_told_in_percent():
-    rows = certificate([injected(0.01, 2.01), injected(0.02, 1.52, point="ISW")])
+    rows = certificate([estimated(0.01, 2.01), estimated(0.02, 1.52, point="ISW")])
 
     found = rows.error("stiffness")
 
@@ -77,7 +83,7 @@ def test_where_every_truth_is_small_beside_its_error_none_is_told_in_percent():
 
 
 def test_a_certificate_that_did_not_count_small_truths_can_still_be_read():
-    data = certificate([injected(10.0, 11.0)]).to_dict()
+    data = certificate([estimated(10.0, 11.0)]).to_dict()
     for row in data["errors"]:
         del row["n_small"]
 
@@ -85,7 +91,7 @@ def test_a_certificate_that_did_not_count_small_truths_can_still_be_read():
 
 
 def test_timing_points_stand_beside_their_pool():
-    rows = certificate([injected(10.0, 11.0), injected(10.0, 13.0, point="MST")])
+    rows = certificate([estimated(10.0, 11.0), estimated(10.0, 13.0, point="MST")])
 
     assert rows.error("stiffness", "LRE").rmse_pct == pytest.approx(10.0)
     assert rows.error("stiffness", "MST").rmse_pct == pytest.approx(30.0)
@@ -96,10 +102,10 @@ def test_the_rmse_is_known_as_well_as_independent_people_tell_it():
     """Squared normal errors: the sd of a RMSE from n of them is rmse / sqrt(2 n)."""
     rng = np.random.default_rng(0)
     errors = 0.1 * rng.standard_normal(2000)
-    alone = [injected(1.0, 1.0 + e, replicate=k) for k, e in enumerate(errors)]
+    alone = [estimated(1.0, 1.0 + e, person=f"V{k}") for k, e in enumerate(errors)]
     # The same error at six timing points tells no more than once.
     shared = [
-        injected(1.0, 1.0 + e, replicate=k, point=f"P{i}")
+        estimated(1.0, 1.0 + e, person=f"V{k}", point=f"P{i}")
         for k, e in enumerate(errors[:500])
         for i in range(6)
     ]
@@ -110,3 +116,23 @@ def test_the_rmse_is_known_as_well_as_independent_people_tell_it():
     assert certificate(shared).error("stiffness").rmse_sd_pct == pytest.approx(
         10.0 / np.sqrt(2 * 500), rel=0.15
     )
+
+
+def test_a_study_unlike_the_simulated_people_gets_no_promise():
+    alike = ComparedStatistic("misfit", 1.1, 1.0, 0.7, 1.4)
+    unlike = ComparedStatistic("unpredictability_deg", 3.0, 1.0, 0.5, 2.0)
+    promised = certificate([estimated(100.0, 104.0)], (alike,))
+    refused = certificate([estimated(100.0, 104.0)], (alike, unlike))
+
+    assert (promised.status, refused.status) == ("promised", "cannot_promise")
+    assert "Cannot promise" not in promised.summary()
+    assert "Cannot promise: Your strides are less predictable" in refused.summary()
+    assert "unpredictability of a stride 3 deg; simulated 0.5 to 2" in refused.summary()
+    assert set(refused.to_frame()["status"]) == {"cannot_promise"}
+    assert refused.to_frame()["reasons"].str.contains("less predictable").all()
+    below = ComparedStatistic("unpredictability_deg", 0.1, 1.0, 0.5, 2.0)
+    assert "more predictable" in below.sentence
+
+
+def test_without_a_comparison_nothing_is_promised():
+    assert "Too few simulated people" in certificate([estimated(100.0, 104.0)]).reasons[0]

@@ -14,9 +14,8 @@ from jointz.report.wording import (
 )
 from jointz.results.certificate_result import PARAMETERS, Certificate, ExpectedError
 
-#: If more injections than this are undecided, the rest are no fair sample of intervals.
+#: If more estimates than this are undecided, the rest are no fair sample of intervals.
 _MOSTLY_PCT = 50.0
-_INJECTED_NAMES = {"lag_s": "lag in s"}
 _SYMBOLS = dict(zip(PARAMETERS, SYMBOLS, strict=True))
 
 
@@ -43,26 +42,35 @@ def certificate_section(certificate: Certificate | None) -> dict[str, Any] | Non
 def _sentence(certificate: Certificate) -> str:
     rows = [row for row in certificate.errors if row.timing_point == ALL_POINTS]
     known = [row for row in rows if row.rmse is not None]
+    promise = _promise(certificate)
+    where = "Simulated people had" if certificate.reasons else "In this study expect"
     if not known:
-        return "Expect no usable estimate in this study: every injected response was undecided."
+        return f"{promise}{where} no usable estimate: every estimate was undecided."
     decided = [row for row in known if not _mostly_undecided(row)]
     if decided:
         sizes = ", ".join(f"{_size(row)} in {_SYMBOLS[row.parameter]}" for row in decided)
         coverage = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in decided)
         sentences = [
-            f"In this study expect errors of {sizes} (root mean square), and intervals that "
+            f"{promise}{where} errors of {sizes} (root mean square), and intervals that "
             f"contain the truth in {coverage} of cases."
         ]
     else:
-        sentences = ["In this study expect few usable estimates."]
+        sentences = [f"{promise}{where} few usable estimates."]
     sentences += [
-        f"{_SYMBOLS[row.parameter]}: undecided in {row.undecided_pct:.0f} % of the injections."
+        f"{_SYMBOLS[row.parameter]}: undecided in {row.undecided_pct:.0f} % of the estimates."
         for row in known
         if _mostly_undecided(row)
     ]
     never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
     sentences += [f"{' and '.join(never)} cannot be decided here."] if never else []
     return " ".join(sentences)
+
+
+def _promise(certificate: Certificate) -> str:
+    """Return why these errors cannot be promised, "" if they can."""
+    if not certificate.reasons:
+        return ""
+    return f"The errors of this study cannot be promised. {'. '.join(certificate.reasons)}. "
 
 
 def _mostly_undecided(row: ExpectedError) -> bool:
@@ -79,21 +87,17 @@ def _si(row: ExpectedError) -> str:
 
 
 def _note(certificate: Certificate) -> str:
-    people = format_count(certificate.n_participants, "participant")
-    fixed = ", ".join(
-        f"{_INJECTED_NAMES.get(name, name)} {value}"
-        for name, value in certificate.injected.items()
-        if value != "found"
-    )
+    people = format_count(certificate.n_participants, "simulated participant")
     left_out = "".join(f" {who} was left out: {why}." for who, why in certificate.left_out.items())
+    protocol = f" Simulated protocol: {certificate.protocol}" if certificate.protocol else ""
     return (
-        "Responses of joints with known impedance were added to the unperturbed strides of "
-        f"{people} ({format_count(certificate.replicates, 'time')} each), as if the device had "
-        "pushed there, and estimated by the same method"
-        f"{f'; fixed values: {fixed}' if fixed else ''}. The joints are like those estimated in "
-        "the study; the errors of lag, friction and gains are drawn from their uncertainty. "
-        "Anything that the simulated joint lacks, such as a reflex, is not included in these "
-        f"errors.{_si_only(certificate)}{left_out}"
+        f"{people} ({certificate.world}) walked the protocol of this study with its body masses, "
+        "and were analysed by its method, settings and calibration. They have what the estimator "
+        "does not model, such as a reflex of a form of its own; errors of instruments are drawn "
+        "as the calibration states them. The errors can be promised if the study's people are "
+        "like the simulated ones in misfit, unpredictability, displacement, natural frequency, "
+        "damping ratio and undecided estimates. What none of these shows is not included."
+        f"{protocol}{_si_only(certificate)}{left_out}"
     )
 
 

@@ -1,0 +1,101 @@
+"""The certificate of an analysed study."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+from jointz.analysis.certificate.compared_statistics import (
+    compared_statistics,
+    person_statistics,
+)
+from jointz.analysis.certificate.study_protocol import study_protocol
+from jointz.analysis.certificate.virtual_people import (
+    WORLD,
+    VirtualPerson,
+    VirtualRequest,
+    virtual_person,
+)
+from jointz.analysis.saved_analysis import Analysis
+from jointz.core.errors import DataError, EngineError, OutputError
+from jointz.core.method_names import RIGID
+from jointz.core.study import Study
+from jointz.results.certificate_result import Certificate, expected_errors
+from jointz.results.estimates import CellEstimate
+from jointz.tasks.engine import Engine, Task, done_in_turn, on_one_thread
+from jointz.tasks.task_store import TaskStore, task_key
+
+
+def certificate_of(
+    study: Study,
+    analysis: Analysis,
+    *,
+    people: int,
+    seed: int,
+    engine: Engine,
+    store: TaskStore | None = None,
+    show: Callable[[int, str], None],
+) -> Certificate:
+    """Let simulated people walk the protocol of an analysed study; return the errors to expect.
+
+    ``show`` is called with the number of people done and what comes next.
+    """
+    method = str(analysis.settings["method"])
+    protocol = study_protocol(study, analysis.pulses, analysis.strides)
+    # Workers may have been started in another folder.
+    at_root = replace(study, root=study.root.absolute())
+    request = VirtualRequest(at_root, method, protocol, seed)
+    tasks = (
+        Task(
+            f"simulated person {number + 1}",
+            partial(on_one_thread, partial(virtual_person, request, number)),
+            key=partial(_key, request, number),
+        )
+        for number in range(people)
+    )
+    done: list[VirtualPerson] = []
+    left_out: dict[str, str] = {}
+    show(0, "certificate")
+    for number, task in enumerate(done_in_turn(engine, tasks, store=store), start=1):
+        try:
+            done.append(task.result())
+        except (OutputError, EngineError):  # these concern all people
+            raise
+        except DataError as exc:
+            left_out[f"V{number:02d}"] = str(exc)
+        show(number, "certificate")
+    if not done:
+        raise DataError(
+            f"certify: no simulated person has a result: {next(iter(left_out.values()))}"
+        )
+    own = [person_statistics(cells) for cells in _people(analysis.cells)]
+    simulated = [person_statistics(person.cells) for person in done]
+    estimates = tuple(row for person in done for row in person.estimates)
+    return Certificate(
+        method=method,
+        errors=expected_errors(estimates),
+        estimates=estimates,
+        n_participants=len(done),
+        comparisons=compared_statistics(own, simulated, seed=seed),
+        world=f"{WORLD}, rigid coupling" if method == RIGID else WORLD,
+        protocol=protocol.text,
+        left_out=left_out,
+        settings={"seed": seed, "window_s": study.spec.perturbations.window_s},
+    )
+
+
+def _key(request: VirtualRequest, number: int) -> str:
+    settings = {
+        "method": request.method,
+        "seed": request.seed,
+        "protocol": request.protocol.text,
+        "plan": repr(request.protocol.plan),
+    }
+    inputs = {"study.toml": request.study.sha256}
+    return task_key(what=f"simulated person {number}", inputs=inputs, settings=settings)
+
+
+def _people(cells: Sequence[CellEstimate]) -> list[list[CellEstimate]]:
+    people: dict[str, list[CellEstimate]] = {}
+    for cell in cells:
+        people.setdefault(cell.label, []).append(cell)
+    return list(people.values())
