@@ -17,14 +17,14 @@ the foot is flat. The trunk above the loaded leg gives the knee a negative stiff
 Muscles: vasti, rectus femoris, hamstrings, gastrocnemius and short head of biceps (Hill type; Geyer
 and Herr 2010, Arnold et al. 2010 for sizes): activation dynamics, force-length, force-velocity,
 exponential tendons (Thelen 2003), arms that depend on the angle, and cross-bridges that add a
-short-range stiffness of 23.4 F / l_opt (Cui et al. 2008), slip after about 0.8 % of fibre length and
+short-range stiffness of 23.4 F / l_opt (Cui et al. 2008), slip after about 1.2 % of fibre length and
 detach within 120 ms. Passive torque of the knee: Riener and Edrich 1999.
 
 Control: excitations over the gait cycle from bursts of EMG (Winter and Yack 1987; Perry and Burnfield
 2010), corrected by static optimisation and inverted through tendon and activation. Spindles (fibre
-length and speed, threshold, gain that rises with excitation) excite their own muscle after 27 to 48 ms
+length and speed, threshold, gain that rises with excitation) excite their own muscle after 27 to 48 ms (plus activation)
 and inhibit the antagonist, relative to the drive of the nominal stride. A slow correction of the knee
-angle (delay 60 to 75 ms) acts through the same excitations; without it the loaded knee gives way
+angle (delay 75 to 90 ms) acts through the same excitations; without it the loaded knee gives way
 within some strides. Nothing but muscles, passive tissue and the device acts on the knee.
 
 Variation: stride time, excitations and hip motion vary as sums of Ornstein-Uhlenbeck processes (0.08 s

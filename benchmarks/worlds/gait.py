@@ -132,7 +132,7 @@ def _share_forces(person: Person, q: np.ndarray, moment: np.ndarray) -> np.ndarr
             capacity[i, m] = par[mu.F_MAX] * mu.force_length(fibre) * max(factor, 0.1)
             arms[i, m] = -arm
     # Muscles on both sides of the knee stiffen it under load
-    pattern += 1.2 * person.co_contraction * np.minimum(_load(), 1)[:, None]
+    pattern += 2.0 * person.co_contraction * np.minimum(_load(), 1)[:, None]
     activation, strength = pattern.copy(), arms * capacity
     floor = 0.6 * pattern.min(axis=1, keepdims=True)
     for _ in range(40):

@@ -144,7 +144,9 @@ def advance(  # noqa: C901, PLR0913
         force[0] += row[C_FF] - 3000.0 * (q[0] - row[C_Q]) - 265.0 * (v[0] - row[C_QP] * pace)
         force[1] += row[C_FF + 1] - kz * (q[1] - row[C_Q + 1])
         force[1] -= 0.5 * np.sqrt(kz * 60.0) * (v[1] - row[C_QP + 1] * pace)
-        force[2] += row[C_FF + 2] - body[2] * (q[2] - row[C_Q + 2] - hip_shifts[i, 0])
+        force[2] += row[C_FF + 2] - (1.0 + load) * body[2] * (
+            q[2] - row[C_Q + 2] - hip_shifts[i, 0]
+        )
         force[2] -= body[3] * (v[2] - row[C_QP + 2] * pace - hip_shifts[i, 1])
         cycle = phases[i] - np.floor(phases[i])
         ankle_k = body[4] * (0.1 + load * (0.4 + 1.2 * cycle))

@@ -93,7 +93,7 @@ def draw_person(seed: int, number: int) -> Person:
         passive=np.array([spread(0.8, 0.25), spread(0.25, 0.3)]),
         reflex_delay_s=float(rng.uniform(0.027, 0.048)),
         inhibition=float(rng.uniform(0.2, 0.7)),
-        correction=(spread(0.7, 0.15), float(rng.uniform(0.06, 0.075))),
+        correction=(spread(0.5, 0.15), float(rng.uniform(0.075, 0.09))),
         hip=(spread(120.0, 0.25), spread(6.0, 0.25)),
         ankle=(spread(4.0 * mass, 0.2), spread(0.02 * mass, 0.3)),
         pad=(spread(60e3, 0.25), spread(200.0, 0.25)),
@@ -123,7 +123,7 @@ def _draw_device(seed: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
 def _draw_muscles(rng, mass, height, spread) -> np.ndarray:
     strength, size = spread(mass / 75.0, 0.15), height / 1.75
     strain_0, slack_error = spread(0.047, 0.18), rng.normal(0.0, 0.03, mu.N_MUSCLES)
-    srs, yielding = spread(23.4, 0.15), spread(0.008, 0.25)  # Cui et al. 2008
+    srs, yielding = spread(23.4, 0.15), spread(0.012, 0.25)  # Cui et al. 2008
     gain_length, gain_speed = spread(0.25, 0.5), spread(0.05, 0.5)
     threshold = float(rng.uniform(0.0, 0.02))
     table = np.zeros((mu.N_MUSCLES, 18))

@@ -1,5 +1,7 @@
 """Sensors of the laboratory: what they write of the true motion, and their calibration."""
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 from scipy.signal import bilinear, lfilter
@@ -49,7 +51,7 @@ def record(
         return value + noise * rng.standard_normal(n)
 
     contact = np.zeros(n, dtype=int)
-    for start, end in zip(strikes[:-1], strikes[1:], strict=True):
+    for start, end in pairwise(strikes):
         on = start + rng.normal(0.004, 0.003)
         off = start + gait.TOE_OFF * (end - start) + rng.normal(0.0, 0.01)
         contact[(time >= on) & (time < off)] = 1 if on < time[-1] else 0

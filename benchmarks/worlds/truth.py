@@ -27,7 +27,9 @@ DEFINITIONS = {
     "window (frozen activation): all that is neither muscle nor device, that is inertia, gravity, ground and the "
     "impedance of hip, ankle and trunk, seen from the knee. gravity_stiffness and inertial_stiffness are parts of "
     "chain_stiffness. In stance the chain resonates and is no second-order system: see chain_fit_vaf.",
-    "fit_vaf, chain_fit_vaf": "share of dT (of cuff torque + dT) that the fits explain, %.",
+    "apparent_stiffness, apparent_damping, apparent_inertia": "the same fit of the cuff torque alone: muscles and chain "
+    "together, as a second-order model would describe the leg (without noise, sensors, cuff, device and reflexes).",
+    "fit_vaf, chain_fit_vaf, apparent_fit_vaf": "share of dT, of cuff torque + dT, of cuff torque that the fits explain, %.",
     "inertia": "torque over acceleration at the knee for a brief torque between thigh and shank, all joints and the "
     "pelvis free to move, the loaded point of the foot held by the ground in stance; without the device's arm; at the "
     "onset. inertia_60ms: 60 ms later.",
@@ -143,11 +145,9 @@ def pulse_truth(leg: lg.Leg, inputs: tuple, i: int, pulse: Pulse, window_s: floa
     reflex = run(command, n_long)
     activation = np.ascontiguousarray(free[:n, lg.O_ACTIVATION :])
     quiet, moved = run(None, n, activation), run(command, n, activation)
+    run(None, 1, activation[:1])
+    acceleration = leg.data.qacc.copy()
     leg.load(saved)
-    # Velocities lie half a step beside positions: no matter for the accelerations of a stride
-    after = quiet[1, [lg.O_HIP_V, lg.O_KNEE_V, lg.O_ANKLE_V, lg.O_ARM_V]]
-    acceleration = np.zeros(6)
-    acceleration[2:] = (after - leg.data.qvel[2:]) / lg.DT
     values = {}
     for end, a, b in (("", quiet, moved), ("_with_reflex", free[:n], reflex[:n])):
         change = b - a
@@ -157,7 +157,7 @@ def pulse_truth(leg: lg.Leg, inputs: tuple, i: int, pulse: Pulse, window_s: floa
     x, v = change[:, lg.O_KNEE], change[:, lg.O_KNEE_V]
     rest = change[:, lg.O_CUFF] + change[:, lg.O_MUSCLE]
     motion = np.column_stack([x, v, np.gradient(v, lg.DT)])
-    chain = _fit(rest, *motion.T)
+    chain, apparent = _fit(rest, *motion.T), _fit(change[:, lg.O_CUFF], *motion.T)
     onset = _onset_fit(leg, quiet)
     q = leg.data.qpos.copy()
     later = q.copy()
@@ -172,17 +172,17 @@ def pulse_truth(leg: lg.Leg, inputs: tuple, i: int, pulse: Pulse, window_s: floa
         | {
             "stiffness_onset": onset[0],
             "damping_onset": onset[1],
-            "gravity_stiffness": gravity,
-            "inertial_stiffness": "d(inertial torque about the knee of shank and foot at the velocities and accelerations of "
-            "the stride)/d(knee angle) at the onset, thigh motion held: the motion of the thigh acts like gravity.",
-            "stiffness_with_gravity": values["stiffness"] + gravity,
-            "device_gravity_stiffness": device_gravity,
+            "stiffness_with_gravity": values["stiffness"] + bodies["gravity_stiffness"],
             "chain_stiffness": chain[0],
             "chain_damping": chain[1],
             "chain_inertia": chain[2],
             "fit_vaf": _vaf(
                 -change[:, lg.O_MUSCLE], values["stiffness"] * x + values["damping"] * v
             ),
+            "apparent_stiffness": apparent[0],
+            "apparent_damping": apparent[1],
+            "apparent_inertia": apparent[2],
+            "apparent_fit_vaf": _vaf(change[:, lg.O_CUFF], motion @ apparent),
             "chain_fit_vaf": _vaf(rest, motion @ chain),
             "inertia": held,
             "inertia_60ms": inertias(leg, later, inputs[0][i + round(LATER_S / lg.DT)])[0],
