@@ -115,7 +115,7 @@ def _centre_of_pressure(person: Person, q: np.ndarray, need: np.ndarray, grf: np
 
 
 def _share_forces(person: Person, q: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return muscle forces near EMG patterns whose knee moment is `moment` (static optimisation)."""
+    """Return muscle forces near EMG patterns with a knee moment of `moment` (static optimum)."""
     pace = 1.0 / person.stride_s
     v = _slope(q) * pace
     capacity, arms = np.empty((ROWS, mu.N_MUSCLES)), np.empty((ROWS, mu.N_MUSCLES))

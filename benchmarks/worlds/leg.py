@@ -1,4 +1,4 @@
-"""Planar leg in MuJoCo, stepped from numba together with its muscles, reflexes, ground and device."""
+"""Planar leg in MuJoCo, stepped from numba with its muscles, reflexes, ground and device."""
 
 import ctypes
 from pathlib import Path
@@ -49,7 +49,7 @@ def build_model(person: Person, *, with_arm: bool = True) -> mujoco.MjModel:
     xml = f"""
 <mujoco><compiler boundmass="0" balanceinertia="true"/>
 <option timestep="{DT}" gravity="0 0 -{GRAVITY}" integrator="Euler">
-<flag contact="disable" constraint="disable"/></option>
+<flag contact="disable" constraint="disable" warmstart="disable" actuation="disable"/></option>
 <worldbody><body>{inertial(0, 0, trunk, 1.0)}
 <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
 <body>{inertial(0, -thigh.centre, thigh.mass, thigh.inertia)}<joint axis="0 -1 0"/>
@@ -94,7 +94,7 @@ def advance(  # noqa: C901, PLR0913
 
     `body`: lengths (2), hip, ankle, pad, cuff (3), actuator (4), passive (2), inhibition,
     correction. `ring` and `late` hold spindle drives and knee errors of the past. `memory`: motor
-    torque, contact, offsets of the foot on the ground (2), places in `ring` and in `late`, tilt of the foot.
+    torque, contact, offsets of the foot on the ground (2), places in `ring` and `late`, tilt of the foot.
     """
     qpos, qvel, qfrc = views
     phases, phase_rates, noises, hip_shifts, commands = inputs
@@ -125,7 +125,7 @@ def advance(  # noqa: C901, PLR0913
         else:
             memory[1], fx, fz = 0.0, row[C_GRF], row[C_GRF + 1]
         force = ground_forces(lengths, q, v, cx, cz, fx, max(fz, 0.0))
-        # While heel and ball are loaded, the sole also resists rotation of the foot (pads 0.1 m apart)
+        # While heel and ball are loaded, the sole resists rotation of the foot (pads 0.1 m off)
         flat = row[C_FLAT]
         if flat > 0.01:
             tilt = q[2] - q[3] + q[4] - row[C_Q + 2] + row[C_Q + 3] - row[C_Q + 4]

@@ -1,4 +1,4 @@
-"""Studies of simulated people: `python -m benchmarks.worlds.make OUT --people 20 --protocol hold`."""
+"""Studies of simulated people: `python -m benchmarks.worlds.make OUT --protocol hold`."""
 
 import argparse
 import json
@@ -62,7 +62,9 @@ def _knee_figures(out: np.ndarray, strikes: np.ndarray) -> tuple[np.ndarray, np.
     return cycles.mean(axis=0), cycles.std(axis=0)
 
 
-def make_person(folder: Path, person: Person, protocol: str, seed: list[int], per_point: int, minutes: float) -> tuple[str, dict]:  # fmt: skip
+def make_person(
+    folder: Path, person: Person, protocol: str, seed: list[int], per_point: int, minutes: float
+) -> tuple[str, dict]:
     """Write the recordings of one person; return their part of the study file and the truth."""
     rng = np.random.default_rng([*seed, list(protocols.KINDS).index(protocol)])
     quiet = gait.make_strides(person, int(minutes * 60 / person.stride_s), rng)

@@ -1,4 +1,4 @@
-"""Hill-type muscles with elastic tendons, activation dynamics and a yielding short-range stiffness."""
+"""Hill-type muscles with elastic tendons, activation and a yielding short-range stiffness."""
 
 import numpy as np
 from numba import njit
@@ -7,7 +7,8 @@ MUSCLES = ("vasti", "rectus", "hamstrings", "gastrocnemius", "biceps_short")
 N_MUSCLES = len(MUSCLES)
 # Columns of the parameters of muscles, one row per muscle
 (F_MAX, L_OPT, L_SLACK, V_MAX, COS_PENNATION, ARM_KNEE, ARM_HIP, ARM_ANKLE, LENGTH_0, TENDON_STRAIN,
- SRS_GAIN, SRS_YIELD, RISE_S, DECAY_S, GAIN_LENGTH, GAIN_SPEED, THRESHOLD, ARM_CURVE) = range(18)  # fmt: skip
+ SRS_GAIN, SRS_YIELD, RISE_S, DECAY_S, GAIN_LENGTH, GAIN_SPEED, THRESHOLD, ARM_CURVE,
+) = range(18)  # fmt: skip
 # Columns of the state of muscles
 ACTIVATION, FIBRE, SPEED, BRISTLE = range(4)
 
@@ -99,7 +100,7 @@ def step_muscle(par, state, length, rate, excitation, frozen, dt):
 
 @njit
 def passive_knee(knee, speed, scale, viscous):
-    """Return the passive flexing torque of the knee (Riener and Edrich 1999, hip and ankle at 0)."""
+    """Return the passive flexing torque of the knee (Riener and Edrich 1999)."""
     deg = knee * 57.29577951308232
     elastic = np.exp(1.8 - 0.0352 * deg) - np.exp(-3.971 + 0.0495 * deg) - 4.82
     elastic += np.exp(2.22 - 0.15 * deg)

@@ -7,7 +7,7 @@ import numpy as np
 from . import muscles as mu
 
 GRAVITY = 9.81
-#                F_MAX  L_OPT L_SLACK V_MAX cos  knee    hip    ankle  curve; optimum at hip, knee, ankle (deg)
+#                F_MAX  L_OPT L_SLACK V_MAX cos  knee    hip    ankle  curve; optimum (deg)
 _MUSCLES = {
     "vasti": (5000, 0.093, 0.16, 10, 0.98, 0.042, 0.0, 0.0, 0.25, 0, 45, 0),
     "rectus": (1200, 0.080, 0.33, 10, 0.98, 0.042, -0.040, 0.0, 0.25, 10, 40, 0),

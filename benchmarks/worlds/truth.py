@@ -10,35 +10,64 @@ from .protocols import Pulse
 
 SMALL_RAD, RAMP_S, ONSET_S, LATER_S = np.radians(0.2), 0.010, 0.020, 0.060
 DEFINITIONS = {
-    "stiffness, damping": "K and B of the least squares fit dT = -K x - B v over the window from the commanded onset "
-    "(0.10 s for the hold, 0.15 s for doublets). dT is the flexing knee torque of muscles, tendons, short-range "
-    "stiffness and passive tissue with the pulse minus that without; x and v are the differences of knee angle and "
-    "velocity of the same two runs. Both runs start from the same state and have the time course of activation of "
-    "the run without pulse (no reflex). No inertia, gravity or ground. Fitted per pulse, mean over all pulses.",
-    "stiffness_with_reflex, damping_with_reflex": "the same with the activation that reflexes give.",
-    "stiffness_onset, damping_onset": "the same fit over 20 ms from the onset for an imposed knee displacement of "
-    "0.2 deg (ramp of 10 ms, then held; mean of both directions), hip and ankle as without pulse.",
-    "gravity_stiffness": "-d(gravity torque about the knee of shank and foot)/d(knee angle), thigh held, at the onset.",
-    "inertial_stiffness": "d(inertial torque about the knee of shank and foot at the velocities and accelerations of "
-    "the stride)/d(knee angle) at the onset, thigh motion held: the motion of the thigh acts like gravity.",
+    "stiffness, damping": (
+        "K and B of the least squares fit dT = -K x - B v over the window from the commanded "
+        "onset (0.10 s for the hold, 0.15 s for doublets). dT is the flexing knee torque of "
+        "muscles, tendons, short-range stiffness and passive tissue with the pulse minus that "
+        "without; x and v are the differences of knee angle and velocity of the same two runs. "
+        "Both runs start from the same state and have the time course of activation of the run "
+        "without pulse (no reflex). No inertia, gravity or ground. Fitted per pulse, mean over "
+        "all pulses."
+    ),
+    "stiffness_with_reflex, damping_with_reflex": (
+        "the same with the activation that reflexes give."
+    ),
+    "stiffness_onset, damping_onset": (
+        "the same fit over 20 ms from the onset for an imposed knee displacement of 0.2 deg "
+        "(ramp of 10 ms, then held; mean of both directions), hip and ankle as without pulse."
+    ),
+    "gravity_stiffness": (
+        "-d(gravity torque about the knee of shank and foot)/d(knee angle), thigh held, at the "
+        "onset."
+    ),
+    "inertial_stiffness": (
+        "d(inertial torque about the knee of shank and foot at the velocities and accelerations "
+        "of the stride)/d(knee angle) at the onset, thigh motion held: the motion of the thigh "
+        "acts like gravity."
+    ),
     "stiffness_with_gravity": "stiffness + gravity_stiffness.",
     "device_gravity_stiffness": "the same for the device's arm.",
-    "chain_stiffness, chain_damping, chain_inertia": "least squares fit of cuff torque + dT = J a + B v + K x over the "
-    "window (frozen activation): all that is neither muscle nor device, that is inertia, gravity, ground and the "
-    "impedance of hip, ankle and trunk, seen from the knee. gravity_stiffness and inertial_stiffness are parts of "
-    "chain_stiffness. In stance the chain resonates and is no second-order system: see chain_fit_vaf.",
-    "apparent_stiffness, apparent_damping, apparent_inertia": "the same fit of the cuff torque alone: muscles and chain "
-    "together, as a second-order model would describe the leg (without noise, sensors, cuff, device and reflexes).",
-    "fit_vaf, chain_fit_vaf, apparent_fit_vaf": "share of dT, of cuff torque + dT, of cuff torque that the fits explain, %.",
-    "inertia": "torque over acceleration at the knee for a brief torque between thigh and shank, all joints and the "
-    "pelvis free to move, the loaded point of the foot held by the ground in stance; without the device's arm; at the "
-    "onset. inertia_60ms: 60 ms later.",
-    "inertia_foot_free": "the same with the foot free, as in the first 2 ms, before the sole is compressed.",
-    "inertia_thigh_held": "inertia of shank and foot about the knee with the thigh held and the ankle held.",
+    "chain_stiffness, chain_damping, chain_inertia": (
+        "least squares fit of cuff torque + dT = J a + B v + K x over the window (frozen "
+        "activation): all that is neither muscle nor device, that is inertia, gravity, ground "
+        "and the impedance of hip, ankle and trunk, seen from the knee. gravity_stiffness and "
+        "inertial_stiffness are parts of chain_stiffness. In stance the chain resonates and is "
+        "no second-order system: see chain_fit_vaf."
+    ),
+    "apparent_stiffness, apparent_damping, apparent_inertia": (
+        "the same fit of the cuff torque alone: muscles and chain together, as a second-order "
+        "model would describe the leg (without noise, sensors, cuff, device and reflexes)."
+    ),
+    "fit_vaf, chain_fit_vaf, apparent_fit_vaf": (
+        "share of dT, of cuff torque + dT, of cuff torque that the fits explain, %."
+    ),
+    "inertia": (
+        "torque over acceleration at the knee for a brief torque between thigh and shank, all "
+        "joints and the pelvis free to move, the loaded point of the foot held by the ground in "
+        "stance; without the device's arm; at the onset. inertia_60ms: 60 ms later."
+    ),
+    "inertia_foot_free": (
+        "the same with the foot free, as in the first 2 ms, before the sole is compressed."
+    ),
+    "inertia_thigh_held": (
+        "inertia of shank and foot about the knee with the thigh held and the ankle held."
+    ),
     "device_inertia": "inertia of the device's arm about the knee.",
-    "displacement_deg": "largest absolute knee displacement within 0.3 s of the onset, with reflexes.",
-    "x_sd": "*_sd: SD over pulses.",
-}  # fmt: skip
+    "displacement_deg": (
+        "largest absolute knee displacement within 0.3 s of the onset, with reflexes."
+    ),
+    "*_sd": "SD over pulses.",
+}
 
 
 def _fit(target: np.ndarray, *columns: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ def test_isometric_force_is_on_the_force_length_curve(someone: person.Person, fi
     assert force == pytest.approx(expected, rel=0.02)
 
 
-def test_a_small_stretch_meets_the_short_range_stiffness_and_a_long_one_yields(someone: person.Person) -> None:  # fmt: skip
+def test_short_range_stiffness_yields(someone: person.Person) -> None:
     par = someone.muscles[0].copy()
     par[mu.TENDON_STRAIN] = 0.001  # a rigid tendon shows the fibre alone
     stiffness = []
