@@ -94,7 +94,7 @@ def advance(  # noqa: C901, PLR0913
 
     `body`: lengths (2), hip, ankle, pad, cuff (3), actuator (4), passive (2), inhibition,
     correction. `ring` and `late` hold spindle drives and knee errors of the past. `memory`: motor
-    torque, contact, offsets of the foot on the ground (2), places in `ring` and `late`, tilt of the foot.
+    torque, contact, offsets of the foot (2), places in `ring` and `late`, tilt of the foot.
     """
     qpos, qvel, qfrc = views
     phases, phase_rates, noises, hip_shifts, commands = inputs
