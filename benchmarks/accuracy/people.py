@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from benchmarks.accuracy.rows import Row
 
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.devices.interface import Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
@@ -138,12 +136,15 @@ def as_known(simulated: Simulated, row: Row) -> Simulated:
     row : Row
         For what is known.
     """
-    rig, walk = simulated.rig, simulated.walk
-    known = _calibration(rig, row)
-    table = walk.pulses[["onset_s", "duration_s", "amplitude_nm", "timing_point"]]
+    known = _calibration(simulated.rig, row)
+    who = simulated.rig.person.id
+    level, walk = (
+        given.recording(condition, participant=who, file=f"{who}_{condition}.nc")
+        for given, condition in ((simulated.level, "unperturbed"), (simulated.walk, "perturbed"))
+    )
     recordings = (
-        RecordingInput(_recording(simulated.level, "unperturbed", rig.person), known),
-        RecordingInput(_recording(walk, "perturbed", rig.person), known, table),
+        RecordingInput(level, known),
+        RecordingInput(walk, known, simulated.walk.pulse_table),
     )
     return replace(simulated, recordings=recordings)
 
@@ -200,17 +201,3 @@ def _calibration(rig: SimulatedRig, row: Row) -> CalibrationSpec:
     true_s = rig.build(worn=True).instruments.angle_lag_s
     lag = Calibrated(value=true_s + row.lag_sd_s * error, sd=row.lag_sd_s)
     return rig.calibration.overridden_by(CalibrationSpec(angle_lag_s=lag))
-
-
-def _recording(walk: Walk, condition: str, person: Person) -> xr.Dataset:
-    return build_recording(
-        walk.time_s,
-        walk.channels,
-        units={"contact": "1"},
-        condition=condition,
-        file=f"{person.id}_{condition}.nc",
-        contact_kind="contact",
-        participant=person.id,
-        joint="knee",
-        positive="flexion",
-    )

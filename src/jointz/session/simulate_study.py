@@ -6,12 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import xarray as xr
-
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.errors import DataError
-from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.devices.interface import Stretch
 from jointz.io.formats.netcdf_recording import write_recording
@@ -21,7 +17,7 @@ from jointz.session.run import TRUTH_FILE
 from jointz.session.run_claim import STUDY_FILE
 from jointz.session.run_settings import pulses_name, recording_name
 from jointz.sim.descriptions import exoskeleton
-from jointz.sim.direct_walk import QUICK_GRID, Walk, WalkPlan, walk_directly
+from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.motion_sensors import draw_motion_instruments
 from jointz.sim.people import Person, draw_person
 from jointz.sim.presets import Preset
@@ -40,7 +36,6 @@ _UNITS = {
     "command": "N*m",
     "joint_moment": "N*m",
 }
-_TABLE_COLUMNS = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
 
 
 def simulate_study(
@@ -144,9 +139,8 @@ def _walk(rig: SimulatedRig, folder: Path, plan: WalkPlan, *, strides: int) -> d
     pulsed = walk_directly(rig, _PULSES, plan=plan)
     truth = {}
     for name, walk in ((_LEVEL, level), (_PULSES, pulsed)):
-        write_recording(
-            _recording(walk, name, rig.person), folder / recording_name(rig.person.id, name)
-        )
+        file = recording_name(rig.person.id, name)
+        write_recording(walk.recording(name, participant=rig.person.id, file=file), folder / file)
         truth[name] = rig.truth(
             name,
             worn=True,
@@ -154,23 +148,9 @@ def _walk(rig: SimulatedRig, folder: Path, plan: WalkPlan, *, strides: int) -> d
             pulses=walk.pulses,
             shapes=plan.shapes,
         )
-    table: pd.DataFrame = pulsed.pulses[_TABLE_COLUMNS]
-    table.to_csv(folder / pulses_name(rig.person.id, _PULSES), index=False, float_format="%.9g")
+    file = pulses_name(rig.person.id, _PULSES)
+    pulsed.pulse_table.to_csv(folder / file, index=False, float_format="%.9g")
     return truth
-
-
-def _recording(walk: Walk, condition: str, person: Person) -> xr.Dataset:
-    return build_recording(
-        walk.time_s,
-        walk.channels,
-        units={"contact": "1"},
-        condition=condition,
-        file=recording_name(person.id, condition),
-        contact_kind="contact",
-        participant=person.id,
-        joint="knee",
-        positive="flexion",
-    )
 
 
 def _known(rig: SimulatedRig, lag_sd_s: float | None) -> CalibrationSpec:

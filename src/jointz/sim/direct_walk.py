@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from numba import njit
 
 from jointz.core.channels import MOTION_SENSORS
@@ -24,6 +25,7 @@ from jointz.core.protocols.pulse_models import (
     name_of,
     variants_of,
 )
+from jointz.core.recording import build_recording
 from jointz.sim import plant
 from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
@@ -188,6 +190,25 @@ class Walk:
     def end_s(self) -> float:
         """The last time stamp."""
         return float(self.time_s[-1])
+
+    @property
+    def pulse_table(self) -> pd.DataFrame:
+        """The pulses as a study's table has them."""
+        return self.pulses[["onset_s", "duration_s", "amplitude_nm", "timing_point"]]
+
+    def recording(self, condition: str, *, participant: str, file: str) -> xr.Dataset:
+        """Return the recording of the walk, with all its channels."""
+        return build_recording(
+            self.time_s,
+            self.channels,
+            units={"contact": "1"},
+            condition=condition,
+            file=file,
+            contact_kind="contact",
+            participant=participant,
+            joint="knee",
+            positive="flexion",
+        )
 
 
 def walk_directly(

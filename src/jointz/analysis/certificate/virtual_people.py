@@ -3,14 +3,10 @@
 from dataclasses import dataclass, replace
 from zlib import crc32
 
-import numpy as np
-import xarray as xr
-
 from jointz.analysis.certificate.study_protocol import StudyProtocol
 from jointz.analysis.participant_jobs import participant_settings
 from jointz.core.channels import MOTION_SENSORS
 from jointz.core.method_names import RIGID
-from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, ParticipantSpec, Study
 from jointz.devices.interface import Stretch
 from jointz.identify.participant import analyze_participant
@@ -29,7 +25,6 @@ from jointz.sim.rig import SimulatedRig
 WORLD = "realistic"
 _LEVEL, _PULSES = "unperturbed", "perturbed"
 _PHYSICS_HZ = 2500.0
-_TABLE_COLUMNS = ["onset_s", "duration_s", "amplitude_nm", "timing_point"]
 _GAINS = ("torque_gain", "angle_gain", "friction_gain", *(f"{n}_gain" for n in MOTION_SENSORS))
 _MEASURED = ("angle_lag_s", *(f"{name}_lag_s" for name in MOTION_SENSORS), "tissue_hz")
 _SLOWEST_TISSUE_HZ = 2.0
@@ -209,31 +204,19 @@ def _truth(request: VirtualRequest, rig: SimulatedRig, walk: Walk) -> dict[str, 
 def _recordings(
     rig: SimulatedRig, walk: Walk, protocol: StudyProtocol, known: CalibrationSpec
 ) -> list[RecordingInput]:
-    table = walk.pulses[_TABLE_COLUMNS]
-    recordings = [RecordingInput(_recording(walk, _PULSES, rig, protocol), known, table)]
+    """Return the recordings, with the sensors that the study has."""
+    walks = {_PULSES: walk}
     if protocol.unperturbed_strides:
         plan = WalkPlan(per_point=0, warm_up_strides=protocol.unperturbed_strides)
-        level = walk_directly(rig, _LEVEL, plan=plan)
-        recordings.append(RecordingInput(_recording(level, _LEVEL, rig, protocol), known))
-    return recordings
-
-
-def _recording(
-    walk: Walk, condition: str, rig: SimulatedRig, protocol: StudyProtocol
-) -> xr.Dataset:
-    """Return a recording with the sensors that the study has."""
+        walks[_LEVEL] = walk_directly(rig, _LEVEL, plan=plan)
     left_out = {"joint_moment", *MOTION_SENSORS} - set(protocol.sensors)
-    return build_recording(
-        walk.time_s,
-        {name: np.asarray(x) for name, x in walk.channels.items() if name not in left_out},
-        units={"contact": "1"},
-        condition=condition,
-        file=f"{rig.person.id}_{condition}",
-        contact_kind="contact",
-        participant=rig.person.id,
-        joint="knee",
-        positive="flexion",
-    )
+    recordings = []
+    for condition, given in walks.items():
+        recording = given.recording(condition, participant=rig.person.id, file=condition)
+        recording = recording.drop_vars(left_out, errors="ignore")
+        table = given.pulse_table if condition == _PULSES else None
+        recordings.append(RecordingInput(recording, known, table))
+    return recordings
 
 
 def _settings(
