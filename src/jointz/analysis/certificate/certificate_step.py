@@ -10,14 +10,13 @@ from jointz.analysis.certificate.compared_statistics import (
 )
 from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.certificate.virtual_people import (
-    WORLD,
     VirtualPerson,
     VirtualRequest,
     virtual_person,
+    world_of,
 )
 from jointz.analysis.saved_analysis import Analysis
 from jointz.core.errors import DataError, EngineError, OutputError
-from jointz.core.method_names import RIGID
 from jointz.core.study import Study
 from jointz.results.certificate_result import Certificate, expected_errors
 from jointz.results.estimates import CellEstimate
@@ -76,7 +75,7 @@ def certificate_of(
         estimates=estimates,
         n_participants=len(done),
         comparisons=compared_statistics(own, simulated, seed=seed),
-        world=f"{WORLD}, rigid coupling" if method == RIGID else WORLD,
+        world=world_of(study).name,
         protocol=protocol.text,
         left_out=left_out,
         settings={"seed": seed, "window_s": study.spec.perturbations.window_s},

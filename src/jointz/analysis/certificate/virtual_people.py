@@ -16,13 +16,13 @@ from jointz.results.certificate_result import PARAMETERS, VirtualEstimate
 from jointz.results.estimates import CellEstimate
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import Walk, WalkPlan, walk_directly
+from jointz.sim.motion_sensors import draw_motion_instruments
 from jointz.sim.own_truth import cell_truth, own_truth
 from jointz.sim.people import Person, draw_person, personal_preset
 from jointz.sim.plant_build import Grid
 from jointz.sim.presets import Preset, preset
 from jointz.sim.rig import SimulatedRig
 
-WORLD = "realistic"
 _LEVEL, _PULSES = "unperturbed", "perturbed"
 _PHYSICS_HZ = 2500.0
 _GAINS = ("torque_gain", "angle_gain", "friction_gain", *(f"{n}_gain" for n in MOTION_SENSORS))
@@ -53,10 +53,12 @@ class VirtualPerson:
     estimates: tuple[VirtualEstimate, ...]  # K, B and J beside their truth
 
 
-def world_of(method: str) -> Preset:
-    """Return the preset of simulated people; the rigid coupling has no strap and no frame."""
-    realistic = preset(WORLD)
-    return replace(realistic, body=None) if method == RIGID else realistic
+def world_of(study: Study) -> Preset:
+    """Return the preset of simulated people, without strap and frame if the study is rigid."""
+    world = preset("realistic")
+    if study.spec.coupling == "rigid":
+        return replace(world, name="realistic, rigid coupling", body=None)
+    return world
 
 
 def virtual_person(request: VirtualRequest, number: int) -> VirtualPerson:
@@ -65,7 +67,7 @@ def virtual_person(request: VirtualRequest, number: int) -> VirtualPerson:
     own = study.spec.participants[number % len(study.spec.participants)]
     person = _person(own, number, request.population_seed)
     stated = _stated(study, own)
-    world = _world(study, request.method, person, stated)
+    world = _world(study, person, stated)
     grid = Grid(protocol.rate_hz, substeps=-int(-_PHYSICS_HZ // protocol.rate_hz))
     rig = SimulatedRig(person, world, grid=grid, sensors=_sensors(protocol))
     walk = walk_directly(rig, _PULSES, plan=protocol.plan)
@@ -104,9 +106,9 @@ def _stated(study: Study, own: ParticipantSpec) -> CalibrationSpec:
     return study.spec.calibration_of(pulsed[0]) if pulsed else study.spec.calibration
 
 
-def _world(study: Study, method: str, person: Person, stated: CalibrationSpec) -> Preset:
+def _world(study: Study, person: Person, stated: CalibrationSpec) -> Preset:
     """Return the person's preset, with the study's frame and errors as its calibration states."""
-    world, device = world_of(method), study.spec.device
+    world, device = world_of(study), study.spec.device
     if world.body is not None and device is not None:
         body = replace(world.body, frame_mass_kg=device.mass_kg, frame_distance_m=device.centre_m)
         world = replace(world, body=body)
@@ -144,16 +146,20 @@ def _world(study: Study, method: str, person: Person, stated: CalibrationSpec) -
 
 def _drawn_entries(person: Person, stated: CalibrationSpec) -> dict[str, tuple[float, float]]:
     """Return true values of the stated lags and of the tissue, as ranges of no width."""
-    rng = person.stream("stated instruments")
     drawn = {}
-    for name in _MEASURED:
-        # Drawn whether stated or not: one entry more changes no other.
-        error, entry = float(rng.standard_normal()), getattr(stated, name)
+    for name, error in _errors_of_calibration(person).items():
+        entry = getattr(stated, name)
         if entry is not None:
             least = _SLOWEST_TISSUE_HZ if name == "tissue_hz" else 0.0
             value = max(entry.value + entry.sd * error, least)
             drawn[name] = value, value
     return drawn
+
+
+def _errors_of_calibration(person: Person) -> dict[str, float]:
+    """Return true minus calibrated values, sd, whether they are stated or not."""
+    errors = person.stream("stated instruments").standard_normal(len(_MEASURED))
+    return dict(zip(_MEASURED, errors.tolist(), strict=True))
 
 
 def _sd(stated: Calibrated | None, usual: float) -> float:
@@ -171,9 +177,15 @@ def _known(rig: SimulatedRig, stated: CalibrationSpec) -> CalibrationSpec:
         entry = getattr(stated, name)
         if entry is not None:
             entries[name] = Calibrated(value=1.0, sd=relative_sd(entry))
-    for name in _MEASURED:
-        if getattr(stated, name) is not None:
-            entries[name] = getattr(stated, name)
+    sensors = draw_motion_instruments(rig.person, rig.preset)
+    true = {f"{name}_lag_s": sensor.lag_s for name, sensor in sensors.items()}
+    true["angle_lag_s"] = rig.preset.goniometer.lag_range_s[0]
+    true["tissue_hz"] = (rig.preset.goniometer.tissue_range_hz or (0.0,))[0]
+    for name, error in _errors_of_calibration(rig.person).items():
+        entry = getattr(stated, name)
+        if entry is not None and name in true:
+            # Usually the stated value; both gyroscopes of the simulation have one lag.
+            entries[name] = Calibrated(value=true[name] - entry.sd * error, sd=entry.sd)
     if rig.calibration.intrinsic_inertia is not None:
         entries["intrinsic_inertia"] = rig.calibration.intrinsic_inertia
     return CalibrationSpec(**entries)

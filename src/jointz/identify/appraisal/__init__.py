@@ -1,1 +1,1 @@
-"""How far a study's numbers can be trusted: certificate and specification curve."""
+"""How far a study's numbers depend on choices of the analysis: specification curve."""
