@@ -13,6 +13,7 @@ from jointz.analysis.participant_jobs import read_participant
 from jointz.core.channels import MOTION_SENSORS
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord, StrideRecord
+from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.method_names import RIGID, STRAPPED
 from jointz.core.protocols.pulse_models import (
     DoubletPulse,
@@ -99,7 +100,7 @@ def study_protocol(
     rate = _simulated_rate_hz(recordings)
     shapes = tuple(_shapes([p for p in used if p.participant == most], recordings, study, rate))
     points = dict.fromkeys(p.timing_point for p in used)
-    nominal = study.spec.perturbations.timing_points or {}
+    nominal = study.spec.perturbations.timing_points or TIMING_POINTS
     onsets = {
         name: _onset_pct([p for p in used if p.timing_point == name], nominal.get(name))
         for name in sorted(points, key=lambda name: nominal.get(name, 0.0))
