@@ -120,7 +120,7 @@ def person_of_row(name: str, seed: int, number: int) -> Entry:
         study = simulate_study(
             Path(scratch) / "study", preset=settings, participants=[person], plan=row.plan
         )
-        _set_window(study, row.window_s)
+        set_window(study, row.window_s)
         analyze = jointz.analyze  # imports it, which is not part of the analysis
         start = time.process_time()
         analysis = analyze(study, method=METHOD, resamples=_RESAMPLES, progress=False)
@@ -133,7 +133,8 @@ def person_of_row(name: str, seed: int, number: int) -> Entry:
     return {"number": number, "cpu_s": cpu_s, "cells": cells}
 
 
-def _set_window(study: Path, window_s: float) -> None:
+def set_window(study: Path, window_s: float) -> None:
+    """Write the window of the analysis into the study file of a simulated study."""
     file = study / "study.toml"
     line = f"perturbations.window_s = {window_s:g}\n"
     text, count = _TIMING_POINTS.subn(lambda found: line + found.group(), file.read_text())

@@ -35,9 +35,6 @@ from jointz.identify.preparation.assignment import label_names
 from jointz.identify.study_kinds import KINDS
 from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
-from jointz.results.person_estimates import person_cells
-from jointz.results.statistics.pooled_estimates import has_budget
-from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.progress import Progress
@@ -142,7 +139,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
                 del outcome  # it would keep the recordings in memory
         if outputs.problems:
             raise StudyError(str(opened.root), outputs.problems)
-        analysis = _with_pooled_people(_assembled(request, outputs))
+        analysis = _assembled(request, outputs)
         if simulated:
             from jointz.analysis.certificate.certificate_step import certificate_of
 
@@ -201,16 +198,6 @@ class _Outputs:
             f"{person_id} (seed {self.seed}): the program failed ({type(exc).__name__}: {exc}). "
             "Please report it; the results of the other participants are not affected."
         )
-
-
-def _with_pooled_people(analysis: Analysis) -> Analysis:
-    """Add estimates pooled over the people of a walking study by ``rigid``."""
-    people = {cell.participant for cell in analysis.cells}
-    wanted = analysis.settings["method"] == RIGID and len(people) > 1
-    if not wanted or not any(map(has_budget, analysis.cells)):
-        return analysis
-    pooled = pool_people(person_cells(analysis.cells))
-    return replace(analysis, population=pooled.population, pooled=pooled.cells)
 
 
 def check_method(method: str) -> str:
@@ -272,7 +259,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             for c in without_values_per_kg(_completed(study, name, outputs), questions)
         ),
         population=population_means(
-            person_cells(cells), posteriors, likely_masses_kg(study, questions)
+            cells, posteriors, likely_masses_kg(study, questions)
         )
         if study.spec.of_people
         else (),

@@ -155,7 +155,6 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
         "single_pulses": analysis.single_frame(),
         "quasi_stiffness": pd.DataFrame(analysis.statistics.get("quasi_stiffness") or ()),
         "models": models_frame(analysis),
-        "pooled": analysis.pooled_frame(),
         "covariance": analysis.covariance_frame(),
         "log_posterior": analysis.log_posterior_frame(),
     }

@@ -6,7 +6,6 @@ from itertools import zip_longest
 from typing import Final
 
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     format_count,
@@ -14,7 +13,7 @@ from jointz.report.wording import (
     parameter_name,
     pretty_unit,
 )
-from jointz.results.statistics.pooled_estimates import POOLED_METHOD
+from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 #: A count in the description of an interval; not the digits of a word.
@@ -93,44 +92,31 @@ def interval_methods(analysis: StudyAnalysis) -> list[str]:
     return _merged(dict.fromkeys(p.ci_method for p in estimates))
 
 
-def has_pooled_means(analysis: StudyAnalysis) -> bool:
-    """Return whether means over participants are from the random-effects model."""
-    return any(m.method == POOLED_METHOD for m in analysis.population)
+def means_of_people_together(analysis: StudyAnalysis) -> bool:
+    """Return whether means over participants are from the model of people together."""
+    errors = bool(analysis.log_posteriors) or any(map(has_budget, analysis.cells))
+    return bool(analysis.population) and errors
 
 
 def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
     """Name the interval of the means over participants."""
-    if has_pooled_means(analysis):
+    if means_of_people_together(analysis):
         return (
-            f"the {level}interval of a random-effects model in which each estimate is weighted by "
-            "its uncertainty"
+            f"the {level}interval of a model of all participants together, in which each counts by "
+            "the uncertainty of the estimates"
         )
-    if has_means_of_likelihoods(analysis):
-        return f"the {level}interval of a random-effects model of the logarithms"
     return f"a {level}t interval over participants"
-
-
-def has_means_of_likelihoods(analysis: StudyAnalysis) -> bool:
-    """Return whether means over participants are from posteriors of their logarithms."""
-    return bool(analysis.log_posteriors) and any(m.method == STRAPPED for m in analysis.population)
 
 
 def mean_over_people_note(analysis: StudyAnalysis) -> str:
     """Explain mean, SD and n over participants."""
-    if has_means_of_likelihoods(analysis):
-        return (
-            "The mean and the SD between participants are from a random-effects model of the "
-            "logarithms in which the likelihood of each participant counts, without the "
-            "participant's priors; the interval includes an error of the method that all "
-            "participants share. n: participants who count, undecided ones included."
-        )
-    if not has_pooled_means(analysis):
+    if not means_of_people_together(analysis):
         return "n: participants with an estimate."
     return (
-        "Mean and SD are from a random-effects model in which each estimate is weighted by its "
-        "standard error, without the priors of K, B and J. For J, if all values are positive, the "
-        "mean is geometric and the SD is that of the logarithm times this mean. n: participants "
-        "with an estimate, undecided ones included."
+        "Mean and SD between participants are from one model of all participants, in which each "
+        "counts by what the data say, without the participant's priors; body mass is a covariate. "
+        "The interval includes errors of calibration and method that all participants share. "
+        "n: participants who count, undecided ones included."
     )
 
 

@@ -25,6 +25,7 @@ from jointz.comparison.comparison_tests import (
 )
 from jointz.comparison.figures import draw_comparison
 from jointz.comparison.page import render_comparison
+from jointz.comparison.people_comparison import ComparedPeople
 from jointz.core.errors import DataError, OutputError
 from jointz.core.provenance import now, software
 from jointz.io.new_folder import COMPARISON, MARKER, check_free, new_folder, write_marker
@@ -104,13 +105,14 @@ def compare_results(
     cells = comparison_cells(results)
     tests = factor_tests(results, cells, designs, df=model["df"])
     pairs = {key: model[key] for key in ("adjust", "error")}
+    people = ComparedPeople(results, designs, list(dict.fromkeys(name for name, _ in cells)))
     comparison = Comparison(
         sources=tuple(result.source for result in results),
         values=tuple(v for row in cells.values() for people in row for v in people.values()),
-        means=tuple(source_mean(people, place)
-                    for place, row in cells.items() for people in row if people),
-        differences=between_points(tests, cells, **pairs) if single
-        else between_sources(results, cells, designs, margin_pct),
+        means=tuple(people.mean(source_mean(values, place))
+                    for place, row in cells.items() for values in row if values),
+        differences=between_points(tests, cells, people, **pairs) if single
+        else between_sources(results, cells, designs, people, margin_pct=margin_pct),
         tests=tests,
         repeatability=tuple(repeats_at(place, row) for place, row in cells.items() if all(row))
         if days else (),
@@ -123,7 +125,7 @@ def compare_results(
         provenance={**software(), "created": now(),
                     "inputs": [dict(file) for r in results for file in r.inputs]},
     )  # fmt: skip
-    return replace(comparison, notes=comparison_notes(comparison, results, designs))
+    return replace(comparison, notes=comparison_notes(comparison, results, designs, people.sources))
 
 
 def _check_options(

@@ -14,15 +14,21 @@ from jointz.comparison.comparison_cells import (
     source_mean,
 )
 from jointz.comparison.comparison_result import Comparison
-from jointz.comparison.comparison_sources import PUBLISHED, Results, published_results
+from jointz.comparison.comparison_sources import (
+    ANALYSIS_FILE,
+    PUBLISHED,
+    Results,
+    published_results,
+)
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import RIGID
+from jointz.core.method_names import RIGID, STRAPPED
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.results.statistics.comparison_labels import alike_labels
 from jointz.results.statistics.comparison_rows import (
     GROUPS,
     PAIRED,
     POOLED,
+    UNDECIDED,
     PersonValue,
     ReferenceRange,
     SourceMean,
@@ -78,11 +84,12 @@ def _published(*, shared: bool) -> Iterator[ReferenceRange]:
 
 
 def comparison_notes(
-    comparison: Comparison, results: Sequence[Results], designs: Designs
+    comparison: Comparison, results: Sequence[Results], designs: Designs, together: Sequence[str]
 ) -> tuple[str, ...]:
     """Return what a reader of the numbers should know."""
     return (
         *_designs(results, designs),
+        *_together(results, together, comparison),
         *_averaged(results),
         *_alike_ids(results, separate=comparison.settings.get("paired") is False),
         *_different_analyses(results),
@@ -90,7 +97,7 @@ def comparison_notes(
         *_points(results),
         *_sphericity(comparison),
         *_inertia(results, comparison),
-        *_missing(comparison),
+        *_missing(comparison, together),
         *_at_bound(comparison.at_bound),
         *_measurement_error(comparison.means),
         *(
@@ -123,6 +130,35 @@ def _designs(results: Sequence[Results], designs: Designs) -> Iterator[str]:
             "Differences between groups also include differences of age, mass, speed, device and "
             "method."
         )
+
+
+def _together(
+    results: Sequence[Results], together: Sequence[str], comparison: Comparison
+) -> Iterator[str]:
+    """Tell which means are of people together, and what is tested otherwise."""
+    if together:
+        yield (
+            f"{' and '.join(together)}: means and differences are of all participants together, "
+            "each by what the data say, undecided ones included; errors of calibration and method "
+            "that all share are in the intervals, and cancel between conditions of the same people."
+        )
+        if any(test.fit is not None for test in comparison.tests):
+            yield (
+                "the mixed model is of decided values only and does not know their errors: prefer "
+                "the differences."
+            )
+    for result in results:
+        if result.source.name in together or result.source.published:
+            continue
+        reason = (
+            f"no {ANALYSIS_FILE} in the folder"
+            if set(result.source.methods) & {RIGID, STRAPPED}
+            else "the method states no errors that a model of people could use"
+        )
+        yield f"{result.source.name}: means and t tests of decided values ({reason})."
+    methods = {r.source.methods for r in results if r.source.name in together}
+    if len(methods) > 1:
+        yield "results of different methods are compared by t tests of decided values."
 
 
 def _averaged(results: Sequence[Results]) -> Iterator[str]:
@@ -265,7 +301,7 @@ def _inertia(results: Sequence[Results], comparison: Comparison) -> Iterator[str
         yield "inertia: the published value is that of device and joint together."
 
 
-def _missing(comparison: Comparison) -> Iterator[str]:
+def _missing(comparison: Comparison, together: Sequence[str]) -> Iterator[str]:
     with_values = {v.source for v in comparison.values if v.value is not None}
     for source in comparison.sources:
         if source.name not in with_values:
@@ -275,7 +311,10 @@ def _missing(comparison: Comparison) -> Iterator[str]:
                 f"WARNING: {source.name}: no value is available ({counts or 'no rows'}); see its "
                 "report."
             )
-    values = [v for v in comparison.missing if v.source in with_values]
+    values = [
+        v for v in comparison.missing
+        if v.source in with_values and not (v.source in together and v.status == UNDECIDED)
+    ]  # fmt: skip
     if values:
         count = "1 value is" if len(values) == 1 else f"{len(values)} values are"
         yield f"{count} missing; the other values of these people are used: {_named(values)}."

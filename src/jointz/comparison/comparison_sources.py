@@ -21,11 +21,16 @@ from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 from jointz.report.wording import PER_MASS
+from jointz.results.estimates import CellEstimate
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.statistics.comparison_rows import PersonValue, Source
+from jointz.stats.people_likelihoods import PeopleResults
 
 #: Word for the dissertation's tables 4.1 to 4.3, instead of a results folder.
 PUBLISHED = "published"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
+#: Holds everybody's estimates with their errors.
+ANALYSIS_FILE = "analysis.json"
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
@@ -51,6 +56,8 @@ class Results:
     inputs: tuple[Mapping[str, Any], ...] = ()  # files that were read, with their hashes
     # participants with several sessions or sides, whose values are means over them
     averaged: tuple[str, ...] = ()
+    # everybody's estimates with their errors; None where the folder does not hold them
+    people: PeopleResults | None = None
 
     @cached_property
     def points(self) -> tuple[str, ...]:
@@ -179,8 +186,9 @@ def read_results(folder: Path, name: str) -> Results:
         dict.fromkeys(FORMER_NAMES.get(m, m) for m in map(str, table.columns["method"]))
     )
     inputs = tuple(
-        {"file": f"{name}/{required}", "sha256": file_sha256(folder / required)}
-        for required in (_ESTIMATES, _PROVENANCE)
+        {"file": f"{name}/{used}", "sha256": file_sha256(folder / used)}
+        for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
+        if (folder / used).is_file()
     )
     return Results(
         Source(name, people, methods),
@@ -192,7 +200,35 @@ def read_results(folder: Path, name: str) -> Results:
         settings=provenance.get("settings", {}),
         inputs=inputs,
         averaged=averaged,
+        people=_people(folder, provenance, values),
     )
+
+
+def _people(
+    folder: Path,
+    provenance: Mapping[str, Any],
+    values: Mapping[tuple[str, str, str], PersonValue],
+) -> PeopleResults | None:
+    """Return everybody's estimates with their errors, if the folder holds them."""
+    file = folder / ANALYSIS_FILE
+    if not file.is_file():
+        return None
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        posteriors = [LogPosterior.from_dict(p) for p in content.get("log_posteriors", ())]
+        cells = [CellEstimate.from_dict(cell) for cell in content["cells"]]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
+        raise DataError(
+            f"{file}: cannot be read ({str(exc)[:200]}). Run jointz analyze again.", path=str(file)
+        ) from exc
+    known = {p["id"]: p.get("mass_kg") for p in provenance["study"].get("participants", ())}
+    unknown = {
+        person for (name, _, person), v in values.items()
+        if name in PER_MASS and v.status in _MASSLESS
+    }  # fmt: skip
+    masses = {p: float(m) for p, m in known.items() if m is not None and p not in unknown}
+    found = PeopleResults(posteriors, cells, masses)
+    return found if found.have_errors else None
 
 
 def _provenance(folder: Path) -> dict[str, Any]:

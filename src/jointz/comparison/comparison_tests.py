@@ -10,6 +10,7 @@ import pandas as pd
 
 from jointz.comparison.comparison_cells import Cells, Designs, PersonValues, Place, available
 from jointz.comparison.comparison_sources import Results
+from jointz.comparison.people_comparison import ComparedPeople
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
@@ -38,11 +39,17 @@ _NO_SPREAD = "no_spread"
 
 
 def between_sources(
-    results: Sequence[Results], cells: Cells, designs: Designs, margin_pct: float | None
+    results: Sequence[Results],
+    cells: Cells,
+    designs: Designs,
+    people: ComparedPeople,
+    *,
+    margin_pct: float | None,
 ) -> tuple[Difference, ...]:
     """Return the differences of all pairs of sources at each place, first minus second."""
     rows = [
-        _difference(place, a, b, design=designs[names], margin_pct=margin_pct)
+        people.between_sources(place, a, b, design=designs[names], margin_pct=margin_pct)
+        or _difference(place, a, b, design=designs[names], margin_pct=margin_pct)
         for place, row in cells.items()
         for (first, a), (second, b) in combinations(zip(results, row, strict=True), 2)
         if a and b and (names := (first.source.name, second.source.name))
@@ -113,12 +120,19 @@ def _adjusted(rows: Sequence[Difference], adjust: str) -> tuple[Difference, ...]
 
 
 def between_points(
-    tests: Sequence[FactorTest], cells: Cells, *, adjust: str, error: str
+    tests: Sequence[FactorTest], cells: Cells, people: ComparedPeople, *, adjust: str, error: str
 ) -> tuple[Difference, ...]:
     """Return the differences of all pairs of timing points of one source."""
     pairs = _paired_points if error == PAIRED else _pooled_points
     rows: list[Difference] = []
     for test in tests:
+        points = [point for parameter, point in cells if parameter == test.parameter]
+        if (
+            error == PAIRED
+            and (together := people.between_points(test.parameter, points, cells)) is not None
+        ):
+            rows += together
+            continue
         if test.fit is None:
             continue
         differences, sphericity = pairs(test, test.fit, cells), test.fit.repeated_measures

@@ -14,7 +14,7 @@ FULL_RECORD: Final = "full_record"
 PULSE_LIKELIHOOD: Final = "pulse_likelihood"
 
 #: Names in results that were written before -> present ones.
-FORMER_NAMES: Final = {"recommended": RIGID, "recommended_pooled": f"{RIGID}_pooled"}
+FORMER_NAMES: Final = {"recommended": RIGID}
 
 #: Baseline of the methods that predict the unperturbed motion.
 PREDICTED: Final = "predicted"

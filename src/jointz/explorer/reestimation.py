@@ -10,17 +10,15 @@ from jointz.analysis.level_tests import level_tests
 from jointz.analysis.mass_checks import likely_masses_kg, mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
-from jointz.core.method_names import FULL_RECORD, RIGID
+from jointz.core.method_names import FULL_RECORD
 from jointz.core.study import Study
 from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.results.estimates import CellEstimate
-from jointz.results.person_estimates import person_cells
 from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.stats.partial_pooling import pool_people
 from jointz.stats.population import population_means
 from jointz.tasks.engine import on_one_thread
 
@@ -138,12 +136,12 @@ def with_new_estimates(
     tests = ("level_tests", "device_effect")
     kept = {name: v for name, v in analysis.statistics.items() if name not in tests}
     posteriors = _replaced(people, analysis.log_posteriors, log_posteriors)
-    changed = replace(
+    return replace(
         analysis,
         cells=cells,
         comparison=tuple(without_values_per_kg(comparison, doubted)),
         population=population_means(
-            person_cells(cells), posteriors, likely_masses_kg(study, doubted)
+            cells, posteriors, likely_masses_kg(study, doubted)
         )
         if study.spec.kind == "walking"
         else (),
@@ -154,12 +152,7 @@ def with_new_estimates(
         log_posteriors=posteriors,
         mean_strides=strides_by_condition,
         statistics={**kept, **level_tests(cells), **device_effect(strides_by_condition)},
-        pooled=(),
     )
-    if method != RIGID or len(people) < 2 or not any(map(has_budget, cells)):
-        return changed
-    pool = pool_people(person_cells(cells))
-    return replace(changed, population=pool.population, pooled=pool.cells)
 
 
 def _updated(

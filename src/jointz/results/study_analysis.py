@@ -78,9 +78,6 @@ class StudyAnalysis(Result):
         Everything found in the recordings, used or not.
     single : tuple of PulseEstimate
         Pulses of a bench, each estimated by itself.
-    pooled : tuple of CellEstimate
-        The chosen method's estimates, each drawn towards those of the others as far as it is
-        uncertain; of walking by the method ``rigid``.
     models : tuple of ParticipantModel
         What the method ``rigid`` found about each walker's joint and sensor.
     log_posteriors : tuple of LogPosterior
@@ -107,7 +104,6 @@ class StudyAnalysis(Result):
     strides: tuple[StrideRecord, ...] = ()
     gaps: tuple[GapRecord, ...] = ()
     single: tuple[PulseEstimate, ...] = ()
-    pooled: tuple[CellEstimate, ...] = ()
     models: tuple[ParticipantModel, ...] = ()
     log_posteriors: tuple[LogPosterior, ...] = ()
     mean_strides: tuple[MeanStride, ...] = ()
@@ -128,10 +124,6 @@ class StudyAnalysis(Result):
     def comparison_frame(self) -> pd.DataFrame:
         """Return the other methods' estimates in the same columns."""
         return _frame(self.comparison)
-
-    def pooled_frame(self) -> pd.DataFrame:
-        """Return the partially pooled estimates, in the same columns."""
-        return _frame(self.pooled)
 
     def population_frame(self) -> pd.DataFrame:
         """Return the means over people."""

@@ -11,16 +11,19 @@ from jointz.core.codes import Failure
 from jointz.core.gait_phases import mean_phase
 from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
 from jointz.results.log_posterior import LogPosterior
-from jointz.results.statistics.pooled_estimates import has_budget
+from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import PopulationEstimate
-from jointz.stats.log_pooling import LogMean, log_means
-from jointz.stats.partial_pooling import pool_people
+from jointz.stats.people_likelihoods import PARAMETERS, PER_MASS, PeopleResults, Place
+from jointz.stats.people_together import PeopleMean, together
 
 _LEVEL = 0.95
 _FEWEST_PEOPLE = 2
-_IMPEDANCE = ("stiffness", "damping", "inertia")
-_ONSET = ("stiffness_onset", "damping_onset")
-_PER_MASS = "_per_mass"
+#: Parameters that are looked at together; K, B and J with the covariance of their levels.
+_TOGETHER = (
+    PARAMETERS,
+    tuple(name + PER_MASS for name in PARAMETERS[:2]),
+    ("stiffness_onset", "damping_onset"),
+)
 
 
 def population_means(
@@ -30,37 +33,32 @@ def population_means(
 ) -> tuple[PopulationEstimate, ...]:
     """Return the mean of every parameter at every timing point over participants.
 
-    The unit of analysis is the person: replicates and pulses of one person are
-    no people (SCIENCE trap 15). Of a method that gives posteriors, means are those of
-    :func:`jointz.stats.log_pooling.log_means`, to which undecided people belong.
+    The unit of analysis is the person: sessions, sides and pulses of one person are no people
+    (SCIENCE trap 15). Of a method that states its errors, means are those of
+    :func:`jointz.stats.people_together.together`, to which undecided people belong.
     """
-    if any(has_budget(cell) for cell in cells):
-        return pool_people(cells).population
+    results = PeopleResults(posteriors, cells, masses_kg or {})
+    means = people_means(results) if results.have_errors else None
     rows = pd.DataFrame(
-        [row for cell in cells for row in cell.rows()], columns=list(ESTIMATE_COLUMNS)
+        [row for cell in person_cells(cells) for row in cell.rows()],
+        columns=list(ESTIMATE_COLUMNS),
     )
     groups = rows.groupby(["timing_point", "parameter"], sort=False)
-    means = _log_means(posteriors, masses_kg or {})
-    return tuple(_mean(group, means if posteriors else None) for _, group in groups)
+    return tuple(_mean(group, means) for _, group in groups)
 
 
-def _log_means(
-    posteriors: Sequence[LogPosterior], masses_kg: Mapping[str, float]
-) -> dict[tuple[str, str], LogMean]:
+def people_means(results: PeopleResults) -> dict[Place, PeopleMean]:
     """Return timing point and parameter -> mean, values per kg and at the onset included."""
-    weighed = [p for p in posteriors if p.participant in masses_kg]
-    log_masses = {person: float(np.log(mass)) for person, mass in masses_kg.items()}
-    per_mass = log_means(weighed, _IMPEDANCE[:2], log_scale=log_masses)
-    return {
-        **log_means(posteriors, _IMPEDANCE),
-        **{(point, name + _PER_MASS): mean for (point, name), mean in per_mass.items()},
-        **log_means(posteriors, _ONSET),
-    }
+    found: dict[Place, PeopleMean] = {}
+    for parameters in _TOGETHER:
+        people = together([results], parameters, same_people=True)
+        for _, place in people.elements if people else ():
+            if people and (mean := people.mean(0, place)):
+                found[place] = mean
+    return found
 
 
-def _mean(
-    rows: pd.DataFrame, means: Mapping[tuple[str, str], LogMean] | None
-) -> PopulationEstimate:
+def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> PopulationEstimate:
     standing = rows[rows["status"].isin(["ok", "at_bound"])]
     values = standing["value"].to_numpy(dtype=float)
     onsets = standing["onset_gait_pct"].dropna().to_numpy(dtype=float)
@@ -80,7 +78,7 @@ def _mean(
         ci_level=_LEVEL,
     )
     if means is not None:
-        found = _with_log_mean(row, means.get((row.timing_point, row.parameter)))
+        found = _of_people(row, means.get((row.timing_point, row.parameter)))
         undecided = int((rows["status"] == "undecided").sum())
         # Where nobody's data count, people are there: it is the data that do not decide.
         nobody = found.status == row.status and undecided >= _FEWEST_PEOPLE
@@ -95,20 +93,15 @@ def _mean(
     return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
 
 
-def _with_log_mean(row: PopulationEstimate, mean: LogMean | None) -> PopulationEstimate:
-    """Return a row with the mean of the likelihoods; without one it stays failed."""
+def _of_people(row: PopulationEstimate, mean: PeopleMean | None) -> PopulationEstimate:
+    """Return a row with a mean of people together; without one it stays failed."""
     if mean is None:
         return row
+    found = replace(row, n_participants=mean.n_people, status="undecided")
     if not mean.decided:
-        return replace(row, n_participants=mean.n_people, status="undecided")
+        return found
     return replace(
-        row,
-        value=mean.value,
-        sd=mean.sd,
-        ci_low=mean.ci_low,
-        ci_high=mean.ci_high,
-        n_participants=mean.n_people,
-        status="ok",
+        found, value=mean.value, sd=mean.sd, ci_low=mean.ci_low, ci_high=mean.ci_high, status="ok"
     )
 
 

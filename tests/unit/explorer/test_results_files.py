@@ -174,7 +174,7 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened):
     assert found.stale() == ()
 
     now, fresh = found.current(), analyze(found.study.root, resamples=RESAMPLES, seed=3)
-    for name in ("cells", "comparison", "population", "pooled", "pulses", "strides", "models"):
+    for name in ("cells", "comparison", "population", "pulses", "strides", "models"):
         assert getattr(now, name) == getattr(fresh, name), name
     told = now.excluded_frame().query("code == 'user'")
     assert told["detail"].tolist() == ["stumbled"]

@@ -79,7 +79,7 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened, again, tmp_
     now = found.with_result(pulse.participant, made.result).current()
 
     fresh = analyze(found.study.root, method=METHOD, resamples=20)
-    for name in ("cells", "comparison", "population", "pooled", "pulses", "log_posteriors"):
+    for name in ("cells", "comparison", "population", "pulses", "log_posteriors"):
         assert getattr(now, name) == getattr(fresh, name), name
     trace = made.traces[PulseKey.of(pulse)]
     assert trace.if_restored

@@ -10,8 +10,7 @@ from jointz.analysis.page.method_means import available, cells_by_method, method
 from jointz.analysis.summary import (
     chosen_method,
     counted_people,
-    has_means_of_likelihoods,
-    has_pooled_means,
+    means_of_people_together,
 )
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
@@ -87,16 +86,11 @@ def methods_caption(analysis: StudyAnalysis) -> str:
     """Return the caption of the figure of the methods."""
     words = subjects(analysis)
     other_means = (
-        " All methods thus have the same kind of mean. The means of the other figures and tables "
-        "differ: there each estimate is weighted by its uncertainty, undecided ones included."
-        if has_pooled_means(analysis)
+        " Means of the chosen method are those of the table, from the model of all participants "
+        "together, and are not drawn where they are undecided."
+        if means_of_people_together(analysis)
         else ""
     )
-    if has_means_of_likelihoods(analysis):
-        other_means = (
-            " Means of the chosen method are those of the table, from the random-effects model, "
-            "and are not drawn where they are undecided."
-        )
     return (
         "The chosen method beside the others on the same recordings; each method excludes the "
         f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "

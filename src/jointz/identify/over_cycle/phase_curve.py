@@ -17,7 +17,6 @@ from jointz.core.method_names import STRAPPED
 from jointz.core.provenance import software
 from jointz.identify.rigid.steep_change import Widened, widen_steep
 from jointz.kernels.series.periodic_process import periodic_curve
-from jointz.kernels.statistics.pooling_posterior import partial_pooling
 from jointz.results.estimates import REACH_95, CellEstimate, decides
 from jointz.results.person_estimates import person_cells
 from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
@@ -26,7 +25,7 @@ from jointz.results.statistics.pooled_estimates import (
     estimate_without_priors,
     unbounded_estimate,
 )
-from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 _LEVEL = 0.95
 _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
@@ -102,8 +101,8 @@ def phase_curve(
     depends on K, or on B. Errors other than noise (lag, gains, drift inside the window, model) are
     similar at neighbouring phases: their variance is added in full to the band instead of
     averaging out along the curve. The curve of the mean goes through the means over people; their
-    intervals over people (:mod:`jointz.stats.partial_pooling`) are added in full, so that values
-    between the timing points are as uncertain for many people as for one.
+    intervals over people are added in full, so that values between the timing points are as
+    uncertain for many people as for one.
 
     An estimate whose window lies on a change of K that both neighbours show, and that the
     estimator has not followed, has a wider interval here than in the analysis and may be undecided
@@ -157,7 +156,7 @@ def phase_curve(
         if participant is None and len(people) > 1:
             # Not widened: a single person's steep change must not reduce that person's weight.
             placed = _estimates(everybody, name, estimate_without_priors)
-            mean = _mean_band(name, placed, steep_people)
+            mean = _mean_band(name, analysis.population, placed, steep_people)
             bands += [] if mean is None else [mean]
     if not bands:
         missing = f"no participant has estimates of {' or '.join(parameters)} at {_FEWEST} phases"
@@ -303,48 +302,43 @@ def _steep_warnings(widened: Widened, people: Sequence[str]) -> list[str]:
 
 
 def _mean_band(
-    name: str, estimates: Sequence[_Placed], steep: Mapping[tuple[str, str], CellEstimate]
+    name: str,
+    means: Sequence[PopulationEstimate],
+    estimates: Sequence[_Placed],
+    steep: Mapping[tuple[str, str], CellEstimate],
 ) -> ParameterBand | None:
-    """Return the curve through the means over people, None for too few of them."""
+    """Return the curve through the decided means over people, None for too few of them."""
+    known = {m.timing_point: m for m in means if m.parameter == name and m.value is not None}
     by_point: dict[str, list[_Placed]] = {}
     for placed in estimates:
         by_point.setdefault(placed.cell.timing_point, []).append(placed)
-    most = max(map(len, by_point.values()), default=0)
     several = [
-        (mean_phase([placed.gait_pct for placed in group]) or 0.0, label, group)
+        (mean_phase([placed.gait_pct for placed in group]) or 0.0, known[label], group)
         for label, group in by_point.items()
-        if len(group) > 1
+        if label in known
     ]
     if len(several) < _FEWEST:
         return None
-    several.sort(key=lambda entry: entry[:2])
-    values, sds = np.full((2, len(several), most), np.nan)
-    for row, (_, _, group) in enumerate(several):
-        values[row, : len(group)] = [placed.estimate.value for placed in group]
-        sds[row, : len(group)] = [placed.estimate.sd for placed in group]
-    pooled = partial_pooling(values, sds, level=_LEVEL)
-    n = np.array([len(group) for _, _, group in several])
+    several.sort(key=lambda entry: entry[0])
+    values, lows, highs = (
+        np.array([getattr(mean, key) for _, mean, _ in several], dtype=float)
+        for key in ("value", "ci_low", "ci_high")
+    )
+    noise = [sum(p.estimate.sd**2 for p in group) / len(group) ** 2 for _, _, group in several]
     common = np.array([_common_sd(group, name, steep) for _, _, group in several])
-    half = np.hypot(0.5 * (pooled.mean_high - pooled.mean_low), REACH_95 * common)
+    half = np.hypot(0.5 * (highs - lows), REACH_95 * common)
     measured = _Measured(
         phases=np.array([at for at, _, _ in several]) / 100.0,
-        values=pooled.mean,
-        covariance=np.diag(np.nansum(sds**2, axis=1) / n**2 + common**2),
+        values=values,
+        covariance=np.diag(np.array(noise) + common**2),
         # People above the mean at one phase mostly are so at the next: no averaging.
         systematic=half / REACH_95,
     )
-    typical = REACH_95 * np.nanmedian(sds, axis=1)  # as means over people are decided
     points = tuple(
         CurvePoint(
-            label, at, mean, mean - reach, mean + reach, mean > 0.0 and decides(mean, furthest)
+            m.timing_point, at, value, value - reach, value + reach, bool(decides(value, reach))
         )
-        for (at, label, _), mean, reach, furthest in zip(
-            several,
-            pooled.mean.tolist(),
-            half.tolist(),
-            np.maximum(half, typical).tolist(),
-            strict=True,
-        )
+        for (at, m, _), value, reach in zip(several, values.tolist(), half.tolist(), strict=True)
     )
     return _band(MEAN, name, points, measured)
 

@@ -8,8 +8,7 @@ a grid by their evidence.
 from dataclasses import dataclass
 
 import numpy as np
-
-from jointz.kernels.statistics.pooling_posterior import mixture_quantile
+from scipy.special import ndtr
 
 #: Over which part of the cycle a curve may stay alike, cycles; even chances in its logarithm.
 _LENGTHS = np.geomspace(0.05, 0.5, 16)
@@ -18,6 +17,7 @@ _AMPLITUDES = np.geomspace(0.1, 3.0, 14)
 _NUGGET = 1e-6
 #: Pairs of length and amplitude that are less likely do not count.
 _UNLIKELY = 1e-4
+_HALVINGS = 48
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def periodic_curve(
     parts = np.array(means)[None, kept], np.sqrt(np.array(variances))[None, kept]
     weights = (chance[kept] / chance[kept].sum())[None]
     tails = (0.5, 0.5 - level / 2.0, 0.5 + level / 2.0)
-    value, low, high = (mixture_quantile(*parts, weights, tail)[0] for tail in tails)
+    value, low, high = (_mixture_quantile(*parts, weights, tail)[0] for tail in tails)
     middle = float(_LENGTHS[min(int(np.searchsorted(lengths, 0.5)), _LENGTHS.size - 1)])
     return PeriodicCurve(value, low, high, middle)
 
@@ -108,3 +108,20 @@ def _kriged(
     lacking = 1.0 - ones @ solved[:, 2:]
     variance = lacking**2 / weight - np.einsum("kn,nk->k", reach, solved[:, 2:])
     return log, level + reach @ off, variance
+
+
+def _mixture_quantile(
+    means: np.ndarray, sds: np.ndarray, chance: np.ndarray, tail: float
+) -> np.ndarray:
+    """Return a quantile of mixtures of normals, by bisection.
+
+    ``means``, ``sds`` (g, t, k): of the normals; ``chance`` (g, t): weights of each mixture;
+    ``tail``: probability below the quantile. Returns (g, k).
+    """
+    low = (means - 10.0 * sds).min(axis=1)
+    high = (means + 10.0 * sds).max(axis=1)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        below = np.einsum("gt,gtk->gk", chance, ndtr((middle[:, None, :] - means) / sds))
+        low, high = np.where(below < tail, middle, low), np.where(below < tail, high, middle)
+    return np.asarray(0.5 * (low + high))

@@ -6,6 +6,8 @@ from jointz.results.statistics.mixed_model_fit import MixedModelFit
 
 #: How two sets of values were compared.
 PAIRED, GROUPS, POOLED = "paired", "groups", "pooled"
+#: Status of a mean or difference that the data do not decide.
+UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,16 +51,19 @@ class SourceMean:
     parameter: str
     unit: str
     timing_point: str
-    n: int  # people with a value, values at a bound included
-    n_missing: int  # people without a value
+    # people with a value, values at a bound included; of people together, whoever's data count
+    n: int
+    n_missing: int  # all others
     n_at_bound: int  # people whose value is at its bound
-    mean: float | None  # over people, in ``unit``; None below two people
+    mean: float | None  # over people, in ``unit``; None below two people, or undecided
     sd: float | None  # standard deviation between people, in ``unit``; None below two people
-    ci_low: float | None  # lower end of Student's interval, in ``unit``; None below two people
-    ci_high: float | None  # upper end of Student's interval, in ``unit``; None below two people
+    ci_low: float | None  # lower end of the interval, in ``unit``
+    ci_high: float | None  # upper end of the interval, in ``unit``
     # root mean square of the standard errors of the people's estimates, where their intervals are
     # two-sided, in ``unit``
     error_sd: float | None = None
+    # ``ok`` or ``undecided`` of people together; empty of a plain mean over values
+    status: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,24 +89,27 @@ class Difference:
     ci_low: float | None = None
     # upper end of the interval of ``difference``, not adjusted for other comparisons
     ci_high: float | None = None
-    t: float | None = None  # statistic of Student's or Welch's test
+    # statistic of Student's or Welch's test; None of people together, whose ``p`` is twice the
+    # smaller probability of either sign
+    t: float | None = None
     df: float | None = None  # degrees of freedom of ``t``
-    p: float | None = None  # p of ``t``, not adjusted
+    p: float | None = None  # not adjusted
     # p adjusted over the differences of the parameter, by ``Comparison.adjust``
     p_adjusted: float | None = None
     # ``g_z``: mean over standard deviation of the differences; ``g``: mean difference over the
-    # pooled standard deviation; both with Hedges' correction of bias. Empty where there is none
+    # pooled standard deviation; both with Hedges' correction of bias. ``d_z`` and ``d``: the same
+    # of true values, without errors of measurement. Empty where there is none
     effect: str = ""
     effect_size: float | None = None  # value of ``effect``
-    effect_low: float | None = None  # lower end of its interval by the noncentral t distribution
-    effect_high: float | None = None  # upper end of its interval by the noncentral t distribution
+    effect_low: float | None = None  # lower end of its interval
+    effect_high: float | None = None  # upper end of its interval
     margin: float | None = None  # margin of equivalence, in ``unit``, if requested
     p_equivalence: float | None = None  # larger p of the two one-sided tests
     # Greenhouse and Geisser's epsilon of the test over all timing points, where everybody has a
     # value at each
     epsilon: float | None = None
     p_epsilon: float | None = None  # p of that test with ``epsilon``
-    # ``ok``; ``failed:too_few_participants``; ``no_spread`` where nothing varies
+    # ``ok``; ``undecided``; ``failed:too_few_participants``; ``no_spread`` where nothing varies
     status: str = "ok"
 
     @property

@@ -1,15 +1,15 @@
 """Unbounded estimates of a cell with their errors, undecided ones included."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jointz.results.estimates import CellEstimate
 
-#: Name of the estimates of the method ``rigid`` once people were estimated together.
-POOLED_METHOD = "rigid_pooled"
 #: The source of error that is another one at every timing point; all others are alike there.
 _OWN = "noise"
+#: The source that one calibration gives to everybody.
+_GAIN = "gain"
 #: Value per kg -> what it is of.
 _WHOLE = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
 
@@ -23,6 +23,7 @@ class UnboundedEstimate:
     # sd of the errors that timing points share or that are similar at neighbouring ones (lag,
     # gains, friction, changes of K and B inside the window, the model), SI
     systematic_sd: float
+    gain_sd: float = 0.0  # sd of the errors of the gains, which are part of the systematic ones, SI
 
     @property
     def sd(self) -> float:
@@ -49,7 +50,9 @@ def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate 
     base = cell.parameter(whole)
     per = 1.0 if base is None or not base.unbounded else abs(estimate.value / base.unbounded)
     systematic = np.sqrt(max(estimate.systematic_sd**2 + per**2 * variance, 0.0))
-    return UnboundedEstimate(estimate.value - per * shift, estimate.noise_sd, float(systematic))
+    return replace(
+        estimate, value=estimate.value - per * shift, systematic_sd=float(systematic)
+    )
 
 
 def unbounded_estimate(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
@@ -71,4 +74,5 @@ def unbounded_estimate(cell: CellEstimate, name: str) -> UnboundedEstimate | Non
         value=parameter.unbounded,
         noise_sd=per * sources.get(_OWN, 0.0),
         systematic_sd=per * float(np.linalg.norm(systematic)),
+        gain_sd=per * sources.get(_GAIN, 0.0),
     )

@@ -12,6 +12,7 @@ from jointz.identify.over_cycle.phase_curve import timing_points_of_phases
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.series.cycle_curve import MEAN
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.stats.population import population_means
 
 OFFSET_PCT = 5.6  # of the centre behind the onset, as in walking
 
@@ -74,7 +75,7 @@ def test_the_band_holds_a_smooth_truth():
 
 def test_people_have_a_mean_with_an_interval_over_people():
     cells = [c for k in range(5) for c in walker(f"S{k}", scale=0.8 + 0.1 * k)]
-    curve = phase_curve(StudyAnalysis(tuple(cells)))
+    curve = phase_curve(StudyAnalysis(tuple(cells), population=population_means(cells)))
     mean, one = curve.band("stiffness"), curve.band("stiffness", "S2")
     assert mean.participant == MEAN
     assert max(mean.value) == pytest.approx(100.0, rel=0.05)
@@ -89,7 +90,8 @@ def test_a_timing_point_about_the_heel_strike_of_some_is_one_point():
         for k, shift in enumerate([0.6, 0.2, -1.0, -1.2])
         for c in walker(f"S{k}", points={**TIMING_POINTS, "TSW": 94.0 + shift})
     ]
-    mean = phase_curve(StudyAnalysis(tuple(cells)), parameters=["stiffness"]).band("stiffness")
+    analysis = StudyAnalysis(tuple(cells), population=population_means(cells))
+    mean = phase_curve(analysis, parameters=["stiffness"]).band("stiffness")
     assert [p.gait_pct for p in mean.points] == sorted(p.gait_pct for p in mean.points)
     last = next(p for p in mean.points if p.timing_point == "TSW")
     assert last.gait_pct == pytest.approx(99.25, abs=0.01)

@@ -1,0 +1,1 @@
+"""Means and differences over people: coverage, and power, of studies drawn from one pool."""

@@ -1,0 +1,176 @@
+"""Means and differences from the model of people together, where results state their errors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+from jointz.comparison.comparison_cells import Designs, PersonValues, Place
+from jointz.comparison.comparison_sources import Results
+from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
+from jointz.results.statistics.comparison_rows import (
+    PAIRED,
+    UNDECIDED,
+    Difference,
+    SourceMean,
+)
+from jointz.stats.people_likelihoods import PeopleResults
+from jointz.stats.people_together import PeopleDifference, PeopleTogether, together
+
+#: Timing point and parameter of a source, by its place among the compared ones.
+_Element = tuple[int, tuple[str, str]]
+
+
+class ComparedPeople:
+    """Sources and their pairs, each as one model of people."""
+
+    def __init__(
+        self, results: Sequence[Results], designs: Designs, parameters: Sequence[str]
+    ) -> None:
+        self._sources = {
+            result.source.name: together([result.people], parameters, same_people=True)
+            for result in results
+            if result.people is not None
+        }
+        self._pairs = {
+            (a.source.name, b.source.name): _pair(
+                a, b, parameters, paired=designs[a.source.name, b.source.name] == PAIRED
+            )
+            for a, b in combinations(results, 2)
+        }
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Names of the sources whose people are looked at together."""
+        return tuple(name for name, people in self._sources.items() if people is not None)
+
+    def mean(self, row: SourceMean) -> SourceMean:
+        """Return the mean of a source; the given row where its errors are not stated."""
+        people = self._sources.get(row.source)
+        place = (row.timing_point, row.parameter)
+        if people is None or (0, place) not in people.elements:
+            return row
+        found = people.mean(0, place)
+        row = replace(row, error_sd=None, mean=None, sd=None, ci_low=None, ci_high=None)
+        if found is None:
+            return row
+        n = found.n_people
+        row = replace(row, n=n, n_missing=row.n + row.n_missing - n, status=UNDECIDED)
+        if not found.decided:
+            return row
+        return replace(
+            row,
+            mean=found.value,
+            sd=found.sd,
+            ci_low=found.ci_low,
+            ci_high=found.ci_high,
+            status="ok",
+        )
+
+    def between_sources(
+        self,
+        place: Place,
+        first: PersonValues,
+        second: PersonValues,
+        *,
+        design: str,
+        margin_pct: float | None,
+    ) -> Difference | None:
+        """Return a difference of two sources; None where errors are not stated."""
+        names = tuple(next(iter(values.values())).source for values in (first, second))
+        people = self._pairs.get((names[0], names[1]))
+        elements: tuple[_Element, _Element] = ((0, place[::-1]), (1, place[::-1]))
+        if people is None or not set(elements) <= set(people.elements):
+            return None
+        share = None if margin_pct is None else margin_pct / 100.0
+        found = people.difference(*elements, margin_share=share)
+        row = _row(place, names, design, (first, second))
+        effect = "d_z" if design == PAIRED else "d"
+        margin = None
+        if found is not None and share is not None:
+            mean = people.mean(*elements[1])
+            margin = None if mean is None else share * abs(mean.value)
+        return replace(_filled(row, people, elements, found, effect), margin=margin)
+
+    def between_points(
+        self, parameter: str, points: Sequence[str], cells: Mapping[Place, Sequence[PersonValues]]
+    ) -> list[Difference] | None:
+        """Return the differences of all pairs of timing points of one source."""
+        (people,) = self._sources.values() or (None,)
+        known = {place for _, place in people.elements} if people else set()
+        if people is None or not any((point, parameter) in known for point in points):
+            return None
+        rows = []
+        for a, b in combinations([p for p in points if (p, parameter) in known], 2):
+            elements: tuple[_Element, _Element] = ((0, (a, parameter)), (0, (b, parameter)))
+            values = (cells[parameter, a][0], cells[parameter, b][0])
+            row = _row((parameter, ""), (a, b), PAIRED, values)
+            rows.append(_filled(row, people, elements, people.difference(*elements), "d_z"))
+        return rows
+
+
+def _pair(a: Results, b: Results, parameters: Sequence[str], *, paired: bool) -> (
+    PeopleTogether | None
+):  # fmt: skip
+    """Return two sources as one model, if both were made by one method that states its errors."""
+    if a.people is None or b.people is None or a.source.methods != b.source.methods:
+        return None
+    if not paired:
+        return together([a.people, b.people], parameters, same_people=False)
+    shared = set(a.source.participants) & set(b.source.participants)
+    both = [_only(one.people, shared) for one in (a, b) if one.people is not None]
+    return together(both, parameters, same_people=True)
+
+
+def _only(people: PeopleResults, names: set[str]) -> PeopleResults:
+    return PeopleResults(
+        [p for p in people.posteriors if p.participant in names],
+        [c for c in people.cells if c.participant in names],
+        {name: mass for name, mass in people.masses_kg.items() if name in names},
+    )
+
+
+def _row(
+    place: Place, names: Sequence[str], design: str, values: Sequence[PersonValues]
+) -> Difference:
+    return Difference(
+        parameter=place[0],
+        unit=PARAMETER_UNITS[place[0]],
+        timing_point=place[1],
+        first=names[0],
+        second=names[1],
+        design=design,
+        n_first=0,
+        n_second=0,
+        n_at_bound=sum(v.at_bound for own in values for v in own.values()),
+    )
+
+
+def _filled(
+    row: Difference,
+    people: PeopleTogether,
+    elements: tuple[_Element, _Element],
+    found: PeopleDifference | None,
+    effect: str,
+) -> Difference:
+    """Return a row with what the model says; without a value where the data do not decide."""
+    if found is None:
+        return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
+    row = replace(row, n_first=found.n_first, n_second=found.n_second)
+    if not found.decided:
+        return replace(row, status=UNDECIDED)
+    means = [people.mean(*element) for element in elements]
+    return replace(
+        row,
+        mean_first=means[0].value if means[0] else None,
+        mean_second=means[1].value if means[1] else None,
+        difference=found.value,
+        ci_low=found.ci_low,
+        ci_high=found.ci_high,
+        p=found.p,
+        p_equivalence=found.p_equivalence,
+        effect=effect,
+        effect_size=found.effect,
+        effect_low=found.effect_low,
+        effect_high=found.effect_high,
+    )
