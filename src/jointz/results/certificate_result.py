@@ -212,7 +212,10 @@ class Certificate(PlottedResult):
         """Sentences that say why the errors cannot be promised; empty if they are."""
         if not self.comparisons:
             return ("Too few simulated people have a result to compare the study with",)
-        return tuple(row.sentence for row in self.comparisons if row.differs)
+        differences = tuple(row.sentence for row in self.comparisons if row.differs)
+        if not any(estimate.decided for estimate in self.estimates):
+            return ("The protocol decides no value of the simulated people", *differences)
+        return differences
 
     def error(self, parameter: str, timing_point: str = ALL_POINTS) -> ExpectedError:
         """Return the error to expect of a parameter.

@@ -136,3 +136,10 @@ def test_a_study_unlike_the_simulated_people_gets_no_promise():
 
 def test_without_a_comparison_nothing_is_promised():
     assert "Too few simulated people" in certificate([estimated(100.0, 104.0)]).reasons[0]
+
+
+def test_where_the_protocol_decides_nothing_nothing_is_promised():
+    alike = ComparedStatistic("misfit", 1.1, 1.0, 0.7, 1.4)
+    never = certificate([estimated(100.0, None), estimated(90.0, None)], (alike,))
+    assert never.status == "cannot_promise"
+    assert "decides no value" in never.reasons[0]
