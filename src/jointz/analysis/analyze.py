@@ -258,9 +258,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             if name in methods
             for c in without_values_per_kg(_completed(study, name, outputs), questions)
         ),
-        population=population_means(
-            cells, posteriors, likely_masses_kg(study, questions)
-        )
+        population=population_means(cells, posteriors, likely_masses_kg(study, questions))
         if study.spec.of_people
         else (),
         pulses=pulses,

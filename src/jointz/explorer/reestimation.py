@@ -140,9 +140,7 @@ def with_new_estimates(
         analysis,
         cells=cells,
         comparison=tuple(without_values_per_kg(comparison, doubted)),
-        population=population_means(
-            cells, posteriors, likely_masses_kg(study, doubted)
-        )
+        population=population_means(cells, posteriors, likely_masses_kg(study, doubted))
         if study.spec.kind == "walking"
         else (),
         pulses=_replaced(people, analysis.pulses, pulses),

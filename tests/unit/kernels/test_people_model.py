@@ -16,9 +16,7 @@ from jointz.kernels.statistics.people_model import (
 )
 
 #: Written by make_people_reference.R.
-ORACLE = json.loads(
-    (Path(__file__).parents[1] / "stats" / "people_reference.json").read_text()
-)
+ORACLE = json.loads((Path(__file__).parents[1] / "stats" / "people_reference.json").read_text())
 POINTS = ORACLE["points"]
 
 

@@ -232,9 +232,7 @@ def test_people_whose_levels_go_together_have_a_correlation():
     for k in range(30):
         level = 0.3 * rng.standard_normal()
         true = TRUE + np.repeat([level, level, 0.0], 2)
-        alike.append(
-            posterior(f"S{k}", rng, error_sd=0.05, level_sd=0.0, point_sd=0.05, true=true)
-        )
+        alike.append(posterior(f"S{k}", rng, error_sd=0.05, level_sd=0.0, point_sd=0.05, true=true))
     found = together([PeopleResults(alike)], NAMES, same_people=True).correlations
     value, low, _ = found["stiffness", "damping"]
     assert low > 0.3

@@ -50,9 +50,7 @@ def estimate_without_priors(cell: CellEstimate, name: str) -> UnboundedEstimate 
     base = cell.parameter(whole)
     per = 1.0 if base is None or not base.unbounded else abs(estimate.value / base.unbounded)
     systematic = np.sqrt(max(estimate.systematic_sd**2 + per**2 * variance, 0.0))
-    return replace(
-        estimate, value=estimate.value - per * shift, systematic_sd=float(systematic)
-    )
+    return replace(estimate, value=estimate.value - per * shift, systematic_sd=float(systematic))
 
 
 def unbounded_estimate(cell: CellEstimate, name: str) -> UnboundedEstimate | None:
