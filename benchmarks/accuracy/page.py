@@ -10,6 +10,7 @@ from benchmarks.accuracy.rows import PARAMETERS
 from benchmarks.accuracy.scores import ALL, Score
 from benchmarks.accuracy.summaries import Summary, verdicts
 from benchmarks.realistic.page import realistic_text, resemblance_text
+from benchmarks.worlds.page import foreign_text
 
 #: Rows with a drawn rank histogram: inside the model class, and outside.
 RANK_ROWS = ("inside", "nominal-lag-0.5ms", "hard-lag-unknown", "anthropometric")
@@ -147,6 +148,8 @@ the comparison with the dissertation:
 
     python -m benchmarks.realistic
     python -m benchmarks.resemblance
+    python -m benchmarks.worlds.make WORLD --protocol doublets  # in an environment with mujoco
+    python -m benchmarks.worlds WORLD RESULTS
 """
 
 
@@ -173,6 +176,7 @@ def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str], t
         _overview([s for s in summaries if s["row"] in MAIN_ROWS], method),
         _ranks_text(figures, method),
         _STRAPPED,
+        foreign_text(tables),
         resemblance_text(tables),
         _LIMITS,
         _targets_text(summaries, method),

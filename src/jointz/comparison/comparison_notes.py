@@ -28,7 +28,6 @@ from jointz.results.statistics.comparison_rows import (
     GROUPS,
     PAIRED,
     POOLED,
-    UNDECIDED,
     PersonValue,
     ReferenceRange,
     SourceMean,
@@ -97,7 +96,7 @@ def comparison_notes(
         *_points(results),
         *_sphericity(comparison),
         *_inertia(results, comparison),
-        *_missing(comparison, together),
+        *_missing(comparison),
         *_at_bound(comparison.at_bound),
         *_measurement_error(comparison.means),
         *(
@@ -301,7 +300,7 @@ def _inertia(results: Sequence[Results], comparison: Comparison) -> Iterator[str
         yield "inertia: the published value is that of device and joint together."
 
 
-def _missing(comparison: Comparison, together: Sequence[str]) -> Iterator[str]:
+def _missing(comparison: Comparison) -> Iterator[str]:
     with_values = {v.source for v in comparison.values if v.value is not None}
     for source in comparison.sources:
         if source.name not in with_values:
@@ -311,10 +310,7 @@ def _missing(comparison: Comparison, together: Sequence[str]) -> Iterator[str]:
                 f"WARNING: {source.name}: no value is available ({counts or 'no rows'}); see its "
                 "report."
             )
-    values = [
-        v for v in comparison.missing
-        if v.source in with_values and not (v.source in together and v.status == UNDECIDED)
-    ]  # fmt: skip
+    values = [v for v in comparison.missing if v.source in with_values]
     if values:
         count = "1 value is" if len(values) == 1 else f"{len(values)} values are"
         yield f"{count} missing; the other values of these people are used: {_named(values)}."

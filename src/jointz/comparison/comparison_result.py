@@ -9,6 +9,7 @@ import pandas as pd
 from jointz.results.base import Result
 from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.statistics.comparison_rows import (
+    UNDECIDED,
     Difference,
     FactorTest,
     PersonValue,
@@ -92,8 +93,17 @@ class Comparison(Result):
 
     @property
     def missing(self) -> tuple[PersonValue, ...]:
-        """Participants without a value, by source, parameter and timing point."""
-        return tuple(v for v in self.values if v.value is None)
+        """Participants without a value who do not count, by source, parameter and timing point.
+
+        Undecided people count where all people are looked at together.
+        """
+        together = {(m.source, m.parameter, m.timing_point) for m in self.means if m.status}
+        return tuple(
+            v
+            for v in self.values
+            if v.value is None
+            and not (v.status == UNDECIDED and (v.source, v.parameter, v.timing_point) in together)
+        )
 
     @property
     def at_bound(self) -> tuple[PersonValue, ...]:

@@ -26,6 +26,7 @@ from jointz.results.statistics.comparison_rows import (
     GROUPS,
     PAIRED,
     POOLED,
+    UNDECIDED,
     Difference,
     FactorTest,
     Repeatability,
@@ -37,12 +38,16 @@ _HASH_DIGITS: Final = 12
 _ALPHA: Final = 0.05
 
 _PAIRS: Final = {
-    PAIRED: "; each pair has its own error (paired t test), with p adjusted over all pairs.",
+    PAIRED: "; each pair has its own error, with p adjusted over all pairs.",
     POOLED: "; all pairs share the error of the model.",
 }
 _EFFECTS: Final = {
     "g_z": "g_z: mean over standard deviation of the differences of the same people.",
     "g": "g: difference of groups over their pooled standard deviation.",
+    "d_z": "d_z: difference over the standard deviation of the people's true differences, without "
+    "errors of measurement.",
+    "d": "d: difference over the standard deviation of the people of a group, without errors of "
+    "measurement.",
 }
 
 _Row = dict[str, Any]
@@ -108,11 +113,14 @@ def _effects(comparison: Comparison) -> str:
         return ""
     shown = {d.effect for d in comparison.differences}
     texts = [words for name, words in _EFFECTS.items() if name in shown]
-    both = "; the two kinds are not comparable" if len(texts) > 1 else ""
-    return (
-        f"{' '.join(texts)} With Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval "
-        f"of the noncentral t distribution{both}."
-    )
+    if shown & {"g", "g_z"}:
+        texts.append(
+            "g: with Hedges\N{RIGHT SINGLE QUOTATION MARK} correction and the interval of the "
+            "noncentral t distribution."
+        )
+    if len(shown - {""}) > 1:
+        texts.append("Effects of different names are not comparable.")
+    return " ".join(texts)
 
 
 def _df(comparison: Comparison) -> str:
@@ -130,9 +138,9 @@ def _lead(comparison: Comparison) -> str:
         )
     text += "Differences are first minus second. "
     if PAIRED in designs:
-        text += "The same people are compared with themselves (paired t test). "
+        text += "The same people are compared with themselves. "
     if GROUPS in designs:
-        text += "Different people are compared as groups (Welch's t test). "
+        text += "Different people are compared as groups. "
     return text + (
         "A difference that is not significant is no evidence of equality: consider its interval."
     )
@@ -160,7 +168,7 @@ def _caption(name: str, comparison: Comparison) -> str:
         if len(comparison.sources) > 1:
             paired = any(d.design == PAIRED for d in comparison.differences)
             people = f"Dots: people{'; lines join those of the same person' if paired else ''}."
-        texts = [f"Mean over people with {level} % t interval.", people]
+        texts = [f"Mean over people with {level} % interval.", people]
         if any(r.value is not None for r in comparison.references) or any(
             s.published for s in comparison.sources
         ):
@@ -198,7 +206,7 @@ def _mean(m: SourceMean) -> _Row:
     return {
         "point": point_name(m.timing_point),
         "source": m.source,
-        "mean": format_interval(m.mean, m.ci_low, m.ci_high),
+        "mean": m.status if m.status == UNDECIDED else format_interval(m.mean, m.ci_low, m.ci_high),
         "sd": format_number(m.sd, like=m.mean),
         "share": DASH if share is None else f"{share:.0f} %",
         "n": m.n,
