@@ -52,6 +52,7 @@ def summary(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
     for key, group in rows.groupby(by, sort=False):
         ok = group[group["value"].notna()]
         error = ok["value"] / ok["truth"] - 1.0
+        withheld = group[group["value"].isna()]
         limits = group[group["value"].isna() & (group["low"].notna() | group["high"].notna())]
         low, high = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
         found.append(dict(zip(by, key, strict=True)) | {
@@ -64,6 +65,7 @@ def summary(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
             "limits": len(limits),
             "limits_hold": ((low <= limits["truth"]) & (limits["truth"] <= high)).mean(),
             "truth": group["truth"].median(),
+            "withheld_over_truth": (withheld["unbounded"] / withheld["truth"]).median(),
             "apparent": group["apparent"].median(),
         })  # fmt: skip
     return pd.DataFrame(found)

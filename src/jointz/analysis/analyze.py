@@ -44,6 +44,8 @@ from jointz.terminal.progress_bars import shown_progress
 DEFAULT_RESAMPLES = 1000
 #: Number of simulated people of a certificate.
 VIRTUAL_PEOPLE = 10
+#: Begins the note of an analysis that should have a certificate and has none.
+NO_CERTIFICATE = "no certificate: "
 
 #: Result of a participant whose analysis ended with an error.
 _EMPTY_RESULT = ParticipantResult(cells={}, single=(), pulses=(), strides=(), gaps=())
@@ -104,7 +106,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         If recordings cannot be trusted; one message names all of them.
     DataError
         If the method does not suit the study or its baseline, or no simulated person can
-        repeat it for a certificate.
+        repeat its kind for a certificate. If its pulses cannot be repeated, a note says so.
     EngineError
         If the engine cannot continue; finished participants stay in the store.
     ValueError
@@ -117,6 +119,8 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     opened = study if isinstance(study, Study) else open_study(study)
     name = _chosen(opened, check_method(method))
     simulated = VIRTUAL_PEOPLE if certify is True else int(certify)
+    if simulated < 0:
+        raise ValueError(f"certify: expected true, false or a number of people, got {certify}.")
     if simulated:
         from jointz.analysis.certificate.study_protocol import check_certifiable
 
@@ -143,16 +147,19 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         if simulated:
             from jointz.analysis.certificate.certificate_step import certificate_of
 
-            certificate = certificate_of(
-                opened,
-                analysis,
-                people=simulated,
-                seed=seed,
-                engine=engine,
-                store=store,
-                show=lambda done, text: show(len(people) + done, total, text),
-            )
-            analysis = replace(analysis, certificate=certificate)
+            try:
+                certificate = certificate_of(
+                    opened,
+                    analysis,
+                    people=simulated,
+                    seed=seed,
+                    engine=engine,
+                    store=store,
+                    show=lambda done, text: show(len(people) + done, total, text),
+                )
+                analysis = replace(analysis, certificate=certificate)
+            except DataError as exc:  # the analysis is not lost
+                analysis.statistics["notes"].append(f"{NO_CERTIFICATE}{exc}")
         show(total, total, "done")
     return analysis
 

@@ -2,7 +2,8 @@
 
 import os
 
-from jointz.analysis.analyze import VIRTUAL_PEOPLE, analyze
+from jointz.analysis.analyze import NO_CERTIFICATE, VIRTUAL_PEOPLE, analyze
+from jointz.core.errors import DataError
 from jointz.core.study import Study
 from jointz.results.certificate_result import Certificate
 from jointz.tasks.engine import Engine
@@ -58,5 +59,6 @@ def certify(
         study, resamples=2, seed=seed, certify=people, engine=engine, progress=progress
     )
     if analysis.certificate is None:
-        raise AssertionError("an analysis with certify has a certificate")
+        notes = [note for note in analysis.statistics["notes"] if note.startswith(NO_CERTIFICATE)]
+        raise DataError(notes[-1].removeprefix(NO_CERTIFICATE))
     return analysis.certificate

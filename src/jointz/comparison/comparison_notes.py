@@ -137,10 +137,17 @@ def _together(
     """Tell which means are of people together, and what is tested otherwise."""
     if together:
         yield (
-            f"{' and '.join(together)}: means and differences are of all participants together, "
-            "each by what the data say, undecided ones included; errors of calibration and method "
-            "that all share are in the intervals, and cancel between conditions of the same people."
+            f"{' and '.join(together)}: means are of all participants together, each by what the "
+            "data say, undecided ones included; errors of calibration and method that all share "
+            "are in the intervals."
         )
+        effects = {d.effect for d in comparison.differences}
+        if effects & {"d", "d_z"}:
+            yield (
+                "differences with the effect d or d_z are of the same model; errors that all share "
+                "cancel between conditions of the same people. Other differences are t tests of "
+                "decided values."
+            )
         if any(test.fit is not None for test in comparison.tests):
             yield (
                 "the mixed model is of decided values only and does not know their errors: prefer "
@@ -150,14 +157,11 @@ def _together(
         if result.source.name in together or result.source.published:
             continue
         reason = (
-            f"no {ANALYSIS_FILE} in the folder"
+            f"{ANALYSIS_FILE} is not there or states no errors"
             if set(result.source.methods) & {RIGID, STRAPPED}
             else "the method states no errors that a model of people could use"
         )
         yield f"{result.source.name}: means and t tests of decided values ({reason})."
-    methods = {r.source.methods for r in results if r.source.name in together}
-    if len(methods) > 1:
-        yield "results of different methods are compared by t tests of decided values."
 
 
 def _averaged(results: Sequence[Results]) -> Iterator[str]:

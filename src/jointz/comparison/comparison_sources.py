@@ -200,7 +200,7 @@ def read_results(folder: Path, name: str) -> Results:
         settings=provenance.get("settings", {}),
         inputs=inputs,
         averaged=averaged,
-        people=_people(folder, provenance, values),
+        people=_people(folder, provenance, values, table),
     )
 
 
@@ -208,6 +208,7 @@ def _people(
     folder: Path,
     provenance: Mapping[str, Any],
     values: Mapping[tuple[str, str, str], PersonValue],
+    estimates: RawTable,
 ) -> PeopleResults | None:
     """Return everybody's estimates with their errors, if the folder holds them."""
     file = folder / ANALYSIS_FILE
@@ -221,14 +222,60 @@ def _people(
         raise DataError(
             f"{file}: cannot be read ({str(exc)[:200]}). Run jointz analyze again.", path=str(file)
         ) from exc
-    known = {p["id"]: p.get("mass_kg") for p in provenance["study"].get("participants", ())}
+    _check_agreement(file, cells, estimates)
+    known = _masses(folder, provenance)
     unknown = {
         person for (name, _, person), v in values.items()
         if name in PER_MASS and v.status in _MASSLESS
     }  # fmt: skip
-    masses = {p: float(m) for p, m in known.items() if m is not None and p not in unknown}
+    masses = {person: mass for person, mass in known.items() if person not in unknown}
     found = PeopleResults(posteriors, cells, masses)
     return found if found.have_errors else None
+
+
+def _check_agreement(file: Path, cells: Sequence[CellEstimate], table: RawTable) -> None:
+    """Refuse an analysis that is not the one of the estimates beside it."""
+    columns = {key: table.columns[key].tolist() for key in table.columns}
+    keys = [key for key in ("participant", "timing_point", "parameter", *_UNIT) if key in columns]
+    rows = zip(*(columns[key] for key in keys), strict=True)
+    written = dict(zip(rows, map(_number, columns["value"]), strict=True))
+    analysed = {
+        tuple(str(row[key]) for key in keys): estimate.value
+        for cell in cells
+        for estimate in cell.parameters
+        for row in [{"participant": cell.participant, "timing_point": cell.timing_point,
+                     "parameter": estimate.name, "session": cell.session, "side": cell.side}]
+    }  # fmt: skip
+    alike = written.keys() == analysed.keys() and all(
+        (a is None) == (b is None) and (a is None or b is None or bool(np.isclose(a, b, rtol=1e-6)))
+        for a, b in ((written[key], analysed[key]) for key in written)
+    )
+    if not alike:
+        raise DataError(
+            f"{file}: does not agree with {_ESTIMATES} beside it: another analysis, or one of both "
+            "was edited. Run jointz analyze again.",
+            path=str(file),
+        )
+
+
+def _masses(folder: Path, provenance: Mapping[str, Any]) -> dict[str, float]:
+    """Return the stated body masses, kg."""
+    try:
+        stated = {p["id"]: p.get("mass_kg") for p in provenance["study"].get("participants", ())}
+        masses = {str(person): float(mass) for person, mass in stated.items() if mass is not None}
+    except (TypeError, KeyError, ValueError, AttributeError) as exc:
+        raise DataError(
+            f"{folder / _PROVENANCE}: participants cannot be read ({exc}). Run jointz analyze "
+            "again.",
+            path=str(folder / _PROVENANCE),
+        ) from exc
+    if wrong := [p for p, mass in masses.items() if not (np.isfinite(mass) and mass > 0.0)]:
+        raise DataError(
+            f"{folder / _PROVENANCE}: expected masses above 0 kg, got others for "
+            f"{', '.join(wrong)}. Run jointz analyze again.",
+            path=str(folder / _PROVENANCE),
+        )
+    return masses
 
 
 def _provenance(folder: Path) -> dict[str, Any]:

@@ -131,11 +131,12 @@ def between_points(
             error == PAIRED
             and (together := people.between_points(test.parameter, points, cells)) is not None
         ):
-            rows += together
+            differences = together
+        elif test.fit is not None:
+            differences = pairs(test, test.fit, cells)
+        else:
             continue
-        if test.fit is None:
-            continue
-        differences, sphericity = pairs(test, test.fit, cells), test.fit.repeated_measures
+        sphericity = None if test.fit is None else test.fit.repeated_measures
         if sphericity is not None:
             epsilon, p_epsilon = sphericity.epsilon, sphericity.p_epsilon
             differences = [replace(d, epsilon=epsilon, p_epsilon=p_epsilon) for d in differences]

@@ -87,7 +87,7 @@ class ComparedPeople:
         row = _row(place, names, design, (first, second))
         effect = "d_z" if design == PAIRED else "d"
         margin = None
-        if found is not None and share is not None:
+        if found is not None and found.decided and share is not None:
             mean = people.mean(*elements[1])
             margin = None if mean is None else share * abs(mean.value)
         return replace(_filled(row, people, elements, found, effect), margin=margin)
@@ -156,18 +156,21 @@ def _filled(
     """Return a row with what the model says; without a value where the data do not decide."""
     if found is None:
         return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
-    row = replace(row, n_first=found.n_first, n_second=found.n_second)
+    # An undecided difference keeps p: the adjustment must not count significant ones only.
+    row = replace(row, n_first=found.n_first, n_second=found.n_second, p=found.p)
     if not found.decided:
         return replace(row, status=UNDECIDED)
-    means = [people.mean(*element) for element in elements]
+    first, second = (
+        mean.value if (mean := people.mean(*element)) and mean.decided else None
+        for element in elements
+    )
     return replace(
         row,
-        mean_first=means[0].value if means[0] else None,
-        mean_second=means[1].value if means[1] else None,
+        mean_first=first,
+        mean_second=second,
         difference=found.value,
         ci_low=found.ci_low,
         ci_high=found.ci_high,
-        p=found.p,
         p_equivalence=found.p_equivalence,
         effect=effect,
         effect_size=found.effect,

@@ -18,6 +18,8 @@ Place = tuple[str, str]
 PARAMETERS = ("stiffness", "damping", "inertia")
 PER_MASS = "_per_mass"
 _ONSET = "_onset"
+#: Of the data over that of the prior; with less a person does not count.
+_LEAST_INFORMATION = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,8 @@ class PeopleLikelihoods:
     unit: np.ndarray  # (d,) SI; 1 where logarithmic
     precision: np.ndarray  # (n, d, d)
     weighted: np.ndarray  # (n, d): precision times mean
-    own_sd: np.ndarray  # (n, d): of each person's estimate, on the scale; NaN without data
+    own_sd: np.ndarray  # (n, d): of each person's estimate, on the scale; NaN without one
+    counts: np.ndarray  # (n, d) bool: whose data say anything
     intrinsic: np.ndarray  # (d,) SI: the device's own part, which values include
     gain_sd: float  # relative, of calibrations that all people share
     session_sd: Mapping[str, float]  # parameter -> sd between sessions and sides of a person
@@ -79,6 +82,21 @@ class _Unit:
         square = np.ix_(own, own)
         prior = None if self.prior is None else (self.prior[0][own], self.prior[1][square])
         return _Unit(self.participant, self.at[own], self.mean[own], self.covariance[square], prior)
+
+    @property
+    def valid(self) -> bool:
+        """Whether there are places, with finite numbers and covariances that can be inverted."""
+        parts = (self.mean, self.covariance, *(self.prior or ()))
+        if not self.at.size or not all(np.isfinite(part).all() for part in parts):
+            return False
+        squares = (self.covariance, *((self.prior[1],) if self.prior else ()))
+        return all(np.linalg.eigvalsh(square)[0] > 0.0 for square in squares)
+
+    def informed(self, precision: np.ndarray) -> np.ndarray:
+        """Return where the data say more than a hundredth of what the prior does."""
+        if self.prior is None:
+            return np.ones(self.at.size, dtype=bool)
+        return np.asarray(np.diag(precision) * np.diag(self.prior[1]) > _LEAST_INFORMATION)
 
     def likelihood(self) -> tuple[np.ndarray, np.ndarray]:
         """Return precision, and precision times mean: posterior over prior."""
@@ -113,6 +131,8 @@ def _assembled(
     logarithmic: np.ndarray,
     unit: np.ndarray,
 ) -> PeopleLikelihoods | None:
+    # Numbers that are no estimates say nothing about anybody.
+    units = [unit for unit in units if unit.valid]
     people = tuple(dict.fromkeys(u.participant for u in units))
     if not places or not people:
         return None
@@ -121,7 +141,7 @@ def _assembled(
     sessions = _session_variances(own, names)
     n, d = len(people), len(places)
     precision, weighted = np.zeros((n, d, d)), np.zeros((n, d))
-    own_sd = np.full((n, d), np.nan)
+    own_sd, counts = np.full((n, d), np.nan), np.zeros((n, d), dtype=bool)
     for i, of_person in enumerate(own):
         if not of_person:
             continue
@@ -133,6 +153,7 @@ def _assembled(
         precision[i][square] = np.linalg.solve(spread, own_precision)
         weighted[i, at] = np.linalg.solve(spread, own_weighted)
         own_sd[i, at] = np.sqrt(np.diag(average.covariance))
+        counts[i, at] = average.informed(own_precision)
     return PeopleLikelihoods(
         people=people,
         places=tuple(places),
@@ -141,6 +162,7 @@ def _assembled(
         precision=precision,
         weighted=weighted,
         own_sd=own_sd,
+        counts=counts,
         intrinsic=_intrinsic(results, places),
         gain_sd=_gain_sd(results),
         session_sd={name: float(np.sqrt(v)) for name, v in sessions.items()},
@@ -158,13 +180,7 @@ def _of_posteriors(
     known = {key for p in results.posteriors
              for key in zip(p.timing_points, p.parameters, strict=True)}  # fmt: skip
     places = [(t, name) for name in parameters for t in points if (t, names[name]) in known]
-    per_mass = any(name != own for name, own in names.items())
-    units = [
-        unit
-        for posterior in results.posteriors
-        if not per_mass or posterior.participant in results.masses_kg
-        if (unit := _of_posterior(posterior, places, results.masses_kg)).at.size
-    ]
+    units = [_of_posterior(p, places, results.masses_kg) for p in results.posteriors]
     return places, units, np.ones(len(places), dtype=bool), np.ones(len(places))
 
 
@@ -175,8 +191,11 @@ def _of_posterior(
     keys = zip(posterior.timing_points, posterior.parameters, strict=True)
     doubted = posterior.doubted or (False,) * len(posterior.parameters)
     found = {key: k for k, key in enumerate(keys) if not doubted[k]}
+    weighed = posterior.participant in masses_kg
     at = [
-        e for e, (point, name) in enumerate(places) if (point, name.removesuffix(PER_MASS)) in found
+        e
+        for e, (point, name) in enumerate(places)
+        if (point, name.removesuffix(PER_MASS)) in found and (weighed or PER_MASS not in name)
     ]
     own = [found[places[e][0], places[e][1].removesuffix(PER_MASS)] for e in at]
     mass_kg = masses_kg.get(posterior.participant, 1.0)
@@ -312,6 +331,7 @@ def _gain_sd(results: PeopleResults) -> float:
     """Return the relative sd of the gains, as one calibration for all people has it."""
     if results.posteriors:
         return float(np.sqrt(np.mean([p.gain_sd**2 for p in results.posteriors])))
-    estimates = [unbounded_estimate(cell, name) for cell in results.cells for name in PARAMETERS]
-    shares = [e.gain_sd / e.value for e in estimates if e is not None and e.value]
-    return float(np.sqrt(np.mean(np.square(shares)))) if shares else 0.0
+    # Of K and B: little of the device's own is taken off them, of J half may be.
+    estimates = [unbounded_estimate(c, name) for c in results.cells for name in PARAMETERS[:2]]
+    shares = [abs(e.gain_sd / e.value) for e in estimates if e is not None and e.value]
+    return float(np.median(shares)) if shares else 0.0

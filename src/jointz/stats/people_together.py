@@ -71,9 +71,10 @@ class _Fitted:
     level_variance: np.ndarray  # (draw, d): of that, what a person has at all places
     response_variance: np.ndarray  # (draw, d): of that, a person's own response to the condition
     intrinsic: np.ndarray  # (d,) SI
-    model_sd: np.ndarray  # (d,) relative
+    logarithmic: np.ndarray  # (d,) bool
+    unit: np.ndarray  # (d,) SI: of the scale of the model; 1 where logarithmic
+    own_sd: np.ndarray  # (d,): error of a typical person's own estimate, on that scale
     n_people: np.ndarray  # (d,)
-    half_widths: np.ndarray  # (d,): typical person's own, relative
     gain_sd: float
     correlations: Mapping[tuple[str, str], tuple[float, float, float]]  # value, low, high
     session_sd: Mapping[str, float]
@@ -133,8 +134,10 @@ class PeopleTogether:
         """Return draws of a mean with the errors that everybody shares, SI."""
         f, k = self._of[element]
         fit = self._fits[f]
-        shared = fit.model_sd[k] * self._model[element[1]] + self._gains[f]
-        return np.asarray(fit.whole[:, k] * np.exp(shared) - fit.intrinsic[k])
+        wrong = _SHARED * fit.own_sd[k] * self._model[element[1]]
+        whole, gain = fit.whole[:, k], np.exp(self._gains[f])
+        whole = whole * np.exp(wrong) if fit.logarithmic[k] else whole + fit.unit[k] * wrong
+        return np.asarray(whole * gain - fit.intrinsic[k])
 
     def mean(self, condition: int, place: Place) -> PeopleMean | None:
         """Return the mean of a parameter at a timing point; None below two people.
@@ -160,7 +163,9 @@ class PeopleTogether:
             return None
         value = float(np.median(fit.whole[:, k])) - float(fit.intrinsic[k])
         low, high = np.percentile(self._draws(element), _TAILS).tolist()
-        half = max((high - low) / 2.0, abs(value) * float(fit.half_widths[k]))
+        reach = REACH_95 * fit.own_sd[k]
+        typical = abs(value) * np.sinh(reach) if fit.logarithmic[k] else fit.unit[k] * reach
+        half = max((high - low) / 2.0, float(typical))
         return PeopleMean(
             value=value,
             sd=float(np.median(np.abs(fit.whole[:, k]) * fit.relative_sd[:, k])),
@@ -339,13 +344,13 @@ def _in_si(
         for key in ("logarithmic", "unit", "intrinsic")
     )
     slope, variance = drawn.slope[:, data.kinds], drawn.variance[:, data.kinds]
-    middle = drawn.mean
+    middle, level = drawn.mean, drawn.level[:, data.kinds]
     if data.covariate.size:
         # Who was measured has a mean mass that is not the population's.
         mass_variance = float(data.covariate.var(ddof=1)) if data.covariate.size > 1 else 0.0
         off = np.random.default_rng(seed).standard_normal((len(middle), 1))
         middle = middle + slope * off * np.sqrt(mass_variance / data.covariate.size)
-        variance = variance + slope**2 * mass_variance
+        variance, level = (part + slope**2 * mass_variance for part in (variance, level))
     logs = np.where(logarithmic, middle + variance / 2.0, 0.0)
     whole = np.where(logarithmic, np.exp(logs), unit * middle)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -353,17 +358,18 @@ def _in_si(
         relative_sd = np.where(logarithmic, np.sqrt(np.expm1(variance)), linear_sd)
     scale = np.where(logarithmic, 1.0, 1.0 / middle**2)
     own_sd = np.concatenate([_typical(one.own_sd) for one in conditions])
-    counts = [np.isfinite(one.own_sd).sum(axis=0) for one in conditions]
+    counts = [one.counts.sum(axis=0) for one in conditions]
     return _Fitted(
         places=tuple(places),
         whole=whole,
         relative_sd=relative_sd,
-        level_variance=drawn.level[:, data.kinds] * scale,
+        level_variance=level * scale,
         response_variance=drawn.response[:, data.kinds] * scale,
         intrinsic=intrinsic,
-        model_sd=_SHARED * own_sd,
+        logarithmic=logarithmic,
+        unit=unit,
+        own_sd=own_sd,
         n_people=np.concatenate(counts),
-        half_widths=np.where(logarithmic, np.sinh(REACH_95 * own_sd), REACH_95 * own_sd),
         gain_sd=float(np.sqrt(np.mean([one.gain_sd**2 for one in conditions]))),
         correlations=_correlations(drawn.correlation, names),
         session_sd=conditions[0].session_sd,

@@ -39,6 +39,8 @@ def population_means(
     """
     results = PeopleResults(posteriors, cells, masses_kg or {})
     means = people_means(results) if results.have_errors else None
+    if not means and not posteriors:
+        means = None
     rows = pd.DataFrame(
         [row for cell in person_cells(cells) for row in cell.rows()],
         columns=list(ESTIMATE_COLUMNS),

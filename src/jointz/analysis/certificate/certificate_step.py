@@ -16,7 +16,7 @@ from jointz.analysis.certificate.virtual_people import (
     world_of,
 )
 from jointz.analysis.saved_analysis import Analysis
-from jointz.core.errors import DataError, EngineError, OutputError
+from jointz.core.errors import DataError, EngineError, EstimationError, OutputError
 from jointz.core.study import Study
 from jointz.results.certificate_result import Certificate, expected_errors
 from jointz.results.estimates import CellEstimate
@@ -59,8 +59,8 @@ def certificate_of(
             done.append(task.result())
         except (OutputError, EngineError):  # these concern all people
             raise
-        except DataError as exc:
-            left_out[f"V{number:02d}"] = str(exc)
+        except (DataError, EstimationError, ArithmeticError, ValueError) as exc:
+            left_out[f"V{number:02d}"] = f"{type(exc).__name__}: {exc}"
         show(number, "certificate")
     if not done:
         raise DataError(

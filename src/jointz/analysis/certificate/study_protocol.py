@@ -163,9 +163,9 @@ def _shapes(
     for pulse, length, size in zip(pulses, lengths, sizes, strict=True):
         kinds.setdefault((length, size, (pulse.amplitude or 0.0) < 0.0), []).append(pulse)
     usual = {k: own for k, own in sorted(kinds.items()) if len(own) >= _RARE * len(pulses)}
-    if len(usual) > _MOST_KINDS:
+    if not 0 < len(usual) <= _MOST_KINDS:
         raise DataError(
-            f"certify: the study has {len(usual)} kinds of pulse (size, length, direction); a "
+            f"certify: the study has {len(kinds)} kinds of pulse (size, length, direction); a "
             f"simulated person can repeat {_MOST_KINDS}. Analyse kinds of pulse as studies of "
             "their own."
         )

@@ -93,7 +93,7 @@ class Difference:
     # smaller probability of either sign
     t: float | None = None
     df: float | None = None  # degrees of freedom of ``t``
-    p: float | None = None  # not adjusted
+    p: float | None = None  # not adjusted; also of an undecided difference
     # p adjusted over the differences of the parameter, by ``Comparison.adjust``
     p_adjusted: float | None = None
     # ``g_z``: mean over standard deviation of the differences; ``g``: mean difference over the
@@ -104,7 +104,8 @@ class Difference:
     effect_low: float | None = None  # lower end of its interval
     effect_high: float | None = None  # upper end of its interval
     margin: float | None = None  # margin of equivalence, in ``unit``, if requested
-    p_equivalence: float | None = None  # larger p of the two one-sided tests
+    # larger p of the two one-sided tests; of people together the probability of lying beyond
+    p_equivalence: float | None = None
     # Greenhouse and Geisser's epsilon of the test over all timing points, where everybody has a
     # value at each
     epsilon: float | None = None
