@@ -77,15 +77,8 @@ def _means(entries: Sequence[Entry], truth: Mapping[Place, float]) -> Iterator[R
     for place, true in truth.items():
         mean = means.get(place)
         given = mean is not None and mean.decided
-        yield {
-            "what": MEAN,
-            "timing_point": place[0],
-            "parameter": place[1],
-            "given": given,
-            "held": mean.ci_low <= true <= mean.ci_high if mean and given else None,
-            "error": mean.value / true - 1.0 if mean and given else None,
-            "half_width": (mean.ci_high - mean.ci_low) / 2.0 / true if mean and given else None,
-        }
+        found = (mean.value, mean.ci_low, mean.ci_high) if mean and given else None
+        yield _row(MEAN, place, found, true=true, per=true)
 
 
 def _differences(
@@ -99,20 +92,12 @@ def _differences(
         [results_of(first), results_of(second)], PARAMETERS, same_people=what == PAIRED
     )
     for place, usual in truths[0].items():
-        true, found = truths[1][place] - usual, None
-        if people is not None:
-            found = people.difference((1, place), (0, place))
-        given = found is not None and found.decided
-        yield {
-            "what": what,
-            "timing_point": place[0],
-            "parameter": place[1],
-            "given": given,
-            "held": found.ci_low <= true <= found.ci_high if found and given else None,
-            "error": (found.value - true) / usual if found and given else None,
-            "half_width": (found.ci_high - found.ci_low) / 2.0 / usual if found and given else None,
-            "significant": bool(found and given and found.p < 0.05 and found.value > 0.0),
-        }
+        difference = people.difference((1, place), (0, place)) if people else None
+        found, p = None, 1.0
+        if difference is not None and difference.decided:
+            found = (difference.value, difference.ci_low, difference.ci_high)
+            p = difference.p
+        yield _row(what, place, found, true=truths[1][place] - usual, per=usual, p=p)
 
 
 def _t_tests(
@@ -122,19 +107,42 @@ def _t_tests(
     values = [_values(entries) for entries in (first, second)]
     for place, usual in truths[0].items():
         both = [p for p in values[0][place] if p in values[1][place]]
-        pair = [np.array([own[place][p] for p in both]) for own in values[::-1]]
-        found = paired_difference(*pair) if len(both) > 1 else None
-        true = truths[1][place] - usual
-        yield {
-            "what": T_TEST,
-            "timing_point": place[0],
-            "parameter": place[1],
-            "given": found is not None,
-            "held": found.ci_low <= true <= found.ci_high if found else None,
-            "error": (found.difference - true) / usual if found else None,
-            "half_width": (found.ci_high - found.ci_low) / 2.0 / usual if found else None,
-            "significant": bool(found and found.p < 0.05 and found.difference > 0.0),
-        }
+        found, p = None, 1.0
+        if len(both) > 1:
+            pair = [np.array([own[place][p] for p in both]) for own in values[::-1]]
+            test = paired_difference(*pair)
+            found, p = (test.difference, test.ci_low, test.ci_high), test.p
+        yield _row(T_TEST, place, found, true=truths[1][place] - usual, per=usual, p=p)
+
+
+def _row(
+    what: str,
+    place: Place,
+    found: tuple[float, float, float] | None,
+    *,
+    true: float,
+    per: float,
+    p: float | None = None,
+) -> Row:
+    """Return a row: value and interval, if given, beside the truth, as shares of ``per``."""
+    row: Row = {
+        "what": what,
+        "timing_point": place[0],
+        "parameter": place[1],
+        "given": found is not None,
+        "held": None,
+        "error": None,
+        "half_width": None,
+        "significant": None if p is None else bool(found and p < 0.05 and found[0] > 0.0),
+    }
+    if found is None:
+        return row
+    value, low, high = found
+    return row | {
+        "held": low <= true <= high,
+        "error": (value - true) / per,
+        "half_width": (high - low) / 2.0 / per,
+    }
 
 
 def _values(entries: Sequence[Entry]) -> dict[Place, dict[str, float]]:

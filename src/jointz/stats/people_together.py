@@ -352,8 +352,9 @@ def _in_si(
         middle = middle + slope * off * np.sqrt(mass_variance / data.covariate.size)
         variance, level = (part + slope**2 * mass_variance for part in (variance, level))
     logs = np.where(logarithmic, middle + variance / 2.0, 0.0)
-    whole = np.where(logarithmic, np.exp(logs), unit * middle)
+    # Where nobody has data the draws have no limits.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        whole = np.where(logarithmic, np.exp(logs), unit * middle)
         linear_sd = np.sqrt(variance) / np.abs(middle)
         relative_sd = np.where(logarithmic, np.sqrt(np.expm1(variance)), linear_sd)
     scale = np.where(logarithmic, 1.0, 1.0 / middle**2)
