@@ -42,7 +42,7 @@ def write_page(found: BedComparison, out: str | os.PathLike[str]) -> Path:
     found : BedComparison
         A comparison.
     out : path
-        The folder: page.html, table.csv (one row a run), means.csv, figures/*.svg.
+        The folder: page.html, table.csv (one row a run), means.csv and the figures as SVG.
 
     Returns
     -------
