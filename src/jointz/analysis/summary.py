@@ -13,8 +13,8 @@ from jointz.report.wording import (
     parameter_name,
     pretty_unit,
 )
-from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.stats.people_likelihoods import PeopleResults
 
 #: A count in the description of an interval; not the digits of a word.
 _NUMBER: Final = re.compile(r"(?<![\w.])(\d+)(?![\w.])")
@@ -94,8 +94,8 @@ def interval_methods(analysis: StudyAnalysis) -> list[str]:
 
 def means_of_people_together(analysis: StudyAnalysis) -> bool:
     """Return whether means over participants are from the model of people together."""
-    errors = bool(analysis.log_posteriors) or any(map(has_budget, analysis.cells))
-    return bool(analysis.population) and errors
+    results = PeopleResults(analysis.log_posteriors, analysis.cells)
+    return bool(analysis.population) and results.have_errors
 
 
 def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:

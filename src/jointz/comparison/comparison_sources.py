@@ -240,12 +240,8 @@ def _check_agreement(file: Path, cells: Sequence[CellEstimate], table: RawTable)
     rows = zip(*(columns[key] for key in keys), strict=True)
     written = dict(zip(rows, map(_number, columns["value"]), strict=True))
     analysed = {
-        tuple(str(row[key]) for key in keys): estimate.value
-        for cell in cells
-        for estimate in cell.parameters
-        for row in [{"participant": cell.participant, "timing_point": cell.timing_point,
-                     "parameter": estimate.name, "session": cell.session, "side": cell.side}]
-    }  # fmt: skip
+        tuple(str(row[key]) for key in keys): row["value"] for cell in cells for row in cell.rows()
+    }
     alike = written.keys() == analysed.keys() and all(
         (a is None) == (b is None) and (a is None or b is None or bool(np.isclose(a, b, rtol=1e-6)))
         for a, b in ((written[key], analysed[key]) for key in written)

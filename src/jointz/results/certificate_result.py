@@ -148,7 +148,7 @@ class ComparedStatistic:
 
     @property
     def differs(self) -> bool:
-        """Whether the study is outside the limits."""
+        """True if the study is outside the limits."""
         return not self.low <= self.study <= self.high
 
     @property

@@ -1,4 +1,4 @@
-"""What the data of every person say about impedance, whatever the method: likelihoods."""
+"""Likelihoods of every person's impedance, from the results of any method that states errors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -42,7 +42,7 @@ class PeopleResults:
 
     @property
     def have_errors(self) -> bool:
-        """Whether the method states what its errors are."""
+        """True if the method states the errors of its estimates."""
         return bool(self.posteriors) or any(has_budget(cell) for cell in self.cells)
 
 
@@ -85,7 +85,7 @@ class _Unit:
 
     @property
     def valid(self) -> bool:
-        """Whether there are places, with finite numbers and covariances that can be inverted."""
+        """True if there are places, with finite numbers and covariances that can be inverted."""
         parts = (self.mean, self.covariance, *(self.prior or ()))
         if not self.at.size or not all(np.isfinite(part).all() for part in parts):
             return False

@@ -51,7 +51,7 @@ class PeopleData:
 
     @property
     def with_conditions(self) -> bool:
-        """Whether there is more than one condition."""
+        """True if there is more than one condition."""
         return np.unique(self.conditions).size > 1
 
 
@@ -82,7 +82,7 @@ class PeopleVariances:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeopleEvidence:
-    """What the data say at given variances."""
+    """Evidence of given variances, and the means at them."""
 
     log_evidence: float
     mean: np.ndarray  # (d + slopes,): means of the population, then slopes of the covariate
