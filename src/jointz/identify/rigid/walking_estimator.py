@@ -215,7 +215,6 @@ class WalkingEstimator:
                     posterior=posterior,
                     known=known,
                     subtract_intrinsic=tuple(map(intrinsic_left_in, recordings)),
-                    window_s=window_s,
                 )
                 return evidence, odds
             failures |= {c.label: failure for c, failure in zip(remaining, misfits, strict=True)}

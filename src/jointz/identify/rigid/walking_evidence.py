@@ -19,6 +19,5 @@ class Evidence:
     known: CalibrationSpec
     # for each timing point, those of the device's K, B and J that its torque still includes
     subtract_intrinsic: tuple[tuple[str, ...], ...]
-    window_s: float
     session: str = ""  # session of the pulses; "" if the study does not state it
     side: str = ""  # side of the pulses; "" if the study does not state it
