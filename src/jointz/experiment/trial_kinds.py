@@ -12,14 +12,15 @@ from jointz.core.clock import Clock
 from jointz.core.errors import DataError, ProtocolError
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
 from jointz.core.protocols.protocol_checks import trial_duration_s
-from jointz.core.protocols.protocol_models import ConditionSpec
+from jointz.core.protocols.protocol_models import ConditionSpec, ControllerSpec
 from jointz.core.protocols.pulse_models import Pulse
+from jointz.core.protocols.reference_signal_models import Noise
 from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING_LAYOUTS, Layout
 from jointz.devices.interface import Devices, Wearer
 from jointz.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 from jointz.experiment.bench.bench_trial import BenchTrial
 from jointz.experiment.controller_runner import ControllerRunner, RunnerSettings
-from jointz.experiment.controllers import make_controller
+from jointz.experiment.controllers import Controller, make_controller
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.files.recorder import Recorder
 from jointz.experiment.files.session_files import PLAN_FILE
@@ -27,6 +28,7 @@ from jointz.experiment.files.whole_files import read_twice
 from jointz.experiment.gait.gait_watch import CONTACT_LEVELS
 from jointz.experiment.plan import PlannedPulse, make_plan
 from jointz.experiment.pulse_runner import PulseRunner
+from jointz.experiment.random_torque import RandomTorque
 from jointz.experiment.safety import SafetyGate
 from jointz.experiment.scheduler import LATE_PCT, Scheduler
 from jointz.experiment.trial import Course, Motor, Trial, walking_extras
@@ -76,7 +78,7 @@ class TrialSetup:
     journal: Journal
     pulses: Sequence[Any]  # planned pulses of the trial
     done: Mapping[int, Any]  # number of a completed pulse -> its event in the journal
-    rng: np.random.Generator  # random numbers for the references of a bench
+    rng: np.random.Generator  # random numbers for the references
     # calibrated levels of a footswitch of kind ``voltage``: off, on; None if not calibrated
     contact_levels_v: tuple[float, float] | None = None
     wearer: Wearer = Wearer("")  # noqa: RUF009 - frozen
@@ -99,7 +101,7 @@ class TrialSetup:
 
 
 def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
-    """Return a stretch of a walking condition with the pulses that are not done yet."""
+    """Return a stretch of walking with the pulses that are not done yet or a random torque."""
     protocol, condition, done = setup.protocol, setup.condition, len(setup.done)
     if protocol.gait is None:
         raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
@@ -126,6 +128,38 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
         recorder=setup.recorder,
         clock=setup.clock,
         progress=lambda strides, completed: progress(strides, done + completed, len(setup.pulses)),
+        controller=_random_torque(setup),
+    )
+
+
+def _random_torque(setup: TrialSetup) -> ControllerRunner | None:
+    """Return the runner of the condition's random torque; None if it has none."""
+    noise = setup.condition.torque_nm
+    if not isinstance(noise, Noise):
+        return None
+    if setup.gate is None:
+        raise ProtocolError(setup.protocol.name, [f"{setup.name} needs an actuator."])
+    # Every stretch has its own: one that goes on after a stop does not repeat the torque.
+    rng = setup.rng.spawn(setup.segment + 1)[-1]
+    made = RandomTorque(noise, rate_hz=setup.protocol.rates.control_hz, rng=rng)
+    return _runner(setup, setup.gate, ControllerSpec(name="random_torque"), made)
+
+
+def _runner(
+    setup: TrialSetup, gate: SafetyGate, spec: ControllerSpec, controller: Controller
+) -> ControllerRunner:
+    return ControllerRunner(
+        setup.name,
+        setup.segment,
+        spec,
+        controller,
+        journal=setup.journal,
+        settings=RunnerSettings(
+            setup.period_ns,
+            gate.fade_s,
+            setup.angle_zero_rad,
+            setup.angle_gain,
+        ),
     )
 
 
@@ -144,25 +178,12 @@ def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             f"{setup.name}: '{spec.name}' is another controller than in the stretch before: its "
             "profile, settings or version changed. Restore them, or begin another study."
         )
-    controller = ControllerRunner(
-        setup.name,
-        setup.segment,
-        spec,
-        made,
-        journal=setup.journal,
-        settings=RunnerSettings(
-            setup.period_ns,
-            gate.fade_s,
-            setup.angle_zero_rad,
-            setup.angle_gain,
-        ),
-    )
     return Trial(
         Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
         devices=setup.devices,
         motor=Motor(setup.devices, gate),
         pulses=None,
-        controller=controller,
+        controller=_runner(setup, gate, spec, made),
         recorder=setup.recorder,
         clock=setup.clock,
         progress=lambda strides, _: progress(strides, 0, 0),

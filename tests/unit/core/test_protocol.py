@@ -86,6 +86,17 @@ def with_condition(i, **changes):
     return content
 
 
+NOISE = {"kind": "noise", "sd": 1.5, "cutoff_hz": 20.0, "order": 2}
+
+
+def random_walk(condition=None, **changes):
+    """Return a walking protocol with a random torque as plain values; None takes a key out."""
+    content = with_condition(
+        1, **{"perturbations": None, "strides": 300, "torque_nm": NOISE, **(condition or {})}
+    )
+    return {k: v for k, v in {**content, "pulse": None, **changes}.items() if v is not None}
+
+
 def problems(content):
     """Return place -> message of everything that is refused."""
     try:
@@ -309,6 +320,13 @@ WRONG = [
     (with_condition(0, duration_s=9.0), "conditions.0.duration_s"),
     (with_condition(0, torque_nm=SINE), "conditions.0.torque_nm"),
     (with_plan(pause_s=2.0), "conditions.1.perturbations.pause_s"),
+    (with_condition(1, torque_nm=NOISE), "conditions.1.torque_nm"),
+    (random_walk({"strides": None}), "conditions.1.strides"),
+    (random_walk({"condition": "no_device"}), "conditions.1.torque_nm"),
+    (random_walk({"torque_nm": SINE}), "conditions.1.torque_nm"),
+    (random_walk({"position_rad": NOISE}), "conditions.1.position_rad"),
+    (random_walk(safety={"torque_nm": 4.4}), "conditions.1.torque_nm"),
+    (random_walk({"torque_nm": {**NOISE, "cutoff_hz": 51.0}}), "conditions.1.torque_nm"),
     (bench({"strides": 9}), "conditions.0.strides"),
     (
         bench({"perturbations": {**PLAN_AT_TIMES, "gap_strides": [1, 2]}}, pulse=PULSE),
@@ -388,7 +406,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize("content", [walking(), bench(), control()])
+@pytest.mark.parametrize("content", [walking(), bench(), control(), random_walk()])
 def test_what_the_wrong_ones_are_made_of_is_accepted(content):
     assert problems(content) == {}
 
@@ -405,6 +423,18 @@ def test_a_controller_runs_for_its_strides_of_steady_walking():
     assert made.expected_duration_s == pytest.approx(40 * 1.1)
     assert Protocol.model_validate(walking()).by_gait
     assert not Protocol.model_validate(bench()).by_gait
+
+
+def test_a_random_torque_in_walking_lasts_for_its_strides():
+    made = Protocol.model_validate(random_walk())
+
+    assert made.expected_duration_s == pytest.approx((60 + 300) * 1.1)
+
+
+def test_pulses_and_a_random_torque_exclude_each_other():
+    (problem,) = problems(with_condition(1, torque_nm=NOISE)).values()
+
+    assert problem.endswith("pulses or a random torque. Remove one of the two.")
 
 
 def test_pulses_in_a_protocol_of_controllers_are_one_problem_each():

@@ -1,5 +1,7 @@
 """References as samples: closed forms, and noise with the statistics it states."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, welch
@@ -12,7 +14,7 @@ from jointz.core.protocols.reference_signal_models import (
     Sweep,
     Trajectory,
 )
-from jointz.experiment.bench.reference_signals import reference_samples
+from jointz.experiment.bench.reference_signals import endless_noise, reference_samples
 
 RATE = 900.0
 TIME = np.arange(9000) / RATE
@@ -88,3 +90,13 @@ def test_a_trajectory_goes_smoothly_through_its_samples_and_closes():
 
     time = np.arange(5000) / 1000.0
     assert found == pytest.approx(np.sin(2 * np.pi * time / 1.25), abs=2e-4)
+
+
+def test_endless_noise_is_the_noise_of_a_bench_within_its_bounds():
+    noise = Noise(kind="noise", sd=1.5, cutoff_hz=20.0, order=2, offset=0.5)
+    ticks = endless_noise(noise, rate_hz=RATE, rng=np.random.default_rng(1))
+    found = np.array(list(islice(ticks, 20_000)))
+
+    # The same random numbers through the same filter; blocks leave no seam.
+    np.testing.assert_allclose(found, np.clip(samples(noise, n=20_000), -4.0, 5.0), atol=1e-12)
+    assert (found.min(), found.max()) == (-4.0, 5.0)

@@ -220,7 +220,7 @@ PROTOCOL_CHECKS = (
 #: Keys of conditions and of their perturbations that belong to the other kind.
 _FOREIGN = {
     "walking": (
-        ("duration_s", "trials", "torque_nm", "position_rad", "velocity_rad_s"),
+        ("duration_s", "trials", "position_rad", "velocity_rad_s"),
         ("count", "pause_s"),
     ),
     "bench": (("strides",), ("gap_strides", "warm_up_strides")),
@@ -278,13 +278,37 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
     if protocol.kind == "control":
         return  # a problem of the condition already
     if protocol.kind == "walking":
-        yield Problem((*place, "perturbations"), "missing; a perturbed condition needs them.")
+        if condition.torque_nm is None:
+            yield Problem(
+                (*place, "perturbations"),
+                "missing; a perturbed condition needs them, or a random torque (torque_nm).",
+            )
     elif not condition.references:
         yield Problem(
             (*place, "perturbations"),
             "missing; a perturbed condition needs them, or a reference (torque_nm, position_rad, "
             "velocity_rad_s).",
         )
+
+
+def _random_torque_in_walking(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
+    condition, place = protocol.conditions[i], ("conditions", i, "torque_nm")
+    if protocol.kind != "walking" or condition.torque_nm is None:
+        return
+    if condition.torque_nm.kind != "noise":
+        yield Problem(
+            place,
+            f'expected kind = "noise" in walking, got "{condition.torque_nm.kind}": only a random '
+            "torque is independent of the stride.",
+        )
+    if condition.condition != "perturbed":
+        yield Problem(
+            place,
+            f'condition is "{condition.condition}". Remove it, or set condition = "perturbed".',
+        )
+    if condition.perturbations is not None:
+        message = "perturbations are given too: pulses or a random torque. Remove one of the two."
+        yield Problem(place, message)
 
 
 def _perturbations_have_pulse(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
@@ -412,6 +436,7 @@ CONDITION_CHECKS = (
     _keys_fit_kind,
     _says_how_long,
     _perturbed_is_perturbed,
+    _random_torque_in_walking,
     _perturbations_have_pulse,
     _plan_is_whole,
     _variants_balanced,

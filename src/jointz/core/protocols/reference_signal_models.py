@@ -1,4 +1,4 @@
-"""References of a bench: the courses of torque or position besides the pulses.
+"""References: the courses of torque or position besides the pulses, on a bench or in walking.
 
 The table a reference stands in names quantity and unit (``torque_nm``,
 ``position_rad``, ``velocity_rad_s``); amplitudes and offsets are in that unit.

@@ -1,5 +1,6 @@
 """References of a bench as samples: what torque or position is to follow, tick by tick."""
 
+from collections.abc import Iterator
 from functools import singledispatch
 
 import numpy as np
@@ -71,14 +72,29 @@ def _sweep(sweep: Sweep, time: np.ndarray) -> np.ndarray:
     return np.asarray(amplitude * np.sin(phase))
 
 
+def endless_noise(reference: Noise, *, rate_hz: float, rng: np.random.Generator) -> Iterator[float]:
+    """Yield noise tick by tick, cut off at its bounds: a wearer feels what limits were checked."""
+    sos, run_in, size = _noise_filter(reference, rate_hz)
+    _, state = sosfilt(sos, rng.standard_normal(run_in) / size, zi=np.zeros((len(sos), 2)))
+    while True:
+        white = rng.standard_normal(round(rate_hz)) / size
+        filtered, state = sosfilt(sos, white, zi=state)
+        yield from np.clip(reference.offset + reference.sd * filtered, *reference.bounds).tolist()
+
+
 def _noise(reference: Noise, n: int, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+    sos, run_in, size = _noise_filter(reference, rate_hz)
+    filtered = np.asarray(sosfilt(sos, rng.standard_normal(run_in + n) / size))[run_in:]
+    return reference.offset + reference.sd * filtered
+
+
+def _noise_filter(reference: Noise, rate_hz: float) -> tuple[np.ndarray, int, float]:
+    """Return sections, run-in in samples, and the SD of white noise after the filter."""
     sos = butter(reference.order, reference.cutoff_hz, fs=rate_hz, output="sos")
     run_in = int(np.ceil(_RUN_IN_PERIODS * rate_hz / reference.cutoff_hz))
-    # Of the filtered noise itself, not of this draw: a draw is as large as it comes.
+    # Of the filtered noise itself, not of one draw: a draw is as large as it comes.
     impulse = sosfilt(sos, np.r_[1.0, np.zeros(run_in)])
-    white = rng.standard_normal(run_in + n) / np.sqrt((impulse**2).sum())
-    filtered = np.asarray(sosfilt(sos, white))[run_in:]
-    return reference.offset + reference.sd * filtered
+    return sos, run_in, float(np.sqrt((impulse**2).sum()))
 
 
 @_at.register

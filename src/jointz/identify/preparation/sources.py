@@ -38,6 +38,8 @@ _STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
 FRICTION_OF_MODEL = "friction of the torque model"
 #: A line of exclusions.csv refers to an event within this time.
 SAME_TIME_S = 2e-3
+#: Pulses are a small share of walking; a command that is on for more than this is no pulse.
+_CONTINUOUS_SHARE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +209,9 @@ def _pulses(
         cutoff_hz = settings.perturbations.cutoff_hz
         return pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
     if source == "command":
-        return pulses_from_command(given.recording)
+        pulses = pulses_from_command(given.recording)
+        _refuse_continuous(pulses, given, settings)
+        return pulses
     partners = most_alike(given, unperturbed, keys=("session", "side", "trial"))
     if not partners:
         raise DataError(
@@ -215,6 +219,22 @@ def _pulses(
             "an unperturbed recording of the same participant. Add it, or a pulse table."
         )
     return pulses_from_reference(given.recording, partners[0].recording)
+
+
+def _refuse_continuous(
+    pulses: Sequence[Pulse], given: RecordingInput, settings: ParticipantSettings
+) -> None:
+    """Raise DataError for walking in which the command is on nearly all the time."""
+    time = given.recording["time"].to_numpy()
+    on_s, walked_s = sum(p.duration_s for p in pulses), float(time[-1] - time[0])
+    if settings.kind.by_gait and on_s > _CONTINUOUS_SHARE * walked_s:
+        raise DataError(
+            f"{given.file}: the command is on for {on_s:.0f} of {walked_s:.0f} s, so it has no "
+            "pulses to average. Analyse a random torque with jointz identify time-varying; give a "
+            "pulse table if there are pulses.",
+            path=given.file,
+            channel="command",
+        )
 
 
 def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
