@@ -1,4 +1,4 @@
-"""Draw images/estimator.svg: ``python docs/make_estimator_figure.py STUDY`` (of the demo)."""
+"""Draw images/estimator.svg: ``python docs/make_estimator_figure.py STUDY`` (rigid coupling)."""
 
 import sys
 from pathlib import Path
@@ -110,7 +110,7 @@ def draw_budget(axes, cell: CellEstimate) -> None:
 
 
 def main(folder: str) -> None:
-    """Draw the figure of a demo's study."""
+    """Draw the figure of a study."""
     study = jointz.open_study(folder)
     person = study.spec.participants[0].id
     candidates, sources = candidates_of(study, person)

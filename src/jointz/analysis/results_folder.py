@@ -40,6 +40,7 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
     overwrite: bool = False,
     before: FolderState | None = None,
     truth: pd.DataFrame | None = None,
+    accuracy: pd.DataFrame | None = None,
     run: RunReport | None = None,
     figures: bool = True,
     pdf: bool = False,
@@ -60,6 +61,9 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
         is never replaced.
     truth : pandas.DataFrame, optional
         Truth and estimates of a simulated study, for the report.
+    accuracy : pandas.DataFrame, optional
+        What several protocols decide of the same simulated people, for the report beside ``truth``:
+        ``protocol, parameter, n_decided, n_cells, rms_error_pct, coverage``.
     run : RunReport, optional
         Report of the experiment, for the report.
     figures : bool
@@ -94,7 +98,9 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
         _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
         drawn_svgs = {name: picture.svg for name, picture in pictures.items()}
-        page = render_report(analysis, drawn_svgs, title=title, truth=truth, run=run)
+        page = render_report(
+            analysis, drawn_svgs, title=title, truth=truth, accuracy=accuracy, run=run
+        )
         (folder / "report.html").write_text(page, encoding="utf-8")
         content = {
             "settings": dict(analysis.settings),

@@ -37,7 +37,7 @@ _UsageError: Any = typer.BadParameter.__base__
 
 #: Commands in the order of the help: where they are, and what they do, in one line of a terminal.
 _COMMANDS = {
-    "demo": ("jointz.demo.command:demo", "See it work on ten simulated people."),
+    "demo": ("jointz.demo.command:demo", "See it work on simulated people."),
     "inspect": (
         "jointz.inspection.command:inspect",
         "Show what is in a file, and draft study.toml.",
@@ -51,6 +51,10 @@ _COMMANDS = {
     "collect": ("jointz.collections.command:collect", "Collect and pool results of several labs."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
     "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),
+    "plan": (
+        "jointz.planning.command:plan",
+        "Plan pulses, sensors and people for a wanted interval.",
+    ),
     "protocols": (
         "jointz.session.protocols_command:protocols",
         "List, show and check experiments.",

@@ -200,7 +200,7 @@ class Failure(FailureCode):
     )
     MODEL_MISFIT = (
         "model_misfit",
-        "no joint with a late sensor explains the response within its noise",
+        "the fitted joint, device and sensors do not explain the response within its noise",
     )
     BELOW_ZERO = (
         "below_zero",

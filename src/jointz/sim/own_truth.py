@@ -9,6 +9,7 @@ a goniometer without errors; K(t), gravity and J are the ground truth's curves. 
 estimates what the ground truth states: :func:`cell_truth`.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -36,7 +37,12 @@ _NO_SIZE_NM = 1e-9
 
 
 def own_truth(
-    person: Person, preset: Preset, plan: WalkPlan, window_s: float
+    person: Person,
+    preset: Preset,
+    plan: WalkPlan,
+    window_s: float,
+    *,
+    recorded: Mapping[str, Any] | None = None,
 ) -> dict[str, dict[str, float]]:
     """Return timing point -> true ``stiffness, damping, inertia`` and ``displacement_deg``.
 
@@ -50,22 +56,29 @@ def own_truth(
         With which pulses.
     window_s : float, s
         Window of the analysis.
+    recorded : mapping, optional
+        Ground truth of a walk with such pulses, over the same window: the truth is that of its
+        pulses, at the phases at which they began; by default that of the plan's at exact phases.
     """
     rig = SimulatedRig(person, preset, grid=QUICK_GRID)
     # Of the rig's preset, which has the person's own strap, reflex and softening.
     bare = SimulatedRig(person, _without_errors(rig.preset), grid=QUICK_GRID)
     walk = walk_directly(bare, CONDITION, plan=plan)
     level = walk_directly(bare, CONDITION, plan=_of_no_size(plan))
-    truth = rig.truth(
-        CONDITION,
-        worn=True,
-        stretches=[Stretch(0, 0.0, walk.end_s)],
-        pulses=walk.pulses,
-        shapes=plan.shapes,
-        window_s=window_s,
-    )
-    half_rad = rig.preset.joint.softening_rad
     moved = _deviations(walk, level, window_s)
+    if recorded is None:
+        truth = rig.truth(
+            CONDITION,
+            worn=True,
+            stretches=[Stretch(0, 0.0, walk.end_s)],
+            pulses=walk.pulses,
+            shapes=plan.shapes,
+            window_s=window_s,
+        )
+    else:
+        truth = dict(recorded)
+        moved = _usual_deviations(walk, moved, truth["pulses"])
+    half_rad = rig.preset.joint.softening_rad
     since = np.arange(moved.shape[1]) * rig.grid.period_s
     strides = np.diff(truth["heel_strike_s"]).mean()
     rows = [
@@ -102,6 +115,15 @@ def _deviations(walk: Walk, level: Walk, window_s: float) -> np.ndarray:
     first = np.round(walk.pulses["onset_s"].to_numpy(dtype=float) / period_s).astype(int)
     moved = walk.channels["angle"] - level.channels["angle"]
     return np.asarray(moved[first[:, None] + np.arange(n)])
+
+
+def _usual_deviations(
+    walk: Walk, moved: np.ndarray, pulses: Sequence[Mapping[str, Any]]
+) -> np.ndarray:
+    """Return the root mean square deviation of the walk at the timing point of every pulse, rad."""
+    points = walk.pulses["timing_point"].to_numpy()
+    usual = {p: np.sqrt((moved[points == p] ** 2).mean(axis=0)) for p in np.unique(points)}
+    return np.array([usual[pulse["timing_point"]] for pulse in pulses])
 
 
 def _pulse(

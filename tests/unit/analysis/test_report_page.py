@@ -4,10 +4,12 @@ from base64 import b64encode
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.unit.report.pages import Page, words
 
 from jointz.analysis.page.figure_files import draw_figures, draw_truth_picture
+from jointz.analysis.page.first_page import first_page
 from jointz.analysis.page.report_page import render_report
 from jointz.report.wording import DASH, format_estimate
 
@@ -69,6 +71,35 @@ def test_the_truth_table_holds_rms_and_coverage(page, truth):
     rms = float(np.sqrt((rows["error_pct"] ** 2).mean()))
     assert f"Stiffness{rms:.1f}" in page.text.replace("\n", "")
     assert f"{int(rows['covered'].sum())} of {len(rows)}" in page.text
+
+
+def test_means_that_are_undecided_for_everybody_are_said_to_be(walking):
+    population = tuple(
+        replace(m, value=None, ci_low=None, ci_high=None, status="undecided", n_participants=0)
+        if m.parameter.startswith("damping")
+        else m
+        for m in walking.population
+    )
+    first = first_page(replace(walking, population=population), None, simulated=False)
+    assert any("damping per body mass at 0 of 6" in text for text in first["said"])
+    # The inertia that timing points share has a row without damping.
+    assert {row["cells"][1] for row in first["table"]["rows"]} - {""} == {"undecided"}
+
+
+def test_what_protocols_decide_of_the_same_people_stands_beside_the_truth(walking, truth):
+    accuracy = pd.DataFrame(
+        [
+            ("doublets", "stiffness", 22, 24, 9.6, 0.9545),
+            ("hold", "stiffness", 0, 24, None, None),
+        ],
+        columns=["protocol", "parameter", "n_decided", "n_cells", "rms_error_pct", "coverage"],
+        dtype=object,
+    )
+    html = render_report(walking, {}, title="t", truth=truth, accuracy=accuracy)
+    rows = re.findall("<tr>(.*?)</tr>", html)
+    texts = [re.sub("(<.*?>)+", " ", row).strip() for row in rows]
+    assert "doublets Stiffness 22 of 24 10 95" in texts
+    assert f"hold Stiffness 0 of 24 {DASH} {DASH}" in texts
 
 
 @pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "&lt;", "$1_{"])

@@ -9,9 +9,12 @@ from benchmarks.realistic.rows import PARAMETERS, ROWS, preset_of
 from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
 
 from jointz.core.gait_phases import TIMING_POINTS
+from jointz.devices.interface import Stretch
+from jointz.sim.direct_walk import QUICK_GRID, walk_directly
 from jointz.sim.own_truth import own_truth
 from jointz.sim.people import draw_person
 from jointz.sim.presets import preset
+from jointz.sim.rig import SimulatedRig
 
 FEW = replace(ROWS["a"].plan, per_point=1, warm_up_strides=2, tail_strides=2)
 
@@ -38,6 +41,33 @@ def test_softening_lowers_the_stiffness_along_the_motion() -> None:
     for point in TIMING_POINTS:
         assert 0.3 < after[point]["stiffness"] / before[point]["stiffness"] < 0.99
         assert after[point]["displacement_deg"] > before[point]["displacement_deg"]
+
+
+def test_truth_of_a_recorded_walk_is_that_of_its_pulses() -> None:
+    person, soft = draw_person(0, seed=1), preset("realistic")
+    by_plan = own_truth(person, soft, FEW, 0.1)
+    rig = SimulatedRig(person, soft, grid=QUICK_GRID)
+    walk = walk_directly(rig, "perturbed", plan=FEW)
+    recorded = rig.truth(
+        "perturbed",
+        worn=True,
+        stretches=[Stretch(0, 0.0, walk.end_s)],
+        pulses=walk.pulses,
+        shapes=FEW.shapes,
+        window_s=0.1,
+    )
+    by_record = own_truth(person, soft, FEW, 0.1, recorded=recorded)
+    for point, row in by_plan.items():
+        assert by_record[point] == pytest.approx(row, rel=1e-6)
+
+    later = [
+        pulse | {"stiffness_window_mean": 2.0 * pulse["stiffness_window_mean"]}
+        for pulse in recorded["pulses"]
+    ]
+    stiffer = own_truth(person, soft, FEW, 0.1, recorded={**recorded, "pulses": later})
+    for point, row in by_record.items():
+        assert 1.5 * row["stiffness"] < stiffer[point]["stiffness"] < 2.5 * row["stiffness"]
+        assert stiffer[point]["damping"] == row["damping"]
 
 
 def test_only_the_last_row_has_sensors_beside_the_goniometer() -> None:

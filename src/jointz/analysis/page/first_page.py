@@ -8,7 +8,7 @@ import numpy as np
 
 from jointz.analysis.page.budget_figure import source_name
 from jointz.analysis.page.details_tables import variance_shares
-from jointz.analysis.page.next_measures import next_measures
+from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.summary import chosen_method, name_range, pulse_counts, stiffness_extremes
@@ -149,11 +149,11 @@ def _table(analysis: StudyAnalysis) -> _Row | None:
     if not shown_parameters(analysis):
         return None
     heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
-    means = [m for m in analysis.population if m.n_participants > 1 and m.parameter in parameters]
+    means = [m for m in _people_means(analysis) if m.parameter in parameters]
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
     if any(m.value is not None for m in means):
-        numbers = format_span([m.n_participants for m in means], str)
+        numbers = format_span([m.n_participants for m in means if m.value is not None], str)
         rows = _mean_rows(analysis, means, parameters)
         return {
             "heads": heads, "rows": rows, "several": False, "more": 0,
@@ -179,6 +179,16 @@ def _table_parameters(analysis: StudyAnalysis) -> list[str]:
         name if name in present else names[-1]
         for name, names in zip(first, pairs, strict=True)
         if not present.isdisjoint(names)
+    ]
+
+
+def _people_means(analysis: StudyAnalysis) -> list[PopulationEstimate]:
+    """Return means over several people, undecided ones too."""
+    several = len({c.participant for c in analysis.cells}) > 1
+    return [
+        m
+        for m in analysis.population
+        if m.n_participants > 1 or (several and m.status == "undecided")
     ]
 
 
@@ -230,11 +240,13 @@ def _said(analysis: StudyAnalysis) -> list[str]:
     estimates = [(c, p) for c in analysis.cells for p in c.parameters if p.name in ABSOLUTE]
     if not estimates:
         return []
-    sentences = [_decided(estimates), _means(analysis), published_clause(analysis)]
+    sentences = [_decided(analysis, estimates), _means(analysis), published_clause(analysis)]
     return [s for s in (*sentences, _meaning(analysis)) if s]
 
 
-def _decided(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str:
+def _decided(
+    analysis: StudyAnalysis, estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]
+) -> str:
     statuses = [p.status for _, p in estimates]
     counts = {
         "as an upper limit only": statuses.count("at_bound"),
@@ -244,17 +256,19 @@ def _decided(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str
     parts = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
     available = sum(p.available for _, p in estimates)
     verb = "is" if available == 1 else "are"
-    reason = _reason(estimates)
+    reason = _reason(analysis, estimates)
     return (
         f"{available} of {len(estimates)} values of K, B and J {verb} available"
         f"{f' ({parts})' if parts else ''}.{f' {reason}' if reason else ''}"
     )
 
 
-def _reason(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str:
+def _reason(
+    analysis: StudyAnalysis, estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]
+) -> str:
     """Name the most frequent reason why values are missing."""
     reasons = Counter(
-        _why_missing(c, p) for c, p in estimates if not p.available
+        _why_missing(analysis, c, p) for c, p in estimates if not p.available
     )  # fmt: skip
     reasons.pop("", None)
     if not reasons:
@@ -263,12 +277,14 @@ def _reason(estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]) -> str:
     return f"Most frequent reason ({count}): {reason}."
 
 
-def _why_missing(cell: CellEstimate, estimate: ParameterEstimate) -> str:
+def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: ParameterEstimate) -> str:
     if estimate.status.startswith("failed"):
         return status_meaning(estimate.status)
     if cell.method == STRAPPED:
         if estimate.ci_low is None:
             return "the model does not explain the responses"
+        if estimate.name != "inertia" and holds_one_torque(analysis, cell):
+            return "pulses that hold one torque do not decide K and B"
         return "the interval is too wide"
     shares = variance_shares(cell, estimate.name)
     if not shares:
@@ -279,8 +295,8 @@ def _why_missing(cell: CellEstimate, estimate: ParameterEstimate) -> str:
 
 def _means(analysis: StudyAnalysis) -> str:
     """Say at how many timing points each mean is decided."""
-    means = [m for m in analysis.population if m.n_participants > 1]
-    own = {n: [m for m in means if m.parameter == n] for n in shown_parameters(analysis)}
+    means = _people_means(analysis)
+    own = {n: [m for m in means if m.parameter == n] for n in _table_parameters(analysis)}
     counts = {n: (sum(m.value is not None for m in ms), len(ms)) for n, ms in own.items() if ms}
     many = subjects(analysis).many
     if not counts:

@@ -52,6 +52,7 @@ _LOOKS: Final = (
     (ORANGE, "P"),
 )
 _TRUTH_TICKS: Final = 4  # more labels would touch
+_LONGEST_REACH: Final = 1.5  # of the panels of truth, with intervals over without
 _LEFT_MM: Final = 14.0
 #: Height of a panel as wide as it is high, with its margin.
 _SQUARE_MM: Final = (WIDTH_MM - 2.0) / 3 - _LEFT_MM - 4.0
@@ -181,6 +182,8 @@ def _draw_truth_panel(axes: "Axes", rows: pd.DataFrame, parameter: str) -> None:
     y = rows["estimate"].to_numpy(dtype=float)
     low, high = (rows[name].to_numpy(dtype=float) for name in ("ci_low", "ci_high"))
     reach = 1.12 * max(np.abs(x).max(), np.abs(y).max())
+    # Intervals in full, unless they would squeeze the values.
+    reach = min(max(reach, 1.04 * np.nanmax(high)), _LONGEST_REACH * reach)
     start = min(0.0, 1.12 * min(x.min(), y.min()))
     axes.plot([start, reach], [start, reach], color=FAINT, linewidth=0.8, zorder=0)
     for mask, colour, face in ((covered, BLUE, BLUE), (~covered, VERMILION, "white")):

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from jointz.analysis.page.strapped_uncertainty import log_sds
+from jointz.core.codes import Doubt
 from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
 from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
@@ -48,6 +49,10 @@ _PERTURB: Final = (
     "Record the same task with pulses: without them the impedance cannot be estimated. The section "
     "on quasi-stiffness has moment over angle, if a moment was recorded."
 )
+_DOUBLETS: Final = (
+    "Use doublets of two shapes and sizes, as the protocol walking_doublets does: a torque that is "
+    "held does not decide K and B, however many pulses there are."
+)
 _MOST: Final = 2
 #: A measure is named if it makes the interval narrower by this share.
 _WORTH_NAMING: Final = 0.1
@@ -71,7 +76,17 @@ def next_measures(analysis: StudyAnalysis) -> list[str]:
         return [_PERTURB]
     gains = [*_gains(analysis)]
     sentences = _ranked(gains) if gains else []
+    if any(holds_one_torque(analysis, cell) for cell in analysis.cells):
+        sentences = [_DOUBLETS]
     return [*sentences[:_MOST], *_after_failures(analysis), *_more_people(analysis)]
+
+
+def holds_one_torque(analysis: StudyAnalysis, cell: CellEstimate) -> bool:
+    """Return whether a participant's pulses hold one torque, which leaves K and B undecided."""
+    return any(
+        p.label == cell.label and Doubt.HELD_TORQUE.value in p.doubts
+        for p in analysis.log_posteriors
+    )
 
 
 def instrument_shares(analysis: StudyAnalysis) -> str:

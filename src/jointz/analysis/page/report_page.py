@@ -71,6 +71,7 @@ def render_report(
     *,
     title: str,
     truth: pd.DataFrame | None = None,
+    accuracy: pd.DataFrame | None = None,
     run: RunReport | None = None,
 ) -> str:
     """Write the report as one HTML page with its figures and styles inside."""
@@ -119,7 +120,7 @@ def render_report(
         inputs=inputs if len(inputs) <= _FIRST_ROWS else [],
         n_inputs=len(inputs),
         study_hash=str(provenance.get("study_sha256", ""))[:_HASH_DIGITS],
-        truth=None if truth is None else truth_section(truth),
+        truth=None if truth is None else truth_section(truth, accuracy),
         differences=differences_section(analysis),
         published=published_section(analysis),
         uncertainty=uncertainty,
@@ -452,8 +453,8 @@ def _p(value: float | None) -> str:
     return f"{value:.2g}" if value >= _SMALLEST_P else f"< {_SMALLEST_P:.4f}"
 
 
-def truth_section(truth: pd.DataFrame) -> _Row:
-    """Return errors and coverage of the intervals by parameter."""
+def truth_section(truth: pd.DataFrame, accuracy: pd.DataFrame | None = None) -> _Row:
+    """Return errors and coverage of the intervals by parameter, and what each protocol decides."""
     known = truth.dropna(subset=["truth", "estimate"])
     summary = []
     for name in PARAMETERS:
@@ -470,4 +471,23 @@ def truth_section(truth: pd.DataFrame) -> _Row:
                     "n": len(rows),
                 }
             )
-    return {"summary": summary}
+    return {"summary": summary, "protocols": _protocol_rows(accuracy)}
+
+
+def _protocol_rows(accuracy: pd.DataFrame | None) -> list[_Row]:
+    if accuracy is None:
+        return []
+    return [
+        {
+            "protocol": row["protocol"],
+            "name": parameter_name(row["parameter"]),
+            "decided": f"{row['n_decided']} of {row['n_cells']}",
+            "rms_pct": _rounded(row["rms_error_pct"]),
+            "coverage_pct": _rounded(row["coverage"], times=100.0),
+        }
+        for row in accuracy.to_dict("records")
+    ]
+
+
+def _rounded(value: float | None, *, times: float = 1.0) -> str:
+    return DASH if value is None else f"{times * value:.0f}"
