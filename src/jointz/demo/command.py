@@ -14,7 +14,7 @@ _ALIKE = (
     "recordings are analysed like real ones."
 )
 _WHOLE = f"Four simulated people walk {_ALIKE} This takes two minutes and 0.5 GB of disk."
-_QUICK = f"Two simulated people walk {_ALIKE} This takes half a minute."
+_QUICK = f"Two simulated people walk {_ALIKE} This takes about 40 seconds."
 
 
 def demo(
