@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from jointz.identify.series.joint import identify_joint
     from jointz.io.one_recording import read
     from jointz.io.study_reader import open_study
+    from jointz.planning.plan_study import plan
     from jointz.session.run import run
 
 __version__ = "0.1.0"
@@ -46,6 +47,7 @@ _HOMES = {
     "load": "jointz.analysis.saved_analysis",
     "open_study": "jointz.io.study_reader",
     "phase_curve": "jointz.identify.over_cycle.phase_curve",
+    "plan": "jointz.planning.plan_study",
     "read": "jointz.io.one_recording",
     "run": "jointz.session.run",
     "specification_curve": "jointz.analysis.specification_job",
@@ -70,6 +72,7 @@ __all__ = [
     "load",
     "open_study",
     "phase_curve",
+    "plan",
     "read",
     "reference",
     "run",

@@ -20,6 +20,7 @@ from jointz.analysis.participant_jobs import (
     outcomes,
     recommended_method,
 )
+from jointz.analysis.planned_half_widths import planned_beside_reached
 from jointz.analysis.population_step import damage_notes, study_statistics
 from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
@@ -255,6 +256,8 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     pulses = tuple(p for r in results.values() for p in r.pulses)
     inputs = list(outputs.inputs.values())
     posteriors = tuple(p for r in results.values() for p in r.log_posteriors)
+    if planned := planned_beside_reached(study.spec.planned_half_width_pct, cells):
+        statistics["planned_half_widths"] = planned
     statistics["notes"][:0] = [*questions.values(), *mass_remarks(study, questions)]
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return Analysis(

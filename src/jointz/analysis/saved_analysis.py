@@ -10,8 +10,10 @@ from typing import Any
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
 from jointz.core.method_names import FORMER_NAMES
+from jointz.core.study import Study
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import CHECKSUMS, MARKER
+from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
 
 
@@ -136,3 +138,28 @@ def _changed_files(folder: Path) -> list[str]:
             "again: jointz analyze.",
             path=str(marker),
         ) from exc
+
+
+def study_of(
+    analysis: StudyAnalysis, folder: Path, named: str | os.PathLike[str] | None
+) -> Study | None:
+    """Return the study that was analysed; refuse another study that is named."""
+    if named is not None:
+        study = open_study(named)
+        if study.sha256 != analysis.provenance.get("study_sha256"):
+            raise DataError(
+                f"{study.root}: expected the study that was analysed for {folder}, found another "
+                "study.toml, or one that was changed since. Name that study, or analyse this "
+                "one again: jointz analyze."
+            )
+        return study
+    name = str(analysis.settings.get("study", ""))
+    above = folder.resolve().parent
+    if not name or Path(name).name != name:
+        return None
+    for place in (above / name, above.parent / name, Path.cwd() / name):
+        if (place / "study.toml").is_file():
+            study = open_study(place)
+            if study.sha256 == analysis.provenance.get("study_sha256"):
+                return study
+    return None

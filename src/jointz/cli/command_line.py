@@ -51,6 +51,10 @@ _COMMANDS = {
     "collect": ("jointz.collections.command:collect", "Collect and pool results of several labs."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
     "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),
+    "plan": (
+        "jointz.planning.command:plan",
+        "Plan pulses, sensors and people for a wanted interval.",
+    ),
     "protocols": (
         "jointz.session.protocols_command:protocols",
         "List, show and check experiments.",

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as students_t
 
-from jointz.control import published
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, ProfileKnot, mean_velocity
 from jointz.control.knots import (
     METHOD,
@@ -22,6 +21,7 @@ from jointz.core.events import row_label
 from jointz.core.provenance import now, software
 from jointz.io.protocols import PUBLISHED
 from jointz.reference import chapter4
+from jointz.reference import published_knee as published
 from jointz.results.estimates import REACH_95
 from jointz.results.mean_stride import MeanStride
 from jointz.results.series.cycle_curve import MEAN

@@ -332,6 +332,12 @@ class FilesSpec(_Model):
     header: bool = True
 
 
+#: Half-widths that a plan expected: parameter -> timing point -> % of the value.
+PlannedHalfWidths = Mapping[
+    Literal["stiffness", "damping", "inertia"], Mapping[str, Annotated[float, Field(gt=0)]]
+]
+
+
 class StudySpec(_Model):
     """A ``study.toml``, schema version 1.
 
@@ -355,6 +361,7 @@ class StudySpec(_Model):
     priors: PriorsSpec | None = None
     torque_model: TorqueModelSpec | None = None
     device: DeviceSpec | None = None
+    planned_half_width_pct: PlannedHalfWidths | None = None
 
     @model_validator(mode="after")
     def _loads_do_not_walk(self) -> "StudySpec":

@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from jointz.analysis.saved_analysis import load
-from jointz.core.errors import DataError
+from jointz.analysis.saved_analysis import load, study_of
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
 from jointz.explorer.reestimation import with_new_estimates
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult
-from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -109,32 +107,7 @@ def open_results(
     """Open a results folder, and the study that was analysed."""
     folder = Path(results)
     analysis = load(folder)
-    return Exploration(folder, analysis, _study_of(analysis, folder, study))
-
-
-def _study_of(
-    analysis: StudyAnalysis, folder: Path, named: str | os.PathLike[str] | None
-) -> Study | None:
-    """Return the study that was analysed; refuse another study that is named."""
-    if named is not None:
-        study = open_study(named)
-        if study.sha256 != analysis.provenance.get("study_sha256"):
-            raise DataError(
-                f"{study.root}: expected the study that was analysed for {folder}, found another "
-                "study.toml, or one that was changed since. Name that study, or analyse this "
-                "one again: jointz analyze."
-            )
-        return study
-    name = str(analysis.settings.get("study", ""))
-    above = folder.resolve().parent
-    if not name or Path(name).name != name:
-        return None
-    for place in (above / name, above.parent / name, Path.cwd() / name):
-        if (place / "study.toml").is_file():
-            study = open_study(place)
-            if study.sha256 == analysis.provenance.get("study_sha256"):
-                return study
-    return None
+    return Exploration(folder, analysis, study_of(analysis, folder, study))
 
 
 def cell_of(

@@ -18,8 +18,8 @@ from jointz.stats.people_likelihoods import (
 
 #: Half-normal priors of the sd between people, relative: level of a person, own of a point.
 #: Knees of adults differ by so much (docs/estimator.md); wider than any of the published tables.
-_LEVEL_SD: Mapping[str, float] = {"stiffness": 0.35, "damping": 0.4, "inertia": 0.35}
-_POINT_SD: Mapping[str, float] = {"stiffness": 0.25, "damping": 0.25, "inertia": 0.1}
+LEVEL_SD: Mapping[str, float] = {"stiffness": 0.35, "damping": 0.4, "inertia": 0.35}
+POINT_SD: Mapping[str, float] = {"stiffness": 0.25, "damping": 0.25, "inertia": 0.1}
 #: Powers of body mass: K and B are given per kg in the literature, J grows with mass times the
 #: square of a length (geometric similarity).
 _MASS_POWER: Mapping[str, float] = {"stiffness": 1.0, "damping": 1.0, "inertia": 5.0 / 3.0}
@@ -27,7 +27,7 @@ _MASS_POWER_SD = 0.5
 #: Error of the model that no number of people averages out, over a typical person's own error. In
 #: legs of a simulator that shares nothing with the method, 8, 8 and 4 % of K, B and J had to be
 #: added to means, where a person's own sds were 17, 15 and 7 %.
-_SHARED = 0.5
+SHARED = 0.5
 _FEWEST = 2
 _TAILS = (2.5, 97.5)
 
@@ -134,7 +134,7 @@ class PeopleTogether:
         """Return draws of a mean with the errors that everybody shares, SI."""
         f, k = self._of[element]
         fit = self._fits[f]
-        wrong = _SHARED * fit.own_sd[k] * self._model[element[1]]
+        wrong = SHARED * fit.own_sd[k] * self._model[element[1]]
         whole, gain = fit.whole[:, k], np.exp(self._gains[f])
         whole = whole * np.exp(wrong) if fit.logarithmic[k] else whole + fit.unit[k] * wrong
         return np.asarray(whole * gain - fit.intrinsic[k])
@@ -295,8 +295,8 @@ def _fit(
         *_stacked(conditions, people),
         kinds=kinds,
         places=np.array([points.index(point) for _, (point, _) in places]),
-        level_sd=np.array([_LEVEL_SD[base(name)] for name in names]),
-        place_sd=np.array([_POINT_SD[base(name)] for name in names]),
+        level_sd=np.array([LEVEL_SD[base(name)] for name in names]),
+        place_sd=np.array([POINT_SD[base(name)] for name in names]),
         conditions=np.array([c for c, _ in places]),
         covariate=covariate,
         slope=np.array([_MASS_POWER[base(n)] - n.endswith(PER_MASS) for n in names]),

@@ -127,6 +127,7 @@ def render_report(
         instruments=instrument_shares(analysis),
         undecided=grouped(uncertainty["undecided"]) if uncertainty else [],
         certificate=certificate_section(analysis.certificate),
+        planned=planned_section(statistics),
         quasi_stiffness=quasi_stiffness_section(analysis),
         fitted=fitted_signals(analysis),
         run=None if run is None else run_section(run),
@@ -402,6 +403,24 @@ _EFFECTS: Final = {
     "direction": "direction",
     "joint": "type or direction",
 }
+
+
+def planned_section(statistics: Mapping[str, Any]) -> list[dict[str, Any]] | None:
+    """Return planned and reached half-widths by timing point, None without a plan."""
+    rows = statistics.get("planned_half_widths")
+    if not rows:
+        return None
+    by_point: dict[str, dict[str, str]] = {}
+    for row in rows:
+        reached = row["reached_pct"]
+        text = "undecided" if reached is None else f"{reached:.0f} %"
+        by_point.setdefault(row["timing_point"], {})[row["parameter"]] = (
+            f"{row['planned_pct']:.0f} %, {text}"
+        )
+    return [
+        {"name": point_name(point), "cells": [own.get(name, DASH) for name in PARAMETERS]}
+        for point, own in by_point.items()
+    ]
 
 
 def effects_section(statistics: Mapping[str, Any]) -> dict[str, Any] | None:

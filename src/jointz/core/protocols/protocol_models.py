@@ -18,7 +18,14 @@ from jointz.core.protocols.pulse_models import (
     printable_name_problem,
 )
 from jointz.core.protocols.reference_signal_models import Reference
-from jointz.core.study import Calibrated, ConditionField, Direction, Name, SchemaVersion
+from jointz.core.study import (
+    Calibrated,
+    ConditionField,
+    Direction,
+    Name,
+    PlannedHalfWidths,
+    SchemaVersion,
+)
 
 #: The steps of a calibration, in the order in which a lab does them.
 CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]
@@ -340,6 +347,7 @@ class ProtocolFields(CheckedModel):
     expected_joint: ExpectedJoint | None = None
     window_s: Annotated[float, Field(ge=0.001, le=10)] | None = None
     safety: LimitsOverride = LimitsOverride()
+    planned_half_width_pct: PlannedHalfWidths | None = None
     without_console: WithoutConsole = "go_on"
     loads: tuple[LoadSpec, ...] = Field(default=(), strict=False)
     conditions: tuple[ConditionSpec, ...] = Field(min_length=1, strict=False)

@@ -13,7 +13,7 @@ from jointz.identify.strapped.posterior import LegPosterior
 
 #: Source -> shared parameters that a measurement would give together, those of sensors that are
 #: there.
-_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "strap": (
         "device_share",
         "strap_hz",
@@ -50,7 +50,7 @@ def remaining_sds(posterior: LegPosterior) -> dict[str, np.ndarray]:
     parts = [_covariances(posterior.model, fit) for fit in posterior.fits]
     means = [mean for mean, _ in parts]
     sds = {}
-    for source in (*_GROUPS, PULSES):
+    for source in (*GROUPS, PULSES):
         own = [covariances[source] for _, covariances in parts]
         _, covariance = mixed_moments(posterior.weights, means, own)
         sds[source] = WIDER * np.sqrt(np.diag(covariance))
@@ -60,13 +60,14 @@ def remaining_sds(posterior: LegPosterior) -> dict[str, np.ndarray]:
 def _covariances(model: LegModel, fit: MapFit) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the mean of all logarithms, and their covariance if a source were known."""
     mean, gradient = log_gradient(model, fit)
-    left = {n: _conditional(fit.covariance, _places(model.layout, n)) for n in _GROUPS}
+    left = {n: _conditional(fit.covariance, places_of(model.layout, n)) for n in GROUPS}
     left[PULSES] = _with_more_pulses(model, fit)
     return mean, {name: gradient @ c @ gradient.T for name, c in left.items()}
 
 
-def _places(layout: Layout, source: str) -> np.ndarray:
-    names = [name for name in _GROUPS[source] if name in layout.shared_names]
+def places_of(layout: Layout, source: str) -> np.ndarray:
+    """Return the places of a source's parameters, of sensors that are there."""
+    names = [name for name in GROUPS[source] if name in layout.shared_names]
     places = [layout.shared(name) for name in names]
     if source == "reflex":  # its deviation at every timing point, too
         places += [layout.own(point, REFLEX) for point in range(layout.n_points)]

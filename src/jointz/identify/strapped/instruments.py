@@ -23,28 +23,34 @@ _FRICTION_ERROR = 0.1
 
 
 def instrument_priors(
-    known: CalibrationSpec, sources: Sequence[Source], sensors: Sequence[str]
+    known: CalibrationSpec, friction_nm: float, sensors: Sequence[str]
 ) -> dict[str, LogPrior | SharePrior | NormalPrior]:
-    """Return priors of what torque model and calibration tell, instead of the usual ones."""
-    return _of_torque_model(known, sources) | _of_sensors(known, sensors)
+    """Return priors of what torque model and calibration tell, instead of the usual ones.
+
+    ``friction_nm`` is the usual size of the friction that the torque model subtracts, 0 without.
+    """
+    return _of_torque_model(known, friction_nm) | _of_sensors(known, sensors)
 
 
-def _of_torque_model(
-    known: CalibrationSpec, sources: Sequence[Source]
-) -> dict[str, LogPrior | SharePrior | NormalPrior]:
-    """Return priors of what the torque model declares."""
-    priors: dict[str, LogPrior | SharePrior | NormalPrior] = {}
+def friction_of_model(sources: Sequence[Source]) -> float:
+    """Return the usual size of the friction that the torque model subtracts, N*m; 0 without."""
     frictions = [
         np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
         for s in sources
         if FRICTION_OF_MODEL in s.given.recording
     ]
-    size = float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
-    if size > 0.0:
-        gain = known.friction_gain
-        error = _FRICTION_ERROR if gain is None else max(gain.sd / gain.value, 1e-3)
-        priors["friction_nm"] = LogPrior(median=error * size, log_sd=0.7)
-    return priors
+    return float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
+
+
+def _of_torque_model(
+    known: CalibrationSpec, friction_nm: float
+) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+    """Return the prior of the friction that the torque model leaves."""
+    if not friction_nm > 0.0:
+        return {}
+    gain = known.friction_gain
+    error = _FRICTION_ERROR if gain is None else max(gain.sd / gain.value, 1e-3)
+    return {"friction_nm": LogPrior(median=error * friction_nm, log_sd=0.7)}
 
 
 def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, NormalPrior]:

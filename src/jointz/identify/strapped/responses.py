@@ -1,6 +1,6 @@
 """Average responses of a participant by timing point and shape of pulse, and their errors."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import toeplitz
@@ -37,7 +37,7 @@ class ShapeAverage:
 
     shown: np.ndarray  # (channel, n) by every sensor, rad or rad/s; first the goniometer
     torque: np.ndarray  # (n,) N*m
-    n_pulses: int
+    n_pulses: float  # of a plan it may be a fraction
     used: np.ndarray  # (n,) samples before the joint has moved too far
 
 
@@ -68,6 +68,11 @@ class PointResponse:
     def stacked(self) -> np.ndarray:
         """All responses, shape by shape and channel by channel."""
         return np.concatenate([s.shown.ravel() for s in self.shapes])
+
+    def with_pulses(self, n_pulses: float) -> "PointResponse":
+        """Return the same responses as averages of another number of pulses of every shape."""
+        shapes = tuple(replace(shape, n_pulses=n_pulses) for shape in self.shapes)
+        return replace(self, shapes=shapes)
 
     @property
     def averaged(self) -> int:
@@ -128,23 +133,22 @@ def point_response(
     """
     friction_gain = value_of(known.friction_gain, 1.0)
     n_all = cell.predicted.responses.shape[2]
-    length_s = max(FIT_S, window_s) + _BEYOND_S
-    n = min(round(length_s / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
+    n = min(round(data_length_s(window_s) / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
     signs = np.array([c.pulse.sign for c in cell.used])[:, None, None]
     responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
     misses = cell.predicted.misses[:, :, :n]
     shapes = pulse_shapes(responses[:, TORQUE_ROWS].sum(axis=1), [c.pulse for c in cell.used])
     numbers, places = np.unique(shapes, return_inverse=True)
+    until_s = data_end_s(cell.phase, cell.stride_s)
     return PointResponse(
         label=cell.label,
         phase=cell.phase,
         stride_s=cell.stride_s,
         time_s=(np.arange(n) - LEAD_SAMPLES) * cell.period_s,
         shapes=tuple(
-            _average(responses[shapes == k], cell.period_s, known, until_s=_until_s(cell))
-            for k in numbers
+            _average(responses[shapes == k], cell.period_s, known, until_s=until_s) for k in numbers
         ),
-        velocity=_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
+        velocity=smooth_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
         misses=np.delete(misses, TORQUE_ROWS, axis=1),
         torque_misses=misses[:, DRIVING] + friction_gain * misses[:, FRICTION],
         n_strides=cell.predicted.n_strides,
@@ -154,9 +158,14 @@ def point_response(
     )
 
 
-def _until_s(cell: PredictedCell) -> float:
+def data_length_s(window_s: float) -> float:
+    """Return how long after the onset data are kept, margin for lags included."""
+    return max(FIT_S, window_s) + _BEYOND_S
+
+
+def data_end_s(phase: float, stride_s: float) -> float:
     """Return the time from the onset until just before the next heel strike."""
-    left = (1.0 - cell.phase % 1.0 - _BEFORE_STRIKE_CYCLES) * cell.stride_s
+    left = (1.0 - phase % 1.0 - _BEFORE_STRIKE_CYCLES) * stride_s
     return max(left, _LEAST_S) if np.isfinite(left) else np.inf
 
 
@@ -198,7 +207,7 @@ def usable_samples(angle: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.asarray(np.arange(angle.size) < (far[0] if far.size else angle.size))
 
 
-def _velocity(angle: np.ndarray, period_s: float) -> np.ndarray:
+def smooth_velocity(angle: np.ndarray, period_s: float) -> np.ndarray:
     """Return the smoothed derivative of the mean unperturbed angle."""
     width = min(max(3, round(_SMOOTH_S / period_s)), angle.size // 2)
     kernel = np.hanning(width + 2)[1:-1]

@@ -45,6 +45,7 @@ from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moment
 from jointz.identify.strapped.information import remaining_sds
 from jointz.identify.strapped.instruments import (
     calibrated_lag,
+    friction_of_model,
     instrument_priors,
     lags_of_instruments,
 )
@@ -334,7 +335,7 @@ class _Participant:
         priors = LegPriors(
             settings.priors,
             body,
-            instrument_priors(known, sources, self._predictor.sensors),
+            instrument_priors(known, friction_of_model(sources), self._predictor.sensors),
             calibrated_lag(known),
             steady=self._hypotheses.steady,
         )

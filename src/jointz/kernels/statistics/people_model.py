@@ -22,7 +22,7 @@ _NEARLY_FLAT = 1e-4
 #: Sd of the prior of Fisher's z of each (partial) correlation between kinds.
 _CORRELATION_SD = 0.5
 #: Sd of the prior of the ratio of a person's own response to a condition to what people differ by.
-_RESPONSE_SD = 0.5
+RESPONSE_SD = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +183,7 @@ def _kept_steps(
 def _prior_scale(data: PeopleData) -> np.ndarray:
     """Return scales of the priors: of the sds, of the responses if any, of Fisher's z."""
     k = data.n_kinds
-    responses = np.full(k if data.with_conditions else 0, _RESPONSE_SD)
+    responses = np.full(k if data.with_conditions else 0, RESPONSE_SD)
     pairs = np.full(k * (k - 1) // 2, _CORRELATION_SD)
     return np.concatenate([data.level_sd, data.place_sd, responses, pairs])
 

@@ -1,0 +1,1 @@
+"""Plans beside what studies of realistic people then gave."""

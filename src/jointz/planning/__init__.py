@@ -1,0 +1,1 @@
+"""Plans of perturbation experiments (``jointz plan``): what pulses, sensors and people decide."""

@@ -1,0 +1,58 @@
+"""A lab as the study of a pilot shows it: sensors, people, calibration and walking."""
+
+from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.core.errors import DataError
+from jointz.core.method_names import STRAPPED
+from jointz.core.priors import PriorsSpec
+from jointz.core.study import Study
+from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
+from jointz.planning.schedule import Schedule
+from jointz.planning.walking import recorded_walking
+
+#: People of a pilot whose walking is used.
+_MOST_WALKERS = 4
+
+
+def lab_of_study(study: Study, schedule: Schedule, actuator: Actuator) -> tuple[Laboratory, str]:
+    """Return the lab of a study, and where its walking is from, in words."""
+    spec = study.spec
+    if spec.kind != "walking" or spec.joint != "knee":
+        raise DataError(
+            f"pilot: expected walking of the knee, got {spec.kind} of the {spec.joint}."
+        )
+    if spec.coupling == "rigid":
+        raise DataError(
+            'pilot: its device is coupled to the bone (coupling = "rigid"), and plans are for the '
+            "method strapped. Leave the key out, or plan without a pilot."
+        )
+    walkers, strides = [], 0
+    people = spec.participants[:_MOST_WALKERS]
+    for person in people:
+        settings = participant_settings(study, person.id, STRAPPED, resamples=1, seed=0)
+        recordings = read_participant(study, person.id, {})
+        walking = recorded_walking(
+            recordings,
+            settings,
+            timing_points=schedule.timing_points,
+            window_s=schedule.design.window_s,
+            n_strides=schedule.teaching_strides,
+        )
+        walkers.append(walking)
+        strides += next(iter(walking.values())).n_recorded
+    channels = set.intersection(*(set(next(iter(w.values())).channels) for w in walkers))
+    first = people[0]
+    own = [e for e in spec.recordings if e.participant == first.id]
+    lab = Laboratory(
+        people=people,
+        walking=tuple(walkers),
+        noise={name: noise for name, (channel, noise) in SENSORS.items() if channel in channels},
+        actuator=actuator,
+        calibration=study.spec.calibration_of(own[0]),
+        torque_model=spec.torque_model,
+        priors=spec.priors or PriorsSpec(),
+        joint=spec.joint,
+    )
+    return (
+        lab.with_sensors(lab.noise),
+        f"{strides} unperturbed strides of {len(people)} people of {study.root.name}",
+    )

@@ -1,0 +1,209 @@
+"""Folder of a plan: page, table, JSON, figures and the protocol file."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jointz.core.whole_file import refuse_existing
+from jointz.io.new_folder import MARKER, new_folder, write_marker
+from jointz.planning.plan_result import Plan, PlannedEstimate
+from jointz.report.html_page import page_figures, render_template
+from jointz.report.style import to_svg
+from jointz.report.wording import DASH, MINUS, point_name
+from jointz.results.figure_style import BLUE, VERMILION, figure_style
+
+PAGE: Final = "plan.html"
+PROTOCOL: Final = "protocol.toml"
+_KIND: Final = "plan"
+_LETTERS: Final = {"stiffness": "K", "damping": "B", "inertia": "J"}
+_MM: Final = 25.4
+
+
+def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Write a plan to a folder.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    out : path
+        The folder: plan.html, plan.csv, plan.json, the figures as SVG, and protocol.toml if no
+        wish was refused.
+    overwrite : bool
+        Whether to replace an earlier plan.
+
+    Returns
+    -------
+    pathlib.Path
+        The page.
+
+    Raises
+    ------
+    OutputError
+        If the folder exists, or is not one of a plan.
+    WriteError
+        If it cannot be written.
+    """
+    path = Path(out)
+    if not overwrite:
+        refuse_existing(path, "folder")
+    figures = plan_figures(plan)
+    with new_folder(path, marker=MARKER, overwrite=overwrite, made_by=_KIND) as folder:
+        for name, svg in figures.items():
+            (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+        plan.to_frame().to_csv(folder / "plan.csv", index=False, float_format="%.6g")
+        content = json.dumps(plan.to_dict(), indent=1, allow_nan=False)
+        (folder / "plan.json").write_text(content + "\n", encoding="utf-8")
+        if plan.protocol_text:
+            (folder / PROTOCOL).write_text(plan.protocol_text, encoding="utf-8")
+        (folder / PAGE).write_text(render_plan(plan, figures), encoding="utf-8")
+        write_marker(folder, MARKER, {"made_by": _KIND, **plan.provenance})
+    return path / PAGE
+
+
+def plan_figures(plan: Plan) -> dict[str, str]:
+    """Draw half-widths by timing point, and the pulses."""
+    with figure_style():
+        figure = Figure(figsize=(178.0 / _MM, 78.0 / _MM), layout="constrained")
+        plan.plot(figure.subplots())
+        pulses = Figure(figsize=(178.0 / _MM, 52.0 / _MM), layout="constrained")
+        _draw_pulses(plan, pulses)
+        return {"half_widths": to_svg(figure), "pulses": to_svg(pulses)}
+
+
+def _draw_pulses(plan: Plan, figure: Figure) -> None:
+    """Draw the torque of every shape over time, all sizes, one direction."""
+    shown = plan.courses
+    panels = figure.subplots(1, max(1, len(shown)), sharey=True, squeeze=False)[0]
+    for axes, course in zip(panels, shown, strict=False):
+        for size in course.amplitudes_nm:
+            times = 1000.0 * np.asarray(course.times_s)
+            for sign in course.signs:
+                colour = BLUE if sign > 0.0 else VERMILION
+                axes.plot(times, sign * size * np.asarray(course.shares), color=colour)
+        axes.set_title(course.name or "pulse", loc="left")
+        axes.set_xlabel("time from the onset (ms)")
+    panels[0].set_ylabel("torque (N·m)")
+
+
+def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
+    """Write a plan as one HTML page with its figures and styles inside."""
+    share = f"{100.0 * float(plan.wishes.get('share', 0.8)):.0f}"
+    captions = {
+        "half_widths": f"Half of the 95 % interval. Dot: typical leg. Bar: from any number of "
+        f"pulses to what {share} of 100 legs do not exceed. Values above the dotted line are "
+        "undecided.",
+        "pulses": "Commanded torque of the pulses, all sizes; red: the other direction.",
+    }
+    names = list(next(iter(plan.sources.values()), {}))
+    return render_template(
+        "plan.html.j2",
+        title=_title(plan),
+        about=[str(plan.provenance.get("created", ""))],
+        lead=_lead(plan),
+        facts=_facts(plan),
+        refused=plan.refused,
+        notes=plan.notes,
+        share=share,
+        figures=page_figures((n, svg, "", captions[n]) for n, svg in figures.items()),
+        reached=bool(plan.reached),
+        points=[_point(plan, e) for e in plan.estimates],
+        source_names=names,
+        sources=[
+            {"name": _LETTERS[name], "shares": [_pct(100.0 * v) for v in shares.values()]}
+            for name, shares in plan.sources.items()
+        ],
+        shapes=[
+            {
+                "name": s.name,
+                "text": s.text,
+                "peak": f"{s.peak_deg:.0f}",
+                "k": _pct(s.stiffness_pct),
+                "b": _pct(s.damping_pct),
+                "j": _pct(s.inertia_pct),
+                "chosen": s.chosen,
+                "remark": "chosen" if s.chosen else s.why_not,
+            }
+            for s in plan.shapes
+        ],
+        measures=[
+            {
+                "what": m.what,
+                "k": _pct(m.stiffness_pct),
+                "b": _pct(m.damping_pct),
+                "j": _pct(m.inertia_pct),
+            }
+            for m in plan.measures
+        ],
+        people=[
+            {
+                "n": p.participants,
+                "name": _LETTERS[p.parameter],
+                "mean": _pct(p.mean_pct),
+                "half": _pct(p.difference_half_width_pct),
+                "paired": _pct(p.paired_pct),
+                "groups": _pct(p.groups_pct),
+                "chosen": p.participants == plan.participants,
+            }
+            for p in plan.people
+        ],
+        protocol=plan.protocol_text,
+    )
+
+
+def _title(plan: Plan) -> str:
+    what = "What this study could see" if plan.recorded else "Plan"
+    return f"{what}: {plan.protocol}"
+
+
+def _lead(plan: Plan) -> str:
+    sensors = (
+        " and ".join([", ".join(plan.sensors[:-1]), plan.sensors[-1]])
+        if len(plan.sensors) > 1
+        else plan.sensors[0]
+    )
+    return (
+        f"{plan.pulses[0].upper()}{plan.pulses[1:]}; {sensors}; analysed over "
+        f"{1000.0 * plan.window_s:.0f} ms. Walking: {plan.walking}."
+    ).replace("N*m", "N·m")
+
+
+def _facts(plan: Plan) -> list[tuple[str, str]]:
+    facts = [
+        (str(plan.participants), "participants"),
+        (f"{plan.minutes:.0f} min", "of walking each"),
+        (f"{plan.peak_deg:.0f}°", "motion that nine of ten legs do not exceed"),
+    ]
+    for name, letter in _LETTERS.items():
+        own = [e.half_width_pct for e in plan.estimates if e.parameter == name]
+        facts.append((f"±{np.median(own):.0f} %", f"{letter} of a typical leg"))
+    return facts
+
+
+def _point(plan: Plan, estimate: PlannedEstimate) -> dict[str, Any]:
+    first = estimate.parameter == "stiffness"
+    reached = plan.reached.get(estimate.parameter, {}).get(estimate.timing_point)
+    return {
+        "point": f"{point_name(estimate.timing_point)}, {estimate.gait_pct:.0f} %" if first else "",
+        "pulses": estimate.pulses if first else "",
+        "name": _LETTERS[estimate.parameter],
+        "typical": _pct(estimate.half_width_pct),
+        "reached": DASH if reached is None else _pct(reached),
+        "assured": _pct(estimate.assured_pct),
+        "endless": f"{_pct(estimate.endless_pct)}{'' if estimate.decidable else ', undecided'}",
+        "decided": _pct(100.0 * estimate.decided_share),
+        "bias": f"{estimate.reflex_bias_pct:+.0f} %".replace("-", MINUS),
+    }
+
+
+def _pct(value: float) -> str:
+    """Return a percentage; large ones only say that they are large."""
+    return "> 200 %" if value > _LARGE_PCT else f"{value:.0f} %"
+
+
+_LARGE_PCT: Final = 200.0

@@ -1,0 +1,257 @@
+"""Plan a perturbation experiment before it, or see what a recorded one could see."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+from jointz.analysis.certificate.study_protocol import study_protocol
+from jointz.analysis.planned_half_widths import reached_half_widths
+from jointz.analysis.saved_analysis import load, study_of
+from jointz.core.errors import DataError
+from jointz.core.method_names import STRAPPED
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.study import CalibrationSpec, ParticipantSpec, Study
+from jointz.io.protocols import load_protocol
+from jointz.io.study_reader import open_study
+from jointz.planning.lab_of_study import lab_of_study
+from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
+from jointz.planning.plan_result import Plan
+from jointz.planning.planner import LEGS, Planner
+from jointz.planning.schedule import Schedule, recorded_schedule, schedule_of_protocol
+from jointz.planning.walking import stored_walking
+from jointz.planning.wishes import made_wishes
+from jointz.tasks.progress import Progress
+
+_MASS_KG, _HEIGHT_M = 75.0, 1.75
+_STEPS = LEGS + 5
+_FASTEST_HZ = 500.0
+_WALKING = (
+    "stored, that of a recorded walker, whose knee angle 0.1 s after an onset is predicted within "
+    "0.8 degrees. Record three to five minutes of your own: --pilot"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """What the caller states of the lab; None for what the pilot, or a usual lab, has."""
+
+    sensors: Mapping[str, float | None] | None
+    calibration: CalibrationSpec | None
+    mass_kg: float | None
+    height_m: float | None
+
+
+def plan(  # noqa: PLR0913 - the options of the command, all by keyword
+    protocol: str | os.PathLike[str] | Protocol,
+    *,
+    pilot: str | os.PathLike[str] | Study | None = None,
+    sensors: Mapping[str, float | None] | None = None,
+    calibration: CalibrationSpec | None = None,
+    mass_kg: float | None = None,
+    height_m: float | None = None,
+    torque_nm: float | None = None,
+    bandwidth_hz: float | None = None,
+    seed: int = 1,
+    progress: Progress | None = None,
+    **wishes: Any,
+) -> Plan:
+    """Plan a walking experiment before anybody is measured.
+
+    Parameters
+    ----------
+    protocol : path, str or Protocol
+        Walking protocol with pulses; its timing points, gaps and limits are kept.
+    pilot : path or Study, optional
+        Study with three to five minutes of the lab's own unperturbed walking. Its sensors,
+        calibration, torque model and participants are those of the plan. Without it, the
+        variability of a recorded walker is taken, and the plan says so.
+    sensors : mapping of str to float or None, optional
+        ``goniometer``, ``encoder``, ``gyroscopes`` with their white noise, rad or rad/s, None for
+        that of a usual one. By default those of the pilot, else a goniometer.
+    calibration : CalibrationSpec, optional
+        What is known of the instruments; by default the pilot's.
+    mass_kg, height_m : float, optional
+        Of a typical participant; by default the pilot's people, else 75 kg and 1.75 m.
+    torque_nm : float, optional, N*m
+        Largest torque of the device; by default the protocol's limit, else its largest pulse.
+    bandwidth_hz : float, optional, Hz
+        Of the torque, a first-order lag; 13 Hz by default.
+    seed : int
+        Of the legs that are drawn from the priors.
+    progress : callable, optional
+        Called with steps done, steps in all and what was done.
+    **wishes : optional
+        Fields of :class:`~jointz.planning.wishes.Wishes`: what shall be reached, such as
+        ``half_width_pct=25``. Without, the plan states what the protocol's own number of pulses
+        gives.
+
+    Returns
+    -------
+    Plan
+        With ``refused`` wishes, each with the nearest possible one.
+
+    Raises
+    ------
+    DataError
+        If the protocol has no pulses in walking, the pilot no unperturbed strides, or numbers are
+        out of range.
+
+    Examples
+    --------
+    >>> plan("walking_doublets", motion_deg=99.0)
+    Traceback (most recent call last):
+    ...
+    jointz.core.errors.DataError: plan: motion_deg: expected 0.5 to 18, got 99.
+    """
+    wanted = made_wishes(wishes)
+    spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
+    schedule = schedule_of_protocol(spec)
+    largest = max(size for pulse in spec.shapes for size in pulse.sizes_nm)
+    actuator = _actuator(torque_nm or spec.safety.torque_nm or largest, bandwidth_hz)
+    given = _Given(sensors, calibration, mass_kg, height_m)
+    tell = _Teller(progress)
+    files: dict[str, Any] = {}
+    if pilot is None:
+        lab, walking = _usual_lab(spec, schedule, given, actuator), _WALKING
+    else:
+        study = pilot if isinstance(pilot, Study) else open_study(pilot)
+        files = {"pilot": study.root.name, "pilot_sha256": study.sha256}
+        lab, walking = lab_of_study(study, schedule, actuator)
+        if sensors is not None:
+            lab = lab.with_sensors(_known_sensors(sensors))
+    tell("walking")
+    lab = _as_given(lab, given)
+    made = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell).plan(spec)
+    return replace(made, provenance={**made.provenance, **files})
+
+
+def plan_recorded(
+    results: str | os.PathLike[str],
+    *,
+    study: str | os.PathLike[str] | None = None,
+    seed: int = 1,
+    progress: Progress | None = None,
+    **wishes: Any,
+) -> Plan:
+    """Return what a study that was recorded and analysed could see, and what it could not.
+
+    Parameters
+    ----------
+    results : path
+        Results folder of ``jointz analyze`` by the method ``strapped``.
+    study : path, optional
+        Folder of the study; by default the one with its name beside the results.
+    seed : int
+        Of the legs that are drawn from the priors.
+    progress : callable, optional
+        Called with steps done, steps in all and what was done.
+    **wishes : optional
+        Fields of :class:`~jointz.planning.wishes.Wishes`.
+
+    Returns
+    -------
+    Plan
+        As if the same pulses had been planned, with the half-widths that were reached.
+
+    Raises
+    ------
+    DataError
+        If the study is not found, or is none of pulses in walking.
+    """
+    wanted = made_wishes(wishes)
+    folder = Path(results)
+    analysis = load(folder)
+    found = study_of(analysis, folder, study)
+    if found is None:
+        raise DataError(f"{folder}: the study is not beside the results. Name it: --study-folder.")
+    if analysis.settings.get("method") != STRAPPED:
+        raise DataError(
+            f"{folder}: expected results of the method strapped, got "
+            f"{analysis.settings.get('method')}. Analyse the study by it: jointz analyze."
+        )
+    done = study_protocol(found, analysis.pulses, analysis.strides)
+    schedule = recorded_schedule(
+        found.root.resolve().name,
+        done.plan.pulses,
+        done.plan.timing_points,
+        done.plan.counts,
+        done.plan.gap_strides,
+        window_s=float(analysis.settings["window_s"]),
+        unperturbed_strides=done.unperturbed_strides,
+        participants=len({c.participant for c in analysis.cells}),
+    )
+    largest = max(size for pulse in done.plan.pulses for size in pulse.sizes_nm)
+    tell = _Teller(progress)
+    lab, walking = lab_of_study(found, schedule, _actuator(largest, None))
+    tell("walking")
+    made = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell).plan(None)
+    files = {"study": found.root.name, "study_sha256": found.sha256}
+    return replace(
+        made, reached=reached_half_widths(analysis.cells), provenance={**made.provenance, **files}
+    )
+
+
+def _actuator(torque_nm: float, bandwidth_hz: float | None) -> Actuator:
+    if not torque_nm > 0.0 or (bandwidth_hz is not None and not bandwidth_hz > 0.0):
+        raise DataError(
+            f"plan: expected torque and bandwidth above zero, got {torque_nm:g} N*m and "
+            f"{bandwidth_hz} Hz."
+        )
+    if bandwidth_hz is None:
+        return Actuator(torque_nm)
+    return Actuator(torque_nm, time_constant_s=1.0 / (2.0 * pi * bandwidth_hz))
+
+
+def _known_sensors(sensors: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Return the sensors in their order; raise DataError for others, and without a goniometer."""
+    unknown = sorted(set(sensors) - set(SENSORS))
+    if unknown or "goniometer" not in sensors:
+        raise DataError(
+            f"plan: expected a goniometer, and with it any of {', '.join(list(SENSORS)[1:])}; got "
+            f"{', '.join(sensors) or 'none'}."
+        )
+    if wrong := [name for name, noise in sensors.items() if noise is not None and not noise > 0.0]:
+        raise DataError(f"plan: expected noise above zero of {', '.join(wrong)}.")
+    return {name: sensors[name] for name in SENSORS if name in sensors}
+
+
+def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:
+    """Return a lab with stored walking."""
+    sensors = _known_sensors(given.sensors or {"goniometer": None})
+    noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in sensors.items()}
+    gait = spec.gait
+    walking = stored_walking(
+        schedule.timing_points,
+        {SENSORS[n][0]: sd for n, sd in noise.items()},
+        window_s=schedule.design.window_s,
+        rate_hz=min(spec.rates.sample_hz, _FASTEST_HZ),
+        stride_s=1.1 if gait is None else gait.assumed_stride_s,
+        n_strides=schedule.teaching_strides,
+    )
+    person = ParticipantSpec(id="typical", mass_kg=_MASS_KG, height_m=_HEIGHT_M)
+    return Laboratory((person,), (walking,), noise, actuator, joint=spec.joint)
+
+
+def _as_given(lab: Laboratory, given: _Given) -> Laboratory:
+    """Return the lab with what the caller stated."""
+    body = {"mass_kg": given.mass_kg, "height_m": given.height_m}
+    if wrong := [k for k, v in body.items() if v is not None and not v > 0.0]:
+        raise DataError(f"plan: expected {' and '.join(wrong)} above zero.")
+    stated = {k: v for k, v in body.items() if v is not None}
+    people = tuple(p.model_copy(update=stated) for p in lab.people)
+    return replace(lab, people=people, calibration=given.calibration or lab.calibration)
+
+
+class _Teller:
+    """Progress in steps."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._done = progress, 0
+
+    def __call__(self, what: str) -> None:
+        self._done = min(self._done + 1, _STEPS)
+        if self._progress is not None:
+            self._progress(self._done, _STEPS, what)

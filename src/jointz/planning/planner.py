@@ -1,0 +1,442 @@
+"""Plan of an experiment from a lab, a schedule and wishes."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, replace
+from math import ceil, radians
+
+import numpy as np
+
+from jointz.core.errors import DataError
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.provenance import now, software
+from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.kernels.statistics.power import smallest_effect
+from jointz.planning.laboratory import SENSORS, Laboratory
+from jointz.planning.plan_result import (
+    Plan,
+    PlannedEstimate,
+    PlannedMeasure,
+    PlannedPeople,
+    PlannedShape,
+)
+from jointz.planning.predicted_estimates import (
+    ENDLESS,
+    LegEstimates,
+    PlannedLeg,
+    drawn_parameters,
+    typical_leg,
+)
+from jointz.planning.predicted_responses import Design
+from jointz.planning.protocol_file import levelled, protocol_text
+from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
+from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
+from jointz.planning.schedule import Schedule
+from jointz.planning.wishes import MOST_PEOPLE, Wishes
+from jointz.results.estimates import relative_half_width
+from jointz.stats.expected_people import ExpectedPeople
+
+#: Legs drawn from the priors.
+LEGS = 10
+#: Pulses of a timing point at which shapes are compared.
+_COMPARED = 48
+_PEOPLE = (2, 4, 6, 8, 10, 12, 16, 20, 30, 40)
+_SHORT = dict(zip(PARAMETERS, "KBJ", strict=True))
+#: The protocol's own pulses stay if others are better by no more than this.
+_MOST_OWN_WORSE = 1.02
+#: Motion may be off by so much: amplitudes are rounded, and legs are few.
+_MOTION_MARGIN = 1.1
+
+
+class Planner:
+    """The steps of a plan."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        lab: Laboratory,
+        wishes: Wishes,
+        *,
+        walking: str,
+        seed: int,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._schedule, self._lab, self._wishes, self._walking = schedule, lab, wishes, walking
+        self._seed, self._tell = seed, tell
+        self._points = schedule.timing_points
+        self._refused: list[str] = []
+        self._notes: list[str] = []
+        self._wanted = [PARAMETERS.index(name) for name in wishes.parameters]
+
+    def plan(self, spec: Protocol | None) -> Plan:
+        """Return the plan; without a protocol, what a recorded study could see."""
+        own = self._schedule.design
+        legs = drawn_parameters(self._lab, own, n=LEGS, seed=self._seed)
+        design, shapes = self._chosen(own, legs, fixed=spec is None)
+        self._tell("shapes")
+        middle = typical_leg(self._lab, design)
+        widths = half_widths(self._lab, design, middle, legs, tell=lambda: self._tell("legs"))
+        counts = self._counts(widths)
+        now_ = middle.estimates(_float(counts))
+        estimates = self._estimates(middle, now_, widths, counts)
+        self._tell("timing points")
+        measures = tuple(self._measures(design, middle, counts))
+        self._tell("sensors")
+        people, participants = self._people(now_.moments)
+        minutes = self.minutes(counts)
+        self._say_undecidable(estimates)
+        text = ""
+        if spec is not None and not self._refused:
+            text = self._protocol(spec, design, counts, estimates, participants)
+        self._tell("protocol")
+        return Plan(
+            protocol=self._schedule.name,
+            pulses=text_of(design.pulses),
+            window_s=design.window_s,
+            sensors=tuple(n for n in SENSORS if n in self._lab.noise),
+            walking=self._walking,
+            estimates=tuple(estimates),
+            shapes=tuple(shapes),
+            measures=measures,
+            people=people,
+            participants=participants,
+            minutes=minutes,
+            peak_deg=next(s.peak_deg for s in shapes if s.chosen),
+            wishes={k: v for k, v in asdict(self._wishes).items() if v is not None},
+            refused=tuple(self._refused),
+            notes=tuple(self._notes),
+            sources=_sources(middle, _float(counts)),
+            courses=tuple(planned_course(pulse) for pulse in design.pulses),
+            recorded=spec is None,
+            protocol_text=text,
+            provenance={
+                "software": software(),
+                "created": now(),
+                "seed": self._seed,
+                "legs": LEGS,
+            },
+        )
+
+    # --- shapes --------------------------------------------------------------------------------
+
+    def _chosen(
+        self, own: Design, legs: Sequence[np.ndarray], *, fixed: bool
+    ) -> tuple[Design, list[PlannedShape]]:
+        """Return the best design within the limits, and all that were compared."""
+        limit = radians(self._wishes.motion_deg)
+        compared = [own, *candidates(self._lab, legs, own.window_s, limit)]
+        rows, scores = [], []
+        for design in compared:
+            peak = peak_rad(self._lab, legs, design)
+            half = typical_leg(self._lab, design).estimates(
+                dict.fromkeys(self._points, float(_COMPARED))
+            )
+            middle = np.median(half.half_width, axis=1)
+            why = self._why_not(design, peak, half)
+            scores.append(np.inf if why else float(np.log(half.half_width[self._wanted]).mean()))
+            stiffness, damping, inertia = (100.0 * middle).tolist()
+            rows.append(
+                PlannedShape(
+                    name=design.name,
+                    text=text_of(design.pulses),
+                    peak_deg=float(np.degrees(peak)),
+                    stiffness_pct=stiffness,
+                    damping_pct=damping,
+                    inertia_pct=inertia,
+                    why_not=why,
+                )
+            )
+        if not fixed and not np.isfinite(scores).any():
+            raise DataError(
+                f"plan: no pulse of at least 1 N*m stays below {self._wishes.motion_deg:g} degrees "
+                "in nine of ten legs. Allow more motion."
+            )
+        # The lab's own pulses stay where others are not better.
+        best = int(np.argmin(scores))
+        if fixed or scores[0] <= scores[best] + np.log(_MOST_OWN_WORSE):
+            best = 0
+        rows[best] = replace(rows[best], chosen=True)
+        return compared[best], rows
+
+    def _why_not(self, design: Design, peak: float, half: LegEstimates) -> str:
+        """Return why a design cannot be chosen; "" if it can."""
+        limit_deg = self._wishes.motion_deg
+        if np.degrees(peak) > _MOTION_MARGIN * limit_deg:
+            return f"moves the joint further than {limit_deg:g} degrees"
+        largest = max(size for pulse in design.pulses for size in pulse.sizes_nm)
+        if largest > self._lab.actuator.torque_nm + 1e-9:
+            return f"needs {largest:g} N*m"
+        if not half.decided[self._wanted].any():
+            return "decides nothing that was asked for"
+        return ""
+
+    # --- numbers of pulses ---------------------------------------------------------------------
+
+    def minutes(self, counts: Mapping[str, int]) -> float:
+        """Return the walking of a participant, min."""
+        stride_s = float(np.mean([p.stride_s for p in self._lab.walking[0].values()]))
+        return self._schedule.strides(counts) * stride_s / 60.0
+
+    def _most_in(self, minutes: float | None) -> int:
+        """Return the most pulses of every timing point that fit into the minutes."""
+        if minutes is None:
+            return MOST
+        fits = [
+            n for n in range(MOST + 1) if self.minutes(dict.fromkeys(self._points, n)) <= minutes
+        ]
+        return max(fits, default=0)
+
+    def _counts(self, widths: HalfWidths) -> dict[str, int]:
+        """Return the pulses of every timing point; wishes that cannot be kept are refused."""
+        wish, most = self._wishes.half_width_pct, self._most_in(self._wishes.minutes)
+        least = allowed(widths.step)[0]
+        if most < least:
+            need = self.minutes(dict.fromkeys(self._points, least))
+            self._refused.append(
+                f"{self._wishes.minutes:g} minutes do not hold {least} pulses at "
+                f"{len(self._points)} timing points. Nearest: --minutes {ceil(need)}."
+            )
+            return dict.fromkeys(self._points, least)
+        own = self._schedule.counts
+        if wish is None:
+            rounds = {k: max(least, widths.step * round(n / widths.step)) for k, n in own.items()}
+            if self._wishes.minutes is None:
+                return rounds
+            return dict.fromkeys(self._points, allowed(widths.step, most)[-1])
+        found = {
+            name: widths.fewest(k, self._wanted, wish / 100.0, self._wishes.share, MOST)
+            for k, name in enumerate(self._points)
+        }
+        if unreachable := [name for name, n in found.items() if n is None]:
+            self._refuse_half_width(widths, unreachable)
+            return {name: n or MOST for name, n in found.items()}
+        counts = levelled({name: n for name, n in found.items() if n is not None})
+        if self._wishes.minutes is not None and self.minutes(counts) > self._wishes.minutes:
+            self._refuse_minutes(widths, counts, most)
+        return counts
+
+    def _reached_pct(self, widths: HalfWidths, most: int) -> float:
+        assured = widths.assured(allowed(widths.step, most)[-1], self._wishes.share)
+        return ceil(100.0 * float(assured[self._wanted].max()) * 10.0) / 10.0
+
+    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str]) -> None:
+        wish, share = self._wishes.half_width_pct, self._wishes.share
+        letters = " and ".join(_SHORT[name] for name in self._wishes.parameters)
+        endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
+        names = list(self._points)
+        never = [p for p in points if 100.0 * endless[names.index(p)] > (wish or 0.0)]
+        text = (
+            f"{letters} to {wish:g} % in {100 * share:.0f} of 100 legs cannot be had at "
+            f"{', '.join(points)} with {MOST} pulses"
+        )
+        if never:
+            text += f"; at {', '.join(never)} with no number of pulses"
+        nearest = self._reached_pct(widths, MOST)
+        remedy = f"Nearest: --half-width {nearest:g}"
+        self._refused.append(f"{text}. {remedy}, or more sensors (see what they buy).")
+
+    def _refuse_minutes(self, widths: HalfWidths, counts: Mapping[str, int], most: int) -> None:
+        need = ceil(self.minutes(counts))
+        reach = self._reached_pct(widths, most)
+        self._refused.append(
+            f"{self._wishes.half_width_pct:g} % needs {need} minutes of walking, and there are "
+            f"{self._wishes.minutes:g}. Nearest: --minutes {need}, or --half-width {reach:g}."
+        )
+
+    # --- what is expected ----------------------------------------------------------------------
+
+    def _estimates(
+        self, middle: PlannedLeg, now_: LegEstimates, widths: HalfWidths, counts: Mapping[str, int]
+    ) -> list[PlannedEstimate]:
+        endless = middle.estimates(dict.fromkeys(self._points, ENDLESS))
+        bias = middle.reflex_bias(_float(counts))
+        legs = [leg.estimates(_float(counts)) for leg in widths.legs]
+        over = [leg.half_width / now_.half_width for leg in legs]
+        ratio = np.quantile(np.concatenate(over, axis=1), self._wishes.share, axis=1)
+        assured = now_.half_width * ratio[:, None]
+        decided = np.mean([leg.decided for leg in legs], axis=0)
+        return [
+            PlannedEstimate(
+                timing_point=name,
+                gait_pct=pct,
+                parameter=parameter,
+                pulses=counts[name],
+                half_width_pct=100.0 * float(now_.half_width[i, k]),
+                assured_pct=100.0 * float(assured[i, k]),
+                decided_share=float(decided[i, k]),
+                endless_pct=100.0 * float(endless.half_width[i, k]),
+                decidable=bool(endless.decided[i, k]),
+                reflex_bias_pct=100.0 * float(bias[i, k]),
+            )
+            for k, (name, pct) in enumerate(self._points.items())
+            for i, parameter in enumerate(PARAMETERS)
+        ]
+
+    def _say_undecidable(self, estimates: Sequence[PlannedEstimate]) -> None:
+        for parameter in PARAMETERS:
+            never = [
+                e.timing_point for e in estimates if e.parameter == parameter and not e.decidable
+            ]
+            if never:
+                self._notes.append(
+                    f"No number of pulses decides {_SHORT[parameter]} of a typical leg at "
+                    f"{', '.join(never)} with these pulses and sensors."
+                )
+
+    def _measures(
+        self, design: Design, middle: PlannedLeg, counts: Mapping[str, int]
+    ) -> list[PlannedMeasure]:
+        """Return what sensors and calibrations would buy, and twice the pulses."""
+        here = tuple(n for n in SENSORS if n in self._lab.noise)
+        rows = [_measure("as planned", middle.estimates(_float(counts)).half_width)]
+        for names in _sensor_sets(here):
+            leg = typical_leg(self._lab.with_sensors(dict.fromkeys(names)), design)
+            added = [n for n in names if n not in here]
+            gone = [n for n in here if n not in names]
+            what = f"with {' and '.join(added)}" if added else f"without {' and '.join(gone)}"
+            rows.append(_measure(what, leg.estimates(_float(counts)).half_width))
+        twice = {name: 2.0 * n for name, n in counts.items()}
+        rows.append(_measure("with twice the pulses", middle.estimates(twice).half_width))
+        for what, half in middle.if_known(_float(counts)).items():
+            rows.append(_measure(f"{what} known exactly", half))
+        return rows
+
+    # --- people --------------------------------------------------------------------------------
+
+    def _people(self, moments: LogMoments) -> tuple[tuple[PlannedPeople, ...], int]:
+        expected = _expected_people(moments, self._lab)
+        asked = self._wishes.participants
+        participants = asked or self._schedule.participants
+        rows = [
+            row
+            for n in sorted({*_PEOPLE, participants} - {1})
+            for row in _people_rows(expected, n, self._wishes.share)
+        ]
+        needs = [participants]
+        for wish, attribute, option in (
+            (self._wishes.mean_pct, "mean_pct", "--mean"),
+            (self._wishes.difference_pct, "paired_pct", "--difference"),
+        ):
+            if wish is None:
+                continue
+            need = self._fewest_people(expected, wish, attribute)
+            if need is None or (asked is not None and need > asked):
+                at = asked or MOST_PEOPLE
+                reach = self._worst(_people_rows(expected, at, self._wishes.share), attribute)
+                more = "" if need is None else f"--participants {need}, or "
+                self._refused.append(
+                    f"{option} {wish:g} % cannot be had with {at} participants. Nearest: "
+                    f"{more}{option} {ceil(reach)}."
+                )
+            elif asked is None:
+                needs.append(need)
+        if asked is None and len(needs) > 1:
+            participants = max(needs[1:])
+            rows += [
+                row
+                for row in _people_rows(expected, participants, self._wishes.share)
+                if row not in rows
+            ]
+        return tuple(sorted(rows, key=lambda r: r.participants)), participants
+
+    def _fewest_people(self, expected: ExpectedPeople, wish: float, attribute: str) -> int | None:
+        for n in range(2, MOST_PEOPLE + 1):
+            if self._worst(_people_rows(expected, n, self._wishes.share), attribute) <= wish:
+                return n
+        return None
+
+    def _worst(self, rows: Sequence[PlannedPeople], attribute: str) -> float:
+        return float(
+            max(getattr(r, attribute) for r in rows if r.parameter in self._wishes.parameters)
+        )
+
+    # --- protocol ------------------------------------------------------------------------------
+
+    def _protocol(
+        self,
+        spec: Protocol,
+        design: Design,
+        counts: Mapping[str, int],
+        estimates: Sequence[PlannedEstimate],
+        participants: int,
+    ) -> str:
+        planned = {
+            parameter: {
+                e.timing_point: round(e.half_width_pct, 1)
+                for e in estimates
+                if e.parameter == parameter
+            }
+            for parameter in PARAMETERS
+        }
+        return protocol_text(
+            spec,
+            design,
+            counts,
+            participants=participants,
+            half_width_pct=planned,
+            displacement_rad=round(min(1.2 * radians(self._wishes.motion_deg), 0.31), 3),
+            notes=[f"Planned by jointz plan: {text_of(design.pulses)}."],
+        )
+
+
+def _float(counts: Mapping[str, int]) -> dict[str, float]:
+    return {name: float(n) for name, n in counts.items()}
+
+
+def _sensor_sets(here: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return the sets of sensors to compare with: one more, one less, all."""
+    rest = [n for n in SENSORS if n != "goniometer"]
+    sets = [tuple(n for n in SENSORS if n in (*here, extra)) for extra in rest if extra not in here]
+    sets += [tuple(n for n in here if n != gone) for gone in rest if gone in here]
+    if len([n for n in rest if n not in here]) > 1:
+        sets.append(tuple(SENSORS))
+    return sets
+
+
+def _measure(what: str, half_width: np.ndarray) -> PlannedMeasure:
+    return PlannedMeasure(what, *(100.0 * np.median(half_width, axis=1)).tolist())
+
+
+def _expected_people(moments: LogMoments, lab: Laboratory) -> ExpectedPeople:
+    n = len(PARAMETERS) * (moments.mean.size // len(ESTIMANDS))
+    square = np.ix_(range(n), range(n))
+    inverse = np.linalg.inv(moments.covariance[square])
+    values, vectors = np.linalg.eigh(inverse - np.linalg.inv(moments.prior_covariance[square]))
+    return ExpectedPeople(
+        precision=(vectors * values.clip(1e-6)) @ vectors.T,
+        own_sd=np.sqrt(np.diag(moments.covariance)[:n]),
+        gain_sd=lab.decision.gain_sd,
+    )
+
+
+def _people_rows(expected: ExpectedPeople, n: int, power: float) -> list[PlannedPeople]:
+    size = expected.own_sd.size // len(PARAMETERS)
+    mean, difference, own = expected.mean_sd(n), expected.difference_sd(), expected.person_sd()
+    paired = smallest_effect(n, power)
+    groups = smallest_effect(n, power, design="groups")
+    rows = []
+    for i, parameter in enumerate(PARAMETERS):
+        at = slice(i * size, (i + 1) * size)
+        rows.append(
+            PlannedPeople(
+                participants=n,
+                parameter=parameter,
+                mean_pct=100.0 * relative_half_width(float(np.median(mean[at]))),
+                paired_pct=100.0 * float(np.expm1(paired * np.median(difference[at]))),
+                groups_pct=100.0 * float(np.expm1(groups * np.median(own[at]))),
+                difference_half_width_pct=100.0
+                * relative_half_width(float(np.median(difference[at])) / np.sqrt(n)),
+            )
+        )
+    return rows
+
+
+def _sources(middle: PlannedLeg, counts: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return the share of the variance of a typical leg that each source explains, by parameter."""
+    half = middle.estimates(dict(counts)).half_width
+    shares: dict[str, dict[str, float]] = {name: {} for name in PARAMETERS}
+    for source, left in middle.if_known(counts).items():
+        part = 1.0 - np.median((np.arcsinh(left) / np.arcsinh(half)) ** 2, axis=1)
+        for name, value in zip(PARAMETERS, part.tolist(), strict=True):
+            shares[name][source] = max(0.0, value)
+    return shares

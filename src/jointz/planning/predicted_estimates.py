@@ -1,0 +1,145 @@
+"""Estimates that a design lets expect of one leg: half-widths, what is decided, and motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.core.codes import Doubt
+from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.strapped.decisions import (
+    decided_rows,
+    holds_one_torque,
+    with_model_error,
+)
+from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.identify.strapped.information import GROUPS, places_of
+from jointz.identify.strapped.leg_model import LegModel
+from jointz.identify.strapped.map_fit import MapSearch
+from jointz.identify.strapped.posterior import CYCLE_SHARES
+from jointz.identify.strapped.prior import Prior
+from jointz.planning.laboratory import Laboratory
+from jointz.planning.predicted_errors import (
+    LogValues,
+    Sensitivity,
+    log_values,
+    predicted_moments,
+    reflex_bias,
+    sensitivity,
+)
+from jointz.planning.predicted_responses import (
+    Design,
+    planned_points,
+    with_usable_samples,
+)
+from jointz.results.estimates import relative_half_width
+
+#: As many pulses as nobody fires: what remains is not noise.
+ENDLESS = 1e7
+#: Information about what is known.
+_KNOWN = 1e9
+#: Steps of derivatives of what is estimated, over those of the estimator, in prior sds.
+_STEP_SD = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegEstimates:
+    """What would be said of one leg."""
+
+    half_width: np.ndarray  # (parameter, point), of the value
+    decided: np.ndarray  # (parameter, point) bool
+    moments: LogMoments
+
+
+class PlannedLeg:
+    """One leg under one design; numbers of pulses may change."""
+
+    def __init__(
+        self, lab: Laboratory, design: Design, person: int, theta: np.ndarray | None = None
+    ) -> None:
+        self._lab, self._design = lab, design
+        model, priors = planned_model(lab, design, person), lab.leg_priors(person)
+        self.priors: Sequence[Prior] = [
+            priors.build(model, follows_cycle=share) for share in CYCLE_SHARES
+        ]
+        self.theta = self.priors[0].mean if theta is None else theta
+        self.model = with_usable_samples(model, self.theta)
+        self._sensitivity: Sensitivity | None = None
+        self._logs: LogValues | None = None
+
+    @property
+    def sensitivity(self) -> Sensitivity:
+        """How the responses depend on the parameters; computed once."""
+        if self._sensitivity is None:
+            self._sensitivity = sensitivity(self.model, self.theta)
+        return self._sensitivity
+
+    @property
+    def logs(self) -> LogValues:
+        """What is estimated, and how it depends on the parameters; computed once."""
+        if self._logs is None:
+            self._logs = log_values(self.model, self.theta, self.priors[0], _STEP_SD)
+        return self._logs
+
+    def search(self, counts: Mapping[str, float]) -> MapSearch:
+        """Return the estimator's errors with numbers of pulses."""
+        n_variants = len(self._design.variants)
+        points = [p.with_pulses(counts[p.label] / n_variants) for p in self.model.points]
+        return MapSearch(self.model.with_points(points), self.priors[0])
+
+    def estimates(self, counts: Mapping[str, float]) -> LegEstimates:
+        """Return what would be said after so many pulses at each timing point."""
+        information = self.sensitivity.information(self.search(counts))
+        return self._estimates(information)
+
+    def if_known(self, counts: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Return the half-widths (parameter, point) if a group of parameters were known."""
+        information = self.sensitivity.information(self.search(counts))
+        found = {}
+        for source in GROUPS:
+            known = np.zeros(self.theta.size)
+            known[places_of(self.model.layout, source)] = _KNOWN
+            found[source] = self._estimates(information + np.diag(known)).half_width
+        return found
+
+    def reflex_bias(self, counts: Mapping[str, float]) -> np.ndarray:
+        """Return the relative bias (parameter, point) of an estimator without a reflex."""
+        return reflex_bias(self.sensitivity, self.search(counts), self.priors[0], self.logs)[
+            : len(PARAMETERS) * len(self.model.points)
+        ].reshape(len(PARAMETERS), -1)
+
+    def _estimates(self, information: np.ndarray) -> LegEstimates:
+        moments = predicted_moments(self.logs, self.theta, information, self.priors)
+        points, decision = self.model.points, self._lab.decision
+        decided = np.zeros((len(PARAMETERS), len(points)), dtype=bool)
+        half = np.zeros(decided.shape)
+        for k, point in enumerate(points):
+            doubts = {Doubt.HELD_TORQUE} if holds_one_torque(point) else set()
+            rows = decided_rows(k, moments, decision, doubts)
+            decided[:, k] = [row.status == "ok" for row in rows[: len(PARAMETERS)]]
+            for i, name in enumerate(ESTIMANDS[: len(PARAMETERS)]):
+                sd = np.hypot(with_model_error(name, moments.of(name, k)[1]), decision.gain_sd)
+                half[i, k] = relative_half_width(float(sd))
+        return LegEstimates(half, decided, moments)
+
+
+def planned_model(lab: Laboratory, design: Design, person: int = 0) -> LegModel:
+    """Return the estimator's model of a person's responses to a design."""
+    points = planned_points(design, lab.walking_of(person), actuator=lab.actuator)
+    gravity = lab.body(person).gravity_stiffness
+    return LegModel(points, window_s=design.window_s, gravity_stiffness=gravity)
+
+
+def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
+    """Return the leg in the middle of the priors of the first person."""
+    return PlannedLeg(lab, design, 0)
+
+
+def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> list[np.ndarray]:
+    """Return parameters of legs drawn from the priors: the hypotheses take turns."""
+    drawn = []
+    for number in range(n):
+        prior = PlannedLeg(lab, design, number).priors[number % len(CYCLE_SHARES)]
+        normal = np.random.default_rng([seed, number]).standard_normal(prior.mean.size)
+        drawn.append(prior.mean + np.linalg.cholesky(prior.covariance) @ normal)
+    return drawn

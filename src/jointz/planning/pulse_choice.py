@@ -1,0 +1,113 @@
+"""Pulses that a plan may choose from, as large as torque and motion allow."""
+
+from collections.abc import Iterator, Sequence
+from math import floor
+
+import numpy as np
+
+from jointz.core.protocols.pulse_models import (
+    DoubletPulse,
+    Pulse,
+    PulseSpec,
+    TrapezoidPulse,
+    name_of,
+)
+from jointz.planning.laboratory import Laboratory
+from jointz.planning.plan_result import PlannedCourse
+from jointz.planning.predicted_estimates import planned_model
+from jointz.planning.predicted_responses import Design
+
+#: A step and its reversal leave the joint with little motion if the second lasts .55 of the first.
+_SHORT_S, _LONG_S = (0.040, 0.022), (0.092, 0.050)
+_PUSH_S, _HOLD_S = 0.06, 0.25
+#: Sizes of a shape over the largest: what is not proportional shows.
+_SIZES = (0.6, 1.0)
+#: Amplitudes are multiples of this.
+_STEP_NM = 0.5
+_LEAST_NM = 1.0
+#: Motion is that which this share of legs does not exceed, at the softest timing point.
+MOTION_SHARE = 0.9
+_PASSES = 3
+
+
+def candidates(
+    lab: Laboratory, legs: Sequence[np.ndarray], window_s: float, motion_rad: float
+) -> Iterator[Design]:
+    """Yield designs within the limits; ``legs`` are parameters of drawn legs."""
+    for name, pulses in (
+        ("two doublets", (_doublet("short", _SHORT_S), _doublet("long", _LONG_S))),
+        ("short pushes", (_trapezoid("push", _PUSH_S),)),
+        ("holds", (_trapezoid("hold", _HOLD_S),)),
+    ):
+        scaled = tuple(
+            p for pulse in pulses if (p := _scaled(lab, legs, pulse, window_s, motion_rad))
+        )
+        if scaled:
+            yield Design(name, scaled, window_s)
+
+
+def _doublet(name: str, durations_s: tuple[float, float]) -> DoubletPulse:
+    return DoubletPulse(
+        name=name, kind="doublet", amplitudes_nm=(1.0,), durations_s=durations_s, direction="both"
+    )
+
+
+def _trapezoid(name: str, hold_s: float) -> TrapezoidPulse:
+    return TrapezoidPulse(
+        name=name, kind="trapezoid", amplitudes_nm=(1.0,), hold_s=hold_s, direction="both"
+    )
+
+
+def _scaled(
+    lab: Laboratory, legs: Sequence[np.ndarray], pulse: Pulse, window_s: float, motion_rad: float
+) -> Pulse | None:
+    """Return the pulse in two sizes, the larger as large as the limits allow; None if too small."""
+    size = lab.actuator.torque_nm
+    for _ in range(_PASSES):
+        one = pulse.model_copy(update={"amplitudes_nm": (size,)})
+        peak = peak_rad(lab, legs, Design("", (one,), window_s))
+        # A leg softens: the motion grows faster than the torque.
+        if peak <= motion_rad:
+            break
+        size *= motion_rad / peak
+    size = floor(size / _STEP_NM) * _STEP_NM
+    if size < _LEAST_NM:
+        return None
+    sizes = dict.fromkeys(max(_STEP_NM, round(s * size / _STEP_NM) * _STEP_NM) for s in _SIZES)
+    return pulse.model_copy(update={"amplitudes_nm": tuple(sizes)})
+
+
+def peak_rad(lab: Laboratory, legs: Sequence[np.ndarray], design: Design) -> float:
+    """Return the motion that :data:`MOTION_SHARE` of legs does not exceed at the softest point."""
+    model = planned_model(lab, design)
+    theta = np.stack(legs)
+    points = range(len(model.points))
+    peaks = [np.abs(model.bone(theta, k)).max(axis=(1, 2)) for k in points]
+    return float(np.quantile(np.max(peaks, axis=0), MOTION_SHARE))
+
+
+def planned_course(pulse: Pulse) -> PlannedCourse:
+    """Return the commanded torque of a pulse over time."""
+    times, shares, at = [0.0], [0.0], 0.0
+    for part in pulse.course:
+        times += [at, at + part.duration_s]
+        shares += [part.begin, part.end]
+        at += part.duration_s
+    return PlannedCourse(
+        name_of(pulse), (*times, at), (*shares, 0.0), tuple(pulse.sizes_nm), tuple(pulse.signs)
+    )
+
+
+def text_of(pulses: Sequence[Pulse]) -> str:
+    """Return shapes, sizes and directions in words."""
+    return "; ".join(_words(pulse) for pulse in pulses)
+
+
+def _words(pulse: Pulse) -> str:
+    sizes = " and ".join(f"{size:g}" for size in pulse.sizes_nm)
+    times = " + ".join(f"{1000.0 * part.duration_s:.0f}" for part in pulse.course[:4])
+    beyond = " + ..." if len(pulse.course) > 4 else ""
+    way = {"both": "both signs", "positive": "positive", "negative": "negative"}[pulse.direction]
+    kind = "doublet" if isinstance(pulse, DoubletPulse) else "pulse"
+    name = "" if isinstance(pulse, PulseSpec) else f"{name_of(pulse)}: "
+    return f"{name}{kind} of {times}{beyond} ms, {sizes} N*m, {way}"

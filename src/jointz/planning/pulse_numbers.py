@@ -1,0 +1,85 @@
+"""Half-widths of drawn legs over the number of pulses at a timing point."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointz.planning.laboratory import Laboratory
+from jointz.planning.predicted_estimates import ENDLESS, PlannedLeg
+from jointz.planning.predicted_responses import Design
+
+#: Rounds of all variants at which legs are computed; between them half-widths are interpolated.
+_ROUNDS = (1, 3, 8, 16, 30)
+#: Fewest and most pulses of a timing point.
+_FEWEST, MOST = 6, 240
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HalfWidths:
+    """Half-widths of a typical leg and of drawn legs, by number of pulses."""
+
+    legs: tuple[PlannedLeg, ...]
+    step: int  # pulses in a round of all variants
+    counts: np.ndarray  # (count,) pulses of a timing point
+    typical: np.ndarray  # (count, parameter, point)
+    drawn: np.ndarray  # (leg, count, parameter, point)
+
+    def assured(self, count: float, share: float) -> np.ndarray:
+        """Return what a share of legs does not exceed, (parameter, point).
+
+        What legs have over the typical one is taken to be alike at all timing points: few legs
+        are drawn.
+        """
+        over = self.drawn / self.typical
+        ratio = np.quantile(
+            over.swapaxes(0, 1).swapaxes(1, 2).reshape(*over.shape[1:3], -1), share, axis=2
+        )
+        at, logs = np.log(self.counts), np.log(self.typical * ratio[:, :, None])
+        where = float(np.clip(np.log(count), at[0], at[-1]))
+        upper = int(np.clip(np.searchsorted(at, where), 1, at.size - 1))
+        part = (where - at[upper - 1]) / (at[upper] - at[upper - 1])
+        return np.asarray(np.exp((1.0 - part) * logs[upper - 1] + part * logs[upper]))
+
+    def fewest(
+        self, point: int, parameters: Sequence[int], wish: float, share: float, most: int
+    ) -> int | None:
+        """Return the fewest pulses that keep a wish at a timing point; None beyond ``most``."""
+        for count in allowed(self.step, most):
+            if (self.assured(count, share)[list(parameters), point] <= wish).all():
+                return count
+        return None
+
+
+def allowed(step: int, most: int = MOST) -> range:
+    """Return numbers of pulses of a timing point: whole rounds of all variants."""
+    first = step * -(-_FEWEST // step)
+    return range(first, max(most, first) + 1, step)
+
+
+def half_widths(
+    lab: Laboratory,
+    design: Design,
+    middle: PlannedLeg,
+    legs: Sequence[np.ndarray],
+    *,
+    tell: Callable[[], None] = lambda: None,
+) -> HalfWidths:
+    """Compute the typical leg, and legs of these parameters, two at a time."""
+    points, step = list(lab.walking[0]), len(design.variants)
+    counts = np.array([*(step * -(-r * 8 // step) for r in _ROUNDS), ENDLESS])
+
+    def one(number: int) -> tuple[PlannedLeg, np.ndarray]:
+        leg = PlannedLeg(lab, design, number, legs[number])
+        found = [leg.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
+        return leg, np.stack(found)
+
+    results = []
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        for result in pool.map(one, range(len(legs))):
+            results.append(result)
+            tell()
+    made, half = zip(*results, strict=True)
+    typical = [middle.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
+    return HalfWidths(tuple(made), step, counts, np.stack(typical), np.stack(half))

@@ -1,0 +1,74 @@
+"""What a plan shall reach."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from jointz.core.errors import DataError
+from jointz.identify.preparation.cell_data import PARAMETERS
+
+MOST_PEOPLE = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What a plan shall reach; percentages are of the value.
+
+    Parameters
+    ----------
+    half_width_pct : float, optional
+        Half of the 95 % interval of a participant's estimates at every timing point.
+    parameters : tuple of str
+        Of which of ``stiffness``, ``damping`` and ``inertia``.
+    share : float
+        Share of legs that shall reach it; also the power of a difference.
+    minutes : float, optional
+        Walking of a participant, at most.
+    participants : int, optional
+        At most; by default the protocol's, or as many as the other wishes need.
+    mean_pct : float, optional
+        Half-width of the mean over people.
+    difference_pct : float, optional
+        Difference between two conditions of the same people that shall be found.
+    motion_deg : float
+        Motion of the joint that nine of ten legs may not exceed.
+    """
+
+    half_width_pct: float | None = None
+    parameters: tuple[str, ...] = ("stiffness", "damping")
+    share: float = 0.8
+    minutes: float | None = None
+    participants: int | None = None
+    mean_pct: float | None = None
+    difference_pct: float | None = None
+    motion_deg: float = 15.0
+
+    def __post_init__(self) -> None:
+        problems = [
+            f"{name}: expected {low:g} to {high:g}, got {value:g}"
+            for name, value, low, high in (
+                ("half_width_pct", self.half_width_pct, 1.0, 100.0),
+                ("share", self.share, 0.5, 0.95),
+                ("minutes", self.minutes, 1.0, 600.0),
+                ("participants", self.participants, 1, MOST_PEOPLE),
+                ("mean_pct", self.mean_pct, 1.0, 100.0),
+                ("difference_pct", self.difference_pct, 1.0, 300.0),
+                ("motion_deg", self.motion_deg, 0.5, 18.0),
+            )
+            if value is not None and not low <= value <= high
+        ]
+        unknown = [name for name in self.parameters if name not in PARAMETERS]
+        if unknown or not self.parameters:
+            problems.append(f"parameters: expected some of {', '.join(PARAMETERS)}, got {unknown}")
+        if problems:
+            raise DataError("plan: " + "; ".join(problems) + ".")
+
+
+def made_wishes(wishes: Mapping[str, Any]) -> Wishes:
+    """Return wishes by name; raise DataError for a name that is none."""
+    names = [f.name for f in fields(Wishes)]
+    if unknown := sorted(set(wishes) - set(names)):
+        raise DataError(
+            f"plan: expected wishes among {', '.join(names)}, got {', '.join(unknown)}."
+        )
+    return Wishes(**wishes)
