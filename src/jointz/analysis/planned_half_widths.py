@@ -1,6 +1,6 @@
 """Half-widths that a plan expected beside those that the analysis reached."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np

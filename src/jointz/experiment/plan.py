@@ -4,6 +4,7 @@ Made once from the protocol and a seed, and written down: what was planned can
 be compared with what was done, and an interrupted session goes on with the rest.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -67,21 +68,35 @@ def ordered_pulses(
     perturbations: PerturbationPlan, pulses: tuple[Pulse, ...], rng: np.random.Generator
 ) -> list[tuple[str, PulseVariant]]:
     """Return timing point and variant of every pulse, in their order."""
-    points = list(perturbations.timing_points or {"": 0.0})
-    count = perturbations.count_per_point or perturbations.count or 0
+    counts = perturbations.counts
+    points, count = list(counts), max(counts.values(), default=0)
     cyclic = perturbations.order == "cyclic"
     variants = _variants(pulses, count, len(points), rng, alternating=cyclic)
     sham = PulseVariant(variants_of(pulses)[0].shape, 0.0)
-    variants = _spread_shams(variants, sham, perturbations.shams(count), rng)
-    rounds = [list(zip(points, row, strict=True)) for row in variants]
+    rounds = _rounds(variants, counts)
+    shams = [(point, sham) for point in points]
+    rounds = _spread_shams(rounds, shams, perturbations.shams, rng)
     if perturbations.order == "sequential":
-        return [entry for column in zip(*rounds, strict=True) for entry in column]
+        return sorted((e for row in rounds for e in row), key=lambda e: points.index(e[0]))
     if perturbations.order == "random":
         entries = [entry for row in rounds for entry in row]
         return [entries[i] for i in rng.permutation(len(entries))]
     if cyclic:
         return [entry for row in rounds for entry in row]
     return [row[i] for row in rounds for i in rng.permutation(len(row))]
+
+
+def _rounds(
+    variants: Sequence[Sequence[PulseVariant]], counts: Mapping[str, int]
+) -> list[list[tuple[str, PulseVariant]]]:
+    """Return the pulses of every round; a point with fewer pulses is in evenly spread rounds."""
+    n = len(variants)
+    rounds: list[list[tuple[str, PulseVariant]]] = [[] for _ in range(n)]
+    for column, (point, count) in enumerate(counts.items()):
+        taken = [i for i in range(n) if (i + 1) * count // n > i * count // n]
+        for k, i in enumerate(taken):
+            rounds[i].append((point, variants[k][column]))
+    return rounds
 
 
 def _variants(
@@ -117,11 +132,14 @@ def _orders(
 
 
 def _spread_shams(
-    rows: list[list[PulseVariant]], sham: PulseVariant, shams: int, rng: np.random.Generator
-) -> list[list[PulseVariant]]:
+    rounds: list[list[tuple[str, PulseVariant]]],
+    sham: list[tuple[str, PulseVariant]],
+    shams: int,
+    rng: np.random.Generator,
+) -> list[list[tuple[str, PulseVariant]]]:
     """Insert rounds of shams at random places."""
     if not shams:
-        return rows
-    places = rng.permutation(len(rows) + shams) < shams
-    remaining = iter(rows)
-    return [[sham] * len(rows[0]) if is_sham else next(remaining) for is_sham in places]
+        return rounds
+    places = rng.permutation(len(rounds) + shams) < shams
+    remaining = iter(rounds)
+    return [sham if is_sham else next(remaining) for is_sham in places]

@@ -8,6 +8,7 @@ from jointz.core.study import Study
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.schedule import Schedule
 from jointz.planning.walking import recorded_walking
+from jointz.report.wording import format_count
 
 #: People of a pilot whose walking is used.
 _MOST_WALKERS = 4
@@ -52,7 +53,6 @@ def lab_of_study(study: Study, schedule: Schedule, actuator: Actuator) -> tuple[
         priors=spec.priors or PriorsSpec(),
         joint=spec.joint,
     )
-    return (
-        lab.with_sensors(lab.noise),
-        f"{strides} unperturbed strides of {len(people)} people of {study.root.name}",
-    )
+    who = format_count(len(people), "person", "people")
+    where = study.root.resolve().name
+    return lab.with_sensors(lab.noise), f"{strides} unperturbed strides of {who} of {where}"

@@ -14,7 +14,7 @@ from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.planning.plan_result import Plan, PlannedEstimate
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import to_svg
-from jointz.report.wording import DASH, MINUS, point_name
+from jointz.report.wording import DASH, MINUS, joined, point_name
 from jointz.results.figure_style import BLUE, VERMILION, figure_style
 
 PAGE: Final = "plan.html"
@@ -22,6 +22,8 @@ PROTOCOL: Final = "protocol.toml"
 _KIND: Final = "plan"
 _LETTERS: Final = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _MM: Final = 25.4
+#: Numbers of people in the table, beside that of the plan.
+_SHOWN_PEOPLE: Final = (4, 8, 12, 20, 40)
 
 
 def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -98,7 +100,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         "half_widths": f"Half of the 95 % interval. Dot: typical leg. Bar: from any number of "
         f"pulses to what {share} of 100 legs do not exceed. Values above the dotted line are "
         "undecided.",
-        "pulses": "Commanded torque of the pulses, all sizes; red: the other direction.",
+        "pulses": "Commanded torque of the pulses, all sizes; orange: the other direction.",
     }
     names = list(next(iter(plan.sources.values()), {}))
     return render_template(
@@ -151,6 +153,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
                 "chosen": p.participants == plan.participants,
             }
             for p in plan.people
+            if p.participants in _SHOWN_PEOPLE or p.participants == plan.participants
         ],
         protocol=plan.protocol_text,
     )
@@ -162,13 +165,8 @@ def _title(plan: Plan) -> str:
 
 
 def _lead(plan: Plan) -> str:
-    sensors = (
-        " and ".join([", ".join(plan.sensors[:-1]), plan.sensors[-1]])
-        if len(plan.sensors) > 1
-        else plan.sensors[0]
-    )
     return (
-        f"{plan.pulses[0].upper()}{plan.pulses[1:]}; {sensors}; analysed over "
+        f"{plan.pulses[0].upper()}{plan.pulses[1:]}; {joined(plan.sensors)}; analysed over "
         f"{1000.0 * plan.window_s:.0f} ms. Walking: {plan.walking}."
     ).replace("N*m", "N·m")
 
@@ -177,11 +175,11 @@ def _facts(plan: Plan) -> list[tuple[str, str]]:
     facts = [
         (str(plan.participants), "participants"),
         (f"{plan.minutes:.0f} min", "of walking each"),
-        (f"{plan.peak_deg:.0f}°", "motion that nine of ten legs do not exceed"),
+        (f"{plan.peak_deg:.0f}°", "motion of the joint"),
     ]
     for name, letter in _LETTERS.items():
         own = [e.half_width_pct for e in plan.estimates if e.parameter == name]
-        facts.append((f"±{np.median(own):.0f} %", f"{letter} of a typical leg"))
+        facts.append((f"±{np.median(own):.0f} %", f"{letter}, typical leg"))
     return facts
 
 

@@ -13,6 +13,8 @@ from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+#: Wider intervals are undecided; wider ones still are not drawn in full.
+_DECIDED_PCT, _WIDEST_PCT = 50.0, 150.0
 _SHORT = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _COLUMNS = (
     "timing_point",
@@ -310,12 +312,10 @@ class Plan(PlottedResult):
                 alpha=0.35,
             )
             axes.plot(x, [e.half_width_pct for e in own], "o", color=colour, label=_SHORT[name])
-        axes.axhline(50.0, color=INK, linewidth=0.8, linestyle=":")
-        axes.annotate(
-            "decided below", (1.0, 50.0), xycoords=("axes fraction", "data"),
-            ha="right", va="bottom", fontsize=7, color=INK,
-        )  # fmt: skip
+        axes.axhline(_DECIDED_PCT, color=INK, linewidth=0.8, linestyle=":")
         axes.set_xticks(at, points)
-        axes.set_ylim(0.0, None)
+        widest = max(e.assured_pct for e in self.estimates)
+        axes.set_ylim(0.0, min(max(1.1 * widest, 1.1 * _DECIDED_PCT), _WIDEST_PCT))
         axes.set_ylabel("half-width (%)")
-        axes.legend(loc="upper left", ncols=3, frameon=False)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
+        axes.set_title("undecided above the dotted line", loc="right", fontsize="small")

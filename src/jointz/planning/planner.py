@@ -28,7 +28,7 @@ from jointz.planning.predicted_estimates import (
     typical_leg,
 )
 from jointz.planning.predicted_responses import Design
-from jointz.planning.protocol_file import levelled, protocol_text
+from jointz.planning.protocol_file import protocol_text
 from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
@@ -85,6 +85,8 @@ class Planner:
         people, participants = self._people(now_.moments)
         minutes = self.minutes(counts)
         self._say_undecidable(estimates)
+        if spec is None:
+            self._say_unseen(people, participants)
         text = ""
         if spec is not None and not self._refused:
             text = self._protocol(spec, design, counts, estimates, participants)
@@ -210,7 +212,7 @@ class Planner:
         if unreachable := [name for name, n in found.items() if n is None]:
             self._refuse_half_width(widths, unreachable)
             return {name: n or MOST for name, n in found.items()}
-        counts = levelled({name: n for name, n in found.items() if n is not None})
+        counts = {name: n for name, n in found.items() if n is not None}
         if self._wishes.minutes is not None and self.minutes(counts) > self._wishes.minutes:
             self._refuse_minutes(widths, counts, most)
         return counts
@@ -282,6 +284,18 @@ class Planner:
                     f"No number of pulses decides {_SHORT[parameter]} of a typical leg at "
                     f"{', '.join(never)} with these pulses and sensors."
                 )
+
+    def _say_unseen(self, people: Sequence[PlannedPeople], participants: int) -> None:
+        """Say which differences a recorded study of so many people could not find."""
+        own = [p for p in people if p.participants == participants]
+        if own:
+            paired = ", ".join(f"{p.paired_pct:.0f} % in {_SHORT[p.parameter]}" for p in own)
+            groups = ", ".join(f"{p.groups_pct:.0f} % in {_SHORT[p.parameter]}" for p in own)
+            self._notes.append(
+                f"With {participants} participants, smaller differences than these are missed in "
+                f"one study of {1.0 / (1.0 - self._wishes.share):.0f} or more: between two "
+                f"conditions {paired}; between two groups of so many {groups}."
+            )
 
     def _measures(
         self, design: Design, middle: PlannedLeg, counts: Mapping[str, int]
@@ -433,9 +447,11 @@ def _people_rows(expected: ExpectedPeople, n: int, power: float) -> list[Planned
 
 def _sources(middle: PlannedLeg, counts: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Return the share of the variance of a typical leg that each source explains, by parameter."""
-    half = middle.estimates(dict(counts)).half_width
+    half = middle.estimates(counts).half_width
+    without = middle.if_known(counts)
+    without["noise"] = middle.estimates(dict.fromkeys(counts, ENDLESS)).half_width
     shares: dict[str, dict[str, float]] = {name: {} for name in PARAMETERS}
-    for source, left in middle.if_known(counts).items():
+    for source, left in without.items():
         part = 1.0 - np.median((np.arcsinh(left) / np.arcsinh(half)) ** 2, axis=1)
         for name, value in zip(PARAMETERS, part.tolist(), strict=True):
             shares[name][source] = max(0.0, value)

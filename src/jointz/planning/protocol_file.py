@@ -4,22 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.protocols.pulse_models import Pulse, PulseSpec
 from jointz.io.toml_text import written_key, written_text
 from jointz.planning.predicted_responses import Design
-
-#: Different numbers of pulses get conditions of their own, at most so many.
-MOST_CONDITIONS = 3
-
-
-def levelled(counts: Mapping[str, int]) -> dict[str, int]:
-    """Return numbers of pulses of which at most :data:`MOST_CONDITIONS` differ, none smaller."""
-    levels = sorted(set(counts.values()), reverse=True)
-    while len(levels) > MOST_CONDITIONS:
-        # What is raised costs least between the nearest two.
-        gaps = [levels[k] - levels[k + 1] for k in range(len(levels) - 1)]
-        del levels[gaps.index(min(gaps)) + 1]
-    return {point: min(v for v in levels if v >= n) for point, n in counts.items()}
 
 
 def protocol_text(
@@ -42,7 +30,7 @@ def protocol_text(
     raw["planned_half_width_pct"] = {k: dict(v) for k, v in half_width_pct.items()}
     if protocol.expected_joint is not None:
         raw["safety"] = dict(raw.get("safety", {})) | {"displacement_rad": displacement_rad}
-    raw["conditions"] = [c for spec in protocol.conditions for c in _conditions(spec, counts)]
+    raw["conditions"] = [_condition(spec, counts) for spec in protocol.conditions]
     text = "\n".join(_lines(raw))
     return f"# Written by jointz plan from the protocol {protocol.name}.\n{text}\n"
 
@@ -54,19 +42,16 @@ def _written_pulse(pulse: Pulse) -> dict[str, Any]:
     return head | pulse.model_dump(exclude_defaults=True)
 
 
-def _conditions(spec: Any, counts: Mapping[str, int]) -> Iterator[dict[str, Any]]:
-    """Yield a condition; a perturbed one by number of pulses."""
+def _condition(spec: ConditionSpec, counts: Mapping[str, int]) -> dict[str, Any]:
+    """Return a condition, with its planned numbers of pulses."""
     raw = spec.model_dump(exclude_none=True, exclude_defaults=True)
-    plan = spec.perturbations
-    if plan is None:
-        yield raw
-        return
-    levels = sorted({counts[p] for p in plan.timing_points}, reverse=True)
-    for number, count in enumerate(levels, start=1):
-        points = {p: at for p, at in plan.timing_points.items() if counts[p] == count}
-        own = dict(raw["perturbations"]) | {"timing_points": points, "count_per_point": count}
-        name = spec.name if len(levels) == 1 else f"{spec.name}-{number}"
-        yield raw | {"name": name, "perturbations": own}
+    points = None if spec.perturbations is None else spec.perturbations.timing_points
+    if points is None:
+        return raw
+    own = {name: counts[name] for name in points}
+    alike = len(set(own.values())) == 1
+    count = next(iter(own.values())) if alike else own
+    return raw | {"perturbations": dict(raw["perturbations"]) | {"count_per_point": count}}
 
 
 def _lines(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[str]:

@@ -9,6 +9,7 @@ from jointz.core.protocols.pulse_models import (
     DoubletPulse,
     Pulse,
     PulseSpec,
+    SampledPulse,
     TrapezoidPulse,
     name_of,
 )
@@ -105,9 +106,11 @@ def text_of(pulses: Sequence[Pulse]) -> str:
 
 def _words(pulse: Pulse) -> str:
     sizes = " and ".join(f"{size:g}" for size in pulse.sizes_nm)
-    times = " + ".join(f"{1000.0 * part.duration_s:.0f}" for part in pulse.course[:4])
-    beyond = " + ..." if len(pulse.course) > 4 else ""
+    parts = [f"{1000.0 * part.duration_s:.0f}" for part in pulse.course]
+    if isinstance(pulse, SampledPulse):
+        parts = [f"{1000.0 * pulse.length_s:.0f}"]
+    times = " + ".join(parts)
     way = {"both": "both signs", "positive": "positive", "negative": "negative"}[pulse.direction]
     kind = "doublet" if isinstance(pulse, DoubletPulse) else "pulse"
     name = "" if isinstance(pulse, PulseSpec) else f"{name_of(pulse)}: "
-    return f"{name}{kind} of {times}{beyond} ms, {sizes} N*m, {way}"
+    return f"{name}{kind} of {times} ms, {sizes} N*m, {way}"

@@ -55,7 +55,7 @@ def schedule_of_protocol(spec: Protocol) -> Schedule:
     counts = dict.fromkeys(sorted(points, key=lambda name: points[name]), 0)
     for p in plans:
         for name in p.timing_points or {}:
-            counts[name] += p.count_per_point or 0
+            counts[name] += p.counts[name]
     return Schedule(
         name=spec.name,
         timing_points={name: points[name] for name in counts},

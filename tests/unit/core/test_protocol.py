@@ -169,8 +169,32 @@ def test_shams_come_on_top_of_the_counts():
         timing_points=POINTS, count_per_point=50, gap_strides=(3, 7), sham_share=0.2
     )
 
-    assert plan.shams(50) == 12  # 12 of 62 is as near to a fifth as whole pulses come
+    assert plan.shams == 12  # 12 of 62 is as near to a fifth as whole pulses come
     assert plan.total == 2 * 62
+
+
+def test_every_timing_point_may_have_a_number_of_pulses_of_its_own():
+    counts = {"LRE": 8, "MSW": 24}
+    plan = PerturbationPlan(
+        timing_points={"LRE": 7.0, "MSW": 81.0},
+        count_per_point=counts,
+        gap_strides=(3, 7),
+        sham_share=0.2,
+    )
+
+    assert plan.counts == counts
+    assert plan.total == 8 + 24 + 2 * 4  # a fifth of all
+
+
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [({"LRE": 8}, "missing for MST"), ({"LRE": 8, "MST": 8, "MSX": 8}, "is no timing point")],
+)
+def test_numbers_of_pulses_name_exactly_the_timing_points(counts, said):
+    with pytest.raises(ValidationError, match=said):
+        PerturbationPlan(
+            timing_points={"LRE": 7.0, "MST": 21.5}, count_per_point=counts, gap_strides=(3, 7)
+        )
 
 
 # --- parts -------------------------------------------------------------------------------------

@@ -42,6 +42,18 @@ def test_a_random_plan_is_not_balanced_in_rounds():
     assert min(sizes) < len(POINTS)
 
 
+def test_points_with_fewer_pulses_are_spread_evenly_over_the_rounds():
+    counts = {"LRE": 10, "MST": 20, "TST": 30, "PSW": 40, "ISW": 50, "MSW": 60}
+
+    plan = plan_of(direction="both", count_per_point=counts)
+
+    assert Counter(p.timing_point for p in plan) == counts
+    signs = Counter((p.timing_point, p.amplitude_nm > 0.0) for p in plan)
+    assert all(signs[name, True] == n // 2 for name, n in counts.items())
+    first = Counter(p.timing_point for p in plan[: len(plan) // 2])
+    assert all(abs(first[name] - n / 2) <= 1.0 for name, n in counts.items())
+
+
 def test_gaps_cover_their_range_evenly():
     gaps = Counter(p.gap_strides for p in plan_of())
     assert sorted(gaps) == [3, 4, 5, 6, 7]

@@ -328,6 +328,9 @@ def _plan_is_whole(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
         needed: tuple[str, ...] = ("timing_points", "gap_strides")
     else:
         needed = () if plan.timing_points is not None else ("count", "pause_s")
+    if protocol.kind != "walking" and isinstance(plan.count_per_point, dict):
+        message = "one number for all timing points on a bench; numbers of each are for walking."
+        yield Problem((*place, "count_per_point"), message)
     for key in needed:
         stated = plan.count_per_point is not None and key in ("timing_points", "count", "pause_s")
         if getattr(plan, key) is None and not stated:  # the plan itself misses the timing points
@@ -339,16 +342,19 @@ def _variants_balanced(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     variants = len(variants_of(protocol.shapes))
     if plan is None or variants < 2:
         return
-    for key in ("count_per_point", "count"):
-        count = getattr(plan, key)
-        if count is None or not count % variants:
+    key = "count" if plan.count_per_point is None else "count_per_point"
+    each = isinstance(plan.count_per_point, dict)
+    for name, count in plan.counts.items():
+        if not count % variants:
             continue
         of_pulses = f"a multiple of {variants}, as many of each shape, amplitude and direction"
         both = 'an even number, as many of either direction (pulse.direction = "both")'
         yield Problem(
-            ("conditions", i, "perturbations", key),
+            ("conditions", i, "perturbations", key, *((name,) if each else ())),
             f"expected {both if protocol.pulse is not None else of_pulses}; got {count}.",
         )
+        if not each:
+            return
 
 
 def _pulses_apart(protocol: ProtocolFields, i: int) -> Iterator[Problem]:

@@ -1,7 +1,7 @@
 """Parts of a protocol file (TOML), each with the checks that concern it alone."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from math import isclose
 from typing import Annotated, Literal
@@ -87,7 +87,7 @@ class PerturbationPlan(CheckedModel):
     """
 
     timing_points: dict[Name, float] | None = Field(default=None, min_length=1)
-    count_per_point: Count | None = None
+    count_per_point: Count | dict[Name, Count] | None = None
     gap_strides: tuple[Strides, Strides] | None = Field(default=None, strict=False)
     warm_up_strides: Annotated[int, Field(ge=0, le=10_000)] = 10
     count: Count | None = None
@@ -100,16 +100,27 @@ class PerturbationPlan(CheckedModel):
         points = self._points_named, self._points_in_cycle, self._points_differ
         return *points, self._gaps, self._counts, self._shams
 
-    def shams(self, pulses: int) -> int:
-        """Return the number of shams added to a number of pulses."""
-        return round(self.sham_share / (1.0 - self.sham_share) * pulses)
+    @property
+    def counts(self) -> dict[str, int]:
+        """Pulses at each timing point, shams left out; at "" if there are no timing points."""
+        given = self.count_per_point
+        if isinstance(given, dict):
+            return {name: given.get(name, 0) for name in self.timing_points or {}}
+        if given is None:
+            return {"": self.count or 0}
+        return dict.fromkeys(self.timing_points or {}, given)
+
+    @property
+    def shams(self) -> int:
+        """Shams at each timing point; as many at all."""
+        counts = list(self.counts.values()) or [0]
+        mean = sum(counts) / len(counts)
+        return round(self.sham_share / (1.0 - self.sham_share) * mean)
 
     @property
     def total(self) -> int:
         """Pulses of the plan, shams included."""
-        count = self.count_per_point or self.count or 0
-        points = len(self.timing_points or ()) if self.count_per_point else 1
-        return points * (count + self.shams(count))
+        return sum(n + self.shams for n in self.counts.values())
 
     def _points_named(self) -> Iterator[Problem]:
         for name in self.timing_points or {}:
@@ -147,16 +158,30 @@ class PerturbationPlan(CheckedModel):
             yield Problem(("count_per_point",), "missing; timing_points need it.")
         if self.timing_points is None and self.count_per_point is not None:
             yield Problem(("timing_points",), "missing; count_per_point needs them.")
+        if isinstance(self.count_per_point, dict) and self.timing_points is not None:
+            yield from self._points_counted(self.count_per_point, self.timing_points)
         if self.count is not None and self.count_per_point is not None:
             message = "count_per_point says how many there are. Remove one of the two."
             yield Problem(("count",), message)
 
+    @staticmethod
+    def _points_counted(
+        counts: Mapping[str, int], points: Mapping[str, float]
+    ) -> Iterator[Problem]:
+        if missing := [name for name in points if name not in counts]:
+            message = f"missing for {', '.join(missing)}; give one number for all, or each."
+            yield Problem(("count_per_point",), message)
+        for name in counts:
+            if name not in points:
+                message = f"is no timing point; expected one of {', '.join(points)}."
+                yield Problem(("count_per_point", name), message)
+
     def _shams(self) -> Iterator[Problem]:
-        count = self.count_per_point or self.count
-        if self.sham_share and count and not self.shams(count):
+        pulses = max(self.counts.values(), default=0)
+        if self.sham_share and pulses and not self.shams:
             yield Problem(
                 ("sham_share",),
-                f"{self.sham_share:g} of {count} pulses is less than one sham. Raise it, or "
+                f"{self.sham_share:g} of {pulses} pulses is less than one sham. Raise it, or "
                 "remove it for none.",
             )
 
