@@ -32,7 +32,7 @@ def _small(
     name: str = "walking_doublets",
     *,
     points: Mapping[str, float] = ONE_POINT,
-    per_point: int = 48,
+    per_point: int | Mapping[str, int] = 48,
     **changes: Any,
 ) -> Protocol:
     """Return a stored protocol with few timing points, sampled slowly."""
