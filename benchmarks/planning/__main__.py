@@ -76,6 +76,7 @@ def compared(name: str, plans: Sequence[Entry], results: Sequence[Entry]) -> lis
     sd = np.median([p["sd"] for p in plans], axis=0)
     typical = np.array([p["half_width"] for p in plans])
     decided = np.array([p["decided"] for p in plans])
+    narrow = (typical <= _NARROW) & decided
     drawn = np.array([leg for p in plans for leg in p["drawn"]])
     reached = np.array([_posterior_sds(r, points) for r in results])
     rows = []
@@ -94,7 +95,7 @@ def compared(name: str, plans: Sequence[Entry], results: Sequence[Entry]) -> lis
                 "predicted_sd": float(sd[i, k]),
                 "obtained_sd": float(np.nanmedian(reached[:, i, k])),
                 "ratio": float(sd[i, k] / np.nanmedian(reached[:, i, k])),
-                "predicted_narrow": float((typical[:, i, k] <= _NARROW)[decided[:, i, k]].sum() / len(plans)),
+                "predicted_narrow": float(narrow[:, i, k].mean()),
                 "drawn_narrow": float((drawn[:, i, k] <= _NARROW).mean()),
                 "obtained_narrow": float((half <= _NARROW).mean()),
                 "predicted_decided": float(decided[:, i, k].mean()),

@@ -177,9 +177,11 @@ def _facts(plan: Plan) -> list[tuple[str, str]]:
         (f"{plan.minutes:.0f} min", "of walking each"),
         (f"{plan.peak_deg:.0f}°", "motion of the joint"),
     ]
-    for name, letter in _LETTERS.items():
-        own = [e.half_width_pct for e in plan.estimates if e.parameter == name]
-        facts.append((f"±{np.median(own):.0f} %", f"{letter}, typical leg"))
+    medians = [
+        np.median([e.half_width_pct for e in plan.estimates if e.parameter == name])
+        for name in _LETTERS
+    ]
+    facts.append((f"±{', '.join(f'{m:.0f}' for m in medians)} %", "K, B, J of a typical leg"))
     return facts
 
 

@@ -28,7 +28,7 @@ from jointz.planning.predicted_estimates import (
     typical_leg,
 )
 from jointz.planning.predicted_responses import Design
-from jointz.planning.protocol_file import protocol_text
+from jointz.planning.protocol_file import problems_of, protocol_text
 from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
@@ -158,6 +158,8 @@ class Planner:
         if fixed or scores[0] <= scores[best] + np.log(_MOST_OWN_WORSE):
             best = 0
         rows[best] = replace(rows[best], chosen=True)
+        if best:
+            self._notes.append(_replaced(rows[0], rows[best]))
         return compared[best], rows
 
     def _why_not(self, design: Design, peak: float, half: LegEstimates) -> str:
@@ -169,7 +171,7 @@ class Planner:
         if largest > self._lab.actuator.torque_nm + 1e-9:
             return f"needs {largest:g} N*m"
         if not half.decided[self._wanted].any():
-            return "decides nothing that was asked for"
+            return "decides nothing that was asked for, however many there are"
         return ""
 
     # --- numbers of pulses ---------------------------------------------------------------------
@@ -382,7 +384,7 @@ class Planner:
             }
             for parameter in PARAMETERS
         }
-        return protocol_text(
+        text = protocol_text(
             spec,
             design,
             counts,
@@ -391,6 +393,21 @@ class Planner:
             displacement_rad=round(min(1.2 * radians(self._wishes.motion_deg), 0.31), 3),
             notes=[f"Planned by jointz plan: {text_of(design.pulses)}."],
         )
+        if problems := problems_of(text):
+            self._refused.append(
+                f"The limits of {spec.name} do not allow these pulses: {'; '.join(problems)} "
+                "Nearest: a smaller --motion or --torque, or other limits in the protocol."
+            )
+            return ""
+        return text
+
+
+def _replaced(own: PlannedShape, chosen: PlannedShape) -> str:
+    """Say why a protocol's own pulses were replaced."""
+    why = own.why_not or (
+        f"K is {own.stiffness_pct:.0f} % wide with them, {chosen.stiffness_pct:.0f} % with others"
+    )
+    return f"The protocol's own pulses ({own.text}) were replaced: {why}."
 
 
 def _float(counts: Mapping[str, int]) -> dict[str, float]:

@@ -1,11 +1,15 @@
 """The protocol file of a plan, which ``jointz run`` takes."""
 
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from pydantic import ValidationError
 
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ConditionSpec
 from jointz.core.protocols.pulse_models import Pulse, PulseSpec
+from jointz.io.toml_problems import all_problems
 from jointz.io.toml_text import written_key, written_text
 from jointz.planning.predicted_responses import Design
 
@@ -33,6 +37,16 @@ def protocol_text(
     raw["conditions"] = [_condition(spec, counts) for spec in protocol.conditions]
     text = "\n".join(_lines(raw))
     return f"# Written by jointz plan from the protocol {protocol.name}.\n{text}\n"
+
+
+def problems_of(text: str) -> list[str]:
+    """Return what is wrong with the text of a protocol; nothing if it can be run."""
+    raw = tomllib.loads(text)
+    try:
+        Protocol.model_validate(raw)
+    except ValidationError as exc:
+        return all_problems(exc, Protocol, raw)
+    return []
 
 
 def _written_pulse(pulse: Pulse) -> dict[str, Any]:
