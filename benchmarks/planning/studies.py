@@ -32,7 +32,7 @@ _SENSORS = (
     ("goniometer", "encoder"),
     ("goniometer", "encoder", "gyroscopes"),
 )
-_WISHES_PCT = (25.0, 60.0)
+_WISHES_PCT = (25.0, 50.0)
 _WALKERS = 2
 _ROOT = Path(__file__).parents[2]
 

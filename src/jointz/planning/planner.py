@@ -33,7 +33,7 @@ from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, t
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import MOST_PEOPLE, Wishes
-from jointz.results.estimates import relative_half_width
+from jointz.results.estimates import WIDEST, relative_half_width
 from jointz.stats.expected_people import ExpectedPeople
 
 #: Legs drawn from the priors.
@@ -46,6 +46,8 @@ _SHORT = dict(zip(PARAMETERS, "KBJ", strict=True))
 _MOST_OWN_WORSE = 1.02
 #: Motion may be off by so much: amplitudes are rounded, and legs are few.
 _MOTION_MARGIN = 1.1
+#: Pulses that decide nothing are chosen only if no others are possible.
+_UNDECIDED = 10.0
 
 
 class Planner:
@@ -129,29 +131,14 @@ class Planner:
         compared = [own, *candidates(self._lab, legs, own.window_s, limit)]
         rows, scores = [], []
         for design in compared:
-            peak = peak_rad(self._lab, legs, design)
-            half = typical_leg(self._lab, design).estimates(
-                dict.fromkeys(self._points, float(_COMPARED))
-            )
-            middle = np.median(half.half_width, axis=1)
-            why = self._why_not(design, peak, half)
-            scores.append(np.inf if why else float(np.log(half.half_width[self._wanted]).mean()))
-            stiffness, damping, inertia = (100.0 * middle).tolist()
-            rows.append(
-                PlannedShape(
-                    name=design.name,
-                    text=text_of(design.pulses),
-                    peak_deg=float(np.degrees(peak)),
-                    stiffness_pct=stiffness,
-                    damping_pct=damping,
-                    inertia_pct=inertia,
-                    why_not=why,
-                )
-            )
+            row, score = self._compared(design, peak_rad(self._lab, legs, design))
+            rows.append(row)
+            scores.append(score)
         if not fixed and not np.isfinite(scores).any():
             raise DataError(
-                f"plan: no pulse of at least 1 N*m stays below {self._wishes.motion_deg:g} degrees "
-                "in nine of ten legs. Allow more motion."
+                f"plan: no pulse of at least 1 N*m that the device can give stays below "
+                f"{self._wishes.motion_deg:g} degrees in nine of ten legs. Nearest: --motion "
+                f"{ceil(min(row.peak_deg for row in rows))}."
             )
         # The lab's own pulses stay where others are not better.
         best = int(np.argmin(scores))
@@ -162,16 +149,39 @@ class Planner:
             self._notes.append(_replaced(rows[0], rows[best]))
         return compared[best], rows
 
-    def _why_not(self, design: Design, peak: float, half: LegEstimates) -> str:
-        """Return why a design cannot be chosen; "" if it can."""
+    def _compared(self, design: Design, peak: float) -> tuple[PlannedShape, float]:
+        """Return what a design gives, and its score: lower is better, infinite is not possible."""
+        leg = typical_leg(self._lab, design)
+        half = leg.estimates(dict.fromkeys(self._points, float(_COMPARED)))
+        beyond = self._beyond_limits(design, peak)
+        score = float(np.log(half.half_width[self._wanted]).mean())
+        undecided = ""
+        if not half.decided[self._wanted].any():
+            endless = leg.estimates(dict.fromkeys(self._points, ENDLESS))
+            never = not endless.decided[self._wanted].any()
+            pulses = "however many there are" if never else f"with {_COMPARED} pulses"
+            undecided = f"decides nothing that was asked for, {pulses}"
+            score += _UNDECIDED
+        stiffness, damping, inertia = (100.0 * np.median(half.half_width, axis=1)).tolist()
+        row = PlannedShape(
+            name=design.name,
+            text=text_of(design.pulses),
+            peak_deg=float(np.degrees(peak)),
+            stiffness_pct=stiffness,
+            damping_pct=damping,
+            inertia_pct=inertia,
+            why_not=beyond or undecided,
+        )
+        return row, np.inf if beyond else score
+
+    def _beyond_limits(self, design: Design, peak: float) -> str:
+        """Return which limit a design exceeds; "" if none."""
         limit_deg = self._wishes.motion_deg
         if np.degrees(peak) > _MOTION_MARGIN * limit_deg:
             return f"moves the joint further than {limit_deg:g} degrees"
         largest = max(size for pulse in design.pulses for size in pulse.sizes_nm)
         if largest > self._lab.actuator.torque_nm + 1e-9:
             return f"needs {largest:g} N*m"
-        if not half.decided[self._wanted].any():
-            return "decides nothing that was asked for, however many there are"
         return ""
 
     # --- numbers of pulses ---------------------------------------------------------------------
@@ -236,8 +246,14 @@ class Planner:
         if never:
             text += f"; at {', '.join(never)} with no number of pulses"
         nearest = self._reached_pct(widths, MOST)
-        remedy = f"Nearest: --half-width {nearest:g}"
-        self._refused.append(f"{text}. {remedy}, or more sensors (see what they buy).")
+        remedy = f"Nearest: --half-width {nearest:g}, or more sensors (see what they buy)."
+        if nearest > 100.0 * WIDEST:
+            remedy = (
+                f"Beyond {100.0 * WIDEST:.0f} % a value is undecided, and nothing narrower can be "
+                "had in so many legs. Nearest: more --motion, --torque or sensors, a smaller "
+                "--share, or other timing points."
+            )
+        self._refused.append(f"{text}. {remedy}")
 
     def _refuse_minutes(self, widths: HalfWidths, counts: Mapping[str, int], most: int) -> None:
         need = ceil(self.minutes(counts))

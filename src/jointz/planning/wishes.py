@@ -6,6 +6,7 @@ from typing import Any
 
 from jointz.core.errors import DataError
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.results.estimates import WIDEST
 
 MOST_PEOPLE = 200
 
@@ -47,7 +48,7 @@ class Wishes:
         problems = [
             f"{name}: expected {low:g} to {high:g}, got {value:g}"
             for name, value, low, high in (
-                ("half_width_pct", self.half_width_pct, 1.0, 100.0),
+                ("half_width_pct", self.half_width_pct, 1.0, 100.0 * WIDEST),
                 ("share", self.share, 0.5, 0.95),
                 ("minutes", self.minutes, 1.0, 600.0),
                 ("participants", self.participants, 1, MOST_PEOPLE),

@@ -15,7 +15,7 @@ REACH_95 = 1.959963984540054
 #: Sd to a one-sided 95 % limit.
 ONE_SIDED_95 = 1.6448536269514722
 #: An interval that reaches further from its value than this share of it decides nothing.
-_WIDEST = 0.5
+WIDEST = 0.5
 #: Sources of an estimate's error that a fit tells of, in the order of tables and figures.
 FIT_SOURCES = (
     "noise",
@@ -37,7 +37,7 @@ def relative_half_width(sd: float) -> float:
 
 def decides(value: float, reach: float) -> bool:
     """Return whether an interval of this half-width is narrow enough to decide a value."""
-    return reach <= _WIDEST * abs(value)
+    return reach <= WIDEST * abs(value)
 
 
 @dataclass(frozen=True, slots=True)
