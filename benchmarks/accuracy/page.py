@@ -9,6 +9,7 @@ from benchmarks.accuracy.ranks import BINS
 from benchmarks.accuracy.rows import PARAMETERS
 from benchmarks.accuracy.scores import ALL, Score
 from benchmarks.accuracy.summaries import Summary, verdicts
+from benchmarks.planning.page import planning_text
 from benchmarks.realistic.page import realistic_text, resemblance_text
 from benchmarks.worlds.page import foreign_text
 
@@ -177,6 +178,7 @@ def page_of(summaries: Sequence[Summary], method: str, figures: Sequence[str], t
         _ranks_text(figures, method),
         _STRAPPED,
         foreign_text(tables),
+        planning_text(tables),
         resemblance_text(tables),
         _LIMITS,
         _targets_text(summaries, method),

@@ -418,7 +418,7 @@ def planned_section(statistics: Mapping[str, Any]) -> list[dict[str, Any]] | Non
             f"{row['planned_pct']:.0f} %, {text}"
         )
     return [
-        {"name": point_name(point), "cells": [own.get(name, DASH) for name in PARAMETERS]}
+        {"name": point_name(point), "cells": [own.get(name, DASH) for name in ABSOLUTE]}
         for point, own in by_point.items()
     ]
 
