@@ -7,7 +7,7 @@ from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.schedule import Schedule
-from jointz.planning.walking import recorded_walking
+from jointz.planning.unperturbed_walking import recorded_walking
 from jointz.report.wording import format_count
 
 #: People of a pilot whose walking is used.

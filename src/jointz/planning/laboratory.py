@@ -12,7 +12,7 @@ from jointz.identify.strapped.decisions import Decision
 from jointz.identify.strapped.instruments import calibrated_lag, instrument_priors
 from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import GONIOMETER
-from jointz.planning.walking import PointWalking, with_channels
+from jointz.planning.unperturbed_walking import PointWalking, with_channels
 
 #: Name of a sensor of the joint's motion -> its channel, and white noise of a usual one, rad or
 #: rad/s: a strain-gauge goniometer, a 14-bit encoder, two gyroscopes of .5 deg/s each.

@@ -21,7 +21,7 @@ from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.plan_result import Plan
 from jointz.planning.planner import LEGS, Planner
 from jointz.planning.schedule import Schedule, recorded_schedule, schedule_of_protocol
-from jointz.planning.walking import stored_walking
+from jointz.planning.unperturbed_walking import stored_walking
 from jointz.planning.wishes import made_wishes
 from jointz.tasks.progress import Progress
 

@@ -10,9 +10,9 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
-from jointz.kernels.statistics.power import smallest_effect
+from jointz.identify.strapped.estimands import LogMoments
 from jointz.planning.laboratory import SENSORS, Laboratory
+from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
     Plan,
     PlannedEstimate,
@@ -33,7 +33,7 @@ from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, t
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import MOST_PEOPLE, Wishes
-from jointz.results.estimates import WIDEST, relative_half_width
+from jointz.results.estimates import WIDEST
 from jointz.stats.expected_people import ExpectedPeople
 
 #: Legs drawn from the priors.
@@ -336,13 +336,13 @@ class Planner:
     # --- people --------------------------------------------------------------------------------
 
     def _people(self, moments: LogMoments) -> tuple[tuple[PlannedPeople, ...], int]:
-        expected = _expected_people(moments, self._lab)
+        expected = expected_people(moments, self._lab.decision.gain_sd)
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
         rows = [
             row
             for n in sorted({*_PEOPLE, participants} - {1})
-            for row in _people_rows(expected, n, self._wishes.share)
+            for row in people_rows(expected, n, self._wishes.share)
         ]
         needs = [participants]
         for wish, attribute, option in (
@@ -354,7 +354,7 @@ class Planner:
             need = self._fewest_people(expected, wish, attribute)
             if need is None or (asked is not None and need > asked):
                 at = asked or MOST_PEOPLE
-                reach = self._worst(_people_rows(expected, at, self._wishes.share), attribute)
+                reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
                 more = "" if need is None else f"--participants {need}, or "
                 self._refused.append(
                     f"{option} {wish:g} % cannot be had with {at} participants. Nearest: "
@@ -366,14 +366,14 @@ class Planner:
             participants = max(needs[1:])
             rows += [
                 row
-                for row in _people_rows(expected, participants, self._wishes.share)
+                for row in people_rows(expected, participants, self._wishes.share)
                 if row not in rows
             ]
         return tuple(sorted(rows, key=lambda r: r.participants)), participants
 
     def _fewest_people(self, expected: ExpectedPeople, wish: float, attribute: str) -> int | None:
         for n in range(2, MOST_PEOPLE + 1):
-            if self._worst(_people_rows(expected, n, self._wishes.share), attribute) <= wish:
+            if self._worst(people_rows(expected, n, self._wishes.share), attribute) <= wish:
                 return n
         return None
 
@@ -442,40 +442,6 @@ def _sensor_sets(here: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 def _measure(what: str, half_width: np.ndarray) -> PlannedMeasure:
     return PlannedMeasure(what, *(100.0 * np.median(half_width, axis=1)).tolist())
-
-
-def _expected_people(moments: LogMoments, lab: Laboratory) -> ExpectedPeople:
-    n = len(PARAMETERS) * (moments.mean.size // len(ESTIMANDS))
-    square = np.ix_(range(n), range(n))
-    inverse = np.linalg.inv(moments.covariance[square])
-    values, vectors = np.linalg.eigh(inverse - np.linalg.inv(moments.prior_covariance[square]))
-    return ExpectedPeople(
-        precision=(vectors * values.clip(1e-6)) @ vectors.T,
-        own_sd=np.sqrt(np.diag(moments.covariance)[:n]),
-        gain_sd=lab.decision.gain_sd,
-    )
-
-
-def _people_rows(expected: ExpectedPeople, n: int, power: float) -> list[PlannedPeople]:
-    size = expected.own_sd.size // len(PARAMETERS)
-    mean, difference, own = expected.mean_sd(n), expected.difference_sd(), expected.person_sd()
-    paired = smallest_effect(n, power)
-    groups = smallest_effect(n, power, design="groups")
-    rows = []
-    for i, parameter in enumerate(PARAMETERS):
-        at = slice(i * size, (i + 1) * size)
-        rows.append(
-            PlannedPeople(
-                participants=n,
-                parameter=parameter,
-                mean_pct=100.0 * relative_half_width(float(np.median(mean[at]))),
-                paired_pct=100.0 * float(np.expm1(paired * np.median(difference[at]))),
-                groups_pct=100.0 * float(np.expm1(groups * np.median(own[at]))),
-                difference_half_width_pct=100.0
-                * relative_half_width(float(np.median(difference[at])) / np.sqrt(n)),
-            )
-        )
-    return rows
 
 
 def _sources(middle: PlannedLeg, counts: Mapping[str, float]) -> dict[str, dict[str, float]]:

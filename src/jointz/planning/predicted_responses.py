@@ -16,7 +16,7 @@ from jointz.identify.strapped.responses import (
     usable_samples,
 )
 from jointz.planning.laboratory import Actuator
-from jointz.planning.walking import PointWalking
+from jointz.planning.unperturbed_walking import PointWalking
 
 _STEP_S = 5e-4
 

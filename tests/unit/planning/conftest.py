@@ -1,7 +1,6 @@
 """Small plans: few timing points, few legs, slow sampling, goniometer only."""
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 from typing import Any
 
 import pytest
@@ -10,12 +9,11 @@ import jointz
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import ParticipantSpec
 from jointz.io.protocols import load_protocol
-from jointz.kernels.statistics.power import smallest_effect
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.plan_result import Plan
 from jointz.planning.planner import Planner
 from jointz.planning.schedule import schedule_of_protocol
-from jointz.planning.walking import stored_walking
+from jointz.planning.unperturbed_walking import stored_walking
 from jointz.planning.wishes import Wishes
 
 ONE_POINT = {"MST": 21.5}
@@ -53,8 +51,6 @@ def small_protocol() -> Callable[..., Protocol]:
 def _few_legs() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("jointz.planning.planner.LEGS", 3)
-        # The same numbers of people are asked about in every plan.
-        patch.setattr("jointz.planning.planner.smallest_effect", cache(smallest_effect))
         yield
 
 

@@ -19,7 +19,7 @@ from jointz.kernels import strapped_leg
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.predicted_estimates import PlannedLeg, drawn_parameters
 from jointz.planning.predicted_responses import Design
-from jointz.planning.walking import stored_walking
+from jointz.planning.unperturbed_walking import stored_walking
 
 PULSES = (
     DoubletPulse(name="d", kind="doublet", amplitudes_nm=(12.0,), durations_s=(0.04, 0.022)),

@@ -83,13 +83,21 @@ def test_results_of_another_method_are_refused(results, study):
         plan_recorded(other)
 
 
-def test_a_missing_study_is_named_with_its_option(results, study, tmp_path):
+def test_a_missing_study_is_named_with_its_option(results, study, tmp_path, monkeypatch):
     load(results).save(tmp_path / "moved")
 
     with pytest.raises(DataError, match=r"not beside the results.*--study-folder"):
         plan_recorded(tmp_path / "moved")
-    named = plan_recorded(tmp_path / "moved", study=study)
-    assert named.protocol == "study"
+    opened = []
+
+    def lab(found, *_):
+        opened.append(found.root)
+        raise DataError("far enough")
+
+    monkeypatch.setattr("jointz.planning.plan_study.lab_of_study", lab)
+    with pytest.raises(DataError, match="far enough"):
+        plan_recorded(tmp_path / "moved", study=study)
+    assert opened == [study]
 
 
 def test_results_that_are_none_are_refused(tmp_path):

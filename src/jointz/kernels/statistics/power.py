@@ -1,5 +1,6 @@
 """Power of t tests by the noncentral t distribution."""
 
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -43,6 +44,7 @@ def people_needed(
     return None
 
 
+@cache
 def smallest_effect(
     n: int,
     power: float,
