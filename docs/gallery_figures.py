@@ -36,6 +36,7 @@ ORDER = (
     "inspect_a_file",
     "convert_formats",
     "bids_and_back",
+    "plan",
     "run_experiment",
     "protocols_again",
     "method_matters",

@@ -40,6 +40,14 @@ from jointz.core.plain_tables import typed_table
 from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock
 from jointz.kernels.statistics.between_study_variance import random_effects
 from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
+from jointz.planning.plan_result import (
+    Plan,
+    PlannedCourse,
+    PlannedEstimate,
+    PlannedMeasure,
+    PlannedPeople,
+    PlannedShape,
+)
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import (
     Claim,
@@ -386,6 +394,47 @@ def certificate() -> Certificate:
     )
 
 
+def plan() -> Plan:
+    names = ("stiffness", "damping", "inertia")
+    return Plan(
+        protocol="walking_doublets",
+        pulses="short: doublet of 40 + 22 ms, 10 and 17 N*m, both signs",
+        window_s=0.15,
+        sensors=("goniometer", "encoder"),
+        walking="220 unperturbed strides of 1 person of my-walking",
+        estimates=tuple(
+            PlannedEstimate(point, pct, name, 48, half, 1.4 * half, 0.8, 0.5 * half, half < 50, 6.0)
+            for point, pct in (("LRE", 7.0), ("MST", 21.5))
+            for name, half in zip(names, (28.0, 34.0, 120.0), strict=True)
+        ),
+        shapes=(
+            PlannedShape("as in the protocol", "hold: 8 N*m", 9.8, 80.0, 130.0, 28.0, why_not="no"),
+            PlannedShape("two doublets", "short: doublet", 12.1, 28.0, 34.0, 12.0, chosen=True),
+        ),
+        measures=(PlannedMeasure("as planned", 28.0, 34.0, 12.0),),
+        people=(PlannedPeople(2, "stiffness", 45.0, 7264.0, 753.0, 53.9),),
+        participants=2,
+        minutes=29.0,
+        peak_deg=12.1,
+        wishes={"share": 0.8, "parameters": ("stiffness", "damping")},
+        notes=("No number of pulses decides J of a typical leg.",),
+        sources={"stiffness": {"strap": 0.2, "noise": 0.5}},
+        courses=(PlannedCourse("short", (0.0, 0.0, 0.04), (0.0, 1.0, 1.0), (10.0, 17.0), (1.0,)),),
+        protocol_text="jointz_protocol = 1\n",
+        provenance={"seed": 1},
+    )
+
+
+def seen_afterwards() -> Plan:
+    return dataclasses.replace(
+        plan(),
+        recorded=True,
+        reached={"stiffness": {"LRE": 31.0}, "damping": {}},
+        refused=("20 % cannot be had. Nearest: --half-width 41.",),
+        protocol_text="",
+    )
+
+
 def specification_curve() -> SpecificationCurve:
     choices = ("rigid", "predicted", 0.1, None, "pooled")
     decided = (60.0, 59.0, 61.0, "ok")
@@ -633,6 +682,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "refused calibration step": refused_calibration,
     "calibration": calibration,
     "log posterior": log_posterior,
+    "plan": plan,
+    "seen afterwards": seen_afterwards,
     "specification curve": specification_curve,
     "phase curve": phase_curve,
     "mapped curves": mapped_curves,

@@ -2,11 +2,13 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
+from statistics import median
 
 from jointz.analysis.summary import counted_people, pulse_counts
 from jointz.report.subjects import subjects
-from jointz.report.wording import joined, onset_note
+from jointz.report.wording import ABSOLUTE, SYMBOLS, joined, onset_note
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.terminal.output import emit, emit_table
@@ -28,6 +30,8 @@ def print_analysis(analysis: StudyAnalysis, report: Path) -> None:
     emit(_counts(analysis))
     _print_notes(analysis)
     emit(_availability(analysis))
+    if planned := _planned(analysis):
+        emit(planned)
     emit(f"Report: {report}")
 
 
@@ -95,6 +99,22 @@ def _print_notes(analysis: StudyAnalysis) -> None:
     left = len(notes) - _MOST_NOTES
     if left > 0:
         emit(f"note: {left} more in the report.")
+
+
+def _planned(analysis: StudyAnalysis) -> str:
+    """Set the medians of the half-widths that a plan expected and that were reached beside."""
+    parts = []
+    for name, letter in zip(ABSOLUTE, SYMBOLS, strict=True):
+        rows = [
+            row
+            for row in analysis.statistics.get("planned_half_widths", [])
+            if row["parameter"] == name
+        ]
+        if rows:
+            reached = median(r["reached_pct"] or inf for r in rows)
+            text = "undecided" if reached == inf else f"{reached:.0f} %"
+            parts.append(f"{letter} {median(r['planned_pct'] for r in rows):.0f} %, {text}")
+    return f"Half-widths planned and reached, medians: {'; '.join(parts)}." if parts else ""
 
 
 def _availability(analysis: StudyAnalysis) -> str:

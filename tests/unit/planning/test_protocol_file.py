@@ -1,16 +1,19 @@
 """The protocol file of a plan, and what becomes of it in a study."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 
 import jointz
 from jointz.analysis.page.report_page import planned_section
 from jointz.analysis.planned_half_widths import planned_beside_reached, reached_half_widths
+from jointz.analysis.printed_analysis import print_analysis
 from jointz.io.protocols import load_protocol
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import protocol_text
 from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import StudyAnalysis
 
 NAMES = ("stiffness", "damping", "inertia")
 
@@ -155,3 +158,13 @@ def test_the_report_shows_planned_and_reached_by_timing_point():
         ["22 %, 20 %"],
         ["25 %, undecided", "10 %, undecided"],
     ]
+
+
+def test_the_terminal_shows_the_medians(capsys):
+    cells = (cell("S01", "MST", 20.4),)
+    rows = planned_beside_reached({"stiffness": {"MST": 22.4}, "damping": {"MST": 30.0}}, cells)
+    analysis = StudyAnalysis(cells, statistics={"planned_half_widths": rows})
+
+    print_analysis(analysis, Path("report.html"))
+
+    assert "medians: K 22 %, 20 %; B 30 %, undecided." in capsys.readouterr().out
