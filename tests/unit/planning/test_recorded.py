@@ -31,9 +31,12 @@ WALK = WalkPlan(
 def study(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     sensors = ("goniometer", "encoder")
-    return simulate_study(
+    made = simulate_study(
         folder / "study", preset="realistic", plan=WALK, unperturbed_strides=40, sensors=sensors
     )
+    with (made / "study.toml").open("a") as file:
+        file.write("\n[planned_half_width_pct.inertia]\nMST = 21.0\n")
+    return made
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +59,16 @@ def test_reached_half_widths_are_those_of_the_analysis(seen, results):
     # A person may be better or worse than a typical leg, but not by a factor of three.
     typical = seen.estimate("MST", "inertia").half_width_pct
     assert 1.0 / 3.0 < seen.reached["inertia"]["MST"] / typical < 3.0
+
+
+def test_an_analysis_states_what_was_planned_beside_what_it_reached(results):
+    (row,) = load(results).statistics["planned_half_widths"]
+
+    assert (row["parameter"], row["timing_point"], row["planned_pct"]) == ("inertia", "MST", 21.0)
+    assert row["reached_pct"] == reached_half_widths(load(results).cells)["inertia"]["MST"]
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert "Planned and reached intervals" in page
+    assert f"21 %, {row['reached_pct']:.0f} %" in page
 
 
 def test_a_recorded_study_is_seen_as_it_was(seen):
