@@ -115,6 +115,8 @@ def plan(
     del debug
     if bool(protocol) == (study is not None):
         raise DataError("expected a protocol, or --study with a results folder without one.")
+    if not 50.0 <= share <= 95.0:
+        raise DataError(f"--share: expected 50 to 95 (%), got {share:g}.")
     from jointz.core.whole_file import refuse_existing
     from jointz.planning.page import PROTOCOL, write_plan
 
@@ -178,7 +180,8 @@ def _made(
 
 def _parameters(of: str) -> tuple[str, ...]:
     names = [name.strip() for name in of.split(",") if name.strip()]
-    if not names or (unknown := [name for name in names if name not in _LETTERS]):
+    unknown = [name for name in names if name not in _LETTERS]
+    if not names or unknown:
         raise DataError(f"--of: expected some of K,B,J; got {', '.join(unknown) or 'none'}.")
     return tuple(_LETTERS[name] for name in names)
 

@@ -7,6 +7,8 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.planned_half_widths import reached_half_widths
 from jointz.analysis.saved_analysis import load, study_of
@@ -28,6 +30,8 @@ from jointz.tasks.progress import Progress
 _MASS_KG, _HEIGHT_M = 75.0, 1.75
 _STEPS = LEGS + 5
 _FASTEST_HZ = 500.0
+#: More noise than any sensor has, rad or rad/s.
+_NOISIEST = 1.0
 _WALKING = (
     "stored, that of a recorded walker, whose knee angle 0.1 s after an onset is predicted within "
     "0.8 degrees. Record three to five minutes of your own: --pilot"
@@ -110,7 +114,10 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
     schedule = schedule_of_protocol(spec)
     largest = max(size for pulse in spec.shapes for size in pulse.sizes_nm)
-    actuator = _actuator(torque_nm or spec.safety.torque_nm or largest, bandwidth_hz)
+    _check_numbers(torque_nm, bandwidth_hz, mass_kg, height_m, seed)
+    if torque_nm is None:
+        torque_nm = spec.safety.torque_nm or largest
+    actuator = _actuator(torque_nm, bandwidth_hz)
     given = _Given(sensors, calibration, mass_kg, height_m)
     tell = _Teller(progress)
     files: dict[str, Any] = {}
@@ -172,7 +179,10 @@ def plan_recorded(
             f"{folder}: expected results of the method strapped, got "
             f"{analysis.settings.get('method')}. Analyse the study by it: jointz analyze."
         )
-    done = study_protocol(found, analysis.pulses, analysis.strides)
+    try:
+        done = study_protocol(found, analysis.pulses, analysis.strides)
+    except DataError as exc:
+        raise DataError(str(exc).replace("certify: ", "plan: ", 1)) from exc
     schedule = recorded_schedule(
         found.root.resolve().name,
         done.plan.pulses,
@@ -194,12 +204,30 @@ def plan_recorded(
     )
 
 
-def _actuator(torque_nm: float, bandwidth_hz: float | None) -> Actuator:
-    if not torque_nm > 0.0 or (bandwidth_hz is not None and not bandwidth_hz > 0.0):
-        raise DataError(
-            f"plan: expected torque and bandwidth above zero, got {torque_nm:g} N*m and "
-            f"{bandwidth_hz} Hz."
+def _check_numbers(
+    torque_nm: float | None,
+    bandwidth_hz: float | None,
+    mass_kg: float | None,
+    height_m: float | None,
+    seed: int,
+) -> None:
+    """Raise DataError with all numbers that are out of range."""
+    problems = [
+        f"{name}: expected {low:g} to {high:g} {unit}, got {value:g}"
+        for name, value, low, high, unit in (
+            ("torque_nm", torque_nm, 0.5, 300.0, "N*m"),
+            ("bandwidth_hz", bandwidth_hz, 1.0, 200.0, "Hz"),
+            ("mass_kg", mass_kg, 10.0, 300.0, "kg"),
+            ("height_m", height_m, 0.8, 2.6, "m"),
+            ("seed", seed, 0, np.inf, ""),
         )
+        if value is not None and not low <= value <= high
+    ]
+    if problems:
+        raise DataError("plan: " + "; ".join(problems) + ".")
+
+
+def _actuator(torque_nm: float, bandwidth_hz: float | None) -> Actuator:
     if bandwidth_hz is None:
         return Actuator(torque_nm)
     return Actuator(torque_nm, time_constant_s=1.0 / (2.0 * pi * bandwidth_hz))
@@ -213,14 +241,19 @@ def _known_sensors(sensors: Mapping[str, float | None]) -> dict[str, float | Non
             f"plan: expected a goniometer, and with it any of {', '.join(list(SENSORS)[1:])}; got "
             f"{', '.join(sensors) or 'none'}."
         )
-    if wrong := [name for name, noise in sensors.items() if noise is not None and not noise > 0.0]:
-        raise DataError(f"plan: expected noise above zero of {', '.join(wrong)}.")
+    if wrong := [
+        name for name, noise in sensors.items() if noise is not None and not 0.0 < noise < _NOISIEST
+    ]:
+        raise DataError(
+            f"plan: expected noise above 0 and below {_NOISIEST:g} rad or rad/s of "
+            f"{', '.join(wrong)}."
+        )
     return {name: sensors[name] for name in SENSORS if name in sensors}
 
 
 def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:
     """Return a lab with stored walking."""
-    sensors = _known_sensors(given.sensors or {"goniometer": None})
+    sensors = _known_sensors({"goniometer": None} if given.sensors is None else given.sensors)
     noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in sensors.items()}
     gait = spec.gait
     walking = stored_walking(
@@ -238,8 +271,6 @@ def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actu
 def _as_given(lab: Laboratory, given: _Given) -> Laboratory:
     """Return the lab with what the caller stated."""
     body = {"mass_kg": given.mass_kg, "height_m": given.height_m}
-    if wrong := [k for k, v in body.items() if v is not None and not v > 0.0]:
-        raise DataError(f"plan: expected {' and '.join(wrong)} above zero.")
     stated = {k: v for k, v in body.items() if v is not None}
     people = tuple(p.model_copy(update=stated) for p in lab.people)
     return replace(lab, people=people, calibration=given.calibration or lab.calibration)

@@ -32,7 +32,8 @@ from jointz.planning.protocol_file import problems_of, protocol_text
 from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
-from jointz.planning.wishes import MOST_PEOPLE, Wishes
+from jointz.planning.wishes import MOST_DIFFERENCE_PCT, MOST_MINUTES, MOST_PEOPLE, Wishes
+from jointz.report.wording import format_count
 from jointz.results.estimates import WIDEST
 from jointz.stats.expected_people import ExpectedPeople
 
@@ -44,10 +45,11 @@ _PEOPLE = (2, 4, 6, 8, 10, 12, 16, 20, 30, 40)
 _SHORT = dict(zip(PARAMETERS, "KBJ", strict=True))
 #: The protocol's own pulses stay if others are better by no more than this.
 _MOST_OWN_WORSE = 1.02
-#: Motion may be off by so much: amplitudes are rounded, and legs are few.
-_MOTION_MARGIN = 1.1
+#: Amplitudes are sought until the motion is as close to its limit.
+_MOTION_MARGIN = 1.02
 #: Pulses that decide nothing are chosen only if no others are possible.
 _UNDECIDED = 10.0
+_MOST_MEAN_PCT = 100.0
 
 
 class Planner:
@@ -207,8 +209,9 @@ class Planner:
         if most < least:
             need = self.minutes(dict.fromkeys(self._points, least))
             self._refused.append(
-                f"{self._wishes.minutes:g} minutes do not hold {least} pulses at "
-                f"{len(self._points)} timing points. Nearest: --minutes {ceil(need)}."
+                f"{self._wishes.minutes:g} min do not hold {least} pulses at "
+                f"{format_count(len(self._points), 'timing point')}. Nearest: --minutes "
+                f"{ceil(need)}."
             )
             return dict.fromkeys(self._points, least)
         own = self._schedule.counts
@@ -222,18 +225,25 @@ class Planner:
             for k, name in enumerate(self._points)
         }
         if unreachable := [name for name, n in found.items() if n is None]:
-            self._refuse_half_width(widths, unreachable)
+            self._refuse_half_width(widths, unreachable, most)
             return {name: n or MOST for name, n in found.items()}
         counts = {name: n for name, n in found.items() if n is not None}
         if self._wishes.minutes is not None and self.minutes(counts) > self._wishes.minutes:
             self._refuse_minutes(widths, counts, most)
         return counts
 
-    def _reached_pct(self, widths: HalfWidths, most: int) -> float:
+    def _nearest_half_width(self, widths: HalfWidths, most: int) -> str:
+        """Return the narrowest half-width with at most so many pulses, as a remedy."""
         assured = widths.assured(allowed(widths.step, most)[-1], self._wishes.share)
-        return ceil(100.0 * float(assured[self._wanted].max()) * 10.0) / 10.0
+        nearest = ceil(1000.0 * float(assured[self._wanted].max())) / 10.0
+        if nearest <= 100.0 * WIDEST:
+            return f"--half-width {nearest:g}"
+        return (
+            "more --motion, --torque or sensors, a smaller --share, or other timing points "
+            f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
+        )
 
-    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str]) -> None:
+    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], most: int) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
         letters = " and ".join(_SHORT[name] for name in self._wishes.parameters)
         endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
@@ -245,22 +255,16 @@ class Planner:
         )
         if never:
             text += f"; at {', '.join(never)} with no number of pulses"
-        nearest = self._reached_pct(widths, MOST)
-        remedy = f"Nearest: --half-width {nearest:g}, or more sensors (see what they buy)."
-        if nearest > 100.0 * WIDEST:
-            remedy = (
-                f"Beyond {100.0 * WIDEST:.0f} % a value is undecided, and nothing narrower can be "
-                "had in so many legs. Nearest: more --motion, --torque or sensors, a smaller "
-                "--share, or other timing points."
-            )
-        self._refused.append(f"{text}. {remedy}")
+        nearest = self._nearest_half_width(widths, most)
+        self._refused.append(f"{text}. Nearest: {nearest}; see what sensors buy.")
 
     def _refuse_minutes(self, widths: HalfWidths, counts: Mapping[str, int], most: int) -> None:
         need = ceil(self.minutes(counts))
-        reach = self._reached_pct(widths, most)
+        longer = f"--minutes {need}, or " if need <= MOST_MINUTES else ""
         self._refused.append(
-            f"{self._wishes.half_width_pct:g} % needs {need} minutes of walking, and there are "
-            f"{self._wishes.minutes:g}. Nearest: --minutes {need}, or --half-width {reach:g}."
+            f"{self._wishes.half_width_pct:g} % needs {need} min of walking, and there are "
+            f"{self._wishes.minutes:g}. Nearest: {longer}"
+            f"{self._nearest_half_width(widths, most)}."
         )
 
     # --- what is expected ----------------------------------------------------------------------
@@ -354,12 +358,7 @@ class Planner:
             need = self._fewest_people(expected, wish, attribute)
             if need is None or (asked is not None and need > asked):
                 at = asked or MOST_PEOPLE
-                reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
-                more = "" if need is None else f"--participants {need}, or "
-                self._refused.append(
-                    f"{option} {wish:g} % cannot be had with {at} participants. Nearest: "
-                    f"{more}{option} {ceil(reach)}."
-                )
+                self._refused.append(self._more_people(expected, wish, attribute, option, need, at))
             elif asked is None:
                 needs.append(need)
         if asked is None and len(needs) > 1:
@@ -370,6 +369,25 @@ class Planner:
                 if row not in rows
             ]
         return tuple(sorted(rows, key=lambda r: r.participants)), participants
+
+    def _more_people(
+        self,
+        expected: ExpectedPeople,
+        wish: float,
+        attribute: str,
+        option: str,
+        need: int | None,
+        at: int,
+    ) -> str:
+        """Return why so many people do not do, and what is nearest."""
+        remedies = [] if need is None else [f"--participants {need}"]
+        if at > 1:
+            reach = ceil(self._worst(people_rows(expected, at, self._wishes.share), attribute))
+            most = MOST_DIFFERENCE_PCT if option == "--difference" else _MOST_MEAN_PCT
+            remedies += [f"{option} {reach}"] if reach <= most else []
+        nearest = ", or ".join(remedies) or "more participants, or a larger wish"
+        people = format_count(at, "participant")
+        return f"{option} {wish:g} % cannot be had with {people}. Nearest: {nearest}."
 
     def _fewest_people(self, expected: ExpectedPeople, wish: float, attribute: str) -> int | None:
         for n in range(2, MOST_PEOPLE + 1):

@@ -18,6 +18,8 @@ from jointz.identify.strapped.prior import Prior
 
 #: Half a step of the central differences, of transformed parameters.
 _STEP = 1e-4
+#: The same of delays, which are in seconds.
+_DELAYS, _STEP_S = ("encoder_delay_s", "gyroscope_delay_s"), 1e-6
 #: Logarithm of a gain that is none.
 _NO_REFLEX = -20.0
 
@@ -26,11 +28,20 @@ def response_slopes(model: LegModel, theta: np.ndarray, point: int) -> np.ndarra
     """Return derivatives of what is fitted of a point by its parameters, (used, columns)."""
     columns = model.layout.columns(point)
     moved = np.tile(theta, (2 * columns.size, 1))
-    rows = np.arange(columns.size)
-    moved[rows, columns] += _STEP
-    moved[columns.size + rows, columns] -= _STEP
+    rows, steps = np.arange(columns.size), _steps(model)[columns]
+    moved[rows, columns] += steps
+    moved[columns.size + rows, columns] -= steps
     responses = model.points[point].fitted(model.responses(moved, point))
-    return np.asarray((responses[: columns.size] - responses[columns.size :]).T / (2.0 * _STEP))
+    return np.asarray((responses[: columns.size] - responses[columns.size :]).T / (2.0 * steps))
+
+
+def _steps(model: LegModel) -> np.ndarray:
+    """Return half a step of every parameter; delays in seconds are interpolated in between."""
+    steps = np.full(model.layout.size, _STEP)
+    for name in _DELAYS:
+        if name in model.layout.shared_names:
+            steps[model.layout.shared(name)] = _STEP_S
+    return steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -33,7 +33,9 @@ def protocol_text(
         raw["pulses"] = [_written_pulse(pulse) for pulse in design.pulses]
     raw["planned_half_width_pct"] = {k: dict(v) for k, v in half_width_pct.items()}
     if protocol.expected_joint is not None:
-        raw["safety"] = dict(raw.get("safety", {})) | {"displacement_rad": displacement_rad}
+        own = protocol.safety.displacement_rad
+        limit = displacement_rad if own is None else min(own, displacement_rad)
+        raw["safety"] = dict(raw.get("safety", {})) | {"displacement_rad": limit}
     raw["conditions"] = [_condition(spec, counts) for spec in protocol.conditions]
     text = "\n".join(_lines(raw))
     return f"# Written by jointz plan from the protocol {protocol.name}.\n{text}\n"

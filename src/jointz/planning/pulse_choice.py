@@ -28,7 +28,7 @@ _STEP_NM = 0.5
 _LEAST_NM = 1.0
 #: Motion is that which this share of legs does not exceed, at the softest timing point.
 MOTION_SHARE = 0.9
-_PASSES = 3
+_PASSES = 6
 
 
 def candidates(
@@ -112,5 +112,6 @@ def _words(pulse: Pulse) -> str:
     times = " + ".join(parts)
     way = {"both": "both signs", "positive": "positive", "negative": "negative"}[pulse.direction]
     kind = "doublet" if isinstance(pulse, DoubletPulse) else "pulse"
+    kind = "sampled pulse" if isinstance(pulse, SampledPulse) else kind
     name = "" if isinstance(pulse, PulseSpec) else f"{name_of(pulse)}: "
     return f"{name}{kind} of {times} ms, {sizes} N*m, {way}"

@@ -22,7 +22,8 @@ class Schedule:
 
     name: str
     timing_points: Mapping[str, float]  # in the order of the cycle -> % of the gait cycle
-    counts: Mapping[str, int]  # pulses of a participant at each
+    counts: Mapping[str, int]  # pulses of a participant at each, in each condition
+    repeats: Mapping[str, int]  # conditions that have the timing point
     design: Design
     gap_strides: float  # mean strides from a pulse to the next
     other_strides: float  # before the first pulse, and of walks without pulses
@@ -31,7 +32,8 @@ class Schedule:
 
     def strides(self, counts: Mapping[str, float]) -> float:
         """Return the strides of a participant."""
-        fired = sum(counts.values()) / (1.0 - self.sham_share)
+        pulses = sum(n * self.repeats[name] for name, n in counts.items())
+        fired = pulses / (1.0 - self.sham_share)
         return self.other_strides + fired * self.gap_strides
 
     @property
@@ -53,13 +55,16 @@ def schedule_of_protocol(spec: Protocol) -> Schedule:
         raise DataError(f"plan: the priors are of a knee, and {spec.name} is of the {spec.joint}.")
     points = {name: at for p in plans for name, at in (p.timing_points or {}).items()}
     counts = dict.fromkeys(sorted(points, key=lambda name: points[name]), 0)
+    repeats = dict(counts)
     for p in plans:
         for name in p.timing_points or {}:
-            counts[name] += p.counts[name]
+            counts[name] = max(counts[name], p.counts[name])
+            repeats[name] += 1
     return Schedule(
         name=spec.name,
         timing_points={name: points[name] for name in counts},
         counts=counts,
+        repeats=repeats,
         design=Design(
             "as in the protocol", spec.shapes, min(spec.window_s or _WINDOW_S, _LONGEST_WINDOW_S)
         ),
@@ -88,6 +93,7 @@ def recorded_schedule(
         name=name,
         timing_points=dict(timing_points),
         counts=dict(counts),
+        repeats=dict.fromkeys(counts, 1),
         design=Design("as recorded", pulses, min(window_s, _LONGEST_WINDOW_S)),
         gap_strides=float(np.mean(gap_strides)),
         other_strides=float(unperturbed_strides),

@@ -8,7 +8,7 @@ from jointz.core.errors import DataError
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.results.estimates import WIDEST
 
-MOST_PEOPLE = 200
+MOST_PEOPLE, MOST_MINUTES, MOST_DIFFERENCE_PCT = 200, 600.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Wishes:
     share : float
         Share of legs that shall reach it; also the power of a difference.
     minutes : float, optional
-        Walking of a participant, at most.
+        Walking of a participant, at most; without a wanted half-width, pulses fill them.
     participants : int, optional
         At most; by default the protocol's, or as many as the other wishes need.
     mean_pct : float, optional
@@ -50,14 +50,16 @@ class Wishes:
             for name, value, low, high in (
                 ("half_width_pct", self.half_width_pct, 1.0, 100.0 * WIDEST),
                 ("share", self.share, 0.5, 0.95),
-                ("minutes", self.minutes, 1.0, 600.0),
+                ("minutes", self.minutes, 1.0, MOST_MINUTES),
                 ("participants", self.participants, 1, MOST_PEOPLE),
                 ("mean_pct", self.mean_pct, 1.0, 100.0),
-                ("difference_pct", self.difference_pct, 1.0, 300.0),
+                ("difference_pct", self.difference_pct, 1.0, MOST_DIFFERENCE_PCT),
                 ("motion_deg", self.motion_deg, 0.5, 18.0),
             )
             if value is not None and not low <= value <= high
         ]
+        if self.participants is not None and int(self.participants) != self.participants:
+            problems.append(f"participants: expected a whole number, got {self.participants:g}")
         unknown = [name for name in self.parameters if name not in PARAMETERS]
         if unknown or not self.parameters:
             problems.append(f"parameters: expected some of {', '.join(PARAMETERS)}, got {unknown}")

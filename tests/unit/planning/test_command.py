@@ -155,7 +155,7 @@ def test_a_refused_wish_ends_with_1_and_replaces_the_plan(jointz, made, protocol
         (("walking", "--sensor", "goniometer=small"), "NAME=NOISE in degrees"),
         (("walking", "--sensor", "imu"), "expected a goniometer"),
         (("walking", "--half-width", 200), "half_width_pct: expected 1 to"),
-        (("walking", "--share", 99), "expected 0.5 to 0.95"),
+        (("walking", "--share", 99), "expected 50 to 95"),
         (("sea-bandwidth",), "has no pulses in walking"),
         (("no-such-protocol",), "no-such-protocol"),
         (("walking", "--seed", -1), "seed"),

@@ -224,7 +224,7 @@ def test_minutes_or_half_width_nearest_to_both_are_kept(doublets, made):
 def test_too_few_minutes_for_a_round_name_those_that_are_enough(doublets):
     short = jointz.plan(doublets, minutes=1.0)
 
-    assert "1 minutes do not hold 8 pulses at 1 timing points" in short.refused[0]
+    assert "1 min do not hold 8 pulses at 1 timing point" in short.refused[0]
     enough = jointz.plan(doublets, minutes=nearest(short, "--minutes"))
     assert enough.refused == ()
     assert enough.minutes <= nearest(short, "--minutes")
@@ -268,8 +268,8 @@ def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypa
             "encoder, gyroscopes; got goniometer, imu",
         ),
         ({"sensors": {"encoder": None}}, "expected a goniometer.*got encoder"),
-        ({"sensors": {"goniometer": 0.0}}, "noise above zero of goniometer"),
-        ({"sensors": {"goniometer": float("nan")}}, "noise above zero of goniometer"),
+        ({"sensors": {"goniometer": 0.0}}, "noise above 0 .* of goniometer"),
+        ({"sensors": {"goniometer": float("nan")}}, "noise above 0 .* of goniometer"),
         ({"half_width": 20.0}, "wishes among half_width_pct,.*got half_width"),
         ({"half_width_pct": 0.0}, "half_width_pct: expected 1 to .*, got 0"),
         ({"half_width_pct": float("nan")}, "half_width_pct: expected 1 to"),
@@ -278,10 +278,10 @@ def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypa
         ({"motion_deg": 20.0}, "motion_deg: expected 0.5 to 18"),
         ({"parameters": ("K",)}, "expected some of stiffness, damping, inertia"),
         ({"parameters": ()}, "expected some of stiffness, damping, inertia"),
-        ({"bandwidth_hz": 0.0}, "bandwidth above zero"),
-        ({"torque_nm": -1.0}, "torque and bandwidth above zero"),
-        ({"mass_kg": 0.0}, "mass_kg above zero"),
-        ({"height_m": -1.0, "mass_kg": -2.0}, "mass_kg and height_m above zero"),
+        ({"bandwidth_hz": 0.0}, "bandwidth_hz: expected 1 to 200"),
+        ({"torque_nm": -1.0}, "torque_nm: expected 0.5 to 300"),
+        ({"mass_kg": 0.0}, "mass_kg: expected 10 to 300"),
+        ({"height_m": -1.0, "mass_kg": -2.0}, "mass_kg: .*height_m: "),
     ],
     ids=str,
 )
