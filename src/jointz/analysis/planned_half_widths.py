@@ -15,7 +15,7 @@ def planned_beside_reached(
     planned: PlannedHalfWidths | None, cells: Sequence[CellEstimate]
 ) -> list[dict[str, Any]]:
     """Return a row for each planned value; ``reached_pct`` is None if undecided."""
-    reached = reached_half_widths(cells)
+    reached, analysed = reached_half_widths(cells), {cell.timing_point for cell in cells}
     return [
         {
             "parameter": name,
@@ -25,6 +25,7 @@ def planned_beside_reached(
         }
         for name, points in (planned or {}).items()
         for point, pct in points.items()
+        if point in analysed
     ]
 
 

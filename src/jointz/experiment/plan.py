@@ -73,9 +73,9 @@ def ordered_pulses(
     cyclic = perturbations.order == "cyclic"
     variants = _variants(pulses, count, len(points), rng, alternating=cyclic)
     sham = PulseVariant(variants_of(pulses)[0].shape, 0.0)
-    rounds = _rounds(variants, counts)
-    shams = [(point, sham) for point in points]
-    rounds = _spread_shams(rounds, shams, perturbations.shams, rng)
+    shams = perturbations.shams
+    none = [[sham] * len(points)] * max(shams.values(), default=0)
+    rounds = _spread_shams(_rounds(variants, counts), _rounds(none, shams), rng)
     if perturbations.order == "sequential":
         return sorted((e for row in rounds for e in row), key=lambda e: points.index(e[0]))
     if perturbations.order == "random":
@@ -133,13 +133,12 @@ def _orders(
 
 def _spread_shams(
     rounds: list[list[tuple[str, PulseVariant]]],
-    sham: list[tuple[str, PulseVariant]],
-    shams: int,
+    shams: list[list[tuple[str, PulseVariant]]],
     rng: np.random.Generator,
 ) -> list[list[tuple[str, PulseVariant]]]:
     """Insert rounds of shams at random places."""
     if not shams:
         return rounds
-    places = rng.permutation(len(rounds) + shams) < shams
-    remaining = iter(rounds)
-    return [sham if is_sham else next(remaining) for is_sham in places]
+    places = rng.permutation(len(rounds) + len(shams)) < len(shams)
+    remaining, extra = iter(rounds), iter(shams)
+    return [next(extra) if is_sham else next(remaining) for is_sham in places]

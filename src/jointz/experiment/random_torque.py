@@ -18,11 +18,13 @@ class RandomTorque:
     def __init__(self, noise: Noise, *, rate_hz: float, rng: np.random.Generator) -> None:
         self._noise = noise
         self._samples = endless_noise(noise, rate_hz=rate_hz, rng=rng)
+        self._next = next(self._samples)  # the filter is made now, not in a tick
 
     def torque(self, state: ControlState, values: Mapping[str, float]) -> float:
         """Return the torque, N*m."""
         del state, values
-        return next(self._samples)
+        torque_nm, self._next = self._next, next(self._samples)
+        return torque_nm
 
     def describe(self) -> Mapping[str, Any]:
         """Return the reference."""

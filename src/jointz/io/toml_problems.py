@@ -155,6 +155,8 @@ def _written(location: Location, raw: Any) -> Location:
         last = i == len(location) - 1
         if isinstance(value, Mapping) and part not in value and not last:
             continue
+        if i and not isinstance(value, Mapping | list | None):  # nothing is inside a number
+            continue
         kept.append(part)
         value = _inside(value, part)
     return tuple(kept)

@@ -1,6 +1,6 @@
 """``jointz plan``: which pulses, sensors and people decide what is asked."""
 
-from math import radians
+from math import ceil, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -114,7 +114,7 @@ def plan(
     """
     del debug
     if bool(protocol) == (study is not None):
-        raise DataError("expected a protocol, or --study with a results folder without one.")
+        raise DataError("expected either a protocol to plan, or --study RESULTS of a recorded one.")
     if not 50.0 <= share <= 95.0:
         raise DataError(f"--share: expected 50 to 95 (%), got {share:g}.")
     from jointz.core.whole_file import refuse_existing
@@ -150,9 +150,13 @@ def plan(
     elif not quiet:
         _print(made)
         emit(f"Page: {page}")
+        if made.refused:
+            emit("No protocol was written. Ask for the nearest wish.")
         if made.protocol_text:
             emit(f"Next: jointz run {out / PROTOCOL} --out STUDY")
     if made.refused:
+        for text in made.refused if quiet else ():
+            typer.echo(f"jointz: refused: {text}", err=True)
         raise typer.Exit(EXIT_NO_ESTIMATE)
 
 
@@ -211,6 +215,9 @@ def _calibration(file: Path | None) -> Any:
 
 
 def _print(made: "Plan") -> None:
+    share = f"{100.0 * float(made.wishes['share']):.0f} of 100 legs"
+    for text in made.refused:
+        emit(f"Refused: {text}")
     emit_table(
         [
             [
@@ -224,16 +231,14 @@ def _print(made: "Plan") -> None:
             ]
             for e in made.estimates
         ],
-        ["", "pulses", "", "typical leg", "assured", "any number of pulses", "legs decided"],
+        ["", "pulses", "", "typical leg", share, "any number of pulses", "decided"],
         title="Half of the 95 % interval, % of the value",
     )
     emit(f"Pulses: {made.pulses}.")
     emit(
-        f"{made.participants} participants, {made.minutes:.0f} minutes of walking each; the joint "
+        f"{made.participants} participants, {ceil(made.minutes)} min of walking each; the joint "
         f"moves up to {made.peak_deg:.0f} degrees."
     )
     emit(f"Walking: {made.walking}.")
     for text in made.notes:
         emit(text)
-    for text in made.refused:
-        emit(f"Refused: {text}")

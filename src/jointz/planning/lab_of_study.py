@@ -34,6 +34,7 @@ def lab_of_study(study: Study, schedule: Schedule, actuator: Actuator) -> tuple[
         walking = recorded_walking(
             recordings,
             settings,
+            who=person.id,
             timing_points=schedule.timing_points,
             window_s=schedule.design.window_s,
             n_strides=schedule.teaching_strides,

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
+from math import ceil
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from jointz.planning.plan_result import Plan, PlannedEstimate
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import to_svg
 from jointz.report.wording import DASH, MINUS, joined, point_name
+from jointz.results.estimates import WIDEST
 from jointz.results.figure_style import BLUE, VERMILION, figure_style
 
 PAGE: Final = "plan.html"
@@ -79,16 +81,18 @@ def plan_figures(plan: Plan) -> dict[str, str]:
 
 
 def _draw_pulses(plan: Plan, figure: Figure) -> None:
-    """Draw the torque of every shape over time, all sizes, one direction."""
-    shown = plan.courses
-    panels = figure.subplots(1, max(1, len(shown)), sharey=True, squeeze=False)[0]
-    for axes, course in zip(panels, shown, strict=False):
+    """Draw the torque of every shape over time, all sizes and directions."""
+    courses = plan.courses
+    together = len(courses) > _MOST_PANELS
+    panels = figure.subplots(1, 1 if together else len(courses), sharey=True, squeeze=False)[0]
+    for k, course in enumerate(courses):
+        axes = panels[0 if together else k]
+        times, shares = 1000.0 * np.asarray(course.times_s), np.asarray(course.shares)
         for size in course.amplitudes_nm:
-            times = 1000.0 * np.asarray(course.times_s)
             for sign in course.signs:
                 colour = BLUE if sign > 0.0 else VERMILION
-                axes.plot(times, sign * size * np.asarray(course.shares), color=colour)
-        axes.set_title(course.name or "pulse", loc="left")
+                axes.plot(times, sign * size * shares, color=colour)
+        axes.set_title("all pulses" if together else course.name or "pulse", loc="left")
         axes.set_xlabel("time from the onset (ms)")
     panels[0].set_ylabel("torque (N·m)")
 
@@ -97,10 +101,10 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
     """Write a plan as one HTML page with its figures and styles inside."""
     share = f"{100.0 * float(plan.wishes.get('share', 0.8)):.0f}"
     captions = {
-        "half_widths": f"Half of the 95 % interval. Dot: typical leg. Bar: from any number of "
-        f"pulses to what {share} of 100 legs do not exceed. Values above the dotted line are "
-        "undecided.",
-        "pulses": "Commanded torque of the pulses, all sizes; orange: the other direction.",
+        "half_widths": f"Half of the 95 % interval. Dot: typical leg. Bar: from a typical leg with "
+        f"any number of pulses to what {share} of 100 legs do not exceed.",
+        "pulses": "Commanded torque of the pulses, all sizes; blue: first level positive, orange: "
+        "negative.",
     }
     names = list(next(iter(plan.sources.values()), {}))
     return render_template(
@@ -114,6 +118,8 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         share=share,
         figures=page_figures((n, svg, "", captions[n]) for n, svg in figures.items()),
         reached=bool(plan.reached),
+        legs=plan.provenance.get("legs", ""),
+        wish=_wish(plan),
         points=[_point(plan, e) for e in plan.estimates],
         source_names=names,
         sources=[
@@ -146,7 +152,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
             {
                 "n": p.participants,
                 "name": _LETTERS[p.parameter],
-                "mean": _pct(p.mean_pct),
+                "mean": _pct(p.mean_pct) if p.mean_pct <= 100.0 * WIDEST else "undecided",
                 "half": _pct(p.difference_half_width_pct),
                 "paired": _pct(p.paired_pct),
                 "groups": _pct(p.groups_pct),
@@ -171,10 +177,21 @@ def _lead(plan: Plan) -> str:
     ).replace("N*m", "N·m")
 
 
+def _wish(plan: Plan) -> str:
+    """Return the wanted half-width and whether it is kept, "" without one."""
+    wish = plan.wishes.get("half_width_pct")
+    if wish is None:
+        return ""
+    letters = joined([_LETTERS[name] for name in plan.wishes["parameters"]])
+    kept = "refused" if plan.refused else "kept"
+    share = 100.0 * float(plan.wishes["share"])
+    return f"Wanted: {letters} to {wish:g} % in {share:.0f} of 100 legs. This is {kept}."
+
+
 def _facts(plan: Plan) -> list[tuple[str, str]]:
     facts = [
         (str(plan.participants), "participants"),
-        (f"{plan.minutes:.0f} min", "of walking each"),
+        (f"{ceil(plan.minutes)} min", "of walking each"),
         (f"{plan.peak_deg:.0f}°", "motion of the joint"),
     ]
     medians = [
@@ -207,3 +224,5 @@ def _pct(value: float) -> str:
 
 
 _LARGE_PCT: Final = 200.0
+#: More pulses are drawn in one panel.
+_MOST_PANELS: Final = 3

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
+from jointz.identify.strapped.estimands import LogMoments
 from jointz.kernels.statistics.power import smallest_effect
 from jointz.planning.plan_result import PlannedPeople
 from jointz.results.estimates import relative_half_width
@@ -13,32 +13,42 @@ from jointz.stats.expected_people import ExpectedPeople
 _LEAST_PRECISION = 1e-6
 
 
-def expected_people(moments: LogMoments, gain_sd: float) -> ExpectedPeople:
-    """Return people who are all measured as a leg with these moments."""
-    n = len(PARAMETERS) * (moments.mean.size // len(ESTIMANDS))
-    square = np.ix_(range(n), range(n))
+def expected_people(
+    moments: LogMoments, decided: np.ndarray, gain_sd: float
+) -> ExpectedPeople | None:
+    """Return people who are all measured as a leg with these moments; None if nothing is decided.
+
+    ``decided`` (parameter, point): others have no mean that an analysis would give.
+    """
+    kept = np.flatnonzero(decided.ravel())
+    if not kept.size:
+        return None
+    square = np.ix_(kept, kept)
     inverse = np.linalg.inv(moments.covariance[square])
     values, vectors = np.linalg.eigh(inverse - np.linalg.inv(moments.prior_covariance[square]))
+    n_points = decided.shape[1]
     return ExpectedPeople(
+        parameters=kept // n_points,
+        places=kept % n_points,
         precision=(vectors * values.clip(_LEAST_PRECISION)) @ vectors.T,
-        own_sd=np.sqrt(np.diag(moments.covariance)[:n]),
+        own_sd=np.sqrt(np.diag(moments.covariance)[kept]),
         gain_sd=gain_sd,
     )
 
 
-def people_rows(expected: ExpectedPeople, n: int, power: float) -> list[PlannedPeople]:
-    """Return what a number of people tells of K, B and J."""
-    size = expected.own_sd.size // len(PARAMETERS)
+def people_rows(expected: ExpectedPeople | None, n: int, power: float) -> list[PlannedPeople]:
+    """Return what a number of people tells of K, B and J, of those that are decided."""
+    if expected is None:
+        return []
     mean, difference, own = expected.mean_sd(n), expected.difference_sd(), expected.person_sd()
-    paired = smallest_effect(n, power)
-    groups = smallest_effect(n, power, design="groups")
+    paired, groups = smallest_effect(n, power), smallest_effect(n, power, design="groups")
     rows = []
-    for i, parameter in enumerate(PARAMETERS):
-        at = slice(i * size, (i + 1) * size)
+    for number in np.unique(expected.parameters):
+        at = expected.parameters == number
         rows.append(
             PlannedPeople(
                 participants=n,
-                parameter=parameter,
+                parameter=PARAMETERS[number],
                 mean_pct=100.0 * relative_half_width(float(np.median(mean[at]))),
                 paired_pct=100.0 * float(np.expm1(paired * np.median(difference[at]))),
                 groups_pct=100.0 * float(np.expm1(groups * np.median(own[at]))),

@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 
 from jointz.results.base import PlottedResult, record_frame
+from jointz.results.estimates import WIDEST
 from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Wider intervals are undecided; wider ones still are not drawn in full.
-_DECIDED_PCT, _WIDEST_PCT = 50.0, 150.0
+_DECIDED_PCT, _WIDEST_PCT = 100.0 * WIDEST, 150.0
 _SHORT = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _COLUMNS = (
     "timing_point",
@@ -295,7 +296,8 @@ class Plan(PlottedResult):
                 f"{_SHORT[e.parameter]} at {e.timing_point}" for e in self.undecidable
             )
             lines.append(f"  No number of pulses decides {which}.")
-        return "\n".join([*lines, *(f"  Refused: {text}" for text in self.refused)])
+        lines[1:1] = [f"  Refused: {text}" for text in self.refused]
+        return "\n".join(lines)
 
     def _draw(self, axes: "Axes") -> None:
         points = self.timing_points

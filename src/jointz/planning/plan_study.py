@@ -128,7 +128,7 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
         files = {"pilot": study.root.name, "pilot_sha256": study.sha256}
         lab, walking = lab_of_study(study, schedule, actuator)
         if sensors is not None:
-            lab = lab.with_sensors(_known_sensors(sensors))
+            lab = lab.with_sensors(_beside_pilot(_known_sensors(sensors), lab))
     tell("walking")
     lab = _as_given(lab, given)
     made = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell).plan(spec)
@@ -183,6 +183,7 @@ def plan_recorded(
         done = study_protocol(found, analysis.pulses, analysis.strides)
     except DataError as exc:
         raise DataError(str(exc).replace("certify: ", "plan: ", 1)) from exc
+    people = len({c.participant for c in analysis.cells})
     schedule = recorded_schedule(
         found.root.resolve().name,
         done.plan.pulses,
@@ -190,8 +191,8 @@ def plan_recorded(
         done.plan.counts,
         done.plan.gap_strides,
         window_s=float(analysis.settings["window_s"]),
-        unperturbed_strides=done.unperturbed_strides,
-        participants=len({c.participant for c in analysis.cells}),
+        strides=len(analysis.strides) / people,
+        participants=people,
     )
     largest = max(size for pulse in done.plan.pulses for size in pulse.sizes_nm)
     tell = _Teller(progress)
@@ -249,6 +250,16 @@ def _known_sensors(sensors: Mapping[str, float | None]) -> dict[str, float | Non
             f"{', '.join(wrong)}."
         )
     return {name: sensors[name] for name in SENSORS if name in sensors}
+
+
+def _beside_pilot(sensors: dict[str, float | None], lab: Laboratory) -> dict[str, float | None]:
+    """Return sensors beside a pilot; raise DataError for noise that its recordings show."""
+    if known := [n for n, sd in sensors.items() if sd is not None and n in lab.noise]:
+        raise DataError(
+            f"plan: the pilot's recordings have the noise of {', '.join(known)}. Name the sensor "
+            "without a noise."
+        )
+    return sensors
 
 
 def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:

@@ -10,7 +10,6 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.strapped.estimands import LogMoments
 from jointz.planning.laboratory import SENSORS, Laboratory
 from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
@@ -41,7 +40,7 @@ from jointz.stats.expected_people import ExpectedPeople
 LEGS = 10
 #: Pulses of a timing point at which shapes are compared.
 _COMPARED = 48
-_PEOPLE = (2, 4, 6, 8, 10, 12, 16, 20, 30, 40)
+_PEOPLE = (4, 6, 8, 10, 12, 16, 20, 30, 40)
 _SHORT = dict(zip(PARAMETERS, "KBJ", strict=True))
 #: The protocol's own pulses stay if others are better by no more than this.
 _MOST_OWN_WORSE = 1.02
@@ -50,6 +49,12 @@ _MOTION_MARGIN = 1.02
 #: Pulses that decide nothing are chosen only if no others are possible.
 _UNDECIDED = 10.0
 _MOST_MEAN_PCT = 100.0
+#: Numbers of pulses are interpolated: a wish is kept with a margin.
+_SURELY = 0.98
+#: Larger differences are only called large.
+_LARGEST_NAMED_PCT = 200.0
+#: Motion that trips the device, over that of nine of ten legs, and the largest, rad.
+_TRIPS, _LARGEST_TRIP_RAD = 1.2, 0.31
 
 
 class Planner:
@@ -71,6 +76,14 @@ class Planner:
         self._refused: list[str] = []
         self._notes: list[str] = []
         self._wanted = [PARAMETERS.index(name) for name in wishes.parameters]
+        trips_deg = np.degrees(schedule.displacement_rad or np.inf)
+        # Motion beyond the protocol's own limit would trip the device.
+        self._motion_deg = float(min(wishes.motion_deg, trips_deg))
+        if schedule.asked_window_s > schedule.design.window_s:
+            self._notes.append(
+                f"The window of {1000.0 * schedule.asked_window_s:.0f} ms was shortened to "
+                f"{1000.0 * schedule.design.window_s:.0f} ms, the longest of the method."
+            )
 
     def plan(self, spec: Protocol | None) -> Plan:
         """Return the plan; without a protocol, what a recorded study could see."""
@@ -86,7 +99,7 @@ class Planner:
         self._tell("timing points")
         measures = tuple(self._measures(design, middle, counts))
         self._tell("sensors")
-        people, participants = self._people(now_.moments)
+        people, participants = self._people(now_)
         minutes = self.minutes(counts)
         self._say_undecidable(estimates)
         if spec is None:
@@ -129,8 +142,7 @@ class Planner:
         self, own: Design, legs: Sequence[np.ndarray], *, fixed: bool
     ) -> tuple[Design, list[PlannedShape]]:
         """Return the best design within the limits, and all that were compared."""
-        limit = radians(self._wishes.motion_deg)
-        compared = [own, *candidates(self._lab, legs, own.window_s, limit)]
+        compared = [own, *candidates(self._lab, legs, own.window_s, radians(self._motion_deg))]
         rows, scores = [], []
         for design in compared:
             row, score = self._compared(design, peak_rad(self._lab, legs, design))
@@ -139,7 +151,7 @@ class Planner:
         if not fixed and not np.isfinite(scores).any():
             raise DataError(
                 f"plan: no pulse of at least 1 N*m that the device can give stays below "
-                f"{self._wishes.motion_deg:g} degrees in nine of ten legs. Nearest: --motion "
+                f"{self._motion_deg:.3g} degrees in nine of ten legs. Nearest: --motion "
                 f"{ceil(min(row.peak_deg for row in rows))}."
             )
         # The lab's own pulses stay where others are not better.
@@ -178,9 +190,9 @@ class Planner:
 
     def _beyond_limits(self, design: Design, peak: float) -> str:
         """Return which limit a design exceeds; "" if none."""
-        limit_deg = self._wishes.motion_deg
+        limit_deg = self._motion_deg
         if np.degrees(peak) > _MOTION_MARGIN * limit_deg:
-            return f"moves the joint further than {limit_deg:g} degrees"
+            return f"moves the joint further than {limit_deg:.3g} degrees"
         largest = max(size for pulse in design.pulses for size in pulse.sizes_nm)
         if largest > self._lab.actuator.torque_nm + 1e-9:
             return f"needs {largest:g} N*m"
@@ -216,12 +228,11 @@ class Planner:
             return dict.fromkeys(self._points, least)
         own = self._schedule.counts
         if wish is None:
-            rounds = {k: max(least, widths.step * round(n / widths.step)) for k, n in own.items()}
-            if self._wishes.minutes is None:
-                return rounds
+            if self._wishes.minutes is None or self.minutes(own) <= self._wishes.minutes:
+                return dict(own)
             return dict.fromkeys(self._points, allowed(widths.step, most)[-1])
         found = {
-            name: widths.fewest(k, self._wanted, wish / 100.0, self._wishes.share, MOST)
+            name: widths.fewest(k, self._wanted, _SURELY * wish / 100.0, self._wishes.share, MOST)
             for k, name in enumerate(self._points)
         }
         if unreachable := [name for name, n in found.items() if n is None]:
@@ -235,7 +246,7 @@ class Planner:
     def _nearest_half_width(self, widths: HalfWidths, most: int) -> str:
         """Return the narrowest half-width with at most so many pulses, as a remedy."""
         assured = widths.assured(allowed(widths.step, most)[-1], self._wishes.share)
-        nearest = ceil(1000.0 * float(assured[self._wanted].max())) / 10.0
+        nearest = ceil(1000.0 * float(assured[self._wanted].max()) / _SURELY) / 10.0
         if nearest <= 100.0 * WIDEST:
             return f"--half-width {nearest:g}"
         return (
@@ -250,11 +261,12 @@ class Planner:
         names = list(self._points)
         never = [p for p in points if 100.0 * endless[names.index(p)] > (wish or 0.0)]
         text = (
-            f"{letters} to {wish:g} % in {100 * share:.0f} of 100 legs cannot be had at "
-            f"{', '.join(points)} with {MOST} pulses"
+            f"{letters} to {wish:g} % in {100 * share:.0f} of 100 legs cannot be had with {MOST} "
+            f"pulses at {', '.join(points)}"
         )
         if never:
-            text += f"; at {', '.join(never)} with no number of pulses"
+            which = "any of them" if never == list(points) else ", ".join(never)
+            text += f", nor with more pulses at {which}"
         nearest = self._nearest_half_width(widths, most)
         self._refused.append(f"{text}. Nearest: {nearest}; see what sensors buy.")
 
@@ -263,7 +275,7 @@ class Planner:
         longer = f"--minutes {need}, or " if need <= MOST_MINUTES else ""
         self._refused.append(
             f"{self._wishes.half_width_pct:g} % needs {need} min of walking, and there are "
-            f"{self._wishes.minutes:g}. Nearest: {longer}"
+            f"{self._wishes.minutes:g} min. Nearest: {longer}"
             f"{self._nearest_half_width(widths, most)}."
         )
 
@@ -311,12 +323,12 @@ class Planner:
         """Say which differences a recorded study of so many people could not find."""
         own = [p for p in people if p.participants == participants]
         if own:
-            paired = ", ".join(f"{p.paired_pct:.0f} % in {_SHORT[p.parameter]}" for p in own)
-            groups = ", ".join(f"{p.groups_pct:.0f} % in {_SHORT[p.parameter]}" for p in own)
+            paired = ", ".join(f"{_found(p.paired_pct)} in {_SHORT[p.parameter]}" for p in own)
+            groups = ", ".join(f"{_found(p.groups_pct)} in {_SHORT[p.parameter]}" for p in own)
             self._notes.append(
-                f"With {participants} participants, smaller differences than these are missed in "
-                f"one study of {1.0 / (1.0 - self._wishes.share):.0f} or more: between two "
-                f"conditions {paired}; between two groups of so many {groups}."
+                f"The smallest differences that {participants} participants find in "
+                f"{100.0 * self._wishes.share:.0f} of 100 studies: between two conditions "
+                f"{paired}; between two groups of so many {groups}."
             )
 
     def _measures(
@@ -339,8 +351,8 @@ class Planner:
 
     # --- people --------------------------------------------------------------------------------
 
-    def _people(self, moments: LogMoments) -> tuple[tuple[PlannedPeople, ...], int]:
-        expected = expected_people(moments, self._lab.decision.gain_sd)
+    def _people(self, now_: LegEstimates) -> tuple[tuple[PlannedPeople, ...], int]:
+        expected = expected_people(now_.moments, now_.decided, self._lab.decision.gain_sd)
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
         rows = [
@@ -372,7 +384,7 @@ class Planner:
 
     def _more_people(
         self,
-        expected: ExpectedPeople,
+        expected: ExpectedPeople | None,
         wish: float,
         attribute: str,
         option: str,
@@ -382,23 +394,26 @@ class Planner:
         """Return why so many people do not do, and what is nearest."""
         remedies = [] if need is None else [f"--participants {need}"]
         if at > 1:
-            reach = ceil(self._worst(people_rows(expected, at, self._wishes.share), attribute))
+            reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
             most = MOST_DIFFERENCE_PCT if option == "--difference" else _MOST_MEAN_PCT
-            remedies += [f"{option} {reach}"] if reach <= most else []
-        nearest = ", or ".join(remedies) or "more participants, or a larger wish"
+            remedies += [f"{option} {ceil(reach)}"] if reach <= most else []
+        nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")
-        return f"{option} {wish:g} % cannot be had with {people}. Nearest: {nearest}."
+        letters = " and ".join(_SHORT[name] for name in self._wishes.parameters)
+        return f"{option} {wish:g} % of {letters} cannot be had with {people}. Nearest: {nearest}."
 
-    def _fewest_people(self, expected: ExpectedPeople, wish: float, attribute: str) -> int | None:
+    def _fewest_people(
+        self, expected: ExpectedPeople | None, wish: float, attribute: str
+    ) -> int | None:
         for n in range(2, MOST_PEOPLE + 1):
             if self._worst(people_rows(expected, n, self._wishes.share), attribute) <= wish:
                 return n
         return None
 
     def _worst(self, rows: Sequence[PlannedPeople], attribute: str) -> float:
-        return float(
-            max(getattr(r, attribute) for r in rows if r.parameter in self._wishes.parameters)
-        )
+        """Return the largest of what was asked for; infinite where nothing is decided."""
+        found = {r.parameter: float(getattr(r, attribute)) for r in rows}
+        return max(found.get(name, np.inf) for name in self._wishes.parameters)
 
     # --- protocol ------------------------------------------------------------------------------
 
@@ -424,8 +439,8 @@ class Planner:
             counts,
             participants=participants,
             half_width_pct=planned,
-            displacement_rad=round(min(1.2 * radians(self._wishes.motion_deg), 0.31), 3),
-            notes=[f"Planned by jointz plan: {text_of(design.pulses)}."],
+            displacement_rad=round(min(_TRIPS * radians(self._motion_deg), _LARGEST_TRIP_RAD), 3),
+            notes=[*spec.notes, f"Planned by jointz plan: {text_of(design.pulses)}."],
         )
         if problems := problems_of(text):
             self._refused.append(
@@ -438,10 +453,16 @@ class Planner:
 
 def _replaced(own: PlannedShape, chosen: PlannedShape) -> str:
     """Say why a protocol's own pulses were replaced."""
-    why = own.why_not or (
-        f"K is {own.stiffness_pct:.0f} % wide with them, {chosen.stiffness_pct:.0f} % with others"
+    before, after = (
+        ", ".join(f"{v:.0f}" for v in (s.stiffness_pct, s.damping_pct, s.inertia_pct))
+        for s in (own, chosen)
     )
+    why = own.why_not or f"half-widths of K, B, J are {before} % with them and {after} % with these"
     return f"The protocol's own pulses ({own.text}) were replaced: {why}."
+
+
+def _found(pct: float) -> str:
+    return f"{pct:.0f} %" if pct <= _LARGEST_NAMED_PCT else f"over {_LARGEST_NAMED_PCT:.0f} %"
 
 
 def _float(counts: Mapping[str, int]) -> dict[str, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from jointz.core.codes import Doubt
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.strapped.decisions import (
+    Decision,
     decided_rows,
     holds_one_torque,
     with_model_error,
@@ -40,6 +41,8 @@ ENDLESS = 1e7
 _KNOWN = 1e9
 #: Steps of derivatives of what is estimated, over those of the estimator, in prior sds.
 _STEP_SD = 0.05
+#: Half-width of a value of which the device's own part leaves nothing.
+_NOTHING_LEFT = 1e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,9 +121,19 @@ class PlannedLeg:
             rows = decided_rows(k, moments, decision, doubts)
             decided[:, k] = [row.status == "ok" for row in rows[: len(PARAMETERS)]]
             for i, name in enumerate(ESTIMANDS[: len(PARAMETERS)]):
-                sd = np.hypot(with_model_error(name, moments.of(name, k)[1]), decision.gain_sd)
-                half[i, k] = relative_half_width(float(sd))
+                half[i, k] = _half_width(name, k, moments, decision)
         return LegEstimates(half, decided, moments)
+
+
+def _half_width(name: str, k: int, moments: LogMoments, decision: Decision) -> float:
+    """Return the half-width of an estimate over its value, less the device's own part."""
+    mean, sd = moments.of(name, k)
+    own, own_sd = decision.intrinsic(name)
+    whole = float(np.exp(mean))
+    if whole <= own:
+        return _NOTHING_LEFT
+    relative = float(np.hypot(with_model_error(name, sd), decision.gain_sd))
+    return relative_half_width(float(np.hypot(whole * relative, own_sd)) / (whole - own))
 
 
 def planned_model(lab: Laboratory, design: Design, person: int = 0) -> LegModel:

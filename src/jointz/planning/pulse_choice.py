@@ -29,6 +29,8 @@ _LEAST_NM = 1.0
 #: Motion is that which this share of legs does not exceed, at the softest timing point.
 MOTION_SHARE = 0.9
 _PASSES = 6
+#: More pulses than this are described together.
+_MOST_NAMED = 3
 
 
 def candidates(
@@ -101,6 +103,11 @@ def planned_course(pulse: Pulse) -> PlannedCourse:
 
 def text_of(pulses: Sequence[Pulse]) -> str:
     """Return shapes, sizes and directions in words."""
+    if len(pulses) > _MOST_NAMED:
+        lengths = sorted({round(1000.0 * pulse.length_s) for pulse in pulses})
+        sizes = sorted({size for pulse in pulses for size in pulse.sizes_nm})
+        times = " and ".join(map(str, lengths))
+        return f"{len(pulses)} kinds of pulse: {times} ms, {sizes[0]:g} to {sizes[-1]:g} N*m"
     return "; ".join(_words(pulse) for pulse in pulses)
 
 

@@ -29,6 +29,8 @@ class Schedule:
     other_strides: float  # before the first pulse, and of walks without pulses
     sham_share: float
     participants: int
+    asked_window_s: float  # which may be longer than that of the method
+    displacement_rad: float | None = None  # of the joint, that trips the device
 
     def strides(self, counts: Mapping[str, float]) -> float:
         """Return the strides of a participant."""
@@ -74,6 +76,8 @@ def schedule_of_protocol(spec: Protocol) -> Schedule:
         ),
         sham_share=float(np.mean([p.sham_share for p in plans])),
         participants=spec.participants,
+        asked_window_s=spec.window_s or _WINDOW_S,
+        displacement_rad=spec.safety.displacement_rad,
     )
 
 
@@ -85,10 +89,10 @@ def recorded_schedule(
     gap_strides: tuple[int, int],
     *,
     window_s: float,
-    unperturbed_strides: int,
+    strides: float,
     participants: int,
 ) -> Schedule:
-    """Return the schedule of what was recorded."""
+    """Return the schedule of what was recorded, so many strides of a participant."""
     return Schedule(
         name=name,
         timing_points=dict(timing_points),
@@ -96,7 +100,8 @@ def recorded_schedule(
         repeats=dict.fromkeys(counts, 1),
         design=Design("as recorded", pulses, min(window_s, _LONGEST_WINDOW_S)),
         gap_strides=float(np.mean(gap_strides)),
-        other_strides=float(unperturbed_strides),
+        other_strides=max(0.0, strides - sum(counts.values()) * float(np.mean(gap_strides))),
         sham_share=0.0,
         participants=participants,
+        asked_window_s=window_s,
     )

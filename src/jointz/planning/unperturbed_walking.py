@@ -115,6 +115,7 @@ def recorded_walking(
     recordings: Sequence[RecordingInput],
     settings: ParticipantSettings,
     *,
+    who: str,
     timing_points: Mapping[str, float],
     window_s: float,
     n_strides: int,
@@ -124,12 +125,13 @@ def recorded_walking(
     Without unperturbed recordings, the strides between the pulses of perturbed ones.
     """
     worn = [r for r in recordings if r.condition == "unperturbed"]
-    sources = prepare_sources(worn or recordings, settings)
+    pulsed = [r for r in recordings if r.condition == "perturbed"]
+    sources = prepare_sources(worn or pulsed, settings)
     sources = [s for s in sources if quiet_strides(s).size >= FEWEST_STRIDES]
     if not sources:
         raise DataError(
-            f"pilot: expected a recording with at least {FEWEST_STRIDES} unperturbed strides, "
-            "found none. Record three to five minutes of walking with the device on."
+            f"pilot: expected a recording of {who} with the device on and at least "
+            f"{FEWEST_STRIDES} unperturbed strides, found none. Record three to five minutes."
         )
     source = max(sources, key=lambda s: quiet_strides(s).size)
     sensors = motion_sensors([source])

@@ -11,21 +11,21 @@ from jointz.kernels.statistics.people_model import (
     PeopleVariances,
     people_evidence,
 )
+from jointz.stats.people_likelihoods import PARAMETERS
 from jointz.stats.people_together import LEVEL_SD, POINT_SD, SHARED
-
-#: Median of a half-normal prior over its scale.
-_MEDIAN = 0.674
-_PARAMETERS = ("stiffness", "damping", "inertia")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedPeople:
-    """Sds of logarithms over people with the same likelihood, by parameter and timing point.
+    """Sds of logarithms over people with the same likelihood, element by element.
 
-    People differ by the medians of the priors of the model of people.
+    People differ by the root mean square of the priors of the model of people: few people tell
+    little about that themselves.
     """
 
-    precision: np.ndarray  # (d, d) of a person's likelihood: K of all points, then B, then J
+    parameters: np.ndarray  # (d,) number of the parameter of each element: K, B, J
+    places: np.ndarray  # (d,) number of its timing point
+    precision: np.ndarray  # (d, d) of a person's likelihood
     own_sd: np.ndarray  # (d,) of a person's own estimates
     gain_sd: float  # of the gains, the same for everybody
 
@@ -47,22 +47,20 @@ class ExpectedPeople:
 
     def _covariance(self, conditions: int) -> np.ndarray:
         """Return the covariance of the means if one person is measured."""
-        n_points = self.own_sd.size // len(_PARAMETERS)
-        kinds = np.repeat(np.arange(len(_PARAMETERS)), n_points)
-        places = np.tile(np.arange(n_points), len(_PARAMETERS))
+        n = len(PARAMETERS)
         data = PeopleData(
             precision=block_diag(*[self.precision] * conditions)[None],
-            weighted=np.zeros((1, conditions * kinds.size)),
-            kinds=np.tile(kinds, conditions),
-            places=np.tile(places, conditions),
-            level_sd=np.array([LEVEL_SD[name] for name in _PARAMETERS]),
-            place_sd=np.array([POINT_SD[name] for name in _PARAMETERS]),
-            conditions=np.repeat(np.arange(conditions), kinds.size),
+            weighted=np.zeros((1, conditions * self.parameters.size)),
+            kinds=np.tile(self.parameters, conditions),
+            places=np.tile(self.places, conditions),
+            level_sd=np.array([LEVEL_SD[name] for name in PARAMETERS]),
+            place_sd=np.array([POINT_SD[name] for name in PARAMETERS]),
+            conditions=np.repeat(np.arange(conditions), self.parameters.size),
         )
         variances = PeopleVariances(
-            level_sd=_MEDIAN * data.level_sd,
-            place_sd=_MEDIAN * data.place_sd,
-            correlation=np.eye(len(_PARAMETERS)),
-            response=np.full(len(_PARAMETERS), _MEDIAN * RESPONSE_SD),
+            level_sd=data.level_sd,
+            place_sd=data.place_sd,
+            correlation=np.eye(n),
+            response=np.full(n, RESPONSE_SD),
         )
         return people_evidence(data, variances).covariance

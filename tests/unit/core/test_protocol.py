@@ -169,7 +169,7 @@ def test_shams_come_on_top_of_the_counts():
         timing_points=POINTS, count_per_point=50, gap_strides=(3, 7), sham_share=0.2
     )
 
-    assert plan.shams == 12  # 12 of 62 is as near to a fifth as whole pulses come
+    assert set(plan.shams.values()) == {12}  # 12 of 62 is as near to a fifth as whole pulses come
     assert plan.total == 2 * 62
 
 
@@ -183,7 +183,8 @@ def test_every_timing_point_may_have_a_number_of_pulses_of_its_own():
     )
 
     assert plan.counts == counts
-    assert plan.total == 8 + 24 + 2 * 4  # a fifth of all
+    assert plan.shams == {"LRE": 2, "MSW": 6}  # a fifth at each
+    assert plan.total == 8 + 24 + 8
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ def test_a_plan_is_written_and_the_next_step_is_named(jointz, protocol, tmp_path
     assert outcome.code == 0, outcome.err
     assert names(tmp_path / "plan") >= FILES
     assert f"jointz run {tmp_path / 'plan' / 'protocol.toml'} --out STUDY" in outcome.out
-    assert "10 participants, 7 minutes of walking each" in outcome.out
+    assert "10 participants, 7 min of walking each" in outcome.out
     again = jointz("plan", protocol, "--out", tmp_path / "plan")
     assert again.code == 2
     assert "exists" in again.err
@@ -147,8 +147,8 @@ def test_a_refused_wish_ends_with_1_and_replaces_the_plan(jointz, made, protocol
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ((), "expected a protocol, or --study"),
-        (("walking", "--study", "results"), "expected a protocol, or --study"),
+        ((), "expected either a protocol"),
+        (("walking", "--study", "results"), "expected either a protocol"),
         (("walking", "--study-folder", "."), "--study-folder goes with --study"),
         (("--study", "results", "--mass", 80), "expected no mass_kg"),
         (("walking", "--of", "K,Q"), "--of: expected some of K,B,J; got Q"),

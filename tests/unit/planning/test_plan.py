@@ -188,8 +188,8 @@ def test_the_nearest_half_width_is_kept(doublets):
     refused = jointz.plan(doublets, half_width_pct=6.0, parameters=("inertia",))
 
     (text,) = refused.refused
-    assert text.startswith("J to 6 % in 80 of 100 legs cannot be had at MST with 240 pulses")
-    assert "at MST with no number of pulses" in text
+    assert text.startswith("J to 6 % in 80 of 100 legs cannot be had with 240 pulses at MST")
+    assert "nor with more pulses at any of them" in text
     assert refused.protocol_text == ""
     wish = nearest(refused, "--half-width")
     kept = jointz.plan(doublets, half_width_pct=wish, parameters=("inertia",))
@@ -252,7 +252,9 @@ def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypa
     never = jointz.plan(doublets, mean_pct=2.0)
 
     (text,) = never.refused
-    assert text.startswith("--mean 2 % cannot be had with 12 participants. Nearest: --mean ")
+    assert text.startswith(
+        "--mean 2 % of K and B cannot be had with 12 participants. Nearest: --mean "
+    )
     most = [p.mean_pct for p in never.people if p.participants == 12]
     assert nearest(never, "--mean") == np.ceil(max(most[:2]))
 

@@ -150,7 +150,7 @@ def test_without_a_plan_nothing_stands_there():
 
 def test_the_report_shows_planned_and_reached_by_timing_point():
     planned = {"stiffness": {"MST": 22.4, "ISW": 25.0}, "inertia": {"ISW": 9.6}}
-    rows = planned_beside_reached(planned, [cell("S01", "MST", 20.4)])
+    rows = planned_beside_reached(planned, [cell("S01", "MST", 20.4), cell("S01", "ISW", None)])
 
     section = planned_section({"planned_half_widths": rows})
 

@@ -9,14 +9,13 @@ from jointz.stats.people_together import LEVEL_SD, POINT_SD, SHARED
 
 NAMES = ("stiffness", "damping", "inertia")
 POINTS = 2
-#: Median of the half-normal distribution.
-MEDIAN = 0.674
-BETWEEN = np.repeat([(MEDIAN * np.hypot(LEVEL_SD[n], POINT_SD[n])) ** 2 for n in NAMES], POINTS)
+BETWEEN = np.repeat([np.hypot(LEVEL_SD[n], POINT_SD[n]) ** 2 for n in NAMES], POINTS)
 OWN = np.array([0.2, 0.25, 0.3, 0.35, 0.08, 0.1])
 
 
 def expected(own_sd=OWN, gain_sd=0.0):
-    return ExpectedPeople(np.diag(own_sd**-2.0), own_sd, gain_sd)
+    kinds, places = np.repeat(np.arange(3), POINTS), np.tile(np.arange(POINTS), 3)
+    return ExpectedPeople(kinds, places, np.diag(own_sd**-2.0), own_sd, gain_sd)
 
 
 @pytest.mark.parametrize("n", [1, 4, 25])
@@ -30,12 +29,12 @@ def test_exact_estimates_leave_what_people_differ_by():
     exact = expected(np.full(6, 1e-4))
 
     np.testing.assert_allclose(exact.person_sd(), np.sqrt(BETWEEN), rtol=1e-3)
-    response = (MEDIAN * RESPONSE_SD) ** 2
+    response = RESPONSE_SD**2
     np.testing.assert_allclose(exact.difference_sd(), np.sqrt(2.0 * response * BETWEEN), rtol=1e-3)
 
 
 def test_a_difference_has_the_errors_of_both_conditions():
-    response = (MEDIAN * RESPONSE_SD) ** 2
+    response = RESPONSE_SD**2
     variance = 2.0 * (response * BETWEEN + OWN**2)
 
     np.testing.assert_allclose(expected().difference_sd(), np.sqrt(variance), rtol=0.03)

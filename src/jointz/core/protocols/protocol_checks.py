@@ -291,6 +291,10 @@ def _perturbed_is_perturbed(protocol: ProtocolFields, i: int) -> Iterator[Proble
         )
 
 
+#: Of a random torque.
+_SLOWEST_NOISE_HZ = 0.5
+
+
 def _random_torque_in_walking(protocol: ProtocolFields, i: int) -> Iterator[Problem]:
     condition, place = protocol.conditions[i], ("conditions", i, "torque_nm")
     if protocol.kind != "walking" or condition.torque_nm is None:
@@ -300,6 +304,17 @@ def _random_torque_in_walking(protocol: ProtocolFields, i: int) -> Iterator[Prob
             place,
             f'expected kind = "noise" in walking, got "{condition.torque_nm.kind}": only a random '
             "torque is independent of the stride.",
+        )
+    elif condition.torque_nm.cutoff_hz < _SLOWEST_NOISE_HZ:
+        yield Problem(
+            (*place, "cutoff_hz"),
+            f"expected at least {_SLOWEST_NOISE_HZ:g} Hz, got {condition.torque_nm.cutoff_hz:g}: "
+            "slower torque is a load, and its filter takes too long to settle.",
+        )
+    if protocol.safety.displacement_rad is not None and condition.perturbations is None:
+        yield Problem(
+            ("safety", "displacement_rad"),
+            "is watched after pulses only, and a random torque has none. Remove it.",
         )
     if condition.condition != "perturbed":
         yield Problem(

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterator, Mapping
 from functools import partial
 from math import isclose
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
 from jointz.core.gait_phases import ALL_POINTS, FASTEST_M_S, SLOWEST_M_S, stride_time_ratio
@@ -78,6 +78,17 @@ class RatesSpec(CheckedModel):
             )
 
 
+def _kind_of_count(value: Any) -> str:
+    return "table" if isinstance(value, Mapping) else "number"
+
+
+#: One number for all timing points, or a table of them.
+CountPerPoint = Annotated[
+    Annotated[Count, Tag("number")] | Annotated[dict[Name, Count], Tag("table")],
+    Discriminator(_kind_of_count),
+]
+
+
 class PerturbationPlan(CheckedModel):
     """Which pulses fire when.
 
@@ -87,7 +98,7 @@ class PerturbationPlan(CheckedModel):
     """
 
     timing_points: dict[Name, float] | None = Field(default=None, min_length=1)
-    count_per_point: Count | dict[Name, Count] | None = None
+    count_per_point: CountPerPoint | None = None
     gap_strides: tuple[Strides, Strides] | None = Field(default=None, strict=False)
     warm_up_strides: Annotated[int, Field(ge=0, le=10_000)] = 10
     count: Count | None = None
@@ -111,16 +122,15 @@ class PerturbationPlan(CheckedModel):
         return dict.fromkeys(self.timing_points or {}, given)
 
     @property
-    def shams(self) -> int:
-        """Shams at each timing point; as many at all."""
-        counts = list(self.counts.values()) or [0]
-        mean = sum(counts) / len(counts)
-        return round(self.sham_share / (1.0 - self.sham_share) * mean)
+    def shams(self) -> dict[str, int]:
+        """Shams at each timing point."""
+        per_pulse = self.sham_share / (1.0 - self.sham_share)
+        return {name: round(per_pulse * n) for name, n in self.counts.items()}
 
     @property
     def total(self) -> int:
         """Pulses of the plan, shams included."""
-        return sum(n + self.shams for n in self.counts.values())
+        return sum(self.counts.values()) + sum(self.shams.values())
 
     def _points_named(self) -> Iterator[Problem]:
         for name in self.timing_points or {}:
@@ -177,8 +187,8 @@ class PerturbationPlan(CheckedModel):
                 yield Problem(("count_per_point", name), message)
 
     def _shams(self) -> Iterator[Problem]:
-        pulses = max(self.counts.values(), default=0)
-        if self.sham_share and pulses and not self.shams:
+        pulses = min(self.counts.values(), default=0)
+        if self.sham_share and pulses and not all(self.shams.values()):
             yield Problem(
                 ("sham_share",),
                 f"{self.sham_share:g} of {pulses} pulses is less than one sham. Raise it, or "
