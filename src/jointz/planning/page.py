@@ -135,7 +135,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
                 "b": _pct(s.damping_pct),
                 "j": _pct(s.inertia_pct),
                 "chosen": s.chosen,
-                "remark": "chosen" if s.chosen else s.why_not,
+                "remark": s.why_not or ("chosen" if s.chosen and not plan.recorded else ""),
             }
             for s in plan.shapes
         ],

@@ -336,7 +336,7 @@ class Planner:
     ) -> list[PlannedMeasure]:
         """Return what sensors and calibrations would buy, and twice the pulses."""
         here = tuple(n for n in SENSORS if n in self._lab.noise)
-        rows = [_measure("as planned", middle.estimates(_float(counts)).half_width)]
+        rows = [_measure("as above", middle.estimates(_float(counts)).half_width)]
         for names in _sensor_sets(here):
             leg = typical_leg(self._lab.with_sensors(dict.fromkeys(names)), design)
             added = [n for n in names if n not in here]

@@ -75,7 +75,7 @@ def test_what_would_be_bought_narrows(made):
     rows = {
         m.what: np.array([m.stiffness_pct, m.damping_pct, m.inertia_pct]) for m in made.measures
     }
-    planned = rows.pop("as planned")
+    planned = rows.pop("as above")
 
     assert {"with encoder", "with gyroscopes", "with encoder and gyroscopes"} < set(rows)
     assert (planned == halves(made)).all()
