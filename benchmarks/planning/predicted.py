@@ -23,7 +23,7 @@ from jointz.sim.people import draw_person
 PILOT_STRIDES = 200
 _TORQUE_NM = 17.0
 #: Legs drawn for a person; the people's together show the spread.
-_DRAWN = 4
+_DRAWN = 2
 
 
 def schedule_of(row: RealisticRow) -> Schedule:
