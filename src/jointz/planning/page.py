@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from jointz.core.whole_file import refuse_existing
 from jointz.io.new_folder import MARKER, new_folder, write_marker
-from jointz.planning.plan_result import Plan, PlannedEstimate
+from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import to_svg
 from jointz.report.wording import DASH, MINUS, joined, point_name
@@ -22,7 +22,6 @@ from jointz.results.figure_style import BLUE, VERMILION, figure_style
 PAGE: Final = "plan.html"
 PROTOCOL: Final = "protocol.toml"
 _KIND: Final = "plan"
-_LETTERS: Final = {"stiffness": "K", "damping": "B", "inertia": "J"}
 _MM: Final = 25.4
 #: Numbers of people in the table, beside that of the plan.
 _SHOWN_PEOPLE: Final = (4, 8, 12, 20, 40)
@@ -123,7 +122,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         points=[_point(plan, e) for e in plan.estimates],
         source_names=names,
         sources=[
-            {"name": _LETTERS[name], "shares": [_pct(100.0 * v) for v in shares.values()]}
+            {"name": LETTERS[name], "shares": [_pct(100.0 * v) for v in shares.values()]}
             for name, shares in plan.sources.items()
         ],
         shapes=[
@@ -151,7 +150,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         people=[
             {
                 "n": p.participants,
-                "name": _LETTERS[p.parameter],
+                "name": LETTERS[p.parameter],
                 "mean": _pct(p.mean_pct) if p.mean_pct <= 100.0 * WIDEST else "undecided",
                 "half": _pct(p.difference_half_width_pct),
                 "paired": _pct(p.paired_pct),
@@ -182,7 +181,7 @@ def _wish(plan: Plan) -> str:
     wish = plan.wishes.get("half_width_pct")
     if wish is None:
         return ""
-    letters = joined([_LETTERS[name] for name in plan.wishes["parameters"]])
+    letters = joined([LETTERS[name] for name in plan.wishes["parameters"]])
     kept = "refused" if plan.refused else "kept"
     share = 100.0 * float(plan.wishes["share"])
     return f"Wanted: {letters} to {wish:g} % in {share:.0f} of 100 legs. This is {kept}."
@@ -196,7 +195,7 @@ def _facts(plan: Plan) -> list[tuple[str, str]]:
     ]
     medians = [
         np.median([e.half_width_pct for e in plan.estimates if e.parameter == name])
-        for name in _LETTERS
+        for name in LETTERS
     ]
     facts.append((f"±{', '.join(f'{m:.0f}' for m in medians)} %", "K, B, J of a typical leg"))
     return facts
@@ -208,7 +207,7 @@ def _point(plan: Plan, estimate: PlannedEstimate) -> dict[str, Any]:
     return {
         "point": f"{point_name(estimate.timing_point)}, {estimate.gait_pct:.0f} %" if first else "",
         "pulses": estimate.pulses if first else "",
-        "name": _LETTERS[estimate.parameter],
+        "name": LETTERS[estimate.parameter],
         "typical": _pct(estimate.half_width_pct),
         "reached": DASH if reached is None else _pct(reached),
         "assured": _pct(estimate.assured_pct),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from jointz.report.wording import ABSOLUTE, SYMBOLS
 from jointz.results.base import PlottedResult, record_frame
 from jointz.results.estimates import WIDEST
 from jointz.results.figure_style import BLUE, INK, MUTED, VERMILION
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
 #: Wider intervals are undecided; wider ones still are not drawn in full.
 _DECIDED_PCT, _WIDEST_PCT = 100.0 * WIDEST, 150.0
-_SHORT = {"stiffness": "K", "damping": "B", "inertia": "J"}
+#: Parameters and their symbols.
+LETTERS: Mapping[str, str] = dict(zip(ABSOLUTE, SYMBOLS, strict=True))
 _COLUMNS = (
     "timing_point",
     "gait_pct",
@@ -287,13 +289,13 @@ class Plan(PlottedResult):
             f"  {self.participants} participants, {self.minutes:.0f} min of walking each; pulses: "
             + ", ".join(f"{point} {n}" for point, n in counts.items()),
         ]
-        for name, letter in _SHORT.items():
+        for name, letter in LETTERS.items():
             own = [e for e in self.estimates if e.parameter == name]
             shown = ", ".join(f"{e.timing_point} {e.half_width_pct:.0f}" for e in own)
             lines.append(f"  {letter}, half-width of a typical leg (%): {shown}")
         if self.undecidable:
             which = ", ".join(
-                f"{_SHORT[e.parameter]} at {e.timing_point}" for e in self.undecidable
+                f"{LETTERS[e.parameter]} at {e.timing_point}" for e in self.undecidable
             )
             lines.append(f"  No number of pulses decides {which}.")
         lines[1:1] = [f"  Refused: {text}" for text in self.refused]
@@ -302,7 +304,7 @@ class Plan(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         points = self.timing_points
         at = np.arange(len(points), dtype=float)
-        for k, (name, colour) in enumerate(zip(_SHORT, (BLUE, VERMILION, MUTED), strict=True)):
+        for k, (name, colour) in enumerate(zip(LETTERS, (BLUE, VERMILION, MUTED), strict=True)):
             own = [self.estimate(point, name) for point in points]
             x = at + 0.22 * (k - 1)
             axes.vlines(
@@ -313,7 +315,7 @@ class Plan(PlottedResult):
                 linewidth=4.0,
                 alpha=0.35,
             )
-            axes.plot(x, [e.half_width_pct for e in own], "o", color=colour, label=_SHORT[name])
+            axes.plot(x, [e.half_width_pct for e in own], "o", color=colour, label=LETTERS[name])
         axes.axhline(_DECIDED_PCT, color=INK, linewidth=0.8, linestyle=":")
         axes.set_xticks(at, points)
         widest = max(e.assured_pct for e in self.estimates)

@@ -13,6 +13,7 @@ from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.planning.laboratory import SENSORS, Laboratory
 from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
+    LETTERS,
     Plan,
     PlannedEstimate,
     PlannedMeasure,
@@ -41,7 +42,6 @@ LEGS = 10
 #: Pulses of a timing point at which shapes are compared.
 _COMPARED = 48
 _PEOPLE = (4, 6, 8, 10, 12, 16, 20, 30, 40)
-_SHORT = dict(zip(PARAMETERS, "KBJ", strict=True))
 #: The protocol's own pulses stay if others are better by no more than this.
 _MOST_OWN_WORSE = 1.02
 #: Amplitudes are sought until the motion is as close to its limit.
@@ -94,12 +94,12 @@ class Planner:
         middle = typical_leg(self._lab, design)
         widths = half_widths(self._lab, design, middle, legs, tell=lambda: self._tell("legs"))
         counts = self._counts(widths)
-        now_ = middle.estimates(_float(counts))
-        estimates = self._estimates(middle, now_, widths, counts)
+        typical = middle.estimates(_float(counts))
+        estimates = self._estimates(middle, typical, widths, counts)
         self._tell("timing points")
         measures = tuple(self._measures(design, middle, counts))
         self._tell("sensors")
-        people, participants = self._people(now_)
+        people, participants = self._people(typical)
         minutes = self.minutes(counts)
         self._say_undecidable(estimates)
         if spec is None:
@@ -256,7 +256,7 @@ class Planner:
 
     def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], most: int) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
-        letters = " and ".join(_SHORT[name] for name in self._wishes.parameters)
+        letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
         endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
         names = list(self._points)
         never = [p for p in points if 100.0 * endless[names.index(p)] > (wish or 0.0)]
@@ -282,14 +282,18 @@ class Planner:
     # --- what is expected ----------------------------------------------------------------------
 
     def _estimates(
-        self, middle: PlannedLeg, now_: LegEstimates, widths: HalfWidths, counts: Mapping[str, int]
+        self,
+        middle: PlannedLeg,
+        typical: LegEstimates,
+        widths: HalfWidths,
+        counts: Mapping[str, int],
     ) -> list[PlannedEstimate]:
         endless = middle.estimates(dict.fromkeys(self._points, ENDLESS))
         bias = middle.reflex_bias(_float(counts))
         legs = [leg.estimates(_float(counts)) for leg in widths.legs]
-        over = [leg.half_width / now_.half_width for leg in legs]
+        over = [leg.half_width / typical.half_width for leg in legs]
         ratio = np.quantile(np.concatenate(over, axis=1), self._wishes.share, axis=1)
-        assured = now_.half_width * ratio[:, None]
+        assured = typical.half_width * ratio[:, None]
         decided = np.mean([leg.decided for leg in legs], axis=0)
         return [
             PlannedEstimate(
@@ -297,7 +301,7 @@ class Planner:
                 gait_pct=pct,
                 parameter=parameter,
                 pulses=counts[name],
-                half_width_pct=100.0 * float(now_.half_width[i, k]),
+                half_width_pct=100.0 * float(typical.half_width[i, k]),
                 assured_pct=100.0 * float(assured[i, k]),
                 decided_share=float(decided[i, k]),
                 endless_pct=100.0 * float(endless.half_width[i, k]),
@@ -315,7 +319,7 @@ class Planner:
             ]
             if never:
                 self._notes.append(
-                    f"No number of pulses decides {_SHORT[parameter]} of a typical leg at "
+                    f"No number of pulses decides {LETTERS[parameter]} of a typical leg at "
                     f"{', '.join(never)} with these pulses and sensors."
                 )
 
@@ -323,8 +327,8 @@ class Planner:
         """Say which differences a recorded study of so many people could not find."""
         own = [p for p in people if p.participants == participants]
         if own:
-            paired = ", ".join(f"{_found(p.paired_pct)} in {_SHORT[p.parameter]}" for p in own)
-            groups = ", ".join(f"{_found(p.groups_pct)} in {_SHORT[p.parameter]}" for p in own)
+            paired = ", ".join(f"{_found(p.paired_pct)} in {LETTERS[p.parameter]}" for p in own)
+            groups = ", ".join(f"{_found(p.groups_pct)} in {LETTERS[p.parameter]}" for p in own)
             self._notes.append(
                 f"The smallest differences that {participants} participants find in "
                 f"{100.0 * self._wishes.share:.0f} of 100 studies: between two conditions "
@@ -351,8 +355,8 @@ class Planner:
 
     # --- people --------------------------------------------------------------------------------
 
-    def _people(self, now_: LegEstimates) -> tuple[tuple[PlannedPeople, ...], int]:
-        expected = expected_people(now_.moments, now_.decided, self._lab.decision.gain_sd)
+    def _people(self, typical: LegEstimates) -> tuple[tuple[PlannedPeople, ...], int]:
+        expected = expected_people(typical.moments, typical.decided, self._lab.decision.gain_sd)
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
         rows = [
@@ -399,7 +403,7 @@ class Planner:
             remedies += [f"{option} {ceil(reach)}"] if reach <= most else []
         nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")
-        letters = " and ".join(_SHORT[name] for name in self._wishes.parameters)
+        letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
         return f"{option} {wish:g} % of {letters} cannot be had with {people}. Nearest: {nearest}."
 
     def _fewest_people(
