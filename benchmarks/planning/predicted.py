@@ -42,7 +42,7 @@ def schedule_of(row: RealisticRow) -> Schedule:
         plan.counts,
         plan.gap_strides,
         window_s=row.window_s,
-        unperturbed_strides=0,
+        strides=0.0,
         participants=1,
     )
 
