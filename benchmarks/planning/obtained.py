@@ -1,14 +1,19 @@
 """Rows of realistic people: shapes of pulse and sensors, and what analysis makes of one person."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
 
 from benchmarks.kept import Entry
-from benchmarks.realistic.rows import PARAMETERS, PRESET, ROWS, RealisticRow, set_window
+from benchmarks.realistic.rows import (
+    PARAMETERS,
+    ROWS,
+    RealisticRow,
+    preset_of,
+    set_window,
+)
 
 import jointz
 from jointz.core.protocols.pulse_models import TrapezoidPulse
@@ -16,7 +21,7 @@ from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.sim.own_truth import own_truth
 from jointz.sim.people import Person, draw_person
-from jointz.sim.presets import Preset, preset
+from jointz.sim.presets import Preset
 
 _RESAMPLES = 10
 WINDOW_S = 0.15
@@ -41,12 +46,6 @@ PLANNED: Mapping[str, RealisticRow] = MappingProxyType(
 )
 
 
-def sensors_of(row: RealisticRow) -> Preset:
-    """Return the people's preset with the row's sensors."""
-    whole = preset(PRESET)
-    return whole if row.sensors else replace(whole, encoder=None, gyroscopes=None)
-
-
 def obtained(name: str, seed: int, number: int) -> Entry:
     """Let one person walk and be analysed; return statuses, sds of logarithms and truth.
 
@@ -58,7 +57,7 @@ def obtained(name: str, seed: int, number: int) -> Entry:
         Of the population; person, the same in all rows.
     """
     row, person = PLANNED[name], draw_person(number, seed=seed)
-    return obtained_of(person, sensors_of(row), row.plan, row.window_s) | {"number": number}
+    return obtained_of(person, preset_of(row), row.plan, row.window_s) | {"number": number}
 
 
 def obtained_of(person: Person, settings: Preset, plan: WalkPlan, window_s: float) -> Entry:

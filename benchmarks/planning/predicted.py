@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from benchmarks.kept import Entry
-from benchmarks.planning.obtained import PLANNED, sensors_of
-from benchmarks.realistic.rows import PARAMETERS, RealisticRow
+from benchmarks.planning.obtained import PLANNED
+from benchmarks.realistic.rows import PARAMETERS, RealisticRow, preset_of
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.io.study_reader import open_study
@@ -61,7 +61,7 @@ def lab_of_person(row: RealisticRow, seed: int, number: int) -> Laboratory:
     with TemporaryDirectory(prefix="pilot_") as scratch:
         study = simulate_study(
             Path(scratch) / "study",
-            preset=sensors_of(row),
+            preset=preset_of(row),
             participants=[person],
             plan=WalkPlan(per_point=1),
             unperturbed_strides=PILOT_STRIDES,

@@ -1,4 +1,4 @@
-"""What a lab brings to an experiment: people, sensors, actuator, calibration, walking."""
+"""A lab before an experiment: people, sensors, actuator, calibration, walking."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""What numbers of people tell: means, and the smallest differences that are found."""
+"""Half-widths of means, and the smallest differences that are found, by number of people."""
 
 import numpy as np
 

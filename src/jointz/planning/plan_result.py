@@ -35,7 +35,7 @@ _COLUMNS = (
 
 @dataclass(frozen=True, slots=True)
 class PlannedEstimate:
-    """What a plan lets expect of K, B or J at a timing point.
+    """Expected half-width of K, B or J at a timing point.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class PlannedShape:
 
 @dataclass(frozen=True, slots=True)
 class PlannedMeasure:
-    """What a sensor or a calibration would buy.
+    """Half-widths with another sensor, calibration or number of pulses.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class PlannedMeasure:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPeople:
-    """What a number of people tells.
+    """Half-widths and smallest differences for a number of people.
 
     Parameters
     ----------

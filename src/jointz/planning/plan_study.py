@@ -40,7 +40,7 @@ _WALKING = (
 
 @dataclass(frozen=True, slots=True)
 class _Given:
-    """What the caller states of the lab; None for what the pilot, or a usual lab, has."""
+    """Facts about the lab by the caller; None for those of the pilot or a usual lab."""
 
     sensors: Mapping[str, float | None] | None
     calibration: CalibrationSpec | None

@@ -47,7 +47,7 @@ _NOTHING_LEFT = 1e3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegEstimates:
-    """What would be said of one leg."""
+    """Expected half-widths of one leg, and which values are decided."""
 
     half_width: np.ndarray  # (parameter, point), of the value
     decided: np.ndarray  # (parameter, point) bool
@@ -79,7 +79,7 @@ class PlannedLeg:
 
     @property
     def logs(self) -> LogValues:
-        """What is estimated, and how it depends on the parameters; computed once."""
+        """Logarithms of all estimands with their gradient; computed once."""
         if self._logs is None:
             self._logs = log_values(self.model, self.theta, self.priors[0], _STEP_SD)
         return self._logs

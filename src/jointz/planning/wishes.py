@@ -1,4 +1,4 @@
-"""What a plan shall reach."""
+"""Wishes of a plan, and their ranges."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ MOST_PEOPLE, MOST_MINUTES, MOST_DIFFERENCE_PCT = 200, 600.0, 300.0
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What a plan shall reach; percentages are of the value.
+    """Wanted half-widths, differences and limits; percentages are of the value.
 
     Parameters
     ----------
