@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from jointz.planning.planner import LEGS, Planner
 from jointz.planning.schedule import Schedule, recorded_schedule, schedule_of_protocol
 from jointz.planning.unperturbed_walking import stored_walking
 from jointz.planning.wishes import made_wishes
+from jointz.tasks.engine import on_one_thread
 from jointz.tasks.progress import Progress
 
 _MASS_KG, _HEIGHT_M = 75.0, 1.75
@@ -131,7 +133,8 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
             lab = lab.with_sensors(_beside_pilot(_known_sensors(sensors), lab))
     tell("walking")
     lab = _as_given(lab, given)
-    made = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell).plan(spec)
+    planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
+    made = on_one_thread(partial(planner.plan, spec))
     return replace(made, provenance={**made.provenance, **files})
 
 
@@ -198,7 +201,8 @@ def plan_recorded(
     tell = _Teller(progress)
     lab, walking = lab_of_study(found, schedule, _actuator(largest, None))
     tell("walking")
-    made = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell).plan(None)
+    planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
+    made = on_one_thread(partial(planner.plan, None))
     files = {"study": found.root.name, "study_sha256": found.sha256}
     return replace(
         made, reached=reached_half_widths(analysis.cells), provenance={**made.provenance, **files}

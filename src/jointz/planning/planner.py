@@ -97,7 +97,8 @@ class Planner:
         typical = middle.estimates(_float(counts))
         estimates = self._estimates(middle, typical, widths, counts)
         self._tell("timing points")
-        measures = tuple(self._measures(design, middle, counts))
+        known = middle.if_known(_float(counts))
+        measures = tuple(self._measures(design, middle, counts, known))
         self._tell("sensors")
         people, participants = self._people(typical)
         minutes = self.minutes(counts)
@@ -124,7 +125,7 @@ class Planner:
             wishes={k: v for k, v in asdict(self._wishes).items() if v is not None},
             refused=tuple(self._refused),
             notes=tuple(self._notes),
-            sources=_sources(middle, _float(counts)),
+            sources=_sources(middle, _float(counts), known),
             courses=tuple(planned_course(pulse) for pulse in design.pulses),
             recorded=spec is None,
             protocol_text=text,
@@ -290,7 +291,7 @@ class Planner:
     ) -> list[PlannedEstimate]:
         endless = middle.estimates(dict.fromkeys(self._points, ENDLESS))
         bias = middle.reflex_bias(_float(counts))
-        legs = [leg.estimates(_float(counts)) for leg in widths.legs]
+        legs = widths.of_legs(_float(counts))
         over = [leg.half_width / typical.half_width for leg in legs]
         ratio = np.quantile(np.concatenate(over, axis=1), self._wishes.share, axis=1)
         assured = typical.half_width * ratio[:, None]
@@ -336,7 +337,11 @@ class Planner:
             )
 
     def _measures(
-        self, design: Design, middle: PlannedLeg, counts: Mapping[str, int]
+        self,
+        design: Design,
+        middle: PlannedLeg,
+        counts: Mapping[str, int],
+        known: Mapping[str, np.ndarray],
     ) -> list[PlannedMeasure]:
         """Return what sensors and calibrations would buy, and twice the pulses."""
         here = tuple(n for n in SENSORS if n in self._lab.noise)
@@ -349,7 +354,7 @@ class Planner:
             rows.append(_measure(what, leg.estimates(_float(counts)).half_width))
         twice = {name: 2.0 * n for name, n in counts.items()}
         rows.append(_measure("with twice the pulses", middle.estimates(twice).half_width))
-        for what, half in middle.if_known(_float(counts)).items():
+        for what, half in known.items():
             rows.append(_measure(f"{what} known exactly", half))
         return rows
 
@@ -487,11 +492,13 @@ def _measure(what: str, half_width: np.ndarray) -> PlannedMeasure:
     return PlannedMeasure(what, *(100.0 * np.median(half_width, axis=1)).tolist())
 
 
-def _sources(middle: PlannedLeg, counts: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def _sources(
+    middle: PlannedLeg, counts: Mapping[str, float], known: Mapping[str, np.ndarray]
+) -> dict[str, dict[str, float]]:
     """Return the share of the variance of a typical leg that each source explains, by parameter."""
     half = middle.estimates(counts).half_width
-    without = middle.if_known(counts)
-    without["noise"] = middle.estimates(dict.fromkeys(counts, ENDLESS)).half_width
+    endless = middle.estimates(dict.fromkeys(counts, ENDLESS)).half_width
+    without = {**known, "noise": endless}
     shares: dict[str, dict[str, float]] = {name: {} for name in PARAMETERS}
     for source, left in without.items():
         part = 1.0 - np.median((np.arcsinh(left) / np.arcsinh(half)) ** 2, axis=1)

@@ -1,17 +1,17 @@
 """Half-widths of drawn legs over the number of pulses at a timing point."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointz.planning.laboratory import Laboratory
-from jointz.planning.predicted_estimates import ENDLESS, PlannedLeg
+from jointz.planning.predicted_estimates import ENDLESS, LegEstimates, PlannedLeg
 from jointz.planning.predicted_responses import Design
 
 #: Rounds of all variants at which legs are computed; between them half-widths are interpolated.
-_ROUNDS = (1, 3, 8, 16, 30)
+_ROUNDS = (1, 4, 12, 30)
 #: Fewest and most pulses of a timing point.
 _FEWEST, MOST = 6, 240
 
@@ -42,6 +42,11 @@ class HalfWidths:
         part = (where - at[upper - 1]) / (at[upper] - at[upper - 1])
         return np.asarray(np.exp((1.0 - part) * logs[upper - 1] + part * logs[upper]))
 
+    def of_legs(self, counts: Mapping[str, float]) -> list[LegEstimates]:
+        """Return what is expected of every leg with numbers of pulses, two legs at a time."""
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            return list(pool.map(lambda leg: leg.estimates(counts), self.legs))
+
     def fewest(
         self, point: int, parameters: Sequence[int], wish: float, share: float, most: int
     ) -> int | None:
@@ -68,7 +73,7 @@ def half_widths(
 ) -> HalfWidths:
     """Compute the typical leg, and legs of these parameters, two at a time."""
     points, step = list(lab.walking[0]), len(design.variants)
-    counts = np.array([*(step * -(-r * 8 // step) for r in _ROUNDS), ENDLESS])
+    counts = np.array([step * -(-r * 8 // step) for r in _ROUNDS])
 
     def one(number: int) -> tuple[PlannedLeg, np.ndarray]:
         leg = PlannedLeg(lab, design, number, legs[number])
@@ -81,5 +86,9 @@ def half_widths(
             results.append(result)
             tell()
     made, half = zip(*results, strict=True)
+    # What legs have over the typical one hardly changes any more with endless pulses.
+    drawn = np.stack([np.concatenate([h, h[-1:]]) for h in half])
+    counts = np.append(counts, ENDLESS)
     typical = [middle.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
-    return HalfWidths(tuple(made), step, counts, np.stack(typical), np.stack(half))
+    drawn[:, -1] *= typical[-1] / typical[-2]
+    return HalfWidths(tuple(made), step, counts, np.stack(typical), drawn)
