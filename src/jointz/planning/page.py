@@ -5,24 +5,27 @@ import os
 from collections.abc import Mapping
 from math import ceil
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from jointz.core.whole_file import refuse_existing
 from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate
 from jointz.report.html_page import page_figures, render_template
-from jointz.report.style import to_svg
+from jointz.report.style import new_figure, to_svg
 from jointz.report.wording import DASH, MINUS, joined, point_name
 from jointz.results.estimates import WIDEST
 from jointz.results.figure_style import BLUE, VERMILION, figure_style
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 PAGE: Final = "plan.html"
 PROTOCOL: Final = "protocol.toml"
 _KIND: Final = "plan"
-_MM: Final = 25.4
+_HALF_WIDTHS_MM: Final = 78.0
+_PULSES_MM: Final = 52.0
 #: Numbers of people in the table, beside that of the plan.
 _SHOWN_PEOPLE: Final = (4, 8, 12, 20, 40)
 
@@ -72,14 +75,15 @@ def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = Fal
 def plan_figures(plan: Plan) -> dict[str, str]:
     """Draw half-widths by timing point, and the pulses."""
     with figure_style():
-        figure = Figure(figsize=(178.0 / _MM, 78.0 / _MM), layout="constrained")
+        figure, pulses = new_figure(_HALF_WIDTHS_MM), new_figure(_PULSES_MM)
+        for one in (figure, pulses):
+            one.set_layout_engine("constrained")
         plan.plot(figure.subplots())
-        pulses = Figure(figsize=(178.0 / _MM, 52.0 / _MM), layout="constrained")
         _draw_pulses(plan, pulses)
         return {"half_widths": to_svg(figure), "pulses": to_svg(pulses)}
 
 
-def _draw_pulses(plan: Plan, figure: Figure) -> None:
+def _draw_pulses(plan: Plan, figure: "Figure") -> None:
     """Draw the torque of every shape over time, all sizes and directions."""
     courses = plan.courses
     together = len(courses) > _MOST_PANELS

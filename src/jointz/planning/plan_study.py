@@ -4,11 +4,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.planned_half_widths import reached_half_widths
@@ -25,7 +23,7 @@ from jointz.planning.plan_result import Plan
 from jointz.planning.planner import LEGS, Planner
 from jointz.planning.schedule import Schedule, recorded_schedule, schedule_of_protocol
 from jointz.planning.unperturbed_walking import stored_walking
-from jointz.planning.wishes import made_wishes
+from jointz.planning.wishes import made_wishes, out_of_range
 from jointz.tasks.engine import on_one_thread
 from jointz.tasks.progress import Progress
 
@@ -116,7 +114,15 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
     spec = protocol if isinstance(protocol, Protocol) else load_protocol(protocol)
     schedule = schedule_of_protocol(spec)
     largest = max(size for pulse in spec.shapes for size in pulse.sizes_nm)
-    _check_numbers(torque_nm, bandwidth_hz, mass_kg, height_m, seed)
+    problems = out_of_range(
+        ("torque_nm", torque_nm, 0.5, 300.0, " N*m"),
+        ("bandwidth_hz", bandwidth_hz, 1.0, 200.0, " Hz"),
+        ("mass_kg", mass_kg, 10.0, 300.0, " kg"),
+        ("height_m", height_m, 0.8, 2.6, " m"),
+        ("seed", seed, 0, inf, ""),
+    )
+    if problems:
+        raise DataError("plan: " + "; ".join(problems) + ".")
     if torque_nm is None:
         torque_nm = spec.safety.torque_nm or largest
     actuator = _actuator(torque_nm, bandwidth_hz)
@@ -182,10 +188,7 @@ def plan_recorded(
             f"{folder}: expected results of the method strapped, got "
             f"{analysis.settings.get('method')}. Analyse the study by it: jointz analyze."
         )
-    try:
-        done = study_protocol(found, analysis.pulses, analysis.strides)
-    except DataError as exc:
-        raise DataError(str(exc).replace("certify: ", "plan: ", 1)) from exc
+    done = study_protocol(found, analysis.pulses, analysis.strides, asked_by="plan")
     people = len({c.participant for c in analysis.cells})
     schedule = recorded_schedule(
         found.root.resolve().name,
@@ -207,29 +210,6 @@ def plan_recorded(
     return replace(
         made, reached=reached_half_widths(analysis.cells), provenance={**made.provenance, **files}
     )
-
-
-def _check_numbers(
-    torque_nm: float | None,
-    bandwidth_hz: float | None,
-    mass_kg: float | None,
-    height_m: float | None,
-    seed: int,
-) -> None:
-    """Raise DataError with all numbers that are out of range."""
-    problems = [
-        f"{name}: expected {low:g} to {high:g} {unit}, got {value:g}"
-        for name, value, low, high, unit in (
-            ("torque_nm", torque_nm, 0.5, 300.0, "N*m"),
-            ("bandwidth_hz", bandwidth_hz, 1.0, 200.0, "Hz"),
-            ("mass_kg", mass_kg, 10.0, 300.0, "kg"),
-            ("height_m", height_m, 0.8, 2.6, "m"),
-            ("seed", seed, 0, np.inf, ""),
-        )
-        if value is not None and not low <= value <= high
-    ]
-    if problems:
-        raise DataError("plan: " + "; ".join(problems) + ".")
 
 
 def _actuator(torque_nm: float, bandwidth_hz: float | None) -> Actuator:

@@ -32,7 +32,13 @@ from jointz.planning.protocol_file import problems_of, protocol_text
 from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
 from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
 from jointz.planning.schedule import Schedule
-from jointz.planning.wishes import MOST_DIFFERENCE_PCT, MOST_MINUTES, MOST_PEOPLE, Wishes
+from jointz.planning.wishes import (
+    MOST_DIFFERENCE_PCT,
+    MOST_MEAN_PCT,
+    MOST_MINUTES,
+    MOST_PEOPLE,
+    Wishes,
+)
 from jointz.report.wording import format_count
 from jointz.results.estimates import WIDEST
 from jointz.stats.expected_people import ExpectedPeople
@@ -48,7 +54,6 @@ _MOST_OWN_WORSE = 1.02
 _MOTION_MARGIN = 1.02
 #: Pulses that decide nothing are chosen only if no others are possible.
 _UNDECIDED = 10.0
-_MOST_MEAN_PCT = 100.0
 #: Numbers of pulses are interpolated: a wish is kept with a margin.
 _SURELY = 0.98
 #: Larger differences are only called large.
@@ -89,9 +94,8 @@ class Planner:
         """Return the plan; without a protocol, what a recorded study could see."""
         own = self._schedule.design
         legs = drawn_parameters(self._lab, own, n=LEGS, seed=self._seed)
-        design, shapes = self._chosen(own, legs, fixed=spec is None)
+        design, middle, shapes = self._chosen(own, legs, fixed=spec is None)
         self._tell("shapes")
-        middle = typical_leg(self._lab, design)
         widths = half_widths(self._lab, design, middle, legs, tell=lambda: self._tell("legs"))
         counts = self._counts(widths)
         typical = middle.estimates(_float(counts))
@@ -141,12 +145,13 @@ class Planner:
 
     def _chosen(
         self, own: Design, legs: Sequence[np.ndarray], *, fixed: bool
-    ) -> tuple[Design, list[PlannedShape]]:
-        """Return the best design within the limits, and all that were compared."""
+    ) -> tuple[Design, PlannedLeg, list[PlannedShape]]:
+        """Return the best design within the limits, its typical leg, and all that were compared."""
         compared = [own, *candidates(self._lab, legs, own.window_s, radians(self._motion_deg))]
+        typical = [typical_leg(self._lab, design) for design in compared]
         rows, scores = [], []
-        for design in compared:
-            row, score = self._compared(design, peak_rad(self._lab, legs, design))
+        for design, leg in zip(compared, typical, strict=True):
+            row, score = self._compared(design, leg, peak_rad(self._lab, legs, design))
             rows.append(row)
             scores.append(score)
         if not fixed and not np.isfinite(scores).any():
@@ -162,11 +167,10 @@ class Planner:
         rows[best] = replace(rows[best], chosen=True)
         if best:
             self._notes.append(_replaced(rows[0], rows[best]))
-        return compared[best], rows
+        return compared[best], typical[best], rows
 
-    def _compared(self, design: Design, peak: float) -> tuple[PlannedShape, float]:
+    def _compared(self, design: Design, leg: PlannedLeg, peak: float) -> tuple[PlannedShape, float]:
         """Return what a design gives, and its score: lower is better, infinite is not possible."""
-        leg = typical_leg(self._lab, design)
         half = leg.estimates(dict.fromkeys(self._points, float(_COMPARED)))
         beyond = self._beyond_limits(design, peak)
         score = float(np.log(half.half_width[self._wanted]).mean())
@@ -404,7 +408,7 @@ class Planner:
         remedies = [] if need is None else [f"--participants {need}"]
         if at > 1:
             reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
-            most = MOST_DIFFERENCE_PCT if option == "--difference" else _MOST_MEAN_PCT
+            most = MOST_DIFFERENCE_PCT if option == "--difference" else MOST_MEAN_PCT
             remedies += [f"{option} {ceil(reach)}"] if reach <= most else []
         nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")

@@ -69,6 +69,7 @@ class PlannedLeg:
         self.model = with_usable_samples(model, self.theta)
         self._sensitivity: Sensitivity | None = None
         self._logs: LogValues | None = None
+        self._information: dict[tuple[float, ...], np.ndarray] = {}
 
     @property
     def sensitivity(self) -> Sensitivity:
@@ -92,13 +93,11 @@ class PlannedLeg:
 
     def estimates(self, counts: Mapping[str, float]) -> LegEstimates:
         """Return what would be said after so many pulses at each timing point."""
-        information = self.sensitivity.information(self.search(counts))
-        return self._estimates(information)
+        return self._estimates(self._information_of(counts))
 
     def if_known(self, counts: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the half-widths (parameter, point) if a group of parameters were known."""
-        information = self.sensitivity.information(self.search(counts))
-        found = {}
+        information, found = self._information_of(counts), {}
         for source in GROUPS:
             known = np.zeros(self.theta.size)
             known[places_of(self.model.layout, source)] = _KNOWN
@@ -110,6 +109,13 @@ class PlannedLeg:
         return reflex_bias(self.sensitivity, self.search(counts), self.priors[0], self.logs)[
             : len(PARAMETERS) * len(self.model.points)
         ].reshape(len(PARAMETERS), -1)
+
+    def _information_of(self, counts: Mapping[str, float]) -> np.ndarray:
+        """Return the information of so many pulses; computed once."""
+        key = tuple(counts[point.label] for point in self.model.points)
+        if key not in self._information:
+            self._information[key] = self.sensitivity.information(self.search(counts))
+        return self._information[key]
 
     def _estimates(self, information: np.ndarray) -> LegEstimates:
         moments = predicted_moments(self.logs, self.theta, information, self.priors)
@@ -152,7 +158,9 @@ def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> l
     """Return parameters of legs drawn from the priors: the hypotheses take turns."""
     drawn = []
     for number in range(n):
-        prior = PlannedLeg(lab, design, number).priors[number % len(CYCLE_SHARES)]
+        share = CYCLE_SHARES[number % len(CYCLE_SHARES)]
+        model = planned_model(lab, design, number)
+        prior = lab.leg_priors(number).build(model, follows_cycle=share)
         normal = np.random.default_rng([seed, number]).standard_normal(prior.mean.size)
         drawn.append(prior.mean + np.linalg.cholesky(prior.covariance) @ normal)
     return drawn

@@ -27,7 +27,7 @@ _SIZES = (0.6, 1.0)
 _STEP_NM = 0.5
 _LEAST_NM = 1.0
 #: Motion is that which this share of legs does not exceed, at the softest timing point.
-MOTION_SHARE = 0.9
+_MOTION_SHARE = 0.9
 _PASSES = 6
 #: More pulses than this are described together.
 _MOST_NAMED = 3
@@ -81,12 +81,12 @@ def _scaled(
 
 
 def peak_rad(lab: Laboratory, legs: Sequence[np.ndarray], design: Design) -> float:
-    """Return the motion that :data:`MOTION_SHARE` of legs does not exceed at the softest point."""
+    """Return the motion that :data:`_MOTION_SHARE` of legs does not exceed at the softest point."""
     model = planned_model(lab, design)
     theta = np.stack(legs)
     points = range(len(model.points))
     peaks = [np.abs(model.bone(theta, k)).max(axis=(1, 2)) for k in points]
-    return float(np.quantile(np.max(peaks, axis=0), MOTION_SHARE))
+    return float(np.quantile(np.max(peaks, axis=0), _MOTION_SHARE))
 
 
 def planned_course(pulse: Pulse) -> PlannedCourse:

@@ -18,7 +18,7 @@ _FEWEST_STRIDES = 20
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """What an experiment does, stride by stride."""
+    """Timing points, numbers of pulses and strides of an experiment."""
 
     name: str
     timing_points: Mapping[str, float]  # in the order of the cycle -> % of the gait cycle

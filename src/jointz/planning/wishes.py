@@ -8,7 +8,8 @@ from jointz.core.errors import DataError
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.results.estimates import WIDEST
 
-MOST_PEOPLE, MOST_MINUTES, MOST_DIFFERENCE_PCT = 200, 600.0, 300.0
+MOST_PEOPLE, MOST_MINUTES = 200, 600.0
+MOST_MEAN_PCT, MOST_DIFFERENCE_PCT = 100.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +25,8 @@ class Wishes:
     share : float
         Share of legs that shall reach it; also the power of a difference.
     minutes : float, optional
-        Walking of a participant, at most; without a wanted half-width, pulses fill them.
+        Walking of a participant, at most; without a wanted half-width, the protocol's own
+        pulses if they fit, else as many as fit.
     participants : int, optional
         At most; by default the protocol's, or as many as the other wishes need.
     mean_pct : float, optional
@@ -45,19 +47,15 @@ class Wishes:
     motion_deg: float = 15.0
 
     def __post_init__(self) -> None:
-        problems = [
-            f"{name}: expected {low:g} to {high:g}, got {value:g}"
-            for name, value, low, high in (
-                ("half_width_pct", self.half_width_pct, 1.0, 100.0 * WIDEST),
-                ("share", self.share, 0.5, 0.95),
-                ("minutes", self.minutes, 1.0, MOST_MINUTES),
-                ("participants", self.participants, 1, MOST_PEOPLE),
-                ("mean_pct", self.mean_pct, 1.0, 100.0),
-                ("difference_pct", self.difference_pct, 1.0, MOST_DIFFERENCE_PCT),
-                ("motion_deg", self.motion_deg, 0.5, 18.0),
-            )
-            if value is not None and not low <= value <= high
-        ]
+        problems = out_of_range(
+            ("half_width_pct", self.half_width_pct, 1.0, 100.0 * WIDEST, ""),
+            ("share", self.share, 0.5, 0.95, ""),
+            ("minutes", self.minutes, 1.0, MOST_MINUTES, ""),
+            ("participants", self.participants, 1, MOST_PEOPLE, ""),
+            ("mean_pct", self.mean_pct, 1.0, MOST_MEAN_PCT, ""),
+            ("difference_pct", self.difference_pct, 1.0, MOST_DIFFERENCE_PCT, ""),
+            ("motion_deg", self.motion_deg, 0.5, 18.0, ""),
+        )
         if self.participants is not None and int(self.participants) != self.participants:
             problems.append(f"participants: expected a whole number, got {self.participants:g}")
         unknown = [name for name in self.parameters if name not in PARAMETERS]
@@ -65,6 +63,15 @@ class Wishes:
             problems.append(f"parameters: expected some of {', '.join(PARAMETERS)}, got {unknown}")
         if problems:
             raise DataError("plan: " + "; ".join(problems) + ".")
+
+
+def out_of_range(*numbers: tuple[str, float | None, float, float, str]) -> list[str]:
+    """Return what is wrong with numbers: name, value, least, largest and unit of each."""
+    return [
+        f"{name}: expected {low:g} to {high:g}{unit}, got {value:g}"
+        for name, value, low, high, unit in numbers
+        if value is not None and not low <= value <= high
+    ]
 
 
 def made_wishes(wishes: Mapping[str, Any]) -> Wishes:

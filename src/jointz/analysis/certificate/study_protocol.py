@@ -81,9 +81,13 @@ def check_certifiable(study: Study, method: str) -> None:
 
 
 def study_protocol(
-    study: Study, pulses: Sequence[PulseRecord], strides: Sequence[StrideRecord]
+    study: Study,
+    pulses: Sequence[PulseRecord],
+    strides: Sequence[StrideRecord],
+    *,
+    asked_by: str = "certify",
 ) -> StudyProtocol:
-    """Return the plan that is nearest to the pulses of a study.
+    """Return the plan that is nearest to the pulses of a study; errors name who asked.
 
     Every kind of pulse (shape, size and direction) is fired equally often at every timing point;
     timing points have their mean onset and number of used pulses.
@@ -91,14 +95,15 @@ def study_protocol(
     used = [p for p in pulses if not p.code and p.timing_point and p.amplitude and p.duration_s]
     if not used:
         raise DataError(
-            "certify: no pulse with torque and duration was used, so no simulated person can "
+            f"{asked_by}: no pulse with torque and duration was used, so no simulated person can "
             "repeat the protocol. See excluded.csv for the reasons."
         )
     people = len({p.label for p in used})
     most = Counter(p.participant for p in used).most_common(1)[0][0]
     recordings = [r for r in read_participant(study, most, {}) if r.condition == "perturbed"]
     rate = _simulated_rate_hz(recordings)
-    shapes = tuple(_shapes([p for p in used if p.participant == most], recordings, study, rate))
+    own = [p for p in used if p.participant == most]
+    shapes = tuple(_shapes(own, recordings, study, rate, asked_by=asked_by))
     points = dict.fromkeys(p.timing_point for p in used)
     nominal = study.spec.perturbations.timing_points or TIMING_POINTS
     onsets = {
@@ -155,6 +160,8 @@ def _shapes(
     recordings: Sequence[RecordingInput],
     study: Study,
     rate: float,
+    *,
+    asked_by: str,
 ) -> Iterator[NamedPulse]:
     """Yield every kind of pulse with its one size and direction."""
     sizes = _clusters([abs(p.amplitude or 0.0) for p in pulses], _SAME_SIZE, _SAME_SIZE_NM)
@@ -165,7 +172,7 @@ def _shapes(
     usual = {k: own for k, own in sorted(kinds.items()) if len(own) >= _RARE * len(pulses)}
     if not 0 < len(usual) <= _MOST_KINDS:
         raise DataError(
-            f"certify: the study has {len(kinds)} kinds of pulse (size, length, direction); a "
+            f"{asked_by}: the study has {len(kinds)} kinds of pulse (size, length, direction); a "
             f"simulated person can repeat {_MOST_KINDS}. Analyse kinds of pulse as studies of "
             "their own."
         )
