@@ -10,6 +10,7 @@ from jointz.terminal.file_options import (
     Decimal,
     DecimalSign,
     Delimiter,
+    Encoding,
     NoHeader,
     SkipRows,
     text_layout,
@@ -44,6 +45,7 @@ def convert(
         bool, typer.Option("--lossy", help="Leave out what OUT cannot hold, and name it.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: DecimalSign = Decimal.POINT,
     skip_rows: SkipRows = 0,
@@ -64,7 +66,7 @@ def convert(
     from jointz.conversion.convert import convert as convert_file
     from jointz.core.study import FilesSpec
 
-    layout = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
+    layout = text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
     conversion = convert_file(
         source,
         target,

@@ -4,6 +4,7 @@ Only shape and vocabulary are checked here; units, files and columns are
 checked where they are read (:mod:`jointz.io.study_reader`).
 """
 
+import codecs
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -70,6 +71,16 @@ def _column(value: Any) -> Any:
     if type(value) not in (str, int):  # true would pass for 1
         raise ValueError("expected the name or the number of a column")
     return value
+
+
+def _encoding(name: str) -> str:
+    try:
+        "".encode(name)  # knows encodings of text only
+    except (LookupError, UnicodeError) as exc:
+        raise ValueError(
+            f"expected an encoding such as utf-8, cp1252 or utf-16; got {name!r}"
+        ) from exc
+    return codecs.lookup(name).name
 
 
 def _version(value: Any) -> Any:
@@ -326,6 +337,7 @@ class PerturbationsSpec(_Model):
 class FilesSpec(_Model):
     """Layout of text files."""
 
+    encoding: Annotated[str, AfterValidator(_encoding)] | None = None
     delimiter: str | None = Field(default=None, min_length=1)
     decimal: Literal[".", ","] = "."
     skip_rows: int = Field(default=0, ge=0)

@@ -18,6 +18,7 @@ from jointz.terminal.file_options import (
     Decimal,
     DecimalSign,
     Delimiter,
+    Encoding,
     Figure,
     File,
     Input,
@@ -97,6 +98,7 @@ def actuator(
         ),
     ] = None,
     figure: Figure = None,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: DecimalSign = Decimal.POINT,
     skip_rows: SkipRows = 0,
@@ -125,7 +127,7 @@ def actuator(
             identify_actuator,
             file,
             columns,
-            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
             rate_hz=rate,
             needs_clock=False,
             gear_ratio=gear_ratio,
@@ -168,6 +170,7 @@ def bandwidth(
         float, typer.Option("--drop-db", help="Loss of gain that ends the bandwidth, dB.")
     ] = 3.0,
     figure: Figure = None,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: DecimalSign = Decimal.POINT,
     skip_rows: SkipRows = 0,
@@ -187,7 +190,7 @@ def bandwidth(
     if not 0.0 < drop_db < float("inf"):
         raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
     output = Output("bandwidth", figure, as_json, quiet, (7.1, 4.0))
-    files = text_layout(delimiter, decimal, skip_rows, no_header=no_header)
+    files = text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
     with output.failures(), _reference_advised(file, command, files):
         fit, columns = identify_file(
             identify_bandwidth,
@@ -303,6 +306,7 @@ def joint(
         ),
     ] = None,
     figure: Figure = None,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: DecimalSign = Decimal.POINT,
     skip_rows: SkipRows = 0,
@@ -326,7 +330,7 @@ def joint(
             identify_joint,
             file,
             given_columns(angle=angle, torque=torque, time=time, command=command),
-            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
             rate_hz=rate,
             input=perturbed.value,
             model=model.value,

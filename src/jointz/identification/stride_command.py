@@ -9,6 +9,7 @@ from jointz.terminal.file_options import (
     Decimal,
     DecimalSign,
     Delimiter,
+    Encoding,
     Figure,
     NoHeader,
     SkipRows,
@@ -65,6 +66,7 @@ def stride(
         typer.Option("--out", help="Write a csv file, one row a timing point and measure."),
     ] = None,
     figure: Figure = None,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: DecimalSign = Decimal.POINT,
     skip_rows: SkipRows = 0,
@@ -93,7 +95,7 @@ def stride(
             given_columns(
                 angle=angle, torque=torque, torque_per_mass=torque_per_mass, gait_pct=gait_pct
             ),
-            files=text_layout(delimiter, decimal, skip_rows, no_header=no_header),
+            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
             needs_clock=False,
             window_pct=window_pct,
         )

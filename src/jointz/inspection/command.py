@@ -7,7 +7,7 @@ import typer
 
 from jointz.core.errors import OutputError
 from jointz.core.whole_file import whole_file
-from jointz.terminal.file_options import Decimal, Delimiter, Figure
+from jointz.terminal.file_options import Decimal, Delimiter, Encoding, Figure
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
 from jointz.terminal.printout import check_figure, save_canvas
@@ -28,6 +28,7 @@ def inspect(
         bool, typer.Option("--overwrite", help="Replace a study file, or a figure, that exists.")
     ] = False,
     figure: Figure = None,
+    encoding: Encoding = None,
     delimiter: Delimiter = None,
     decimal: Annotated[
         Decimal | None,
@@ -59,7 +60,7 @@ def inspect(
             _check_free(written, file, overwrite=overwrite)
     from jointz.inspection.inspect_file import inspect_file
 
-    layout = _layout(delimiter, decimal, skip_rows, no_header=no_header)
+    layout = _layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
     found = inspect_file(file, layout=layout, study_folder=target.parent if target else None)
     if figure is not None:
         _draw(found, figure)
@@ -95,11 +96,17 @@ def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
 
 
 def _layout(
-    delimiter: str | None, decimal: Decimal | None, skip_rows: int | None, *, no_header: bool
+    encoding: str | None,
+    delimiter: str | None,
+    decimal: Decimal | None,
+    skip_rows: int | None,
+    *,
+    no_header: bool,
 ) -> dict[str, Any]:
     if delimiter == "":
         raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
     known: dict[str, Any] = {
+        "encoding": encoding,
         "delimiter": delimiter,
         "decimal": decimal.value if decimal else None,
         "skip_rows": skip_rows,

@@ -40,6 +40,9 @@ TorqueActsOn = Annotated[
     ActsOn, typer.Option("--torque-acts-on", help="device: the sign is flipped.")
 ]
 Figure = Annotated[Path | None, typer.Option("--figure", help="Write a figure (svg, pdf, png).")]
+Encoding = Annotated[
+    str | None, typer.Option("--encoding", help="Of a text file, such as cp1252; default UTF-8.")
+]
 Delimiter = Annotated[
     str | None, typer.Option("--delimiter", help="Between the columns of a text file.")
 ]
@@ -58,12 +61,18 @@ def given_columns(**columns: str | None) -> dict[str, str]:
 
 
 def text_layout(
-    delimiter: str | None, decimal: Decimal, skip_rows: int, *, no_header: bool
+    encoding: str | None,
+    delimiter: str | None,
+    decimal: Decimal,
+    skip_rows: int,
+    *,
+    no_header: bool,
 ) -> dict[str, Any]:
     """Return the layout of a text file, as under ``[files]`` of a study."""
     if delimiter == "":
         raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
     return {
+        "encoding": encoding,
         "delimiter": delimiter,
         "decimal": decimal.value,
         "skip_rows": skip_rows,

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from pydantic import ValidationError
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.text.text_layout import find_layout
 
 PLAIN = FilesSpec()
 HEAD = "time_s,angle_deg,torque_nm\n"
@@ -48,6 +50,37 @@ def test_the_layout_of_a_continental_file_is_followed(tmp_path):
     np.testing.assert_array_equal(table.columns["x"], [-12.5, np.nan])
     np.testing.assert_array_equal(table.columns["t"], [0.5, 1.0])
     assert table.first_row == 4
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz"])
+@pytest.mark.parametrize(
+    ("written", "stated"),
+    [
+        ("cp1252", "cp1252"),
+        ("mac_roman", "mac_roman"),
+        ("utf-16", None),  # a byte order mark says it
+        ("utf-16-le", "utf-16-le"),
+        ("utf-8-sig", "cp1252"),  # the mark of the file counts
+    ],
+)
+def test_a_text_is_read_in_its_encoding(tmp_path, written, stated, name):
+    rows = "".join(f"{i};{i / 8};Süd\n" for i in range(3000))
+    content = f"Zeit;Winkel [°];Ort\n{rows}".replace(".", ",").encode(written)
+    path = write(tmp_path, content, name)
+    layout = {"delimiter": ";", "decimal": ",", "encoding": stated}
+    table = read(path, "Winkel [°]", labels=("Ort",), **layout)
+    np.testing.assert_array_equal(table.columns["Winkel [°]"], np.arange(3000) / 8)
+    assert set(table.columns["Ort"]) == {"Süd"}
+    assert table.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert find_layout(path).files == FilesSpec(
+        delimiter=";", decimal=",", encoding=None if written == "utf-8-sig" else stated or written
+    )
+
+
+def test_an_encoding_that_nobody_knows_is_refused():
+    for name in ("cp1253x", "rot13"):
+        with pytest.raises(ValidationError, match="expected an encoding such as utf-8, cp1252"):
+            FilesSpec(encoding=name)
 
 
 @pytest.mark.parametrize("columns", [(1, 3), ("1", "3"), (0, 2)])

@@ -1,4 +1,4 @@
-"""Text tables: comma, tab or otherwise delimited, plain or gzip.
+"""Text tables: comma, tab or otherwise delimited, in any encoding, plain or gzip.
 
 pandas parses the file at its own speed. Beside it, in a thread, one pass over the bytes
 hashes the file and checks that its delimiters and line ends repeat with the
@@ -7,6 +7,7 @@ a word. Only where one of the two finds something is the file read again, row by
 row, to say which row it is and what is wrong with it.
 """
 
+import codecs
 import csv
 import gzip
 import hashlib
@@ -37,6 +38,16 @@ from jointz.io.formats.columns import (
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
 _BOM = b"\xef\xbb\xbf"
+_UTF8 = "utf-8"
+_USUAL_SIGNS = "äöüßéèêàçñóíáâîôëïùìò°µ²³"
+#: What the first bytes of a file say of its encoding.
+_MARKS = (
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+    (codecs.BOM_UTF8, _UTF8),
+)
 _BLOCK_BYTES = 1 << 18
 _TAIL_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
@@ -56,6 +67,7 @@ class _Layout:
     """Layout of a file, from its first lines."""
 
     path: Path
+    encoding: str
     delimiter: str
     decimal: str
     head: tuple[bytes, ...]  # the lines before the first sample
@@ -146,10 +158,33 @@ def as_written_with_point(cell: str, decimal: str) -> str:
     return cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
 
 
-def decompressed_text(path: Path, n_lines: int) -> list[str]:
+def stated_encoding(path: Path, encoding: str | None) -> str:
+    """Return the encoding that a file's first bytes state, else the given one, else UTF-8."""
+    with _reading_errors(path), _open_decompressed(path) as stream:
+        first = stream.read(4)
+    marked = (name for mark, name in _MARKS if first.startswith(mark))
+    return next(marked, encoding or _UTF8)
+
+
+def likely_encoding(path: Path) -> str:
+    """Return the encoding in which the first bytes of a file are a usual text."""
+    with _reading_errors(path), _open_decompressed(path) as stream:
+        first = stream.read(_TAIL_BYTES)
+    if b"\0" in first:
+        return "utf-16-le" if first[1::2].count(0) > first[::2].count(0) else "utf-16-be"
+    first = first[: first.rfind(b"\n") + 1] or first
+    try:
+        return first.decode(_UTF8) and _UTF8
+    except UnicodeDecodeError:
+        texts = {name: first.decode(name, errors="replace") for name in ("cp1252", "mac_roman")}
+        return max(texts, key=lambda name: sum(texts[name].count(sign) for sign in _USUAL_SIGNS))
+
+
+def decompressed_text(path: Path, n_lines: int, encoding: str | None = None) -> list[str]:
     """Return the first lines of a text file, without their ends."""
     try:
-        with _decompression_errors(path), _open_bytes(path) as stream:
+        encoding = stated_encoding(path, encoding)
+        with _reading_errors(path), _open_bytes(path, encoding) as stream:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
     except OSError as exc:
         raise damaged(path, exc) from exc
@@ -176,7 +211,8 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     delimiter = files.delimiter or default_delimiter(path)
     check_signs(path, delimiter, files.decimal)
     n_head = files.skip_rows + files.header
-    with _decompression_errors(path), _open_bytes(path) as stream:
+    encoding = stated_encoding(path, files.encoding)
+    with _reading_errors(path), _open_bytes(path, encoding) as stream:
         lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_head + 1)]
     start_byte = sum(len(line) for line in lines[:-1])
     text = _decoded(path, lines[n_head - 1 : n_head + 1] if files.header else lines[-1:])
@@ -188,9 +224,8 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
     head = tuple(lines[:-1])
     bom = len(_BOM) if n_head == 0 and lines[0].startswith(_BOM) else 0
-    return _Layout(
-        path, delimiter, files.decimal, head, start_byte + bom, tuple(map(str, names)), files.header
-    )
+    signs = (encoding, delimiter, files.decimal)
+    return _Layout(path, *signs, head, start_byte + bom, tuple(map(str, names)), files.header)
 
 
 def _first_cells(path: Path, line: str, delimiter: str, *, row: int) -> list[str]:
@@ -217,13 +252,15 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
     try:
         return [line.decode("utf-8-sig") for line in lines]
     except UnicodeDecodeError as exc:
-        raise _not_utf8(path, exc) from exc
+        raise _not_decoded(path, exc) from exc
 
 
-def _not_utf8(path: Path, exc: UnicodeDecodeError) -> DataError:
+def _not_decoded(path: Path, exc: UnicodeDecodeError) -> DataError:
     byte = exc.object[exc.start : exc.start + 1]
     return file_error(
-        path, f"expected UTF-8 text, found {byte!r} ({exc.reason}). Save the file as UTF-8."
+        path,
+        f"expected {exc.encoding.upper()} text, found {byte!r} ({exc.reason}). Set [files] encoding"
+        ' (jointz identify: --encoding), of Western Windows files "cp1252".',
     )
 
 
@@ -340,7 +377,7 @@ def _parse(
             # About columns nobody asked for, and long rows, which the scan finds.
             warnings.simplefilter("ignore", category=pd.errors.DtypeWarning)
             warnings.simplefilter("ignore", category=pd.errors.ParserWarning)
-            if not odd and not _compressed(layout.path):
+            if not odd and layout.encoding == _UTF8 and not _compressed(layout.path):
                 return pd.read_csv(layout.path, skiprows=len(layout.head), **options), None
             with _open_text(layout) as stream:
                 return pd.read_csv(stream, **options), None
@@ -355,7 +392,7 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
     pattern = period * (2 + _BLOCK_BYTES // len(period))
     seen, broken_at, tail, skip = 0, None, b"", layout.start_byte
     digest = hashlib.sha256()
-    for block in _blocks(layout.path, digest):
+    for block in _blocks(layout, digest):
         body, skip = block[skip:], max(0, skip - len(block))
         signs = body.translate(None, other_bytes)
         phase = seen % len(period)
@@ -380,19 +417,17 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
     )
 
 
-def _blocks(path: Path, digest: Any) -> Iterator[bytes]:
+def _blocks(layout: _Layout, digest: Any) -> Iterator[bytes]:
     """Yield the decompressed bytes of a file, hashing those on disk."""
-    with path.open("rb") as file:
-        if not _compressed(path):
-            while block := file.read(_BLOCK_BYTES):
-                digest.update(block)
-                yield block
-            return
-        total = 0
-        with _decompression_errors(path), gzip.open(_Hashed(file, digest)) as stream:
+    total = 0
+    with layout.path.open("rb") as file, _reading_errors(layout.path):
+        hashed: IO[bytes] = io.BufferedReader(_Hashed(file, digest), _BLOCK_BYTES)
+        unpacked = gzip.GzipFile(fileobj=hashed) if _compressed(layout.path) else hashed
+        with hashed, unpacked, _recoded(cast("IO[bytes]", unpacked), layout.encoding) as stream:
             while block := stream.read(_BLOCK_BYTES):
                 total += len(block)
-                check_unpacked(path, total)
+                if _compressed(layout.path):
+                    check_unpacked(layout.path, total)
                 yield block
 
 
@@ -405,10 +440,30 @@ class _Hashed(io.RawIOBase):
     def readable(self) -> bool:
         return True
 
-    def read(self, size: int = -1) -> bytes:
-        block = self._file.read(size)
+    def readinto(self, buffer: Any) -> int:
+        block = self._file.read(len(buffer))
         self._digest.update(block)
-        return block
+        buffer[: len(block)] = block
+        return len(block)
+
+
+class _Recoded(io.RawIOBase):
+    """A text of another encoding, as UTF-8."""
+
+    def __init__(self, stream: IO[bytes], encoding: str) -> None:
+        self._text = io.TextIOWrapper(stream, encoding=encoding, newline="")
+
+    def close(self) -> None:
+        self._text.close()
+        super().close()
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        block = self._text.read(len(buffer) // 4).encode()  # a letter takes four bytes or less
+        buffer[: len(block)] = block
+        return len(block)
 
 
 # --- what is wrong, and where -----------------------------------------------------------------
@@ -487,7 +542,7 @@ def _checked_rows(layout: _Layout, numeric: list[int]) -> tuple[int, int]:
 
 
 def _records(layout: _Layout) -> Iterator[tuple[int, list[str]]]:
-    with _decompression_errors(layout.path), _open_text(layout) as stream:
+    with _reading_errors(layout.path), _open_text(layout) as stream:
         reader = csv.reader(stream, delimiter=layout.delimiter, skipinitialspace=True)
         try:
             for cells in reader:
@@ -496,7 +551,7 @@ def _records(layout: _Layout) -> Iterator[tuple[int, list[str]]]:
             row = len(layout.head) + reader.line_num
             raise layout.error(f"the row cannot be read ({exc}).", row=row) from exc
         except UnicodeDecodeError as exc:
-            raise _not_utf8(layout.path, exc) from exc
+            raise _not_decoded(layout.path, exc) from exc
 
 
 def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> DataError:
@@ -539,22 +594,33 @@ def _compressed(path: Path) -> bool:
     return path.name.lower().endswith(".gz")
 
 
-def _open_bytes(path: Path) -> IO[bytes]:
+def _open_decompressed(path: Path) -> IO[bytes]:
     return cast("IO[bytes]", gzip.open(path)) if _compressed(path) else path.open("rb")
+
+
+def _recoded(stream: IO[bytes], encoding: str) -> IO[bytes]:
+    """Return the bytes of a text in UTF-8."""
+    return stream if encoding == _UTF8 else io.BufferedReader(_Recoded(stream, encoding))
+
+
+def _open_bytes(path: Path, encoding: str) -> IO[bytes]:
+    return _recoded(_open_decompressed(path), encoding)
 
 
 @contextmanager
 def _open_text(layout: _Layout) -> Iterator[io.TextIOWrapper]:
     """Open at the first sample."""
-    with _open_bytes(layout.path) as stream:
+    with _open_bytes(layout.path, layout.encoding) as stream:
         stream.read(layout.start_byte)
         yield io.TextIOWrapper(stream, encoding="utf-8", newline="")
 
 
 @contextmanager
-def _decompression_errors(path: Path) -> Iterator[None]:
+def _reading_errors(path: Path) -> Iterator[None]:
     try:
         yield
+    except UnicodeDecodeError as exc:
+        raise _not_decoded(path, exc) from exc
     except _DECOMPRESSION_ERRORS as exc:
         raise file_error(
             path,

@@ -126,7 +126,8 @@ def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, 
     """Find a delimiter that is not given: what header and first row are both split by."""
     if files.delimiter is not None:
         return files, {}
-    lines = decompressed_text(path, files.skip_rows + files.header + 1)[files.skip_rows :]
+    lines = decompressed_text(path, files.skip_rows + files.header + 1, files.encoding)
+    lines = lines[files.skip_rows :]
     if not lines or _width(lines, default_delimiter(path)) > 1:
         return files, {}
     delimiter = next((d for d in DELIMITERS if _width(lines, d) > 1 and d != files.decimal), None)
@@ -151,7 +152,7 @@ def _width(lines: list[str], delimiter: str) -> int:
 def _text_columns(path: Path, files: FilesSpec, names: list[str | int]) -> set[str | int]:
     """Return the columns whose first rows hold more text than numbers."""
     head = files.skip_rows + files.header
-    lines = decompressed_text(path, head + _PEEKED_ROWS)[head:]
+    lines = decompressed_text(path, head + _PEEKED_ROWS, files.encoding)[head:]
     delimiter = files.delimiter or default_delimiter(path)
     try:
         rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))

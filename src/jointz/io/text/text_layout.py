@@ -16,7 +16,14 @@ from typing import Any
 
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
-from jointz.io.text.delimited import MISSING_TEXT, check_signs, decompressed_text, is_number
+from jointz.io.text.delimited import (
+    MISSING_TEXT,
+    check_signs,
+    decompressed_text,
+    is_number,
+    likely_encoding,
+    stated_encoding,
+)
 
 _LINES = 400
 _IN_A_ROW = 3  # rows of one shape that are called the table
@@ -84,9 +91,13 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     """Find out how a text file is laid out."""
     known = dict(given or {})
     skipped = int(known.get("skip_rows") or 0)
-    lines = decompressed_text(path, skipped + _LINES)
+    known["encoding"] = stated_encoding(path, known.get("encoding") or likely_encoding(path))
+    lines = decompressed_text(path, skipped + _LINES, known["encoding"])
     best = max(
-        (_Candidate.of(lines[skipped:], *signs) for signs in _signs(path, known)),
+        (
+            _Candidate.of(lines[skipped:], known["encoding"], *signs)
+            for signs in _signs(path, known)
+        ),
         key=lambda candidate: candidate.score,  # the first of equals
     )
     if not any(map(any, best.rows)) or (best.start is None and "header" not in known):
@@ -151,19 +162,21 @@ def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:
 class _Candidate:
     """The table that two signs make of the lines."""
 
+    encoding: str
     delimiter: str
     decimal: str
     rows: tuple[tuple[str, ...], ...]  # cells of each line
     start: int | None  # index of the first row of the table; None without a table
 
     @classmethod
-    def of(cls, lines: Sequence[str], delimiter: str, decimal: str) -> "_Candidate":
+    def of(cls, lines: Sequence[str], encoding: str, delimiter: str, decimal: str) -> "_Candidate":
         rows = tuple(_cells(line, delimiter) for line in lines)
-        return cls(delimiter, decimal, rows, _first_row(rows, decimal))
+        return cls(encoding, delimiter, decimal, rows, _first_row(rows, decimal))
 
     def spec(self, skip_rows: int, *, header: bool = True) -> FilesSpec:
         """Return the layout with these signs."""
         signs = {"delimiter": self.delimiter, "decimal": self.decimal}
+        signs |= {"encoding": self.encoding} if self.encoding != "utf-8" else {}
         return FilesSpec.model_validate({**signs, "skip_rows": skip_rows, "header": header})
 
     @property
