@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick test-slow test-osl test-bare browser check docs benchmark accuracy validation clean
+.PHONY: demo test quick test-slow test-osl test-bare browser check docs benchmark accuracy validation paper release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -88,11 +88,11 @@ browser:
 	fi
 
 check: $(VENV)/.installed-check
-	$(BIN)/ruff format --check src tests benchmarks examples docs/*.py docs/from_matlab conftest.py
-	$(BIN)/ruff check src tests benchmarks examples docs/*.py docs/from_matlab conftest.py
+	$(BIN)/ruff format --check src tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
+	$(BIN)/ruff check src tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/codespell src tests benchmarks docs examples README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
+	$(BIN)/codespell src tests benchmarks docs examples paper .ci README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
 
 # docs/api goes first: a page of what has been moved would be a warning.
 docs: $(VENV)/.installed-docs
@@ -115,6 +115,15 @@ accuracy: $(VENV)/.installed
 validation: $(VENV)/.installed
 	$(BIN)/jointz reproduce all --out build/reproduced --overwrite --quiet
 	cp build/reproduced/validation.html docs/validation.html
+
+# The paper for the Journal of Open Source Software: all numbers and the figure from docs/tables,
+# docs/validation.html and the package.
+paper: $(VENV)/.installed
+	$(BIN)/python paper/make_paper.py
+
+# Whether this commit can be released; wheel and sdist are left in dist.
+release:
+	$(PYTHON) .ci/release.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
