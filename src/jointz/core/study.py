@@ -5,6 +5,7 @@ checked where they are read (:mod:`jointz.io.study_reader`).
 """
 
 import codecs
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -73,6 +74,16 @@ def _column(value: Any) -> Any:
     return value
 
 
+def _named_column(value: Any) -> Any:
+    return {"column": value} if isinstance(value, str | int) else value
+
+
+def _scale(value: float) -> float:
+    if not (math.isfinite(value) and value):
+        raise ValueError(f"expected a number other than 0, got {value}")
+    return value
+
+
 def _encoding(name: str) -> str:
     try:
         "".encode(name)  # knows encodings of text only
@@ -104,14 +115,40 @@ class _Model(BaseModel):
     model_config = STRICT
 
 
-class ChannelSpec(_Model):
+class FilesSpec(_Model):
+    """Layout of text files."""
+
+    encoding: Annotated[str, AfterValidator(_encoding)] | None = None
+    delimiter: str | None = Field(default=None, min_length=1)
+    decimal: Literal[".", ","] = "."
+    skip_rows: int = Field(default=0, ge=0)
+    header: bool = True
+
+
+class ChannelChange(_Model):
+    """What is different about a channel in one recording.
+
+    ``unit`` is that of the file's numbers times ``scale``.
+    """
+
+    column: Column | None = None
+    unit: str | None = None
+    scale: Annotated[float, AfterValidator(_scale)] | None = None
+    invert: bool = False
+    kind: Literal["contact", "voltage", "pulse"] | None = None
+    positive: Direction | None = None
+
+
+class ChannelSpec(ChannelChange):
     """Column of one channel in a file, with unit, kind and direction."""
 
     column: Column
-    unit: str | None = None
-    kind: Literal["contact", "voltage", "pulse"] | None = None
-    positive: Direction | None = None
     values: dict[str, Annotated[str, AfterValidator(_safe)]] | None = None
+
+    @property
+    def factor(self) -> float:
+        """What the file's numbers are multiplied by before their unit is converted."""
+        return (-1.0 if self.invert else 1.0) * (1.0 if self.scale is None else self.scale)
 
 
 class Calibrated(_Model):
@@ -268,6 +305,7 @@ class JoinedSpec(_Model):
 
     file: FileName
     channels: dict[TableName, ChannelSpec]
+    files: FilesSpec = FilesSpec()
     offset_s: float | None = None
     events_s: tuple[Annotated[tuple[float, float], Field(strict=False)], ...] = Field(
         default=(), strict=False
@@ -294,6 +332,9 @@ class RecordingSpec(_Model):
     file: FileName
     condition: ConditionField | None = None
     perturbations: FileName | None = None
+    part: Annotated[str, BeforeValidator(_text)] | None = None
+    channels: dict[str, ChannelChange] | None = None
+    files: FilesSpec | None = None
     session: TableName | None = None
     side: Literal["left", "right"] | None = None
     calibration: CalibrationSpec | None = None
@@ -314,9 +355,25 @@ class GroupSpec(_Model):
         return self
 
 
+class PulseColumn(_Model):
+    """Column of a pulse table; its unit is that of time or torque, or ``sample``."""
+
+    column: Column
+    unit: str | None = None
+
+
+PulseMeaning = Literal[
+    "onset", "duration", "amplitude", "timing_point", "recording", "participant", "session", "side"
+]
+
+
 class PerturbationsSpec(_Model):
     """Settings for finding pulses, grouping them, and their baseline."""
 
+    columns: dict[PulseMeaning, Annotated[PulseColumn, BeforeValidator(_named_column)]] | None = (
+        None
+    )
+    first_sample: Literal[0, 1] | None = None
     timing_points: dict[TableName, float] | None = None
     source: Literal["command", "table", "reference", "angle"] | None = None
     baseline: Baseline | None = None
@@ -332,16 +389,6 @@ class PerturbationsSpec(_Model):
             if not 0 <= pct < 100:
                 raise ValueError(f"timing_points.{name}: expected 0 <= % of cycle < 100, got {pct}")
         return self
-
-
-class FilesSpec(_Model):
-    """Layout of text files."""
-
-    encoding: Annotated[str, AfterValidator(_encoding)] | None = None
-    delimiter: str | None = Field(default=None, min_length=1)
-    decimal: Literal[".", ","] = "."
-    skip_rows: int = Field(default=0, ge=0)
-    header: bool = True
 
 
 #: Half-widths that a plan expected: parameter -> timing point -> % of the value.

@@ -82,6 +82,8 @@ _EXAMPLES = "N*m, Nm/rad, deg, rad/s, rpm, mA, ms, mV, %"
 
 #: Signs that are not letters, rewritten; longer ones first.
 _SPELLINGS: Mapping[str, str] = {
+    **dict.fromkeys(("U/min", "Umdr/min", "tr/min", "giri/min", "omw/min"), "rpm"),
+    "é": "e",
     "°C": "degC",
     "**": "^",
     "⁻¹": "^-1",
@@ -97,6 +99,12 @@ _SPELLINGS: Mapping[str, str] = {
     "⋅": "*",
 }
 _TOKEN = re.compile(r"[A-Za-z]+|-?\d+|[*/.^()-]")
+#: Words of other languages.
+_WORDS: Mapping[str, str] = {
+    **dict.fromkeys(("grad", "grados", "gradi", "graden", "degres"), "degree"),
+    **dict.fromkeys(("sek", "sekunden", "secondes", "segundos", "secondi", "seconden"), "second"),
+    **dict.fromkeys(("newtonmeter", "newtonmeters"), "Nm"),
+}
 _POWER = re.compile(r"-?\d")
 _NEWTON_METER = re.compile(r"(?P<prefix>[mku]?)N(?P<meter>m|mm|cm)(?P<second>s?)")
 _NEWTON_METER_SLIP = re.compile(r"[mk]?nm(?P<second>s?)", re.IGNORECASE)
@@ -120,6 +128,8 @@ class _Unit:
 def conversion(unit: str, si_unit: str) -> tuple[float, float]:
     """Return factor and offset that take a unit to SI."""
     source, target = _parse(unit), _parse(si_unit)
+    if si_unit == "rad/s" and source == _parse("1/min"):  # as the speed of a motor is written
+        source = _parse("rpm")
     if source.dimension != target.dimension:
         what, examples = _QUANTITIES.get(si_unit, ("something else", si_unit))
         known_unit = _known_si(source.dimension)
@@ -240,6 +250,7 @@ class _Parser:
 
 
 def _resolved(unit: str, name: str) -> str:
+    name = _WORDS.get(name.casefold(), name)
     compact = _NEWTON_METER.fullmatch(name)
     if compact:
         seconds = "*second" if compact["second"] else ""

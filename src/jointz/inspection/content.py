@@ -18,7 +18,7 @@ from jointz.io.formats.memory_limit import NUMBER_BYTES, PACKED, check_unpacked
 from jointz.io.formats.registry import format_of, read_acquisition, read_table
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.text.delimited import as_written_with_point, stray_cells
-from jointz.io.text.text_layout import TextLayout, find_layout
+from jointz.io.text.text_layout import TEXT, TextLayout, find_layout
 from jointz.io.text.vendor_logs import with_vendor_units
 
 _LEAST_SHARE = 0.5
@@ -26,7 +26,6 @@ _LEAST_SHARE = 0.5
 GUESSED_SAMPLES = 5_000_000
 #: Arrays as long as the recording (measured): while its clock is inspected, while guesses are made.
 _CLOCK_ARRAYS, _GUESS_ARRAYS = 8, 16
-_TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +73,7 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
     """Read all columns of a file; unknown parts of a text file's layout are detected."""
     if not path.is_file():
         raise DataError(missing_file(path, "Correct the name."), path=str(path))
-    if path.name.lower().endswith(_TEXT):
+    if path.name.lower().endswith(TEXT):
         content = _text_content(path, find_layout(path, layout))
     else:
         content = _content(path, read_acquisition(path))

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.channels import is_turned
+from jointz.core.channels import CHANNEL_UNITS, is_turned
 from jointz.core.errors import DataError
-from jointz.core.study import FilesSpec, JoinedSpec, RecordingSpec, Study
+from jointz.core.study import JoinedSpec, RecordingSpec, Study
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import read_table
-from jointz.io.study_files import channel_unit, named_as_written
+from jointz.io.study_files import OVER_MASS, channel_unit, mass_of, named_as_written
 
 #: Nothing is filled over a hole of more than this many of a file's own sample periods.
 _HOLE_PERIODS = 1.5
@@ -43,9 +43,9 @@ def join_files(
         # Where lines are skipped in the recording, they need not be in the other device's file.
         with named_as_written(study.root, joined.file) as path:
             columns = [one.column for one in joined.channels.values()]
-            table = read_table(path, numeric=columns, files=FilesSpec())
+            table = read_table(path, numeric=columns, files=joined.files)
             check_samples(path, table)
-        found, units_of_file = _in_si(study, joined, table)
+        found, units_of_file = _in_si(study, entry, joined, table)
         own_s = found.pop("time")
         if own_s.size < 2 or not (np.diff(own_s) > 0.0).all():
             raise DataError(
@@ -107,14 +107,20 @@ def clock_of(joined: JoinedSpec) -> tuple[float, float]:
 
 
 def _in_si(
-    study: Study, joined: JoinedSpec, table: RawTable
+    study: Study, entry: RecordingSpec, joined: JoinedSpec, table: RawTable
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     values, units = {}, {}
     for name, channel in joined.channels.items():
-        if channel.unit is None:
-            si_unit, factor, offset = channel_unit(name, table.units.get(str(channel.column), ""))
-        else:
-            si_unit, factor, offset = channel_unit(name, channel.unit)
+        stated = channel.unit
+        if stated is None:
+            scaled = channel.scale is not None  # the file's unit is that before the scale
+            own_unit = CHANNEL_UNITS.get(name, ("1",))[0]
+            stated = own_unit if scaled else table.units.get(str(channel.column), "")
+        si_unit, factor, offset = channel_unit(name, stated)
+        if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
+            mass_kg = mass_of(study.spec, entry, name)
+            si_unit, factor = si_unit.removesuffix(OVER_MASS), factor * mass_kg
+        factor *= channel.factor
         sign = -1.0 if is_turned(channel.positive, study.spec.positive, on_device=False) else 1.0
         own = np.asarray(table.columns[str(channel.column)], dtype=float)
         values[name] = sign * (factor * own + offset)

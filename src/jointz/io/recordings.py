@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core.channels import (
+    CHANNEL_UNITS,
     CONDITIONS,
     DEVICE_SIDE_CHANNELS,
     LABEL_CHANNELS,
@@ -21,16 +23,24 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
-from jointz.io.formats.columns import LARGEST_SAMPLE, RawTable, check_samples, file_error
+from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.joined_files import join_files
-from jointz.io.study_files import Unit, channel_unit, named_as_written, needed_channels
+from jointz.io.pulse_tables import read_pulses
+from jointz.io.study_files import (
+    OVER_MASS,
+    Unit,
+    channel_unit,
+    mass_of,
+    named_as_written,
+    needed_channels,
+    study_of_recording,
+)
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
 
 _FULL_TURN_RAD = 2 * np.pi
 _RATE_TOLERANCE = 0.05
-_PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -84,13 +94,12 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     DataError
         When the file cannot be trusted; names file, row or channel.
     """
+    study = study_of_recording(study, entry)
     spec = study.spec
     columns = {name: channel.column for name, channel in spec.channels.items()}
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
-    # Columns count from 0 where one of them says so, be it one that this recording does not need.
-    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     with named_as_written(study.root, entry.file) as path:
         numeric = _without_absent_sensors(spec, path, numeric)
         table = read_table(
@@ -98,7 +107,7 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
             numeric=[columns[n] for n in numeric],
             labels=[columns[n] for n in labels],
             files=spec.files,
-            from_zero=any(channel.column in zeros for channel in spec.channels.values()),
+            from_zero=_counts_from_zero(spec),
         )
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
@@ -115,6 +124,12 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
 
 
+def _counts_from_zero(spec: StudySpec) -> bool:
+    """Whether one of the columns is 0, be it one that a recording does not need."""
+    zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
+    return any(channel.column in zeros for channel in spec.channels.values())
+
+
 def _without_absent_sensors(spec: StudySpec, path: Path, numeric: list[str]) -> list[str]:
     """Return channels without encoder and gyroscopes that this file does not have."""
     optional = {n: str(spec.channels[n].column) for n in numeric if n in MOTION_SENSORS}
@@ -125,33 +140,23 @@ def _without_absent_sensors(spec: StudySpec, path: Path, numeric: list[str]) -> 
 
 
 def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
-    """Read the pulse table of a recording, None where it has none."""
+    """Read the pulses of a recording from its pulse table, None where it has none."""
     if entry.perturbations is None:
         return None
-    with named_as_written(study.root, entry.perturbations) as path:
-        return _pulse_table(path)
+    study = study_of_recording(study, entry)
+    return read_pulses(study, entry, partial(_times_of_samples, study, entry))
 
 
-def _pulse_table(path: Path) -> pd.DataFrame:
-    table = _text_table(path)
-    unknown = [c for c in table.columns if c not in _PULSE_COLUMNS]
-    if "onset_s" not in table.columns or unknown:
-        raise file_error(
-            path,
-            f"a pulse table has the columns {', '.join(_PULSE_COLUMNS)} (onset_s is required), "
-            f"got {', '.join(map(str, table.columns))}. {_todo(table, 'Correct the header.')}",
+def _times_of_samples(study: Study, entry: RecordingSpec) -> np.ndarray:
+    """Return the times of all samples of a file, s."""
+    name = "time" if "time" in study.spec.channels else "angle"
+    column = study.spec.channels[name].column
+    with named_as_written(study.root, entry.file) as path:
+        table = read_table(
+            path, numeric=[column], files=study.spec.files, from_zero=_counts_from_zero(study.spec)
         )
-    pulses = pd.DataFrame({"onset_s": _numbers(path, table, "onset_s", required=True)})
-    for name in ("duration_s", "amplitude_nm"):
-        pulses[name] = (
-            _numbers(path, table, name, required=False) if name in table.columns else np.nan
-        )
-    named = "timing_point" in table.columns
-    pulses["timing_point"] = table["timing_point"].to_numpy() if named else ""
-    for row, name in zip(table.index, pulses["timing_point"], strict=True):
-        if not is_number(str(name)):
-            _check_name(path, "timing_point", str(name), row=int(row))
-    return pulses
+    values, _ = _in_si(study, entry, name, table)
+    return _whole_time(study.spec, {name: values})
 
 
 def _check_labels(
@@ -164,64 +169,10 @@ def _check_labels(
                 _check_name(path, str(columns[name]), label)
 
 
-def _check_name(path: Path, column: str, name: str, *, row: int | None = None) -> None:
+def _check_name(path: Path, column: str, name: str) -> None:
     if problem := name_problem(name):
-        where = f"{path.name}{f', row {row}' if row else ''}, column '{column}'"
-        raise DataError(
-            f"{where}: {name!r} {problem}. Rename it.", path=str(path), channel=column, row=row
-        )
-
-
-def _todo(table: pd.DataFrame, usual: str) -> str:
-    """Return the advice for a pulse table that has other signs between its columns."""
-    header = str(table.columns[0])
-    if len(table.columns) == 1 and (";" in header or "\t" in header):
-        return "Put commas between the columns, and points into numbers: [files] is not for it."
-    return usual
-
-
-def _text_table(path: Path) -> pd.DataFrame:
-    """Read the lines that hold something; the index is the row of the file, from 1."""
-    try:
-        table = pd.read_csv(
-            path,
-            compression=None,  # by its name, it could unpack to more than memory
-            encoding="utf-8-sig",
-            dtype=str,
-            keep_default_na=False,
-            skip_blank_lines=False,  # they count as rows
-        )
-    except (OSError, ValueError) as exc:  # all that pandas has to say about a file is among them
-        raise file_error(
-            path,
-            f"not a readable pulse table ({str(exc).strip()}). Correct it, or export it again, "
-            "as plain text that is not compressed.",
-        ) from exc
-    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
-        raise DataError(
-            f"{path.name}, row 2: expected {len(table.columns)} values as in the header, found "
-            f"more. {_todo(table, 'Correct the rows.')}",
-            path=str(path),
-            row=2,
-        )
-    table.index += 2
-    cells = pd.DataFrame({name: table[name].fillna("").str.strip() for name in table.columns})
-    return cells[(cells != "").any(axis=1)]
-
-
-def _numbers(path: Path, table: pd.DataFrame, name: str, *, required: bool) -> np.ndarray:
-    text = table[name]
-    values = pd.to_numeric(text.where(text != "", "nan"), errors="coerce").to_numpy(dtype=float)
-    bad = ~(np.abs(values) <= LARGEST_SAMPLE) & (required | (text != "").to_numpy())
-    if bad.any():
-        row = int(text.index[bad][0])
-        raise file_error(
-            path,
-            f"expected a number, found '{text.loc[row]}'. Correct the cell.",
-            row=row,
-            channel=name,
-        )
-    return values
+        where = f"{path.name}, column '{column}'"
+        raise DataError(f"{where}: {name!r} {problem}. Rename it.", path=str(path), channel=column)
 
 
 def _in_si(
@@ -229,12 +180,16 @@ def _in_si(
 ) -> tuple[np.ndarray, str]:
     """Convert one column to SI, the study's direction and torque on the joint."""
     spec = study.spec
-    column = str(spec.channels[name].column)
+    channel = spec.channels[name]
+    column = str(channel.column)
     si_unit, factor, offset = study.units[name]
-    stated = _unit_of_file(table, column)
+    stated = _unit_of_file(table, column) if channel.scale is None else ""
     if stated and name != "contact":
         si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
     values = np.asarray(table.columns[column], dtype=float)
+    if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
+        si_unit, factor = si_unit.removesuffix(OVER_MASS), factor * mass_of(spec, entry, name)
+    factor *= channel.factor
     if _turned(name, spec):
         factor, offset = -factor, -offset
     same = (factor, offset) == (1.0, 0.0)
@@ -380,6 +335,7 @@ def _reading_step(
             n: c.unit or _unit_of_file(table, str(c.column)) or si_units[n]
             for n, c in channels.items()
         },
+        "factors": {n: c.factor for n, c in channels.items() if c.factor != 1.0},
         "turned": [name for name in channels if _turned(name, study.spec)],
     }
 

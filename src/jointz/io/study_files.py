@@ -4,10 +4,15 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel
 
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.errors import DataError, UnitError
+from jointz.core.study import ChannelSpec, RecordingSpec, Study, StudySpec
 from jointz.core.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
@@ -16,6 +21,13 @@ _ALWAYS_THERE = (
     *LABEL_CHANNELS,
 )
 
+#: What stands in the name of a column for the key ``part`` of a recording.
+PART = "{part}"
+
+#: Units of channels that may be given per body mass, and how that is written.
+PER_MASS, OVER_MASS = ("N*m", "N"), "/kg"
+
+_Model = TypeVar("_Model", bound=BaseModel)
 #: SI unit of a channel, with factor and offset to it: ``si = factor * value + offset``.
 Unit = tuple[str, float, float]
 
@@ -68,12 +80,59 @@ def needed_channels(
     ]
 
 
+def study_of_recording(study: Study, entry: RecordingSpec) -> Study:
+    """Return the study as it holds for one recording: its columns, its changes, its layout."""
+    changes = entry.channels or {}
+    if not changes and entry.part is None and entry.files is None:
+        return study
+    channels = {
+        name: _in_part(_changed(channel, changes.get(name)), entry.part)
+        for name, channel in study.spec.channels.items()
+    }
+    units = {
+        name: channel_unit(name, unit, kind=channels[name].kind)
+        for name, change in changes.items()
+        if (unit := change.unit) is not None
+    }
+    files = _changed(study.spec.files, entry.files)
+    spec = study.spec.model_copy(update={"channels": channels, "files": files})
+    return replace(study, spec=spec, units={**study.units, **units})
+
+
+def _changed(model: _Model, change: BaseModel | None) -> _Model:
+    """Return a model with the fields that a change states."""
+    if change is None:
+        return model
+    return model.model_copy(update={n: getattr(change, n) for n in change.model_fields_set})
+
+
+def _in_part(channel: ChannelSpec, part: str | None) -> ChannelSpec:
+    if part is None or not isinstance(channel.column, str):
+        return channel
+    return channel.model_copy(update={"column": channel.column.replace(PART, part)})
+
+
+def mass_of(spec: StudySpec, entry: RecordingSpec, name: str) -> float:
+    """Return the mass (kg) by which a channel per body mass is multiplied."""
+    mass_kg = spec.participant(entry.participant).mass_kg
+    if mass_kg is None:
+        raise DataError(
+            f"{entry.file}, channel '{name}': is per body mass. Give mass_kg of participant "
+            f"'{entry.participant}'.",
+            path=entry.file,
+            channel=name,
+        )
+    return mass_kg
+
+
 def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
     """Return the SI unit of a channel, with factor and offset to it."""
     if name in LABEL_CHANNELS:
         return ("1", 1.0, 0.0)
     contact = ("V",) if kind == "voltage" else ("1",)
     allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
+    if allowed is not None and allowed[-1] in PER_MASS:
+        allowed = (*allowed, f"{allowed[-1]}{OVER_MASS}")
     if allowed is None:
         return si_unit_of(unit)
     failures = []

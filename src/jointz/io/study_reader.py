@@ -5,7 +5,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,18 +22,29 @@ from jointz.core.channels import (
 )
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
-from jointz.core.study import FilesSpec, Study, StudySpec, UserExclusion, name_problem
+from jointz.core.study import (
+    FilesSpec,
+    RecordingSpec,
+    Study,
+    StudySpec,
+    UserExclusion,
+    name_problem,
+)
 from jointz.core.units import conversion
 from jointz.io.file_kinds import special_kind
 from jointz.io.formats.registry import list_columns
-from jointz.io.recordings import StudyRecording
+from jointz.io.pulse_tables import read_pulses
+from jointz.io.recordings import StudyRecording, read_recording
 from jointz.io.study_files import (
+    OVER_MASS,
+    PART,
     Unit,
     channel_unit,
     data_file,
     named_as_written,
     needed_channels,
     shown_file,
+    study_of_recording,
 )
 from jointz.io.toml_problems import parse_toml, shape_problems
 
@@ -97,12 +108,14 @@ def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
         problems = shape_problems(exc, StudySpec, raw)
     units, edges, unit_problems = _units(raw)
     problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
-    problems += _file_problems(raw, file.parent)
+    is_sound = spec is not None and not problems
+    faulty_files, file_problems = _file_problems(raw, file.parent)
+    problems += file_problems
     exclusions, exclusion_problems = _user_exclusions(file.parent)
     problems += exclusion_problems
-    if spec is None or problems:
+    if spec is None:
         raise StudyError(str(file), problems)
-    return OpenedStudy(
+    study = OpenedStudy(
         root=file.parent,
         spec=spec,
         sha256=hashlib.sha256(text).hexdigest(),
@@ -110,6 +123,29 @@ def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
         group_edges=edges,
         user_exclusions=exclusions,
     )
+    if is_sound:
+        sound = [entry for entry in spec.recordings if entry.file not in faulty_files]
+        problems += _content_problems(study, sound, samples=bool(problems))
+    if problems:
+        raise StudyError(str(file), list(dict.fromkeys(problems)))
+    return study
+
+
+def _content_problems(
+    study: Study, entries: Sequence[RecordingSpec], *, samples: bool
+) -> Iterator[str]:
+    """Yield what is wrong in pulse tables and, where people correct the study anyway, samples."""
+    for entry in entries:
+        try:
+            if entry.perturbations is not None:
+                read_pulses(study_of_recording(study, entry), entry)
+        except DataError as exc:
+            yield str(exc)
+        try:
+            if samples:
+                read_recording(study, entry)
+        except DataError as exc:
+            yield str(exc)
 
 
 def _table(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -138,7 +174,21 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
             hint = ' A footswitch in V has kind = "voltage".' if analog else ""
             problems.append(f"channels.{name}.unit: {exc}{hint}")
     edges, edge_problems = _group_edges(raw, units)
+    for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        if changes := _table(entry, "channels"):
+            merged = {name: _changed_channel(raw, entry, name) for name in changes}
+            found = [p for p in _units({"channels": merged})[2] if p not in problems]
+            problems += [f"recordings[{i}].{problem}" for problem in found]
     return units, edges, problems + edge_problems
+
+
+def _changed_channel(raw: Mapping[str, Any], entry: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return what a study and one of its recordings say about a channel."""
+    channel = {**_table(_table(raw, "channels"), name), **_table(_table(entry, "channels"), name)}
+    column, part = channel.get("column"), entry.get("part")
+    if isinstance(column, str) and part is not None:
+        channel["column"] = column.replace(PART, str(part))
+    return channel
 
 
 def _group_edges(
@@ -178,6 +228,8 @@ def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
     yield from _cell_problems(raw)
     yield from _side_problems(raw)
     yield from _channel_problems(raw, channels)
+    yield from _change_problems(raw, channels)
+    yield from _mass_problems(raw, channels)
     yield from _perturbation_problems(raw, channels)
 
 
@@ -244,6 +296,8 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             continue
         if "kind" in channel and name != "contact":
             yield f"channels.{name}.kind: only channels.contact has a kind."
+        if name in LABEL_CHANNELS and {"scale", "invert"} & set(channel):
+            yield f"channels.{name}: labels have no scale and no sign. Remove scale and invert."
         if "values" in channel and name not in ("condition", "trial"):
             yield f"channels.{name}.values: only condition and trial have values."
         if "positive" in channel:
@@ -254,6 +308,32 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
                 f"channels.condition.values: '{value}' is no condition; expected unperturbed, "
                 "perturbed or no_device."
             )
+
+
+def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    """Yield changes in recordings of channels that the study does not have, or cannot turn."""
+    for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        for name, change in _table(entry, "channels").items():
+            if name not in channels:
+                yield (
+                    f"recordings[{i}].channels.{name}: the study has no channel '{name}'. A "
+                    f"recording changes channels of the study: give [channels.{name}], too."
+                )
+            elif isinstance(change, Mapping) and "positive" in change:
+                for problem in _direction_problems(name, change["positive"], raw):
+                    yield f"recordings[{i}].{problem}"
+
+
+def _mass_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    """Yield people without a mass where a channel is per body mass."""
+    units = {n: c.get("unit") for n, c in channels.items() if isinstance(c, Mapping)}
+    per_mass = [n for n, u in units.items() if n in CHANNEL_UNITS and str(u).endswith(OVER_MASS)]
+    people = [str(p.get("id")) for p in _entries(raw, "participants") if "mass_kg" not in p]
+    if per_mass and people:
+        yield (
+            f"channels.{per_mass[0]}.unit: '{units[per_mass[0]]}' is per body mass. Give mass_kg "
+            f"of {', '.join(people)}."
+        )
 
 
 def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
@@ -333,44 +413,52 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
         )
 
 
-def _file_problems(raw: Mapping[str, Any], root: Path) -> Problems:
+def _file_problems(raw: Mapping[str, Any], root: Path) -> tuple[set[str], Problems]:
     """Find missing files and columns of all recordings, without reading samples."""
     problems: Problems = []
-    try:
-        files = FilesSpec.model_validate(raw.get("files", {}))
-    except ValidationError:
-        return []  # reported already, and nothing can be read without it
-    columns = {
-        name: channel["column"]
-        for name, channel in _table(raw, "channels").items()
-        if isinstance(channel, Mapping) and "column" in channel
-    }
+    faulty: set[str] = set()
     conditions = {_condition_of(entry) for entry in _entries(raw, "recordings")}
     moments_only = raw.get("kind") == "walking" and conditions == {"no_device"}
     checked: set[tuple[str, ...]] = set()
     of_sensors: dict[str, list[Problems]] = {}
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        n_before = len(problems)
+        files = _layout({**_table(raw, "files"), **_table(entry, "files")})
+        if files is None:
+            continue  # reported already, and nothing can be read without it
+        merged = {name: _changed_channel(raw, entry, name) for name in _table(raw, "channels")}
+        columns = {n: c["column"] for n, c in merged.items() if "column" in c}
         needed = needed_channels(columns, _condition_of(entry) or None, moments_only=moments_only)
         for key in ("file", "perturbations"):
             name = entry.get(key)
-            if not isinstance(name, str) or (name, *needed) in checked:
+            key_of_check = (str(name), *(str(columns[n]) for n in needed))
+            if not isinstance(name, str) or key_of_check in checked:
                 continue
             place = f"recordings[{i}].{key}"
             path_problem = _path_problem(root, name)
             if path_problem:
                 problems.append(f"{place}: {path_problem}")
             elif key == "file":
-                checked.add((name, *needed))
+                checked.add(key_of_check)
                 needed_columns = {n: columns[n] for n in needed if n not in MOTION_SENSORS}
                 problems += _column_problems(place, root, name, needed_columns, files)
                 for n in (n for n in needed if n in MOTION_SENSORS):
                     lacks = _column_problems(place, root, name, {n: columns[n]}, files)
                     of_sensors.setdefault(n, []).append(lacks)
         problems += _joined_problems(entry, root, f"recordings[{i}].joined")
+        if len(problems) > n_before:
+            faulty.add(str(entry.get("file")))
     # A recording may lack a sensor; if all of them do, its column is misspelt.
     for found in of_sensors.values():
         problems += found[0] if all(found) else []
-    return problems
+    return faulty, problems
+
+
+def _layout(raw: Mapping[str, Any]) -> FilesSpec | None:
+    try:
+        return FilesSpec.model_validate(raw)
+    except ValidationError:
+        return None
 
 
 def _joined_problems(entry: Mapping[str, Any], root: Path, place: str) -> Problems:
@@ -384,7 +472,9 @@ def _joined_problems(entry: Mapping[str, Any], root: Path, place: str) -> Proble
             continue
         channels = _table(joined, "channels").items()
         columns = {n: c["column"] for n, c in channels if isinstance(c, Mapping) and "column" in c}
-        problems += _column_problems(f"{place}[{k}].file", root, name, columns, FilesSpec())
+        files = _layout(_table(joined, "files"))
+        if files is not None:
+            problems += _column_problems(f"{place}[{k}].file", root, name, columns, files)
         problems += [f"{place}[{k}].{problem}" for problem in _units(joined)[2]]
     return problems
 

@@ -476,9 +476,9 @@ def test_columns_count_from_zero_by_one_that_a_recording_does_not_need(study):
 
 
 def pulse_table(study, content: str | bytes) -> pd.DataFrame:
+    opened = study.open()
     raw = content.encode() if isinstance(content, str) else content
     (study.root / "S01_pulses.csv").write_bytes(raw)
-    opened = study.open()
     return read_pulse_table(opened, opened.spec.recordings[1])
 
 
@@ -541,8 +541,7 @@ def test_a_pulse_table_may_be_empty(study):
     "content",
     [
         *("duration_s,amplitude_nm\n1,1\n", "onset_s,trial\n1,1\n", "onset_s,onset_s\n1,1\n"),
-        *("onset_s;duration_s\n1;1\n", "onset_s\tduration_s\n1\t1\n"),
-        *("onset_s,timing_point\n0.5,LRE,1\n", "onset_s;duration_s\n0,5;0,25\n"),
+        *("onset_s,timing_point\n0.5,LRE,1\n", "onset_s;duration_s\n0,5;1\n0.5;1\n"),
         *("onset_s\n0.5\n0.7,1\n", "", b"onset_s,timing_point\n0.5,\xff\n"),
     ],
 )
@@ -558,7 +557,7 @@ def test_an_onset_that_is_no_number_is_refused(study, cell):
 
 
 @pytest.mark.parametrize("column", ["duration_s", "amplitude_nm"])
-@pytest.mark.parametrize("cell", ["long", "nan", "inf"])
+@pytest.mark.parametrize("cell", ["long", "inf"])
 def test_text_in_an_optional_column_is_refused_by_its_row_with_empty_lines_counted(
     study, column, cell
 ):

@@ -252,10 +252,11 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
     try:
         return [line.decode("utf-8-sig") for line in lines]
     except UnicodeDecodeError as exc:
-        raise _not_decoded(path, exc) from exc
+        raise not_decoded(path, exc) from exc
 
 
-def _not_decoded(path: Path, exc: UnicodeDecodeError) -> DataError:
+def not_decoded(path: Path, exc: UnicodeDecodeError) -> DataError:
+    """Return the error of a text that is not in the stated encoding."""
     byte = exc.object[exc.start : exc.start + 1]
     return file_error(
         path,
@@ -551,7 +552,7 @@ def _records(layout: _Layout) -> Iterator[tuple[int, list[str]]]:
             row = len(layout.head) + reader.line_num
             raise layout.error(f"the row cannot be read ({exc}).", row=row) from exc
         except UnicodeDecodeError as exc:
-            raise _not_decoded(layout.path, exc) from exc
+            raise not_decoded(layout.path, exc) from exc
 
 
 def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> DataError:
@@ -620,7 +621,7 @@ def _reading_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except UnicodeDecodeError as exc:
-        raise _not_decoded(path, exc) from exc
+        raise not_decoded(path, exc) from exc
     except _DECOMPRESSION_ERRORS as exc:
         raise file_error(
             path,

@@ -25,6 +25,8 @@ from jointz.io.text.delimited import (
     stated_encoding,
 )
 
+#: Endings of text files.
+TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 _LINES = 400
 _IN_A_ROW = 3  # rows of one shape that are called the table
 #: Signs between columns, in the order in which they are tried, and what they are called.

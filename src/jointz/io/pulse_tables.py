@@ -1,0 +1,286 @@
+"""Pulse tables: onsets of the pulses of one recording, or of several, as a lab writes them."""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.errors import UnitError
+from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
+from jointz.core.units import conversion
+from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
+from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.study_files import PART, named_as_written
+from jointz.io.text.column_names import known_unit_in_name
+from jointz.io.text.delimited import MISSING_TEXT, is_number, not_decoded, stated_encoding
+from jointz.io.text.text_layout import DELIMITERS, TEXT
+
+SAMPLE = "sample"
+#: What a column holds -> names that say so without [perturbations.columns].
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "onset": ("onset_s", "onset_ms", "onset_sample"),
+    "duration": ("duration_s", "duration_ms", "duration_samples"),
+    "amplitude": ("amplitude_nm",),
+    **{name: (name,) for name in ("timing_point", "recording", "participant", "session", "side")},
+}
+_NUMBERS = {"onset": "s", "duration": "s", "amplitude": "N*m"}
+_UNIT_OF_END = {"_s": "s", "_ms": "ms", "_sample": SAMPLE, "_samples": SAMPLE, "_nm": "N*m"}
+_MOST_LINES_ABOVE = 50
+
+#: Times of the samples of a recording, s.
+Times = Callable[[], np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    path: Path
+    cells: pd.DataFrame  # what was found for each meaning; the index is the row of the file, from 1
+    columns: Mapping[str, PulseColumn]  # meaning -> its column
+
+
+def read_pulses(study: Study, entry: RecordingSpec, times: Times | None = None) -> pd.DataFrame:
+    """Return the pulses of a recording; onsets in samples stay NaN without ``times``."""
+    file = entry.perturbations or ""
+    with named_as_written(study.root, file) as path:
+        table = _own_rows(_read(path, study.spec, entry), study.spec, entry)
+        pulses = pd.DataFrame(index=table.cells.index)
+        for name, si_unit in _NUMBERS.items():
+            column = f"{name}_{'nm' if si_unit == 'N*m' else si_unit}"
+            pulses[column] = _numbers(table, name, study.spec, times)
+        named = "timing_point" in table.cells
+        pulses["timing_point"] = table.cells["timing_point"].to_numpy() if named else ""
+        for row, name in zip(table.cells.index, pulses["timing_point"], strict=True):
+            if not is_number(str(name)) and (problem := name_problem(str(name))):
+                where = table.columns["timing_point"].column
+                message = f"{name!r} {problem}. Rename it."
+                raise file_error(path, message, row=int(row), channel=str(where))
+    return pulses.reset_index(drop=True)
+
+
+def _read(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
+    if path.name.lower().endswith(TEXT):
+        return _read_text(path, spec, entry)
+    names = list_columns(path, spec.files)
+    if names is None:  # a format that does not list them: those that the study names are sought
+        stated = spec.perturbations.columns or {}
+        names = [name for meaning in stated for name in _wanted(spec, entry)[str(meaning)]]
+    columns = _find(path, names, spec, entry)
+    numeric = [c.column for name, c in columns.items() if name in _NUMBERS]
+    labels = [c.column for name, c in columns.items() if name not in _NUMBERS]
+    table = read_table(path, numeric=numeric, labels=labels, files=spec.files, as_written=True)
+    cells = {name: table.columns[str(c.column)] for name, c in columns.items()}
+    frame = pd.DataFrame(cells)
+    frame.index += table.first_row
+    return _Table(path, frame[frame["onset"].notna()], columns)
+
+
+def _read_text(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
+    try:
+        text = path.read_bytes().decode(stated_encoding(path, spec.files.encoding))
+    except UnicodeDecodeError as exc:
+        raise not_decoded(path, exc) from exc
+    except OSError as exc:
+        raise file_error(path, f"not a readable pulse table ({exc}).") from exc
+    text = text.removeprefix("\ufeff")
+    above, delimiter, names = _header(text, _wanted(spec, entry)["onset"])
+    if twice := next((name for name in names if name and names.count(name) > 1), ""):
+        message = f"the name '{twice}' stands over several columns. Rename or remove one."
+        raise file_error(path, message, row=above + 1)
+    columns = _find(path, names, spec, entry)
+    try:
+        frame = pd.read_csv(
+            io.StringIO(text),
+            sep=delimiter,
+            skiprows=above,
+            dtype=str,
+            keep_default_na=False,
+            skip_blank_lines=False,  # they count as rows
+        )
+    except ValueError as exc:  # all that pandas has to say about a file is among them
+        message = f"not a readable pulse table ({str(exc).strip()}). Correct it."
+        raise file_error(path, message) from exc
+    if not isinstance(frame.index, pd.RangeIndex):  # what pandas makes of rows too long
+        message = f"expected {len(names)} values as in the header, found more. Correct the rows."
+        raise file_error(path, message, row=above + 2)
+    frame.index += above + 2
+    frame.columns = pd.Index(names)
+    cells = {m: frame[str(c.column)].fillna("").str.strip() for m, c in columns.items()}
+    table = pd.DataFrame(cells)
+    return _Table(path, table[(table != "").any(axis=1)], columns)
+
+
+def _header(text: str, onset: tuple[str, ...]) -> tuple[int, str, list[str]]:
+    """Return the lines above the header, the delimiter and the names: the onset is among them."""
+    lines = text.splitlines() or [""]
+    for above, line in enumerate(lines[:_MOST_LINES_ABOVE]):
+        for delimiter in DELIMITERS:
+            names = _split(line, delimiter)
+            if set(names) & set(onset):
+                return above, delimiter, names
+    return 0, ",", _split(lines[0], ",")
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        return [line]
+    return [cell.strip() for cell in cells]
+
+
+def _wanted(spec: StudySpec, entry: RecordingSpec) -> dict[str, tuple[str, ...]]:
+    """Return the names that a column of each meaning may have."""
+    wanted = dict(NAMES)
+    for meaning, column in (spec.perturbations.columns or {}).items():
+        wanted[meaning] = (str(column.column).replace(PART, str(entry.part)),)
+    return wanted
+
+
+def _find(
+    path: Path, names: list[str], spec: StudySpec, entry: RecordingSpec
+) -> dict[str, PulseColumn]:
+    """Find the column of each meaning; a struct or a sheet may stand before a usual name."""
+    stated = {str(name): c for name, c in (spec.perturbations.columns or {}).items()}
+    last = {re.split(r"[./]", name)[-1]: name for name in names}
+    found: dict[str, PulseColumn] = {}
+    for meaning, wanted in _wanted(spec, entry).items():
+        known = dict.fromkeys(names, "") if meaning in stated else {**last, **{n: n for n in names}}
+        name = next((known[w] or w for w in wanted if w in known), None)
+        if name is not None:
+            unit = stated[meaning].unit if meaning in stated else None
+            found[meaning] = PulseColumn(column=name, unit=unit or _unit_in(name))
+    missing = [*(m for m in stated if m not in found), *([] if "onset" in found else ["onset"])]
+    text = path.name.lower().endswith(TEXT)
+    unknown = [n for n in names if n and n not in {c.column for c in found.values()}]
+    if missing or (unknown and text and not stated):
+        usual = ", ".join(own for kinds in NAMES.values() for own in kinds)
+        lacks = f"has no column for {', '.join(dict.fromkeys(missing))}" if missing else (
+            f"has columns that jointz does not know: {', '.join(unknown)}"
+        )  # fmt: skip
+        raise file_error(
+            path,
+            f"the pulse table {lacks}. It has {', '.join(names) or 'none'}; a pulse table has the "
+            f"columns {usual} (an onset is required). Name its columns under "
+            "[perturbations.columns], and others are left out.",
+        )
+    return found
+
+
+def _unit_in(name: str) -> str | None:
+    """Return the unit that a column's name states in brackets or at its end."""
+    lower = name.casefold()
+    end = next((unit for end, unit in _UNIT_OF_END.items() if lower.endswith(end)), None)
+    bracketed = re.search(r"[\[(]samples?[\])]\s*$", lower)
+    return SAMPLE if bracketed else known_unit_in_name(name) or end
+
+
+def _own_rows(table: _Table, spec: StudySpec, entry: RecordingSpec) -> _Table:
+    """Return the rows of one recording, where columns say which recording a row belongs to."""
+    sharing = [r for r in spec.recordings if r.perturbations == entry.perturbations]
+    own = _rows_of(table, entry)
+    if own.all():
+        return table
+    of_any = np.any([_rows_of(table, r) for r in sharing], axis=0)
+    people = {p.id for p in spec.participants}
+    if "participant" in table.cells:  # rows of people whom the study leaves out
+        of_any |= ~table.cells["participant"].isin(people).to_numpy()
+    if not own.any():
+        known = {m: sorted(set(table.cells[m])) for m in _keys(table, entry)}
+        raise file_error(
+            table.path,
+            f"no row belongs to {entry.file} (participant '{entry.participant}'); found "
+            + "; ".join(f"{name}: {', '.join(values)}" for name, values in known.items())
+            + ". Correct the table or the recording.",
+        )
+    if not of_any.all():
+        row = int(table.cells.index[~of_any][0])
+        message = "belongs to no recording of the study. Correct the row or remove it."
+        raise file_error(table.path, message, row=row)
+    return _Table(table.path, table.cells[own], table.columns)
+
+
+def _keys(table: _Table, entry: RecordingSpec) -> Iterator[str]:
+    """Yield the columns that say which recording a row belongs to."""
+    stated = {"recording": True, "participant": True}
+    stated |= {"session": entry.session is not None, "side": entry.side is not None}
+    yield from (name for name, used in stated.items() if used and name in table.cells)
+
+
+def _rows_of(table: _Table, entry: RecordingSpec) -> np.ndarray:
+    rows = np.ones(len(table.cells), dtype=bool)
+    base = entry.file.rpartition("/")[2]
+    meant = {
+        "recording": {entry.file, base, base.split(".")[0]},
+        "participant": {entry.participant},
+        "session": {entry.session or ""},
+        "side": {entry.side or "", (entry.side or "")[:1]},
+    }
+    for name in _keys(table, entry):
+        values = table.cells[name]
+        rows &= (values.str.casefold() if name == "side" else values).isin(meant[name]).to_numpy()
+    return rows
+
+
+def _numbers(table: _Table, name: str, spec: StudySpec, times: Times | None) -> np.ndarray:
+    """Return a column of numbers in SI."""
+    if name not in table.cells:
+        return np.full(len(table.cells), np.nan)
+    values = _parsed(table, name)
+    unit, si_unit = table.columns[name].unit or _NUMBERS[name], _NUMBERS[name]
+    if unit == SAMPLE:
+        return _times_of(table, name, values, spec, times)
+    try:
+        factor, offset = conversion(unit, si_unit)
+    except UnitError as exc:
+        raise file_error(table.path, str(exc), channel=str(table.columns[name].column)) from exc
+    return np.asarray(factor * values + offset)
+
+
+def _parsed(table: _Table, name: str) -> np.ndarray:
+    """Return numbers with points or with commas, but not with both; only an onset must be there."""
+    cells, column = table.cells[name], str(table.columns[name].column)
+    if cells.dtype.kind == "f":
+        return cells.to_numpy(dtype=float)
+    filled = ~cells.isin(MISSING_TEXT).to_numpy()
+    written = "".join(cells[filled])
+    decimal = "," if "," in written and "." not in written else "."
+    good = np.array([is_number(cell, decimal) for cell in cells], dtype=bool) | ~filled
+    points = cells.str.replace(",", ".") if decimal == "," else cells
+    values = pd.to_numeric(points.where(good & filled, "nan"), errors="coerce").to_numpy(float)
+    bad = ~good | (np.abs(values) > LARGEST_SAMPLE) | (~filled & (name == "onset"))
+    if bad.any():
+        row = int(cells.index[bad][0])
+        message = f"expected a number, found '{cells.loc[row]}'. Correct the cell."
+        raise file_error(table.path, message, row=row, channel=column)
+    return values
+
+
+def _times_of(
+    table: _Table, name: str, samples: np.ndarray, spec: StudySpec, times: Times | None
+) -> np.ndarray:
+    """Return the times of samples, or the duration of as many."""
+    column, first = str(table.columns[name].column), spec.perturbations.first_sample
+    if name == "onset" and first is None:
+        raise file_error(
+            table.path,
+            "counts samples. Give [perturbations] first_sample: the number of the recording's "
+            "first sample, 1 in MATLAB and 0 in Python or C.",
+            channel=column,
+        )
+    if times is None:
+        return np.full(samples.size, np.nan)
+    time_s = times()
+    if name == "duration":
+        return np.asarray(samples * float(np.median(np.diff(time_s))))
+    index = samples - float(first or 0)
+    beyond = ~((index >= 0) & (index <= time_s.size - 1))
+    if beyond.any():
+        row = int(table.cells.index[beyond][0])
+        message = f"there is no sample {samples[beyond][0]:g} in {time_s.size} samples. Correct it."
+        raise file_error(table.path, message, row=row, channel=column)
+    return np.interp(index, np.arange(time_s.size), time_s)

@@ -1,0 +1,144 @@
+"""Pulse tables as labs write them: signs, names, units, samples, several recordings in one."""
+
+import numpy as np
+import pytest
+
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.io.formats.registry import write_acquisition
+from jointz.io.recordings import read_pulse_table
+
+TABLE = "[perturbations]                              # optional\n"
+
+
+def read(study, content, *, settings="", encoding="utf-8", name="S01_pulses.csv"):
+    """Read the pulse table of the second recording."""
+    study.edit(TABLE, f"{TABLE}{settings}\n").edit('"S01_pulses.csv"', f'"{name}"')
+    (study.root / name).write_bytes(content.encode(encoding))
+    opened = study.open()
+    return read_pulse_table(opened, opened.spec.recordings[1])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "onset_s;duration_s\n0,021;0,009\n",
+        "onset_s;duration_s\n0.021;0.009\n",
+        "onset_s\tduration_s\n0,021\t0,009\n",
+        'onset_s,duration_s\n"0,021","0,009"\n',
+        "Messung 3; Müller\n\nonset_s;duration_s\n0,021;0,009\n",
+        "onset_ms;duration_ms\n21;9\n",
+    ],
+)
+def test_signs_and_lines_above_are_found_by_the_names_of_the_columns(study, content):
+    table = read(study, content)
+
+    np.testing.assert_allclose(table[["onset_s", "duration_s"]], [[0.021, 0.009]], rtol=1e-12)
+
+
+def test_an_encoding_of_the_study_holds_for_its_pulse_tables_too(study):
+    study.edit("[files]", '[files]\nencoding = "cp1252"')
+    table = read(study, "onset_s;timing_point\n0,021;Stoß\n", encoding="cp1252")
+
+    assert table["timing_point"].tolist() == ["Stoß"]
+
+
+def test_columns_by_names_of_their_own_leave_others_out(study):
+    settings = (
+        'columns = { onset = "Beginn [ms]", timing_point = "Phase", '
+        'amplitude = { column = "M", unit = "mNm" } }'
+    )
+    content = "Nr;Beginn [ms];M;Phase;Bemerkung\n1;21;5000;LRE;gut\n"
+
+    table = read(study, content, settings=settings)
+
+    assert table.to_numpy().tolist()[0][0] == pytest.approx(0.021)
+    assert table["amplitude_nm"].tolist() == [5.0]
+    assert table["timing_point"].tolist() == ["LRE"]
+
+
+@pytest.mark.parametrize(("first", "onset_s"), [(0, 0.021), (1, 0.020)])
+def test_onsets_in_samples_need_the_number_of_the_first(study, first, onset_s):
+    table = read(study, "onset_sample;duration_samples\n21;9\n", settings=f"first_sample = {first}")
+
+    np.testing.assert_allclose(table[["onset_s", "duration_s"]], [[onset_s, 0.009]], atol=1e-12)
+
+
+def test_onsets_in_samples_count_on_the_clock_of_the_file(study):
+    study.table("S01_ewp.csv", lambda t: t.assign(time_s=t["time_s"] + 100.0))
+
+    table = read(study, "onset_sample\n21\n", settings="first_sample = 0")
+
+    assert table["onset_s"].tolist() == pytest.approx([100.021])
+
+
+def test_without_the_number_of_the_first_sample_a_study_is_refused(study):
+    (study.root / "S01_pulses.csv").write_text("onset_sample\n21\n")
+
+    assert "first_sample: the number of the recording's first sample" in study.sole_problem()
+
+
+def test_a_sample_beyond_the_recording_is_refused_by_its_row(study):
+    with pytest.raises(DataError, match="row 3, column 'onset_sample': there is no sample 51"):
+        read(study, "onset_sample\n21\n51\n", settings="first_sample = 1")
+
+
+@pytest.mark.parametrize("name", ["S01_ewp.csv", "S01_ewp"])
+def test_one_table_serves_several_recordings(study, name):
+    content = f"recording,onset_s\n{name},0.021\nS01_enp.csv,0.5\n"
+    study.edit('file = "S01_enp.csv"', 'file = "S01_enp.csv"\nperturbations = "S01_pulses.csv"')
+
+    assert read(study, content)["onset_s"].tolist() == [0.021]
+
+
+def test_rows_of_people_whom_a_study_leaves_out_are_not_read(study):
+    table = read(study, "participant,onset_s\nS01,0.021\nS02,0.5\n")
+
+    assert table["onset_s"].tolist() == [0.021]
+
+
+def test_rows_that_belong_to_no_recording_are_refused(study):
+    (study.root / "S01_pulses.csv").write_text("recording,onset_s\nS01_ewp,0.02\nS01_epw,0.03\n")
+
+    assert study.sole_problem().startswith("S01_pulses.csv, row 3: belongs to no recording")
+    (study.root / "S01_pulses.csv").write_text("recording,onset_s\nS01_epw,0.03\n")
+    assert "found recording: S01_epw" in study.sole_problem()
+
+
+@pytest.mark.parametrize("name", ["pulses.mat", "pulses.xlsx", "pulses.parquet"])
+def test_a_pulse_table_of_another_format(study, tmp_path, name):
+    pytest.importorskip("openpyxl")
+    pytest.importorskip("pyarrow")
+    columns = {"onset_s": [0.021, 0.03], "amplitude_nm": [5.0, 6.0]}
+    signals = tuple(Signal(name, np.array(values)) for name, values in columns.items())
+    content = Acquisition((SignalGroup("table", signals),))
+    write_acquisition(content, tmp_path / name, lossy=True)
+    study.edit('"S01_pulses.csv"', f'"{name}"')
+    if name.endswith(".mat"):
+        columns = ", ".join(
+            f'{k} = "jointz.groups.table.signals.{c}.values"'
+            for k, c in {"onset": "onset_s", "amplitude": "amplitude_nm"}.items()
+        )
+        study.edit(TABLE, f"{TABLE}columns = {{ {columns} }}\n")
+    opened = study.open()
+
+    table = read_pulse_table(opened, opened.spec.recordings[1])
+
+    assert table["onset_s"].tolist() == [0.021, 0.03]
+    assert table["amplitude_nm"].tolist() == [5.0, 6.0]
+
+
+def test_problems_of_study_tables_and_recordings_come_in_one_round(study):
+    (study.root / "S01_pulses.csv").write_text("onset_s\nearly\n")
+    study.table("S01_enp.csv", lambda t: t.assign(torque_nm="weak"))
+    study.edit(
+        "[perturbations] ",
+        '[[recordings]]\nparticipant = "S01"\nsession = "2"\n'
+        'condition = "perturbed"\nfile = "missing.csv"\n[perturbations] ',
+    )
+
+    problems = study.refused().problems
+
+    assert [any(word in p for p in problems) for word in ("early", "weak", "missing.csv")] == [
+        True
+    ] * 3
