@@ -181,7 +181,7 @@ def test_names_of_the_reference_are_those_of_its_lists():
     assert [name for name in names if not name.startswith("jointz.")] == []
 
 
-def test_without_cffconvert_the_keys_of_the_citation_are_looked_for(checkout):
+def test_missing_keys_of_the_citation_are_named(checkout):
     assert "message, title, authors" in problems(release.check_citation, checkout)
     assert "keys only" in release.check_citation(release.Release(REPOSITORY, checkout.work))
 
