@@ -23,6 +23,8 @@ kilo- = 1e3 = k-
 second = [time] = s = sec
 minute = 60 * second = min
 hour = 3600 * second = h = hr
+day = 86400 * second = d
+nanosecond = 1e-9 * second = ns
 meter = [length] = m = metre
 inch = 0.0254 * meter = in
 foot = 0.3048 * meter = ft = feet
@@ -84,6 +86,7 @@ _EXAMPLES = "N*m, Nm/rad, deg, rad/s, rpm, mA, ms, mV, %"
 _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("U/min", "Umdr/min", "tr/min", "giri/min", "omw/min"), "rpm"),
     "é": "e",
+    "hh:mm:ss": "s",
     "°C": "degC",
     "**": "^",
     "⁻¹": "^-1",

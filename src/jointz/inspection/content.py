@@ -15,10 +15,16 @@ from jointz.io.file_kinds import missing_file
 from jointz.io.formats.columns import RawTable, TableRequest
 from jointz.io.formats.group_format import TIME, GroupFormat, study_columns
 from jointz.io.formats.memory_limit import NUMBER_BYTES, PACKED, check_unpacked
-from jointz.io.formats.registry import format_of, read_acquisition, read_table
+from jointz.io.formats.registry import (
+    TEXT_SUFFIXES,
+    format_of,
+    read_acquisition,
+    read_table,
+)
+from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.text.delimited import as_written_with_point, stray_cells
-from jointz.io.text.text_layout import TEXT, TextLayout, find_layout
+from jointz.io.text.text_layout import TextLayout, find_layout
 from jointz.io.text.vendor_logs import with_vendor_units
 
 _LEAST_SHARE = 0.5
@@ -73,7 +79,7 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
     """Read all columns of a file; unknown parts of a text file's layout are detected."""
     if not path.is_file():
         raise DataError(missing_file(path, "Correct the name."), path=str(path))
-    if path.name.lower().endswith(TEXT):
+    if path.name.lower().endswith(TEXT_SUFFIXES):
         content = _text_content(path, find_layout(path, layout))
     else:
         content = _content(path, read_acquisition(path))
@@ -94,10 +100,12 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     keys = [int(c) if not layout.files.header else c for c in layout.columns]
     table, refused = _read(path, keys, layout.files)
     units = layout.units or ("",) * len(keys)
-    found = [
-        Signal(title or str(key), _numbers(table.columns[str(key)], layout.files.decimal), unit)
-        for key, title, unit in zip(keys, layout.names, units, strict=True)
-    ]
+    found = []
+    for key, title, unit in zip(keys, layout.names, units, strict=True):
+        cells = table.columns[str(key)]
+        values = _numbers(cells, layout.files.decimal)
+        is_clock = cells.dtype.kind == "O" and values.dtype.kind == "f" and ":" in str(cells[0])
+        found.append(Signal(title or str(key), values, CLOCK_TEXT if is_clock else unit))
     signals, log = with_vendor_units(found)
     why = f"by the documentation of {log}"
     columns = tuple(
@@ -116,7 +124,7 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
 
 
 def _text_column(key: str | int, title: str, signal: Signal, refused: str) -> Column:
-    stray = "" if signal.is_text else refused
+    stray = "" if signal.is_text or signal.unit == CLOCK_TEXT else refused
     own = "" if key == title else title
     return Column("", key, own, signal.values, signal.unit, stray)
 
@@ -140,9 +148,11 @@ def _read(
 
 
 def _numbers(cells: np.ndarray, decimal: str) -> np.ndarray:
-    """Return text that is mostly numbers as numbers, NaN for other cells."""
+    """Return text that is mostly numbers, or times of day, as numbers, NaN for other cells."""
     if cells.dtype.kind != "O":
         return cells
+    if cells.size and np.isfinite(clock := seconds_of_clock(cells)).mean() > _LEAST_SHARE:
+        return clock
     points = [as_written_with_point(str(cell), decimal) for cell in cells]
     numbers = pd.to_numeric(pd.Series(points, dtype=object), errors="coerce")
     n_filled = int(sum(bool(cell) for cell in cells))

@@ -31,12 +31,16 @@ _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
 _FULL_TURN = 2 * np.pi
-_LONGEST_STEP_S = 0.1
+_SHORTEST_STEP_S, _LONGEST_STEP_S = 5e-6, 0.1
 _MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
 _CHANGES = 0.05  # largest share of samples at which a label changes
 _UNPERTURBED = word_set("unperturbed unpert npc enp normal baseline rest off no 0 false")
-_PERTURBED = word_set("perturbed pert apc ewp pulses pulse on yes 1 true")
+_PERTURBED = word_set(
+    "perturbed perturbation perturbations pert apc ewp pulses pulse on yes 1 true"
+)
 _NO_DEVICE = word_set("nwc nodevice without barefoot")
+#: Unit of time -> s: the first in which steps are those of a recorder.
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,8 +242,8 @@ def guessed_unit(channel: str, inspected: InspectedColumn) -> tuple[str, str]:
 def _unit_of_time(time: np.ndarray) -> tuple[str, str]:
     steps = np.diff(time[np.isfinite(time)])
     step = float(np.median(steps)) if steps.size else 0.0
-    for unit, factor in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
-        if 0 < step * factor < _LONGEST_STEP_S:
+    for unit, factor in _TIME_UNITS.items():
+        if _SHORTEST_STEP_S < step * factor < _LONGEST_STEP_S:
             return unit, f"stamps are {step:.6g} apart"
     return "s", "the usual one"
 

@@ -1,6 +1,7 @@
 """Meaning of column names: words, units, joints, sides, and channels of a study."""
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -11,7 +12,7 @@ from jointz.core.units import si_unit_of
 from jointz.io.text.column_names import unit_in_name
 
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
-_BRACKETS = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
+_BRACKETS = re.compile(r"[\[(]([^\])=,;]*)[^\])]*[\])]\s*$")
 _TAIL = re.compile(r"[_ ]([A-Za-z%°][A-Za-z0-9*/^°%.·]*)$")
 
 
@@ -29,8 +30,56 @@ _NO_UNIT_WORDS = word_set(
 _SPELLINGS: Mapping[str, str] = {
     "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
     "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
-    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg",
+    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg", "1/min": "rpm", "min-1": "rpm",
+    "min^-1": "rpm", "volts": "V",
 }  # fmt: skip
+
+#: English word -> words of other languages for it, in small letters without accents.
+_OTHER_LANGUAGES: Mapping[str, str] = {
+    "time": "zeit uhrzeit zeitstempel temps tiempo tempo tijd horodatage",
+    "knee": "knie genou rodilla ginocchio kn",
+    "ankle": "knochel sprunggelenk enkel cheville tobillo caviglia",
+    "hip": "hufte huefte heup hanche cadera anca",
+    "elbow": "ellbogen elleboog coude codo gomito",
+    "wrist": "handgelenk pols poignet muneca polso",
+    "shoulder": "schulter schouder epaule hombro spalla",
+    "angle": "winkel angulo angolo hoek goniometre goniometro",
+    "torque": "drehmoment kniemoment couple par coppia koppel momento",
+    "command": "soll sollwert vorgabe consigne consigna comando riferimento gewenst gewenste rif "
+    "objetivo cible",
+    "current": "strom courant corriente corrente stroom",
+    "velocity": "geschwindigkeit winkelgeschwindigkeit vitesse velocidad velocita snelheid "
+    "drehzahl",
+    "motor": "moteur motore",
+    "grf": "bodenkraft bodenreaktionskraft bodenkontaktkraft",
+    "contact": "kontakt fussschalter schalter contacto contatto appoggio interrupteur interruptor "
+    "interruttore schakelaar",
+    "heel": "ferse fersen talon tacon tallone hiel",
+    "foot": "fuss pied piede voet",
+    "condition": "bedingung condicion condizione conditie",
+    "trial": "versuch essai ensayo prova poging",
+    "measured": "gemessen mesure mesuree medido misurata misurato gemeten istwert",
+    "right": "rechts rechte rechtes rechter droite droit derecha derecho destra destro",
+    "left": "links linke linkes linker gauche izquierda izquierdo sinistra sinistro",
+    "flexion": "beugung flessione flexie buiging flex",
+    "extension": "streckung estensione extensie strekking ext",
+    "perturbed": "gestort gestoert storung stoerung stor stoer perturbe perturbee perturbado "
+    "perturbato verstoord puls impuls stoss impulsion pulso impulso",
+    "unperturbed": "ungestort ungestoert nonperturbe sansperturbation imperturbe sinperturbacion "
+    "sinperturbar imperturbato senzaperturbazione onverstoord ohnestorung ohnestoerung",
+    "nodevice": "ohnegerat ohnegeraet ohneorthese sansappareil sindispositivo senzadispositivo "
+    "zonderapparaat",
+    "onset": "beginn begin debut inicio inizio aanvang einsatz start",
+    "duration": "dauer duree duracion durata duur length",
+    "amplitude": "hohe hoehe amplitud ampiezza",
+    "sample": "samples abtastwert abtastpunkt muestra campione echantillon monster frame index",
+    "phase": "fase",
+    "session": "sitzung tag seance jour sesion dia sessione giorno sessie dag day ses",
+}
+_ENGLISH: Mapping[str, str] = {
+    other: word for word, others in _OTHER_LANGUAGES.items() for other in others.split()
+}
+_SHORTEST_PART = 4  # of a word that stands in a longer one, as in Kniewinkel
 
 JOINTS = ("knee", "ankle", "hip", "elbow", "wrist", "shoulder")
 SIDES: Mapping[str, str] = {"right": "right", "left": "left", "r": "right", "l": "left"}
@@ -56,8 +105,10 @@ class Words:
 
 def words_of(name: str) -> Words:
     """Split a name into words."""
-    parts = [word.casefold() for word in _WORD.findall(name)]
-    found = frozenset([*parts, *(a + b for a, b in pairwise(parts))])
+    parts = [word.casefold() for word in _WORD.findall(_without_accents(name))]
+    parts += [inner for part in parts for inner in _inner_words(part)]
+    joined = [*parts, *(a + b for a, b in pairwise(parts))]
+    found = frozenset([*joined, *(_ENGLISH[word] for word in joined if word in _ENGLISH)])
     return Words(
         found,
         joint=next((joint for joint in JOINTS if joint in found), ""),
@@ -65,6 +116,19 @@ def words_of(name: str) -> Words:
         direction=next((d for d in DIRECTIONS if d in found), ""),
         unit=_unit_of(name),
     )
+
+
+def _without_accents(text: str) -> str:
+    letters = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
+    return "".join(c for c in letters if not unicodedata.combining(c))
+
+
+def _inner_words(part: str) -> list[str]:
+    """Return the known words at both ends of a compound."""
+    if part in _ENGLISH:
+        return []
+    known = (word for word in _ENGLISH if _SHORTEST_PART <= len(word) < len(part))
+    return [word for word in known if part.startswith(word) or part.endswith(word)]
 
 
 def _unit_of(name: str) -> str:
@@ -119,8 +183,8 @@ class _Rule:
 
 
 _AXES = word_set("posx posy posz x y z com cop")
-_TORQUES = word_set("torque moment tau trq drehmoment couple")
-_ANGLES = word_set("angle ang position pos theta winkel goniometer gonio encoder enc flexion q")
+_TORQUES = word_set("torque moment tau trq")
+_ANGLES = word_set("angle ang position pos theta goniometer gonio encoder enc flexion extension q")
 _COMMANDED = word_set("command cmd commanded desired setpoint target demand")
 _MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
 _RATES = word_set("velocity vel speed rate omega acceleration acc accel")
@@ -128,21 +192,21 @@ _GYROSCOPE = word_set("gyro gyroscope gyr angularvelocity velocity vel rate omeg
 #: Which of three axes is the joint's no name tells.
 _NOT_SENSED = _COMMANDED | _AXES | word_set("acceleration acc accel accelerometer mag")
 _RULES = (
-    _Rule("time", word_set("time t timestamp zeit tijd temps sec seconds clock s"),
-          word_set("point to")),
-    _Rule("trial", word_set("trial run rep repetition block versuch trialno"), score=3),
+    _Rule("time", word_set("time t timestamp stamp sec seconds clock s micros millis"),
+          word_set("point to lag")),
+    _Rule("trial", word_set("trial run rep repetition block trialno"), score=3),
     _Rule("cycle", word_set("stride strideno cyclenumber stridenumber"), score=2),
-    _Rule("condition", word_set("condition cond phase mode perturbed bedingung"),
+    _Rule("condition", word_set("condition cond phase mode perturbed"),
           _ANGLES | _TORQUES),
-    _Rule("contact", word_set("contact footswitch fsr heelswitch stance switch"), score=3),
+    _Rule("contact", word_set("contact footswitch fsr heelswitch stance switch fs"), score=3),
     _Rule("ground_reaction_force", word_set("grf vgrf fz fory forz groundreaction loadcellz"),
           _TORQUES, score=3),
-    _Rule("command", _COMMANDED | word_set("perturbation pert"),
+    _Rule("command", _COMMANDED | word_set("perturbation pert reference ref"),
           _ANGLES | word_set("current response"), _TORQUES, 4),
     _Rule("command", word_set("command cmd commanded"),
           _ANGLES | word_set("current speed velocity")),
     _Rule("reference", word_set("reference ref") | _COMMANDED, word_set("current"), _ANGLES, 4),
-    _Rule("current", word_set("current curr amps strom iq"), _COMMANDED, score=3),
+    _Rule("current", word_set("current curr amps iq"), _COMMANDED, score=3),
     _Rule("motor_velocity", _MOTOR, _TORQUES | _COMMANDED,
           word_set("speed velocity vel omega"), 4),
     _Rule("motor_acceleration", _MOTOR, _TORQUES | _COMMANDED,

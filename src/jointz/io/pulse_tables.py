@@ -14,11 +14,11 @@ from jointz.core.errors import UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
-from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.formats.registry import TEXT_SUFFIXES, list_columns, read_table
 from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import MISSING_TEXT, is_number, not_decoded, stated_encoding
-from jointz.io.text.text_layout import DELIMITERS, TEXT
+from jointz.io.text.text_layout import DELIMITERS
 
 SAMPLE = "sample"
 #: What a column holds -> names that say so without [perturbations.columns].
@@ -63,7 +63,7 @@ def read_pulses(study: Study, entry: RecordingSpec, times: Times | None = None) 
 
 
 def _read(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
-    if path.name.lower().endswith(TEXT):
+    if path.name.lower().endswith(TEXT_SUFFIXES):
         return _read_text(path, spec, entry)
     names = list_columns(path, spec.files)
     if names is None:  # a format that does not list them: those that the study names are sought
@@ -155,7 +155,7 @@ def _find(
             unit = stated[meaning].unit if meaning in stated else None
             found[meaning] = PulseColumn(column=name, unit=unit or _unit_in(name))
     missing = [*(m for m in stated if m not in found), *([] if "onset" in found else ["onset"])]
-    text = path.name.lower().endswith(TEXT)
+    text = path.name.lower().endswith(TEXT_SUFFIXES)
     unknown = [n for n in names if n and n not in {c.column for c in found.values()}]
     if missing or (unknown and text and not stated):
         usual = ", ".join(own for kinds in NAMES.values() for own in kinds)

@@ -36,6 +36,7 @@ from jointz.io.study_files import (
     needed_channels,
     study_of_recording,
 )
+from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
 
@@ -100,15 +101,18 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
     numeric = [name for name in needed if name not in LABEL_CHANNELS]
+    # A time of day is text in the file, and a number from here on.
+    clocks = [n for n in numeric if n == "time" and spec.channels[n].unit == CLOCK_TEXT]
     with named_as_written(study.root, entry.file) as path:
         numeric = _without_absent_sensors(spec, path, numeric)
         table = read_table(
             path,
-            numeric=[columns[n] for n in numeric],
-            labels=[columns[n] for n in labels],
+            numeric=[columns[n] for n in numeric if n not in clocks],
+            labels=[columns[n] for n in (*labels, *clocks)],
             files=spec.files,
             from_zero=_counts_from_zero(spec),
         )
+        table = _with_clocks(table, [str(columns[n]) for n in clocks])
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
     converted = {n: _in_si(study, entry, n, table) for n in numeric}
@@ -122,6 +126,12 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
     pieces = _split(text, len(next(iter(channels.values()))))
     return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
+
+
+def _with_clocks(table: RawTable, names: Sequence[str]) -> RawTable:
+    """Return a table in which times of day are seconds."""
+    seconds = {name: seconds_of_clock(table.columns[name]) for name in names}
+    return replace(table, columns={**table.columns, **seconds})
 
 
 def _counts_from_zero(spec: StudySpec) -> bool:
@@ -151,10 +161,16 @@ def _times_of_samples(study: Study, entry: RecordingSpec) -> np.ndarray:
     """Return the times of all samples of a file, s."""
     name = "time" if "time" in study.spec.channels else "angle"
     column = study.spec.channels[name].column
+    is_text = study.spec.channels[name].unit == CLOCK_TEXT
     with named_as_written(study.root, entry.file) as path:
         table = read_table(
-            path, numeric=[column], files=study.spec.files, from_zero=_counts_from_zero(study.spec)
+            path,
+            numeric=[] if is_text else [column],
+            labels=[column] if is_text else [],
+            files=study.spec.files,
+            from_zero=_counts_from_zero(study.spec),
         )
+    table = _with_clocks(table, [str(column)] if is_text else [])
     values, _ = _in_si(study, entry, name, table)
     return _whole_time(study.spec, {name: values})
 

@@ -20,11 +20,16 @@ from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_erro
 from jointz.io.formats.group_format import GroupFormat
 
 GROUP = "jointz.formats"
+#: Endings of text tables.
+TEXT_SUFFIXES = (
+    *(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"),
+    *(".dat", ".asc", ".lvm", ".prn"),
+)
 _TEXT = "jointz.io.text.text_format:TextFormat"
 _OPENSIM = "jointz.io.formats.opensim:OpenSimFormat"
 #: Suffix -> class of the formats of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
-    **dict.fromkeys((".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"), _TEXT),
+    **dict.fromkeys(TEXT_SUFFIXES, _TEXT),
     **dict.fromkeys((".mot", ".sto"), _OPENSIM),
     ".c3d": "jointz.io.c3d.c3d_format:C3dFormat",
     ".mat": "jointz.io.formats.matlab_format:MatlabFormat",

@@ -452,7 +452,8 @@ class _Recoded(io.RawIOBase):
     """A text of another encoding, as UTF-8."""
 
     def __init__(self, stream: IO[bytes], encoding: str) -> None:
-        self._text = io.TextIOWrapper(stream, encoding=encoding, newline="")
+        # A text of an old Mac ends its lines by a sign of its own.
+        self._text = io.TextIOWrapper(stream, encoding=encoding, newline=None)
 
     def close(self) -> None:
         self._text.close()

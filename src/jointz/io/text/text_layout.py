@@ -25,8 +25,6 @@ from jointz.io.text.delimited import (
     stated_encoding,
 )
 
-#: Endings of text files.
-TEXT = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz")
 _LINES = 400
 _IN_A_ROW = 3  # rows of one shape that are called the table
 #: Signs between columns, in the order in which they are tried, and what they are called.
@@ -55,6 +53,17 @@ _RATE = re.compile(
     )(?![a-z]) [^a-z\d.+-]* (?:k?hz)? [^a-z\d.+-]* \d+(?:[.,]\d+)? \s* (?:{_HERTZ})? \W*$""",
     re.VERBOSE,
 )
+#: What says the time between two samples, likewise.
+_INTERVAL = re.compile(
+    r"""\W*(?:
+        (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | delta_x | dt
+        | (?:intervalle|periode|intervalo|periodo|intervallo)[ ]d.{0,3}[ ]?\w*(?:echan|muest|camp)\w*
+    )(?![a-z]) [^a-z\d.+-]* (?:[\[(]?(?P<before>ms|s|us)[\])]?)? [^a-z\d.+-]*
+    (?P<named>\d*[.,]?\d+) (?:\s*(?P<after>ms|s|us|sec|msec))? \W*
+    | (?P<number>\d*[.,]?\d+) \s* (?P<unit>ms|s|us|sec|msec) \s* (?:/|per) \s* sampl\w* \W*""",
+    re.VERBOSE,
+)
+_SECONDS = {"s": 1.0, "sec": 1.0, "": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
 _PARTS = re.compile(r"[;\t|]|,\s")
 _THOUSANDS = re.compile(r"\d{1,3}[.,]000")
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
@@ -130,8 +139,14 @@ def _stated_rate(line: str) -> float | None:
 
     >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
     (500.0, 1000.0, None)
+    >>> _stated_rate("2 msec/sample"), _stated_rate("Abtastintervall [s]: 0,001")
+    (500.0, 1000.0)
     """
     plain = _plain(line)
+    if interval := _INTERVAL.fullmatch(plain):
+        number = float((interval["named"] or interval["number"]).replace(",", "."))
+        unit = interval["before"] or interval["after"] or interval["unit"] or ""
+        return float(f"{1.0 / (number * _SECONDS[unit]):.9g}") if number else None
     return next(iter(_frequencies(plain)), None) if _RATE.fullmatch(plain) else None
 
 
@@ -243,7 +258,7 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
             f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
             "are given by number."
         )
-        return TextLayout(files, candidate.rows[start - 2], _bare(above), (note,))
+        return TextLayout(files, _full_names(candidate.rows, start - 2), _bare(above), (note,))
     if not start or not any(above) or len(above) > width + 1 or len(above) < max(width - 1, 2):
         note = "the columns have no names: they are given by number, from 1."
         files = candidate.spec(start, header=False)
@@ -255,11 +270,25 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     return TextLayout(files, above, (), (note,) if start > 1 else ())
 
 
+def _full_names(rows: Sequence[tuple[str, ...]], at: int) -> tuple[str, ...]:
+    """Return names that stand twice behind what stands above them, over several columns at once."""
+    names = rows[at]
+    above = rows[at - 1] if at else ()
+    written = [cell for cell in names if cell]
+    if len(set(written)) == len(written) or not any(above) or abs(len(above) - len(names)) > 1:
+        return names
+    group, full = "", []
+    for over, name in zip((*above, ""), names, strict=False):
+        group = over or group
+        full.append(f"{group} {name}".strip() if name else "")
+    return tuple(full)
+
+
 def _numbered(candidate: _Candidate, above: tuple[str, ...], width: int) -> TextLayout:
     """Return a layout of columns by number: the names above them do not tell them apart."""
     start = candidate.start or 0
     files = candidate.spec(start, header=False)
-    names = (above + ("",) * width)[:width]
+    names = (_full_names(candidate.rows, start - 1) + ("",) * width)[:width]
     why = f"row {start} names {len(above)} column(s), {width} stand under it"
     if len(above) == width:
         why = f"row {start} gives one name to several columns"
