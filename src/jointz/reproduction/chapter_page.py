@@ -1,6 +1,7 @@
 """Figures and pages of chapters: one HTML page that needs nothing else."""
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -8,10 +9,9 @@ import numpy as np
 
 from jointz.report.html_page import inline_svg, render_template
 from jointz.report.style import to_svg
-from jointz.report.wording import format_integer
 from jointz.reproduction.chapter_tables import table_cells
 from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tables import ClaimTable, Table, texts
+from jointz.reproduction.reproduction_tables import ClaimTable, Table, tally, tally_text, texts
 from jointz.results.figure_style import figure_style
 
 if TYPE_CHECKING:
@@ -24,13 +24,6 @@ MOST_POINTS: Final = 3000
 #: Figure -> the curve it shows, and what draws it.
 Drawings = Mapping[str, tuple[str, "Callable[[Any], Figure]"]]
 _ROMAN: Final = {2: "II", 3: "III", 4: "IV"}
-_PLUS_MINUS: Final = "\N{PLUS-MINUS SIGN}"
-_SIMULATED: Final = {
-    2: "on a simulated bench",
-    3: "on a simulated bench",
-    4: "on simulated people",
-}
-
 #: What the text says against itself, and what simulated people would have led to.
 _NOT_COUNTED: Final = ("audit", "simulated_statistics")
 
@@ -54,7 +47,20 @@ def _page(title: str, chapters: Sequence[tuple[Reproduction, Mapping[str, str]]]
         title=title,
         about=_about(chapters[0][0].provenance),
         chapters=[_chapter(reproduction, figures) for reproduction, figures in chapters],
+        evidence_counts=_evidence([reproduction for reproduction, _ in chapters]),
     )
+
+
+def _evidence(chapters: Sequence[Reproduction]) -> _Row:
+    """Return sentence, rule and rows of the table at the top: what agreement is worth."""
+    total = tally(table for one in chapters for table in one.tables)
+    rows = [(f"Chapter {_ROMAN.get(one.chapter, one.chapter)}", one.evidence) for one in chapters]
+    return {
+        "sentence": tally_text(total),
+        "rule": texts()["evidence"]["rule"],
+        "kinds": tuple(total),
+        "rows": [*rows, ("All", total)] if len(rows) > 1 else rows,
+    }
 
 
 def _chapter(reproduction: Reproduction, figures: Mapping[str, str]) -> _Row:
@@ -65,7 +71,7 @@ def _chapter(reproduction: Reproduction, figures: Mapping[str, str]) -> _Row:
         "number": reproduction.chapter,
         "heading": _heading(reproduction),
         "title": reproduction.title,
-        "lead": _lead(reproduction.chapter),
+        "lead": texts()["lead"]["text"],
         "facts": _facts(reproduction),
         "sections": sections,
         "loose": [figure for name, figure in placed.items() if name not in shown],
@@ -78,19 +84,6 @@ def _heading(reproduction: Reproduction) -> str:
     return f"Chapter {_ROMAN.get(reproduction.chapter, str(reproduction.chapter))} again"
 
 
-def _lead(chapter: int) -> str:
-    published = "The statistics of the published tables come first. " if chapter == 4 else ""
-    return published + (
-        f"The experiments of chapter {_ROMAN.get(chapter, str(chapter))} of the dissertation, run "
-        f"{_SIMULATED.get(chapter, 'in simulation')} by their protocols. Every printed number "
-        "(left, on paper) stands beside two of ours: by the method of the dissertation, and by "
-        f"the recommended one. {_PLUS_MINUS} stands before a standard deviation, brackets hold a "
-        "95 % interval; the truth is that of the simulation. A number of ours that resembles a "
-        "printed one shows that the simulation is enough to make it, not that the real "
-        "experiment made it so."
-    )
-
-
 def _about(provenance: Mapping[str, Any]) -> list[str]:
     version = provenance.get("jointz")
     about = [provenance.get("created"), f"jointz {version}" if version else None]
@@ -100,24 +93,13 @@ def _about(provenance: Mapping[str, Any]) -> list[str]:
 def _facts(reproduction: Reproduction) -> list[tuple[str, str]]:
     """Return the numbers at the top of a chapter."""
     rows = [row for table in reproduction.compared for row in table.rows]
-    printed = sum(
-        row.printed is not None and (row.dissertation is not None or row.recommended is not None)
-        for row in rows
-    )
-    facts = [(format_integer(printed), "printed numbers beside ours")] if printed else []
     checked = [held for row in rows if (held := row.holds_truth) is not None]
-    if checked:
-        text = "intervals of the recommended method hold the truth of the simulation"
-        facts.append((f"{sum(checked)} of {len(checked)}", text))
+    text = "intervals of the recommended method hold the truth of the simulation"
+    facts = [(f"{sum(checked)} of {len(checked)}", text)] if checked else []
     claims = [t for t in reproduction.tables if isinstance(t, ClaimTable)]
     judged = [table for table in claims if table.name not in _NOT_COUNTED]
-    told = [claim.verdict for table in judged for claim in table.rows]
-    verdicts = ("reproduced", "not reproduced", "not shown", "only with replicates as people")
-    return facts + [
-        (str(told.count(verdict)), f"printed statements {verdict}")
-        for verdict in verdicts
-        if verdict in told
-    ]
+    told = Counter(c.verdict for t in judged for c in t.rows if c.evidence != "not judged")
+    return [*facts, *((str(n), f"printed statements {verdict}") for verdict, n in told.items())]
 
 
 def _figures(figures: Mapping[str, str]) -> dict[str, _Row]:

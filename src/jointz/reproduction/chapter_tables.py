@@ -57,12 +57,14 @@ def compared_cells(rows: Sequence[Compared]) -> _Row:
         "columns": columns,
         "unit": units.pop() if len(units) == 1 else "",
         "noted": any(row.note for row in rows),
+        "judged": any(row.evidence != "not judged" for row in rows),
         "folded": len(rows) > _LONGEST_OPEN,
         "rows": [
             {
                 "quantity": row.quantity,
                 "unit": row.unit,
                 "note": row.note,
+                "row": row,
                 "cells": {column["key"]: _cell(row, column["key"], scales) for column in columns},
             }
             for row in rows

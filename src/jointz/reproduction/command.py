@@ -49,6 +49,7 @@ def reproduce(
     del debug
     from jointz.reproduction.reproduce import CHAPTERS, PAGE
     from jointz.reproduction.reproduce import reproduce as run_chapters
+    from jointz.reproduction.reproduction_tables import tally, tally_text
 
     wanted = CHAPTERS if chapter is ChapterName.all else (int(chapter.value),)
     with progress_bar(shown=not (quiet or as_json)) as tell:
@@ -60,13 +61,14 @@ def reproduce(
             overwrite=overwrite,
             progress=tell,
         )
+    evidence = tally(table for one in made for table in one.reproduction.tables)
     if as_json:
         content = [{"page": str(one.page), **one.reproduction.to_dict()} for one in made]
         shown = [{k: v for k, v in entry.items() if k != "curves"} for entry in content]
-        emit_json({"status": "ok", "chapters": shown})
+        emit_json({"status": "ok", "evidence": evidence, "chapters": shown})
         return
     for one in made if not quiet else ():
         emit(one.reproduction.summary())
         emit(f"Page: {one.page}")
     if not quiet:
-        emit(f"All chapters: {out / PAGE}")
+        emit(f"All chapters: {out / PAGE}\n{tally_text(evidence)}")

@@ -26,6 +26,7 @@ from jointz.reproduction import chapter2_loads
 from jointz.reproduction.chapter2_loads import PARAMETERS
 from jointz.reproduction.chapter2_mechanisms import mechanism_errors, mechanism_table, mechanisms
 from jointz.reproduction.chapter_runs import in_processes, run_study, study_truth
+from jointz.reproduction.printed_settings import TORQUE_LOOP, printed_settings
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import (
     ComparedTable,
@@ -74,6 +75,7 @@ def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
     return Reproduction.of_chapter(
         2,
         (
+            printed_settings(2, preset),
             bandwidth_table,
             intrinsic_table,
             *chapter2_loads.error_tables(cases, studies[loads[0]].torque_gain),
@@ -133,7 +135,8 @@ def bandwidth(study: Path) -> _Numbers:
         spa_gain = np.abs(spectra.response)
         spa_hz = _half_power_hz(spectra.frequency_hz, spa_gain)
         interval = (ours.bandwidth_hz, ours.ci_low_hz, ours.ci_high_hz)
-        rows.append(compare(f"bandwidth at {amplitude} N*m", "Hz", number, spa_hz, interval))
+        name = f"bandwidth at {amplitude} N*m"
+        rows.append(compare(name, "Hz", number, spa_hz, interval, built_in=TORQUE_LOOP))
         response = ours.response
         shown = [k for k, f in enumerate(response.frequency_hz) if 0 < f <= _SHOWN_HZ]
         curves[amplitude] = {
@@ -193,6 +196,7 @@ def intrinsic(study: Path, truth: Mapping[str, float]) -> _Numbers:
             (fmean(values), stdev(values)),
             ours.parameter(name),
             truth=truth[name],
+            built_in=f"intrinsic {name}",
         )
         for name, number, values in zip(
             PARAMETERS, printed, zip(*published, strict=True), strict=True

@@ -21,8 +21,9 @@ from jointz.identify.bench.static_stiffness import identify_static_stiffness
 from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.io.study_reader import open_study
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.reference import chapter3
+from jointz.reference import Printed, chapter3
 from jointz.reproduction.chapter_runs import in_processes, run_study, study_truth
+from jointz.reproduction.printed_settings import MODEL, SENSOR_NOISE, SPRING, printed_settings
 from jointz.reproduction.reproduction_result import Reproduction
 from jointz.reproduction.reproduction_tables import (
     Compared,
@@ -97,10 +98,11 @@ def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
         )
         by_sensor = dither.rows[0].dissertation or spring
         pulses, pulse_curves = perturbation(studies["qdd-perturbation"], by_sensor, spring)
+    settings = printed_settings(3, preset)
     devices = device_table(3, chapter3.OTHER_DEVICES)
     return Reproduction.of_chapter(
         3,
-        (models, chirp_table, static, dither, pulses, devices, audit_claims(3)),
+        (settings, models, chirp_table, static, dither, pulses, devices, audit_claims(3)),
         {
             "torque_models": model_curves,
             "chirp": chirp_curves,
@@ -178,11 +180,12 @@ def _model_rows(number: str, fit: ActuatorFit, truth: Mapping[str, float]) -> li
             p.value,
             p,
             truth=truth.get(p.name),
+            built_in=MODEL,
         )
         for p in fit.parameters
     ]
     error, rms = fit.rms_error_nm, chapter3.TORQUE_RMS[number]
-    return [*rows, compare(f"model {number}: RMS error", "N*m", rms, error, error)]
+    return [*rows, compare(f"model {number}: RMS error", "N*m", rms, error, error, built_in=MODEL)]
 
 
 def modelled(recording: xr.Dataset, fit: ActuatorFit, inertia: float | None) -> np.ndarray:
@@ -216,7 +219,9 @@ def chirp(recording: xr.Dataset, fit: ActuatorFit) -> tuple[ComparedTable, dict[
     # Beside the dissertation's own check, one without the sensor's white noise.
     smooth = _low_passed(torque - sensor, (time.size - 1) / time[-1])
     smooth_rms = float(np.sqrt(np.mean(smooth**2)))
-    row = compare("RMS error, chirps", "N*m", chapter3.CHIRP_RMS, rms, smooth_rms)
+    row = compare(
+        "RMS error, chirps", "N*m", chapter3.CHIRP_RMS, rms, smooth_rms, built_in=SENSOR_NOISE
+    )
     curves = {
         "time_s": time.tolist(),
         "sensor_nm": sensor.tolist(),
@@ -268,12 +273,11 @@ def static_stiffness(
             "recommended one 0.1 to 0.9 % high (10 seeds)",
         ),
         compare(
-            "difference from the torque sensor",
+            "size of the difference from the torque sensor",
             "%",
             chapter3.STATIC_STIFFNESS_ERROR,
-            100.0 * (by_model / by_sensor - 1.0),
-            100.0 * (known / by_sensor - 1.0),
-            note="printed without a sign",
+            100.0 * abs(by_model / by_sensor - 1.0),
+            100.0 * abs(known / by_sensor - 1.0),
         ),
     )
     curves: dict[str, Any] = {"deflection_rad": thin(angle)}
@@ -321,6 +325,7 @@ def dither_stiffness(record: BenchRecord, truth: float, *, gain_sd: float) -> Co
             by_sensor,
             (ours.value, *_interval(ours, gain_sd)),
             truth=truth,
+            built_in=SPRING,
         ),
         compare("the same by the torque model", _UNIT, dissertation=by_model, truth=truth),
     )
@@ -340,10 +345,17 @@ def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTabl
     ours = analysis.cells[0].parameter("stiffness")
     value = ours.value if ours else None
     errors = [100.0 * (mean / dither - 1.0) for mean, _ in means.values()]
+    given: dict[str, Any] = {"truth": truth, "built_in": SPRING}
     rows = [
         *(
-            compare(f"stiffness, {name} pulses", _UNIT, number, means[name], truth=truth)
+            compare(f"stiffness, {name} pulses", _UNIT, number, means[name], **given)
             for name, number in printed.items()
+        ),
+        compare(
+            "negative over positive pulses",
+            "",
+            Printed(round(printed["negative"].value / printed["positive"].value, 3)),
+            means["negative"][0] / means["positive"][0],
         ),
         compare(
             "stiffness, all pulses",

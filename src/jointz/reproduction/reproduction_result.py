@@ -8,7 +8,7 @@ import pandas as pd
 
 from jointz.core.provenance import now, software
 from jointz.reproduction.chapter_tables import table_lines
-from jointz.reproduction.reproduction_tables import Compared, ComparedTable, Table, texts
+from jointz.reproduction.reproduction_tables import Compared, ComparedTable, Table, tally, texts
 from jointz.results.base import Result
 from jointz.results.figure_style import axes_or_new, in_figure_style
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 class Reproduction(Result):
     """A chapter reproduced."""
 
-    SCHEMA: ClassVar[str] = "jointz.Reproduction/2"
+    SCHEMA: ClassVar[str] = "jointz.Reproduction/3"
+    JSON_PROPERTIES: ClassVar[tuple[str, ...]] = ("evidence",)
 
     chapter: int  # number of the chapter
     title: str  # short title
@@ -54,6 +55,11 @@ class Reproduction(Result):
             if table.name == name:
                 return table
         raise KeyError(f"no table {name!r}; there are {', '.join(t.name for t in self.tables)}")
+
+    @property
+    def evidence(self) -> Mapping[str, int]:
+        """How many printed numbers and statements are built in, measured here, contradicted."""
+        return tally(self.tables)
 
     @property
     def compared(self) -> tuple[ComparedTable, ...]:

@@ -1,12 +1,14 @@
 """Tables of a chapter: numbers, statements and participants, printed beside ours."""
 
+import math
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 import pandas as pd
 from pydantic import Field
@@ -21,6 +23,11 @@ Verdict = Literal[
     "reproduced", "not reproduced", "not shown", "only with replicates as people",
     "contradiction", "not possible", "ambiguous", "worth knowing", "not tested",
 ]  # fmt: skip
+#: ``built in``: the simulation was given it, or a setting that it follows from; ``measured here``:
+#: agrees or is left open; ``contradicted``: another outcome here, or by the print itself.
+Evidence = Literal["built in", "measured here", "contradicted", "not judged"]
+#: Largest difference from a printed number without an SD that counts as agreement, share of it.
+_AGREES_WITHIN: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +47,20 @@ class Compared:
     recommended_low: float | None = None  # lower end of the 95 % interval
     recommended_high: float | None = None  # upper end of the 95 % interval
     note: str = ""  # remark for the reader
+    built_in: str = ""  # setting of the simulation that the outcome follows from; empty if none
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the comparison with the printed number rests on, by the method of the print."""
+        ours = self.recommended if self.dissertation is None else self.dissertation
+        if self.printed is None or ours is None or math.isnan(ours):
+            return "not judged"
+        if self.built_in:
+            return "built in"
+        spread = (self.printed_sd or 0.0) + (self.dissertation_sd or 0.0)
+        half_digit = 0.5 * 10.0 ** -len(str(self.printed).partition(".")[2])
+        allowed = spread or max(_AGREES_WITHIN * abs(self.printed), half_digit)
+        return "measured here" if abs(ours - self.printed) <= allowed else "contradicted"
 
     @property
     def holds_truth(self) -> bool | None:
@@ -62,6 +83,7 @@ def compare(
     *,
     truth: float | None = None,
     note: str | None = None,
+    built_in: str = "",
 ) -> Compared:
     """Set a printed number beside ours: mean and SD; value, lower and upper limit.
 
@@ -84,6 +106,7 @@ def compare(
         low,
         high,
         note if note is not None else printed.note if printed else "",
+        built_in,
     )
 
 
@@ -112,6 +135,15 @@ class Claim:
     ours: str  # result here with its unit; empty where none can be computed
     verdict: Verdict
     remark: str = ""  # consequence
+    built_in: str = ""  # setting of the simulation that the outcome follows from; empty if none
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the verdict rests on."""
+        if self.verdict in ("ambiguous", "worth knowing", "not tested"):
+            return "not judged"
+        agrees = self.verdict in ("reproduced", "not shown")
+        return "built in" if self.built_in else "measured here" if agrees else "contradicted"
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,19 +244,27 @@ def device_table(chapter: int, devices: Iterable[OtherDevice]) -> ComparedTable:
     return compared_table(chapter, "other_devices", rows)
 
 
-def audit_claims(*chapters: int) -> ClaimTable:
-    """Return the contradictions of the printed text, of some chapters or of all."""
-    rows = []
-    for finding in audit():
-        number = re.search(r"\d", finding.where)
-        if number is None:
-            raise ValueError(f"audit_claims: expected a number in {finding.where!r}")
-        if chapters and int(number.group()) not in chapters:
-            continue
-        verdict: Verdict = finding.kind
-        # Tables factors and pairs show what reproduces the statements of 4.3.2.2.
-        if finding.where == "4.3.2.2" and finding.kind == "not reproduced":
-            verdict = "only with replicates as people"
-        stated = (finding.where, finding.what, finding.printed, finding.recomputed)
-        rows.append(Claim(*stated, verdict, finding.remark))
+def audit_claims(chapter: int) -> ClaimTable:
+    """Return the contradictions of a chapter's text, but for statements that other tables judge."""
+    elsewhere = ("effect of", "timing points whose", "quasi-stiffness and")
+    rows = [
+        Claim(found.where, found.what, found.printed, found.recomputed, found.kind, found.remark)
+        for found in audit()
+        if re.findall(r"\d", found.where)[0] == str(chapter)
+        and not found.what.startswith(elsewhere)
+    ]
     return claim_table(4, "audit", rows)
+
+
+def tally(tables: Iterable[Table]) -> dict[str, int]:
+    """Return how many printed numbers and statements rest on what."""
+    rows = [row for t in tables if not isinstance(t, ParticipantGrid) for row in t.rows]
+    # A number without one of ours beside it is no comparison.
+    told = Counter(r.evidence for r in rows if isinstance(r, Claim) or r.evidence != "not judged")
+    return {kind: told[kind] for kind in get_args(Evidence)}
+
+
+def tally_text(counts: Mapping[str, int]) -> str:
+    """Say what printed numbers and statements rest on."""
+    text: str = texts()["evidence"]["sentence"]
+    return text.format(sum(counts.values()), *counts.values())

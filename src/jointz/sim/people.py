@@ -11,9 +11,10 @@ import numpy as np
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.sim.presets import PersonalSettings, Preset, Range, ReflexSettings
 
-# Means over people at the six timing points, N*m/rad/kg and N*m*s/rad/kg: near tables 4.1, 4.2.
-_MEAN_STIFFNESS_PER_MASS = (2.0, 0.65, 1.15, 1.15, 0.32, 0.38)
-_MEAN_DAMPING_PER_MASS = (0.035, 0.040, 0.050, 0.030, 0.036, 0.027)
+#: Means over people at the six timing points, N*m/rad/kg and N*m*s/rad/kg: near tables 4.1, 4.2.
+MEAN_STIFFNESS_PER_MASS = (2.0, 0.65, 1.15, 1.15, 0.32, 0.38)
+MEAN_DAMPING_PER_MASS = (0.035, 0.040, 0.050, 0.030, 0.036, 0.027)
+INERTIA_RANGE = (0.03, 0.07)  # kg*m^2, assumed
 _SPREAD_OVER_PEOPLE = 0.25
 _LARGEST_ERROR = 3.0  # sd
 
@@ -83,9 +84,9 @@ def draw_person(number: int, *, seed: int) -> Person:
         mass_kg=_within(rng, 73.0, 10.0, low=52.0, high=100.0),
         height_m=_within(rng, 1.74, 0.08, low=1.55, high=1.95),
         stride_time_s=_within(rng, 1.10, 0.05, low=1.0, high=1.2),
-        stiffness_per_mass=around(_MEAN_STIFFNESS_PER_MASS),
-        damping_per_mass=around(_MEAN_DAMPING_PER_MASS),
-        inertia=float(rng.uniform(0.03, 0.07)),
+        stiffness_per_mass=around(MEAN_STIFFNESS_PER_MASS),
+        damping_per_mass=around(MEAN_DAMPING_PER_MASS),
+        inertia=float(rng.uniform(*INERTIA_RANGE)),
     )
 
 

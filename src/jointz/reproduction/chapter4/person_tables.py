@@ -13,6 +13,7 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4, literature, row_mean
 from jointz.reference.chapter4 import PARAMETER_NAMES
 from jointz.reproduction.chapter4.walking import WalkedStudy
+from jointz.reproduction.printed_settings import PEOPLE
 from jointz.reproduction.reproduction_tables import (
     Compared,
     ComparedTable,
@@ -136,6 +137,7 @@ def means_table(study: WalkedStudy) -> ComparedTable:
                     ours,
                     truth=_mean(values["truth"]),
                     note=f"printed people: SD {_printed_sd(name, point):.3g}",
+                    built_in="" if vaf else PEOPLE[name],
                 )
             )
     return compared_table(4, "means", rows)

@@ -24,6 +24,7 @@ from jointz.reproduction.chapter4.replicates import (
     replicates_as_people,
     replicates_published,
 )
+from jointz.reproduction.chapter4.stated_trends import PILOT, stated_trends
 from jointz.reproduction.reproduction_tables import (
     Claim,
     ClaimTable,
@@ -44,8 +45,6 @@ _TABLES: Final[Mapping[str, tuple[str, str]]] = {
     **{key: (name, PARAMETER_UNITS[key]) for key, name in PARAMETER_NAMES.items()},
     "vaf": ("VAF", "%"),
 }
-#: Who of table 4.1 to 4.4 took part in the pilot; see the audit.
-_PILOT: Final = ("S2", "S3")
 #: Nodes of a gait cycle, 0 to 100 %.
 _NODES: Final = 101
 #: Half of the last printed digit of the threshold.
@@ -72,6 +71,7 @@ def published_statistics(
         replicates,
         quasi_stiffness_table(),
         pilot_people(),
+        stated_trends(),
     )
     return tables, {"pairs": of_pairs, "replicates": of_replicates}
 
@@ -400,12 +400,12 @@ def p_text(p: float) -> str:
 def pilot_people() -> ComparedTable:
     """Return the pilot's printed numbers beside S2 and S3 of tables 4.1 to 4.4 (3.3.4)."""
     rows = []
-    places = [chapter4.SUBJECTS.index(subject) for subject in _PILOT]
+    places = [chapter4.SUBJECTS.index(subject) for subject in PILOT]
     for parameter, printed in chapter3.PILOT_RANGES.items():
         name, unit = _TABLES[parameter]
         means = published_cells(parameter)[places].mean(axis=0)
         rows += _range_rows(f"{name}, {{}} of the six means", unit, printed, means)
-    vaf = {subject: column_mean(chapter4.VAF, subject) for subject in _PILOT}
+    vaf = {subject: column_mean(chapter4.VAF, subject) for subject in PILOT}
     for number, (subject, mean) in zip(("1", "2"), vaf.items(), strict=True):
         quantity, note = f"VAF, participant {number}", f"{subject} of table 4.4"
         rows.append(compare(quantity, "%", chapter3.PILOT_VAF[number], recommended=mean, note=note))
