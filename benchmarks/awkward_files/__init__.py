@@ -1,0 +1,7 @@
+"""Files as other labs' software writes them, and what jointz makes of each.
+
+Thirty files hold the same simulated walk in the encodings, units, clocks and layouts of other
+programs. Of each, the draft of ``jointz inspect`` is read unedited and compared with the truth.
+
+Run ``python -m benchmarks.awkward_files``, for some of them with ``--only NAME``.
+"""
