@@ -157,11 +157,8 @@ def test_simulated_people_confirm_neither_their_means_nor_what_differs_between_t
         WalkedStudy(whole.people, whole.estimates, whole.population, gait())
     )
     claims = {row.claim: row.evidence for row in tables[-1].rows}
-    method = "by the dissertation's method"
-    assert claims[f"stiffness, timing point, {method}"] == "built in"
-    assert claims[f"inertia, subject, {method}"] == "built in"
-    assert claims[f"stiffness, subject, {method}"] != "built in"
-    assert claims[f"inertia, timing point, {method}"] == "contradicted"
+    assert set(claims.values()) == {"built in", "not judged"}
+    assert claims["inertia, subject, by the dissertation's method"] == "built in"
     assert claims["the device has no effect on gait"] == "built in"
 
 

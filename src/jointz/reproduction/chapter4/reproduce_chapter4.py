@@ -170,8 +170,7 @@ def _factor_claims(study: WalkedStudy, source: str, name: str) -> list[Claim]:
             ours,
             "reproduced" if p < _SIGNIFICANT else "not reproduced",
             f"{remark[0].upper()}{remark[1:]}{missing}.",
-            # Timing points differ in the K and B that people are given, people in their inertia.
-            PEOPLE[name] if (factor == "subject") == (name == "inertia") else "",
+            PEOPLE[name],  # which timing points and people differ in it, or do not
         )
         for factor, (ours, p, remark) in (
             ("timing point", _points(fit, true, name)),

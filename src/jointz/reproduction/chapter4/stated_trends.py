@@ -32,7 +32,8 @@ def _antagonism(people: np.ndarray) -> tuple[Claim, Claim]:
     inverse = [np.corrcoef(late[:, k])[0, 1] < 0 for k in range(late.shape[1])]
     n, of, p = sum(inverse), len(inverse), binomtest(sum(inverse), len(inverse)).pvalue
     who, what = f"inverse in {n} of {of} people (p = {p:.2f})", "stiffness and damping"
-    stance, alike = "antagonistic at LRE, MST, TST, as at the ankle", "not inverse as at the ankle"
+    stance = "antagonistic at LRE, MST, TST, as at the ankle"
+    alike = "the inverse relation at the ankle is not mirrored"
     ours += f"{each.sum()} of {each.size}"
     return (
         Claim("3.4", f"{what} of the pilot in stance", stance, ours, verdict, remark),
@@ -49,11 +50,12 @@ def _fit(damping: np.ndarray, vaf: np.ndarray) -> tuple[Claim, ...]:
     explains = _SHOWN[int(rank > 0 and p < chapter4.SIGNIFICANCE_LEVEL)]
     found = f"rank correlation of VAF and damping {rank:.2f} (p = {p:.2f}) over {vaf.size} fits"
     second: Verdict = "reproduced" if vaf.mean() > limit else "not reproduced"
-    above, earlier = f"{(vaf > limit).sum()} of {vaf.size} fits", f"above {limit:g} % elsewhere"
+    above = f"{(vaf > limit).sum()} of {vaf.size} fits above"
+    earlier = f"above {limit:g} % in earlier work"
     why, missing = "differences in fit can explain it", "their data are not in this package"
     where, low_b = "3.4, 4.4", "lower damping of studies with a lower VAF"
     return (
         Claim(where, "average VAF of Tucker's study", printed, ours, "not tested", missing),
         Claim(where, low_b, why, found, explains),
-        Claim("3.4.1, 4.4.1", "VAF of second order", earlier, f"{above}; {own}", second),
+        Claim("3.4.1, 4.4.1", "VAF of second-order models", earlier, f"{above}; {own}", second),
     )
