@@ -37,7 +37,14 @@ from jointz.control.rendering.check import check_rendering
 from jointz.control.testbed.compare import compare_controllers
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.plain_tables import typed_table
-from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock
+from jointz.inspection.inspection_result import (
+    Answer,
+    Inspection,
+    Question,
+    SeenChannel,
+    SeenClock,
+    SeenRecording,
+)
 from jointz.kernels.statistics.between_study_variance import random_effects
 from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
 from jointz.planning.plan_result import (
@@ -627,6 +634,8 @@ def inspection() -> Inspection:
         ("no torque",),
         ("jointz identify takes it",),
         "jointz = 1\n",
+        (Question("coupling", "How?", (Answer("strap", "cuffs"), Answer(None, "unknown"))),),
+        (SeenRecording("a.csv", "S01", "perturbed", rate_hz=100.0), SeenRecording("b", "S02", "")),
     )
 
 

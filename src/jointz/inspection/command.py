@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 def inspect(
     file: Annotated[
-        Path, typer.Argument(dir_okay=False, help="Recording of any format that jointz reads.")
+        Path,
+        typer.Argument(help="Recording of any format that jointz reads, or a folder of them."),
     ],
     toml: Annotated[
         Path | None,
@@ -45,12 +46,12 @@ def inspect(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Show the content of a file and propose a study.toml for it.
+    """Show the content of a file or a folder and propose a study.toml for it.
 
-    Prints channels, units, rates, gaps, ranges, thumbnails, obstacles to an analysis, and a
-    study.toml in which every guess is marked. The file is never changed.
+    Prints channels, units, rates, gaps, ranges, thumbnails, obstacles to an analysis, what must be
+    decided, and a study.toml in which every guess is marked. No file is ever changed.
 
-    Example: jointz inspect S01_walking.csv --toml study.toml
+    Example: jointz inspect my-study --toml my-study
     """
     del debug
     check_figure(figure)
@@ -87,7 +88,7 @@ def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
     """Refuse to replace existing files without --overwrite, and the recording in any case."""
     if not target.exists():
         return
-    if file.exists() and target.samefile(file):
+    if file.is_file() and target.samefile(file):
         raise OutputError(f"{target}: is the file to inspect. Name another file.")
     if not overwrite:
         raise OutputError(

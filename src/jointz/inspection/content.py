@@ -73,6 +73,7 @@ class Content:
     n_events: int = 0
     files: FilesSpec | None = None  # layout of a text file; None for other formats
     notes: tuple[str, ...] = ()  # decisions of the reader
+    mass_kg: float | None = None  # of the person, stated in a line above a table
 
 
 def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content:
@@ -120,7 +121,8 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     more = [f"({len(strays)} columns hold such cells.)"] if len(strays) > 1 else []
     text = f"taken for a log of {log}: units that it does not state are by its documentation."
     notes = (*layout.notes, text if log else "", " ".join([*strays[:1], *more]))
-    return Content(columns, (clock,), files=layout.files, notes=tuple(n for n in notes if n))
+    notes = tuple(n for n in notes if n)
+    return Content(columns, (clock,), files=layout.files, notes=notes, mass_kg=layout.mass_kg)
 
 
 def _text_column(key: str | int, title: str, signal: Signal, refused: str) -> Column:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ _ORDER = (
     *("current", "motor_velocity", "motor_acceleration", "motor_angle", "torque", "angle"),
     *(*MOTION_SENSORS, "velocity", "cycle"),
 )
+_PART_AT_END = re.compile(r"[./](?:\{part\}|\d+)$")  # behind which a unit may stand
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
@@ -72,9 +73,14 @@ class Assignment:
     unit_why: str = ""  # reason for the unit, "" if the file states it
 
 
+#: Channel -> its column, and how it was assigned.
+Assignments = Mapping[str, tuple[InspectedColumn, Assignment]]
+
+
 def inspect_column(column: Column) -> InspectedColumn:
     """Inspect the name and the samples of a column."""
-    words = words_of(str(column.title or column.key))
+    name = str(column.title or column.key)
+    words = words_of(_PART_AT_END.sub("", name))
     stated = readable_unit(column.unit)
     return InspectedColumn(
         column, replace(words, unit=stated) if stated else words, course_of(column)

@@ -1,55 +1,40 @@
-"""Inspection of a file: its content, its likely meaning, and a study to start from."""
+"""Inspection of a file or a folder: its content, its likely meaning, and a study to start from."""
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.gait.sample_rate import told_rates
-from jointz.inspection.content import Content, GroupClock, read_content
-from jointz.inspection.guess import (
-    InspectedColumn,
-    assign_channels,
-    guessed_condition,
-    guessed_joint,
-    guessed_side,
-    in_seconds,
-    inspect_column,
-    si_of,
-)
-from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock
-from jointz.inspection.names import GAIT_WORDS, Words, unreadable_unit, words_of
+from jointz.inspection.content import Content
+from jointz.inspection.guess import Assignments, InspectedColumn
+from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock, SeenRecording
+from jointz.inspection.names import unreadable_unit
 from jointz.inspection.problems import (
-    Assignments,
-    Pulses,
     bad_channels,
     clock_obstacles,
     command_advice,
-    command_correlation,
-    find_pulses,
-    likely_rates,
     missing_channels,
     not_a_recording,
     stride_notes,
-    torque_resistance,
 )
-from jointz.inspection.signals import clock_of, overflow_note
+from jointz.inspection.proposal import proposal_of
+from jointz.inspection.pulse_columns import PulseColumns
+from jointz.inspection.questions import questions_of
+from jointz.inspection.source import Source, files_in, read_sources, with_most_telling_first
 from jointz.inspection.study_draft import (
-    Guess,
     Proposal,
+    RecordingDraft,
     assignments_by_column,
-    condition_levels,
     study_text,
 )
 from jointz.io.formats.losses import is_plain, plainly
-from jointz.io.relative_paths import seen_from
 
-_USUAL_JOINT = "knee"
 _SAME_RATE = 0.05
+_LONGEST_LIST = 3
 
 
 def inspect_file(
@@ -58,82 +43,91 @@ def inspect_file(
     layout: Mapping[str, Any] | None = None,
     study_folder: str | os.PathLike[str] | None = None,
 ) -> Inspection:
-    """Inspect a file and propose a ``study.toml`` for it; the file is never changed.
+    """Inspect a file or a folder and propose a ``study.toml``; no file is ever changed.
 
     Parameters
     ----------
     path : path
-        The file.
+        The file, or a folder with recordings and pulse tables.
     layout : mapping, optional
         Known parts of a text file's layout, as under ``[files]``; the rest is detected.
     study_folder : path, optional
-        Folder of ``study.toml``; by default that of the file.
+        Folder of ``study.toml``; by default that of the file, or the folder itself.
 
     Returns
     -------
     Inspection
-        Channels, clocks, notes, obstacles and the text of ``study.toml``.
+        Channels, clocks, notes, obstacles, questions and the text of ``study.toml``.
 
     Raises
     ------
     DataError
-        If the file is missing, unknown or damaged.
+        If a file is missing, unknown or damaged, or a folder has no recording.
     """
-    file = Path(path)
-    content = read_content(file, layout)
-    columns = tuple(inspect_column(column) for column in content.columns)
-    names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
-    own = words_of(_stem(file))
-    names = Words(names.found, names.joint, own.side)
-    every, group = _groups(columns, content.clocks, names)
-    assigned = every.get(group, {})
-    timed = (
-        content.files is not None and "time" in assigned
-    )  # stamps are better than a line above them
-    clocks = tuple(
-        _clock(
-            replace(c, rate_hz=None) if timed else c,
-            every[c.group] if c.group == group or c.time_s is not None else {},
+    given = Path(path)
+    if not given.is_dir():
+        return _inspection(*read_sources(given, layout, study_folder), notes=[])
+    sources: list[Source] = []
+    tables: list[PulseColumns] = []
+    notes: list[str] = []
+    for file in files_in(given):
+        try:
+            found, own_tables = read_sources(file, layout, study_folder or given)
+        except DataError as exc:
+            notes.append(f"left out: {exc}")
+            continue
+        recordings = [source for source in found if source.is_recording]
+        tables += own_tables
+        if not recordings and not own_tables:
+            notes.append(f"left out: {found[0].shown} holds no angle and no torque in time.")
+        # Of all files but the most telling one only what a line of the study needs is kept.
+        sources = with_most_telling_first([*sources, *recordings])
+    if not sources:
+        raise DataError(
+            " ".join(
+                [
+                    f"{given}: no recording found.",
+                    *notes[:_LONGEST_LIST],
+                    "Name a file with the joint's angle and torque in time.",
+                ]
+            ),
+            path=str(given),
         )
-        for c in content.clocks
-    )
-    clock = next((c for c in clocks if c.group == group), SeenClock(group, "", 0))
-    overflow = _overflows(assigned)
-    in_group = [c for c in columns if c.column.group == group]
-    obstacles, todo = _verdict(in_group, assigned, clock, overflow)
-    obstacles = (*_bad_name(file), *obstacles)
-    proposal = _proposal(
-        _name_in(file, study_folder), in_group, assigned, names=names, clock=clock,
-        obstacles=obstacles, files=content.files, overflow=overflow,
-    )  # fmt: skip
+    return _inspection(sources, tables, notes=notes)
+
+
+def _inspection(
+    sources: Sequence[Source], tables: Sequence[PulseColumns], *, notes: Sequence[str]
+) -> Inspection:
+    main = sources[0]
+    obstacles, todo = _verdict(main.in_group, main.assigned, main.clock, main.overflow)
+    obstacles = (*_bad_name(main.file), *obstacles)
+    proposal = proposal_of(sources, tables, obstacles)
     walking = proposal.kind.value == "walking"
     return Inspection(
-        file=plainly(file.name),
-        layout=_layout(content.files),
-        channels=_seen(columns, assigned, overflow),
-        clocks=clocks,
-        n_events=content.n_events,
+        file=plainly(main.file.name),
+        layout=_layout(main.content.files),
+        channels=_seen(main.columns, main.assigned, main.overflow),
+        clocks=main.clocks,
+        n_events=main.content.n_events,
         notes=(
-            *content.notes,
-            *_group_notes(content, group, assigned),
-            *_rate_notes(content, clock),
-            *stride_notes(assigned, clock, walking=walking),
+            *main.content.notes,
+            *_group_notes(main, {t.columns["onset"].column.group for t in tables}),
+            *_rate_notes(main.content, main.clock),
+            *stride_notes(main.assigned, main.clock, walking=walking),
+            *notes,
         ),
         obstacles=obstacles,
-        advice=todo or _advice(plainly(file.name), proposal),
+        advice=todo or _advice(plainly(main.file.name), proposal),
+        questions=questions_of(proposal, main.clock),
+        recordings=tuple(
+            sorted(
+                map(_seen_recording, sources, proposal.recordings),
+                key=lambda r: (r.participant, r.file, r.part),
+            )
+        ),
         toml=study_text(proposal),
     )
-
-
-def _stem(file: Path) -> str:
-    return file.name.split(".")[0]
-
-
-def _name_in(file: Path, folder: str | os.PathLike[str] | None) -> str:
-    """Return the file's name in a study; bytes that are no letters are written as codes."""
-    if folder is None:
-        return plainly(file.name)
-    return plainly(seen_from(file, Path(folder)))
 
 
 def _bad_name(file: Path) -> list[str]:
@@ -143,38 +137,6 @@ def _bad_name(file: Path) -> list[str]:
         "a study cannot name it: the name of the file or of a folder above it is not UTF-8. "
         "Rename it."
     ]
-
-
-def _groups(
-    columns: Sequence[InspectedColumn], clocks: Sequence[GroupClock], names: Words
-) -> tuple[dict[str, Assignments], str]:
-    """Return the channels of every group of signals, and the group with the most useful ones."""
-    found: dict[str, Assignments] = {}
-    for clock in clocks:
-        own = [c for c in columns if c.column.group == clock.group]
-        joint, _ = guessed_joint(own, names)
-        side, _ = guessed_side(own, names, joint)
-        found[clock.group] = assign_channels(own, names, joint=joint, side=side)
-    return found, max(found, key=lambda group: _weight(found[group]), default="")
-
-
-def _weight(assigned: Assignments) -> int:
-    return len(assigned) + 10 * len({"angle", "torque"} & set(assigned))
-
-
-def _clock(stated: GroupClock, assigned: Assignments) -> SeenClock:
-    if stated.time_s is not None and stated.unit_stated:
-        return clock_of(stated.group, stated.n, "the file's own stamps", stated.time_s)
-    if stated.rate_hz is not None:
-        start, n = stated.start_s, stated.n
-        end = start + (n - 1) / stated.rate_hz if n else start
-        return SeenClock(stated.group, "rate", n, stated.rate_hz, start, end, uniform=True)
-    if "time" in assigned:
-        inspected, assignment = assigned["time"]
-        return clock_of(
-            stated.group, stated.n, str(inspected.key), in_seconds(inspected, assignment)
-        )
-    return SeenClock(stated.group, "", stated.n)
 
 
 def _rate_notes(content: Content, clock: SeenClock) -> list[str]:
@@ -187,16 +149,6 @@ def _rate_notes(content: Content, clock: SeenClock) -> list[str]:
         f"a line above the table states {stated:g} Hz, the column of time runs at {found:.6g} Hz: "
         "which is right?"
     ]
-
-
-def _overflows(assigned: Assignments) -> dict[str, str]:
-    found = {}
-    for channel, (inspected, assignment) in assigned.items():
-        si_unit, factor = si_of(assignment)
-        note = overflow_note(inspected.course, si_unit, factor)
-        if note:
-            found[channel] = note
-    return found
 
 
 def _verdict(
@@ -220,89 +172,6 @@ def _advice(file: str, proposal: Proposal) -> tuple[str, ...]:
         return ()
     acts_on = proposal.acts_on.value
     return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))
-
-
-def _proposal(
-    file: str,
-    columns: Sequence[InspectedColumn],
-    assigned: Assignments,
-    *,
-    names: Words,
-    clock: SeenClock,
-    obstacles: tuple[str, ...],
-    files: FilesSpec | None,
-    overflow: Mapping[str, str],
-) -> Proposal:
-    joint, why = guessed_joint(columns, names)
-    side, side_why = guessed_side(columns, names, joint)
-    sound = {name: column for name, column in assigned.items() if name not in overflow}
-    pulses = find_pulses(sound, clock)
-    kind = _kind(columns, assigned, names)
-    levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
-    return Proposal(
-        file=file,
-        assigned=assigned,
-        joint=Guess(joint or _USUAL_JOINT, why or "the file does not state it"),
-        kind=kind,
-        acts_on=_acts_on(sound, clock, pulses, walking=kind.value == "walking"),
-        side=Guess(side, side_why),
-        condition=_condition(file, assigned, pulses),
-        pulses=pulses,
-        files=files,
-        rate_hz=clock.rate_hz if clock.source == "rate" else None,
-        rate_guess=_rate_guess(assigned, clock),
-        obstacles=obstacles,
-        free=tuple(c for c in columns if id(c) not in assignments_by_column(assigned)),
-        levels=levels,
-    )
-
-
-def _rate_guess(assigned: Assignments, clock: SeenClock) -> Guess:
-    """Return a rate to ask about: the likely one if there are strides."""
-    likely = {} if clock.rate_hz is not None else likely_rates(assigned, clock)
-    if not likely:
-        return Guess("1000.0", "the file does not state the rate; give your own")
-    return Guess(repr(next(iter(likely))), f"by its strides: {told_rates(likely)}; give your own")
-
-
-def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Words) -> Guess:
-    if "contact" in assigned or "ground_reaction_force" in assigned:
-        return Guess("walking", "there is contact of a foot with the ground")
-    options = sorted((names.found | {w for c in columns for w in c.words.found}) & GAIT_WORDS)
-    if options:
-        return Guess("walking", f"names contain {options[0]}")
-    return Guess("bench", "no sign of walking")
-
-
-def _acts_on(assigned: Assignments, clock: SeenClock, pulses: Pulses, *, walking: bool) -> Guess:
-    if not {"angle", "torque"} <= set(assigned):
-        return Guess("joint", "the usual one")
-    if "moment" in assigned["torque"][0].words.found:
-        return Guess("device", "a joint moment of inverse dynamics is exerted by the joint")
-    followed = command_correlation(assigned) if pulses.source == "command" else None
-    if followed is not None:
-        acts_on, how = ("joint", "follows") if followed > 0 else ("device", "opposes")
-        return Guess(acts_on, f"the torque {how} the command (correlation {followed:.2f})")
-    resistance = None if walking else torque_resistance(assigned, clock)
-    if resistance is None:
-        return Guess("joint", "not stated; 'device' inverts the torque's sign")
-    share = f"{100 * abs(resistance):.0f} % of its quick changes"
-    if resistance < 0:
-        return Guess("device", f"the torque opposes the angle in {share}")
-    return Guess("joint", f"the torque goes with the angle in {share}")
-
-
-def _condition(file: str, assigned: Assignments, pulses: Pulses) -> Guess:
-    if pulses.source:
-        return Guess("perturbed", pulses.why)
-    named = guessed_condition(_stem(Path(file)))
-    if named and not (named == "perturbed" and "command" not in assigned):
-        return Guess(named, "the file's name")
-    if named:  # perturbed by name, and nothing says when: the study would not open
-        return Guess(
-            "unperturbed", "its name says perturbed, but no channel or table has the pulses"
-        )
-    return Guess("unperturbed", pulses.why or "no pulses found")
 
 
 def _layout(files: FilesSpec | None) -> dict[str, Any]:
@@ -350,10 +219,25 @@ def _seen_one(
     )
 
 
-def _group_notes(content: Content, group: str, assigned: Assignments) -> list[str]:
-    """Return notes about other groups and about missing numbers."""
+def _seen_recording(source: Source, draft: RecordingDraft) -> SeenRecording:
+    return SeenRecording(
+        file=draft.file,
+        participant=draft.participant.value,
+        condition=draft.condition.value,
+        part=draft.part,
+        session=draft.session,
+        side=draft.side.value,
+        perturbations=draft.perturbations,
+        n=source.clock.n,
+        rate_hz=source.clock.rate_hz,
+    )
+
+
+def _group_notes(source: Source, of_tables: Collection[str]) -> list[str]:
+    """Return notes about groups that are no part of the study, and about missing numbers."""
     notes = []
-    others = [c for c in content.clocks if c.group != group]
+    content, group, assigned = source.content, source.group, source.assigned
+    others = [c for c in content.clocks if c.group not in (group, *of_tables)]
     if others:
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
         notes.append(

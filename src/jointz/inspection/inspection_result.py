@@ -116,9 +116,56 @@ class SeenClock:
         return f"{len(self.gaps)} gap(s), the longest {shown}"
 
 
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A possible answer to a question, and what speaks for it."""
+
+    value: str | float | None  # as in the study file; None for leaving the key out
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the files do not say and a person must."""
+
+    about: str  # key of the study file
+    text: str
+    answers: tuple[Answer, ...] = ()  # the first is what the draft has, if it has one
+
+    def lines(self) -> list[str]:
+        """Return the question and its answers, a line each."""
+        said = [f"    {a.value if a.value is not None else '(leave out)'}: {a.why}"
+                for a in self.answers]  # fmt: skip
+        return [f"  ? {self.text}  [{self.about}]", *said]
+
+
+@dataclass(frozen=True, slots=True)
+class SeenRecording:
+    """A recording that was found, and what its name and samples say of it."""
+
+    file: str
+    participant: str
+    condition: str  # "" where a column holds the conditions
+    part: str = ""  # of the file
+    session: str = ""
+    side: str = ""
+    perturbations: str = ""  # its pulse table
+    n: int = 0  # number of samples
+    rate_hz: float | None = None
+
+    def text(self) -> str:
+        """Return a line about the recording."""
+        words = [self.participant, self.condition, self.session, self.side]
+        rate = f", {self.rate_hz:.6g} Hz" if self.rate_hz else ""
+        table = f", pulses in {self.perturbations}" if self.perturbations else ""
+        part = f" ({self.part})" if self.part else ""
+        label = " ".join(filter(None, words))
+        return f"  {self.file}{part}: {label}: {self.n} samples{rate}{table}"
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Inspection(Result):
-    """Content of a file, the assigned channels, and a ``study.toml`` to edit."""
+    """Content of a file or folder, the assigned channels, and a ``study.toml`` to edit."""
 
     SCHEMA: ClassVar[str] = "jointz.Inspection/1"
 
@@ -132,6 +179,8 @@ class Inspection(Result):
     obstacles: tuple[str, ...] = ()  # reasons why this file alone cannot be analysed
     advice: tuple[str, ...] = ()  # commands that can use the file
     toml: str = ""  # a ``study.toml`` with its guesses marked
+    questions: tuple[Question, ...] = ()  # what the files do not say and a person must
+    recordings: tuple[SeenRecording, ...] = ()  # what the study is proposed for
 
     @property
     def n_guesses(self) -> int:
@@ -155,7 +204,9 @@ class Inspection(Result):
         """Return clocks, a line with a thumbnail for each column, notes and obstacles."""
         lines = [f"{self.file}: {len(self.channels)} column(s)"]
         if self.layout:
-            text = ", ".join(f"{name} {value!r}" for name, value in self.layout.items())
+            text = ", ".join(
+                f"{name} {value!r}" for name, value in self.layout.items() if value is not None
+            )
             lines.append(f"  layout: {text}")
         lines += [
             f"  {clock.group + ': ' if clock.group else ''}{clock.text()}" for clock in self.clocks
@@ -166,6 +217,12 @@ class Inspection(Result):
         lines += [f"  Note: {note}" for note in self.notes]
         lines += [f"  Cannot be analysed as it is: {reason}" for reason in self.obstacles]
         lines += [f"  {advice}" for advice in self.advice]
+        if len(self.recordings) > 1:
+            lines += ["", f"{len(self.recordings)} recordings (the columns above are the first's):"]
+            lines += [recording.text() for recording in self.recordings]
+        if self.questions:
+            lines += ["", f"To decide ({len(self.questions)}); the draft has the first answer:"]
+            lines += [line for question in self.questions for line in question.lines()]
         return "\n".join(lines)
 
     @in_figure_style

@@ -192,7 +192,7 @@ _GYROSCOPE = word_set("gyro gyroscope gyr angularvelocity velocity vel rate omeg
 #: Which of three axes is the joint's no name tells.
 _NOT_SENSED = _COMMANDED | _AXES | word_set("acceleration acc accel accelerometer mag")
 _RULES = (
-    _Rule("time", word_set("time t timestamp stamp sec seconds clock s micros millis"),
+    _Rule("time", word_set("time t timestamp stamp sec seconds clock s micros millis xvalue"),
           word_set("point to lag")),
     _Rule("trial", word_set("trial run rep repetition block trialno"), score=3),
     _Rule("cycle", word_set("stride strideno cyclenumber stridenumber"), score=2),

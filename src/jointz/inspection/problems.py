@@ -19,11 +19,10 @@ from jointz.gait.sample_rate import (
 )
 from jointz.identify.preparation.pulses import pulses_from_angle
 from jointz.inspection.content import GUESSED_SAMPLES
-from jointz.inspection.guess import Assignment, InspectedColumn, in_seconds, si_of
+from jointz.inspection.guess import Assignments, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import channel_scores
-
-Assignments = Mapping[str, tuple[InspectedColumn, Assignment]]
+from jointz.inspection.signs import torque_side
 
 _SMOOTH_S = 0.01
 _APART_S = 0.08
@@ -33,6 +32,7 @@ _FEWEST_PULSES = 3
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
+_MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
 
 
@@ -113,6 +113,19 @@ def command_correlation(assigned: Assignments) -> float | None:
         return None
     correlation = float(np.corrcoef(command, torque)[0, 1])
     return correlation if abs(correlation) > _FOLLOWS else None
+
+
+def pulse_response(assigned: Assignments, clock: SeenClock, onsets: np.ndarray | None) -> float:
+    """Return how clearly pulses accelerate the joint in the direction of the torque."""
+    time = _time(assigned, clock)
+    if time is None or clock.restarts or clock.n_back:
+        return 0.0
+    if onsets is None and "command" in assigned:
+        command = np.nan_to_num(_si(assigned, "command"))
+        onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]
+    if onsets is None:
+        return 0.0
+    return torque_side(time, _si(assigned, "angle"), _si(assigned, "torque"), onsets[:_MOST_PULSES])
 
 
 def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:
@@ -252,7 +265,11 @@ def _in_other_units(columns: Sequence[InspectedColumn], channel: str) -> str:
 
 def _time_as_text(columns: Sequence[InspectedColumn]) -> str:
     for inspected in columns:
-        if inspected.column.is_text and "time" in channel_scores(inspected.words):
+        if "time" not in channel_scores(inspected.words):
+            continue
+        if not inspected.column.is_text:
+            return f" (the stamps of column '{inspected.title}' repeat or go back)"
+        if inspected.course.levels:
             example = next(iter(inspected.course.levels), "")
             return f" (column '{inspected.title}' holds text such as '{example}')"
     return ""
@@ -274,12 +291,6 @@ def bad_channels(assigned: Assignments, overflow: Mapping[str, str]) -> list[str
     found += [
         inspected.column.stray for inspected, _ in assigned.values() if inspected.column.stray
     ]
-    for channel in ("torque", "angle"):
-        if channel in assigned and si_of(assigned[channel][1])[0].endswith("/kg"):
-            found.append(
-                f"column '{assigned[channel][0].key}' is a {channel} per body mass: multiply it by "
-                "the body mass before you use it in a study."
-            )
     return found
 
 

@@ -1,19 +1,17 @@
 """Draft of a ``study.toml``, in which each guess is marked with its reason."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any
 
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
 from jointz.core.study import FilesSpec
-from jointz.inspection.guess import Assignment, InspectedColumn, guessed_condition
-from jointz.inspection.problems import Assignments, Pulses
+from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, guessed_condition
+from jointz.inspection.problems import Pulses
 from jointz.io.toml_text import written_comment, written_key, written_text
 
-_PERSON = re.compile(
-    r"(?<![A-Za-z])((?:sub-?|s|p|pt|subj|subject|vp|tn)_?\d+)(?!\d)", re.IGNORECASE
-)
 _POSITIVE = {"ankle": "dorsiflexion"}
 _LONGEST_LIST = 12
 _CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
@@ -27,17 +25,44 @@ class Guess:
     why: str = ""  # "" if the value is known
 
 
+@dataclass(frozen=True, slots=True)
+class RecordingDraft:
+    """A recording of a proposed study."""
+
+    file: str  # as the study names it
+    participant: Guess
+    condition: Guess  # "" if a column holds conditions
+    side: Guess  # "" if unknown
+    part: str = ""
+    session: str = ""
+    session_why: str = ""  # "" if the name says it
+    perturbations: str = ""  # pulse table
+    says_perturbed: bool = False  # by its name
+    mass_kg: float | None = None  # of the participant, where the file states it
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
+    files: FilesSpec | None = None  # layout, where it is another than the study's
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
     """Content of a ``study.toml``."""
 
-    file: str  # name of the file in the study
+    recordings: tuple[RecordingDraft, ...]
     assigned: Assignments  # channel -> column
     joint: Guess  # key ``joint``
     kind: Guess  # key ``kind``
     acts_on: Guess  # key ``torque_acts_on``
-    side: Guess  # key ``side`` of the recording; "" if unknown
-    condition: Guess  # key ``condition`` of the recording; "" if a column holds conditions
+    positive: Guess  # key ``positive``
+    angle: Guess = Guess("")  # direction of the angle; "" if unknown
+    straight_is_180: bool = False  # whether the angle of a straight knee is 180 deg
+    torque: Guess = Guess("")  # direction of the torque; "" if unknown
+    command: Guess = Guess("")  # direction of the command, where it is the opposite
+    angle_sign_open: bool = False
+    acts_on_open: bool = False
+    # meaning -> column and unit of the pulse tables; empty if their names say it
+    table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    in_samples: bool = False  # whether pulse tables count samples
+    first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
     files: FilesSpec | None = None  # layout of a text file; None for other formats
     rate_hz: float | None = None  # rate stated by the file; None if not stated
@@ -52,7 +77,7 @@ class Proposal:
 def study_text(proposal: Proposal) -> str:
     """Return the text."""
     lines = [
-        f"# Proposed by jointz inspect for {written_comment(proposal.file)}.",
+        f"# Proposed by jointz inspect for {written_comment(_first_file(proposal))}.",
         "# Lines marked 'guess' are guesses: check each, correct it, and remove the mark.",
         "# Lines behind '#' are off: if one applies, fill in what you know and remove its '#'.",
         *(
@@ -62,7 +87,7 @@ def study_text(proposal: Proposal) -> str:
         "jointz = 1",
         _line("joint", proposal.joint),
         _line("kind", proposal.kind),
-        _line("positive", _positive(proposal)),
+        _line("positive", proposal.positive),
         _line("torque_acts_on", proposal.acts_on),
         *_coupling(proposal),
         *_rate(proposal),
@@ -70,8 +95,35 @@ def study_text(proposal: Proposal) -> str:
     for name in proposal.assigned:
         lines += _channel(proposal, name)
     lines += _missing(proposal) + _others(proposal.free)
-    lines += _people(proposal) + _recording(proposal) + _perturbations(proposal)
-    return "\n".join([*lines, *_files(proposal.files)]) + "\n"
+    lines += _people(proposal) + _recordings(proposal) + _perturbations(proposal)
+    return "\n".join([*lines, *_calibration(proposal), *_files(proposal.files)]) + "\n"
+
+
+def _first_file(proposal: Proposal) -> str:
+    first, n_more = proposal.recordings[0].file, len(proposal.recordings) - 1
+    return f"{first} and {n_more} more" if n_more else first
+
+
+def _calibration(proposal: Proposal) -> list[str]:
+    """Return the zero of an angle that is 180 deg where the knee is straight."""
+    if not proposal.straight_is_180:
+        return []
+    zero = _inline({"value": -round(math.pi, 6), "sd": 0.05})
+    return ["", "[calibration]", f"angle_zero_rad = {zero}  # guess: straight is 180 deg"]
+
+
+def _inline(content: Mapping[str, Any]) -> str:
+    """Return a table of TOML on one line."""
+    cells = (f"{written_key(key)} = {_value(value)}" for key, value in content.items())
+    return f"{{ {', '.join(cells)} }}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return _inline(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return written_text(value) if isinstance(value, str) else repr(value)
 
 
 def _line(key: str, guess: Guess, *, raw: bool = False) -> str:
@@ -80,12 +132,9 @@ def _line(key: str, guess: Guess, *, raw: bool = False) -> str:
     return f"{key} = {value}{mark}"
 
 
-def _positive(proposal: Proposal) -> Guess:
-    angle = proposal.assigned.get("angle")
-    options = angle[0].words.direction if angle else ""
-    if options:
-        return Guess(options, "by the angle's name")
-    return Guess(_POSITIVE.get(proposal.joint.value, "flexion"), "the usual one")
+def usual_direction(joint: str) -> Guess:
+    """Return the direction in which results of a joint are usually positive."""
+    return Guess(_POSITIVE.get(joint, "flexion"), "the usual one")
 
 
 def _coupling(proposal: Proposal) -> list[str]:
@@ -114,10 +163,15 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         lines.append(_line("kind", Guess("voltage" if volts else "contact", why)))
     if assignment.unit:
         lines.append(_line("unit", Guess(assignment.unit, assignment.unit_why)))
-    direction = inspected.words.direction
-    if name in ("angle", "torque") and direction and direction != _positive(proposal).value:
-        lines.append(_line("positive", Guess(direction, "its name says it")))
-    if name == "angle" and not direction and _sign_is_open(proposal):
+    directions = {
+        "angle": proposal.angle,
+        "torque": proposal.torque,
+        "command": proposal.command,
+    }
+    turned = directions.get(name, Guess(""))
+    if turned.value not in ("", proposal.positive.value):
+        lines.append(_line("positive", turned))
+    if name == "angle" and proposal.angle_sign_open:
         lines.append(f"# {_line('positive', _turned(proposal))}")
     if name == "condition" and proposal.levels:
         levels = ", ".join(
@@ -129,17 +183,12 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     return lines
 
 
-def _sign_is_open(proposal: Proposal) -> bool:
-    # On a bench without a command, torque_acts_on was guessed by the angle, whose sign is settled.
-    return proposal.kind.value == "walking" or proposal.pulses.source == "command"
-
-
 def _turned(proposal: Proposal) -> Guess:
     inspected, assignment = proposal.assigned["angle"]
     low, high = inspected.course.low, inspected.course.high
     reach = "" if low is None or high is None else f", {low:.4g} to {high:.4g} {assignment.unit},"
     why = f"usually off; is the angle{reach} positive in this direction?"
-    return Guess(OPPOSITE_DIRECTION[_positive(proposal).value], why)
+    return Guess(OPPOSITE_DIRECTION[proposal.positive.value], why)
 
 
 def _missing(proposal: Proposal) -> list[str]:
@@ -168,39 +217,56 @@ def _others(free: Sequence[InspectedColumn]) -> list[str]:
 
 
 def _people(proposal: Proposal) -> list[str]:
-    person = _person(proposal.file)
-    return [
-        "",
-        "[[participants]]",
-        _line("id", person),
-        "# mass_kg = 70.0  # only for values per kg",
-    ]
+    people = {r.participant.value: r for r in reversed(proposal.recordings)}
+    lines = []
+    for own in (people[person] for person in sorted(people)):
+        mass = "# mass_kg = 70.0  # only for values per kg"
+        if own.mass_kg is not None:
+            mass = _line("mass_kg", Guess(repr(own.mass_kg), "a line of the file"), raw=True)
+        lines += ["", "[[participants]]", _line("id", own.participant), mass]
+    return lines
 
 
-def _person(file: str) -> Guess:
-    found = _PERSON.search(Path(file).name.replace("_", " "))
-    if found:
-        return Guess(found[1].replace(" ", ""), "the file's name")
-    return Guess("S01", "the file does not state it")
+def _recordings(proposal: Proposal) -> list[str]:
+    ordered = sorted(proposal.recordings, key=lambda r: (r.participant.value, r.file, r.part))
+    lines = [line for recording in ordered for line in _recording(proposal, recording)]
+    if len(proposal.recordings) == 1:
+        lines.append("# [[participants]]  # another one for each other person")
+        lines.append(
+            "# [[recordings]]  # another one for each other file, such as one without pulses"
+        )
+    return lines
 
 
-def _recording(proposal: Proposal) -> list[str]:
-    person = _person(proposal.file).value
+def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
+    person = recording.participant.value
     lines = ["", "[[recordings]]", f"participant = {written_text(person)}"]
     if "condition" not in proposal.assigned:
-        lines.append(_line("condition", proposal.condition))
-    lines.append(f"file = {written_text(proposal.file)}")
-    if proposal.side.value:
-        lines.append(_line("side", proposal.side))
+        lines.append(_line("condition", recording.condition))
+    lines.append(f"file = {written_text(recording.file)}")
+    if recording.part:
+        lines.append(f"part = {written_text(recording.part)}")
+    if recording.session:
+        lines.append(_line("session", Guess(recording.session, recording.session_why)))
+    if recording.side.value:
+        lines.append(_line("side", recording.side))
     else:
         lines.append('# side = "right"  # which one?')
-    needs = proposal.condition.value == "perturbed" or "condition" in proposal.assigned
-    if needs and not proposal.pulses.source and "command" not in proposal.assigned:
+    if recording.changes:
+        lines.append(f"channels = {_inline(recording.changes)}")
+    if recording.files is not None:
+        lines.append(f"files = {_inline(recording.files.model_dump(exclude_none=True))}")
+    needs = recording.condition.value == "perturbed" or "condition" in proposal.assigned
+    if recording.perturbations:
+        lines.append(f"perturbations = {written_text(recording.perturbations)}")
+    elif (
+        (needs or recording.says_perturbed)
+        and not proposal.pulses.source
+        and "command" not in proposal.assigned
+    ):
         lines.append(
             '# perturbations = "PULSES.csv"  # a table with onset_s: the times of the pulses'
         )
-    lines.append("# [[participants]]  # another one for each other person")
-    lines.append("# [[recordings]]  # another one for each other file, such as one without pulses")
     return lines
 
 
@@ -208,17 +274,27 @@ def _perturbations(proposal: Proposal) -> list[str]:
     lines = []
     if proposal.pulses.source and proposal.pulses.source != "command":
         lines.append(_line("source", Guess(proposal.pulses.source, proposal.pulses.why)))
-    alone = proposal.condition.value == "perturbed" and "condition" not in proposal.assigned
+    conditions = {r.condition.value for r in proposal.recordings}
+    alone = conditions == {"perturbed"} and "condition" not in proposal.assigned
     # In walking, the recommended methods predict from unperturbed strides of the same recording.
     if alone and proposal.kind.value == "bench":
         why = "the study has no unperturbed recording; remove this line when you add one"
         lines.append(_line("baseline", Guess("pre_pulse", why)))
+    if proposal.table_columns:
+        lines.append(f"columns = {_inline(proposal.table_columns)}  # guess: by their names")
     asked = []
-    if proposal.pulses.source and proposal.kind.value == "walking":
-        asked = ["# timing_points = { name = % }  # of the cycle: the planned times of the pulses"]
+    if proposal.in_samples:
+        first = proposal.first_sample
+        why = "pulses of the command begin there"
+        line = _line("first_sample", Guess(str(1 if first is None else first), why), raw=True)
+        lines += [line] if first is not None else []
+        asked += ["# first_sample = 1  # or 0?"] if first is None else []
+    if (proposal.pulses.source or "perturbed" in conditions) and proposal.kind.value == "walking":
+        asked += ["# timing_points = { name = % }  # of the cycle: the planned times of the pulses"]
     if not lines and not asked:
         return []
-    return ["", "[perturbations]" if lines else "# [perturbations]", *lines, *asked]
+    is_off = not lines and proposal.first_sample is None and not proposal.in_samples
+    return ["", "# [perturbations]" if is_off else "[perturbations]", *lines, *asked]
 
 
 def _files(files: FilesSpec | None) -> list[str]:

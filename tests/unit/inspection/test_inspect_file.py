@@ -279,17 +279,33 @@ def test_one_side_is_begun_with_where_both_are_there(tmp_path):
 
     assert found.channel("angle").column == "RightKneeFlexionAngle"
     assert '[channels.torque]\ncolumn = "RightKneeExtensionMoment"' in found.toml
-    assert 'positive = "extension"  # guess' in found.toml
+    assert 'positive = "extension"  # guess: its name says it' in found.toml
     assert 'side = "right"' in found.toml
 
 
-def test_times_of_the_day_stand_in_the_way(tmp_path):
+def test_times_of_the_day_are_a_clock(tmp_path):
     frame = walking()
-    frame["Time (s)"] = [f"12:00:{s:06.3f}" for s in frame["Time (s)"]]
+    time_s = frame["Time (s)"].to_numpy()
+    frame["Time (s)"] = [
+        f"23:59:{58 + s:06.3f}" if s < 2 else f"00:00:{s - 2:06.3f}" for s in time_s
+    ]
+
+    found = inspected(tmp_path, frame.rename(columns={"Time (s)": "Time"}))
+
+    assert not found.obstacles
+    assert 'unit = "hh:mm:ss"' in found.toml
+    (tmp_path / "study.toml").write_text(found.toml)
+    (recording,) = open_study(tmp_path).recordings[0].read()
+    np.testing.assert_allclose(np.diff(recording["time"]), np.diff(time_s), atol=1e-6)
+
+
+def test_days_without_fractions_of_a_second_stand_in_the_way(tmp_path):
+    frame = walking()
+    frame["Time (s)"] = [f"27.11.2026 12:00:{int(s):02d}" for s in frame["Time (s)"]]
 
     (reason,) = inspected(tmp_path, frame.rename(columns={"Time (s)": "Time"})).obstacles
 
-    assert "'Time'" in reason
+    assert "(the stamps of column 'Time' repeat or go back)" in reason
 
 
 def test_units_of_a_known_log_are_guesses_and_that_is_a_sentence(tmp_path):

@@ -18,8 +18,14 @@ def folder(path):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
-@pytest.mark.parametrize("read", [jointz.read, inspect_file])
-@pytest.mark.parametrize(("make", "kind"), [(os.mkfifo, "a named pipe"), (folder, "a folder")])
+@pytest.mark.parametrize(
+    ("make", "kind", "read"),
+    [
+        (os.mkfifo, "a named pipe", jointz.read),
+        (os.mkfifo, "a named pipe", inspect_file),
+        (folder, "a folder", jointz.read),
+    ],
+)
 def test_what_is_no_file_is_named_as_what_it_is(tmp_path, make, kind, read):
     make(tmp_path / "walk.csv")
     with pytest.raises(DataError, match=rf"walk\.csv: is {kind}; expected a file"):

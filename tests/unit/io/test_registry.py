@@ -84,7 +84,7 @@ def test_an_unknown_suffix_is_refused_with_those_known(tmp_path):
         lambda: read_table(path, numeric=["t"], files=PLAIN),
         lambda: read_acquisition(path),
     ):
-        with pytest.raises(DataError, match=r"a.docx: .*\.csv, \.csv\.gz, \.gz, \.locked"):
+        with pytest.raises(DataError, match=r"a.docx: .*\.csv, \.csv\.gz, \.dat, \.gz, \.locked"):
             call()
 
 

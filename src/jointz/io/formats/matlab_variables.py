@@ -195,6 +195,8 @@ def _is_wide(matrix: np.ndarray) -> bool:
 def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted names of what may be a series of samples."""
     for name, value in content.items():
+        if isinstance(value, list) and not all(isinstance(v, str) for v in value):  # of structs
+            value = {str(i): element for i, element in enumerate(value, start=1)}
         if isinstance(value, Mapping):
             yield from series_names(value, f"{prefix}{name}.")
         elif isinstance(value, np.ndarray) and value.ndim == 2 and not _is_wide(value):

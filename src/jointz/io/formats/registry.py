@@ -155,6 +155,11 @@ def format_of(path: Path) -> Format:
     return _load_format(_formats()[suffix])
 
 
+def has_format(path: Path) -> bool:
+    """Whether a format reads files of this suffix."""
+    return _suffix_of(path) is not None
+
+
 def format_to_write(path: Path) -> Format:
     """Return the format of a file to be written; one that is only read is refused."""
     if _suffix_of(path) is None:

@@ -194,12 +194,12 @@ def decompressed_text(path: Path, n_lines: int, encoding: str | None = None) -> 
     return [text.rstrip("\r\n") for text in _decoded(path, filled)]
 
 
-def check_signs(path: Path, delimiter: str, decimal: str) -> None:
-    """Refuse signs by which no table can be taken apart."""
+def check_signs(path: Path, delimiter: str, decimal: str, *, is_quoted: bool = False) -> None:
+    """Refuse signs by which no table can be taken apart; quotes can hold a delimiter."""
     if len(delimiter) != 1 or not delimiter.isascii() or delimiter in '"\r\n':
         tab = " A tab is written $'\\t' in most shells." if delimiter == "\\t" else ""
         raise DataError(f"[files] delimiter: expected one ASCII character, got {delimiter!r}.{tab}")
-    if delimiter == decimal:
+    if delimiter == decimal and not is_quoted:
         raise file_error(
             path,
             f"'{delimiter}' cannot be both delimiter and decimal sign. Set [files] delimiter, "
@@ -209,11 +209,11 @@ def check_signs(path: Path, delimiter: str, decimal: str) -> None:
 
 def _layout(path: Path, files: FilesSpec) -> _Layout:
     delimiter = files.delimiter or default_delimiter(path)
-    check_signs(path, delimiter, files.decimal)
     n_head = files.skip_rows + files.header
     encoding = stated_encoding(path, files.encoding)
     with _reading_errors(path), _open_bytes(path, encoding) as stream:
         lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_head + 1)]
+    check_signs(path, delimiter, files.decimal, is_quoted=b'"' in lines[-1])
     start_byte = sum(len(line) for line in lines[:-1])
     text = _decoded(path, lines[n_head - 1 : n_head + 1] if files.header else lines[-1:])
     if not text[-1].strip("\r\n"):

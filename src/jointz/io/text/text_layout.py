@@ -10,7 +10,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -57,13 +57,18 @@ _RATE = re.compile(
 _INTERVAL = re.compile(
     r"""\W*(?:
         (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | delta_x | dt
-        | (?:intervalle|periode|intervalo|periodo|intervallo)[ ]d.{0,3}[ ]?\w*(?:echan|muest|camp)\w*
+        | (?:intervall[eo]|intervalo|periodo|periode)[ ]d.{0,3}[ ]?\w*(?:echan|muest|camp)\w*
     )(?![a-z]) [^a-z\d.+-]* (?:[\[(]?(?P<before>ms|s|us)[\])]?)? [^a-z\d.+-]*
     (?P<named>\d*[.,]?\d+) (?:\s*(?P<after>ms|s|us|sec|msec))? \W*
     | (?P<number>\d*[.,]?\d+) \s* (?P<unit>ms|s|us|sec|msec) \s* (?:/|per) \s* sampl\w* \W*""",
     re.VERBOSE,
 )
 _SECONDS = {"s": 1.0, "sec": 1.0, "": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
+#: Headings of an export of motion capture, each with a rate in the line below.
+_SECTIONS = ("devices", "trajectories", "model outputs", "joints", "segments")
+_MASS = re.compile(
+    r"(?:mass|masse|gewicht|korpergewicht|poids|peso|massa|weight)\W*(\d+(?:[.,]\d+)?)\s*kg"
+)
 _PARTS = re.compile(r"[;\t|]|,\s")
 _THOUSANDS = re.compile(r"\d{1,3}[.,]000")
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
@@ -89,6 +94,7 @@ class TextLayout:
     notes: tuple[str, ...] = ()  # decisions about the layout
     # sampling rate stated in a line above the table; None if not stated
     rate_hz: float | None = None
+    mass_kg: float | None = None  # of the person, likewise
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -107,7 +113,7 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     best = max(
         (
             _Candidate.of(lines[skipped:], known["encoding"], *signs)
-            for signs in _signs(path, known)
+            for signs in _signs(path, known, is_quoted='"' in lines[-1])
         ),
         key=lambda candidate: candidate.score,  # the first of equals
     )
@@ -123,9 +129,13 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
             "(--delimiter, --decimal, --no-header), or another file.",
         )
     layout = _layout(best, known)
+    masses = [m for line in lines[: best.start or 0] if (m := _MASS.search(_plain(line)))]
+    if len(masses) == 1:
+        layout = replace(layout, mass_kg=float(masses[0][1].replace(",", ".")))
     above = lines[: skipped + (best.start or 0)]
     said = [part for line in above for part in (line, *_PARTS.split(line))]
     rates = {rate for part in said if (rate := _stated_rate(part))}
+    rates |= {float(b) for a, b in pairwise(above) if _plain(a) in _SECTIONS and is_number(b)}
     other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
     if rates and len(rates | other_rates) > 1:
         rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
@@ -167,12 +177,12 @@ def _plain(line: str) -> str:
     return "".join(c for c in letters if not unicodedata.combining(c))
 
 
-def _signs(path: Path, known: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _signs(path: Path, known: Mapping[str, Any], *, is_quoted: bool) -> list[tuple[str, str]]:
     delimiters = [known["delimiter"]] if known.get("delimiter") else list(DELIMITERS)
     decimals = [known["decimal"]] if known.get("decimal") else [".", ","]
     if known.get("delimiter"):
-        check_signs(path, known["delimiter"], known.get("decimal", ""))
-    return [(d, sign) for d, sign in product(delimiters, decimals) if d != sign]
+        check_signs(path, known["delimiter"], known.get("decimal", ""), is_quoted=is_quoted)
+    return [(d, sign) for d, sign in product(delimiters, decimals) if d != sign or is_quoted]
 
 
 @dataclass(frozen=True, slots=True)

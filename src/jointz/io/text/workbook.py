@@ -49,6 +49,7 @@ _LIBRARY_ERRORS = (
 _BLOCK_BYTES = 1 << 16
 _ELEMENT_BYTES = 700  # of one element of XML in memory; a cell with a value is two
 _PART_BYTES = 10  # at least, of one byte of a part: 600 MB of it take a minute to read, too
+_ROWS_OF_NOTES = 8  # a sheet of fewer may hold what no table does
 _MOST_ROWS = 1_048_576
 _MOST_COLUMNS = 16_384
 _LONGEST_TEXT = 32_767  # of a cell, in every program that writes workbooks
@@ -76,7 +77,12 @@ class WorkbookFormat(GroupFormat):
             sheets.pop()
             metadata[f"{READING}jointz"] = _LEFT_OUT
         for sheet in sheets:
-            tables, notes = groups_of(sheet, of_jointz=sheet.title in earlier)
+            try:
+                tables, notes = groups_of(sheet, of_jointz=sheet.title in earlier)
+            except DataError as exc:
+                if len(sheet.rows) > _ROWS_OF_NOTES or len(sheets) == 1:
+                    raise
+                tables, notes = [], {f"{READING}sheet.{sheet.title}": f"no table, left out: {exc}"}
             groups += tables
             metadata |= notes
         if hidden:

@@ -1,0 +1,301 @@
+"""The study that is proposed for the recordings of a file or a folder."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from jointz.core.channels import OPPOSITE_DIRECTION
+from jointz.gait.sample_rate import told_rates
+from jointz.inspection.file_labels import labels_of
+from jointz.inspection.guess import (
+    Assignments,
+    InspectedColumn,
+    guessed_joint,
+    guessed_side,
+)
+from jointz.inspection.inspection_result import SeenClock
+from jointz.inspection.names import GAIT_WORDS, Words
+from jointz.inspection.problems import (
+    Pulses,
+    command_correlation,
+    likely_rates,
+    pulse_response,
+    torque_resistance,
+)
+from jointz.inspection.pulse_columns import PulseColumns, first_sample_of, unit_of
+from jointz.inspection.signs import angle_direction, is_clear
+from jointz.inspection.source import Source
+from jointz.inspection.study_draft import (
+    Guess,
+    Proposal,
+    RecordingDraft,
+    assignments_by_column,
+    condition_levels,
+    usual_direction,
+)
+
+_USUAL_JOINT = "knee"
+
+
+@dataclass(frozen=True, slots=True)
+class _Signs:
+    """Directions of angle, torque and command."""
+
+    angle: Guess
+    straight_is_180: bool
+    angle_open: bool
+    torque: Guess
+    acts_on: Guess
+    acts_on_open: bool
+    command: Guess
+
+
+def proposal_of(
+    sources: Sequence[Source], tables: Sequence[PulseColumns], obstacles: Sequence[str]
+) -> Proposal:
+    """Return the study for recordings, of which the first shows what the columns mean."""
+    main = sources[0]
+    assigned, clock = main.assigned, main.clock
+    joint, why = guessed_joint(main.in_group, main.names)
+    kind = _kind(main.in_group, assigned, main.names)
+    walking = kind.value == "walking"
+    tables_of = [_table_of(source, sources, tables) for source in sources]
+    table = tables_of[0]
+    positive = usual_direction(joint or _USUAL_JOINT)
+    is_knee = (joint or _USUAL_JOINT) == "knee"
+    signs = _signs(main, table, positive.value, walking=walking, knee=is_knee)
+    levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
+    command = assigned["command"][0].column.values if "command" in assigned else None
+    recordings = [_draft(s, t, main, signs) for s, t in zip(sources, tables_of, strict=True)]
+    return Proposal(
+        recordings=tuple(_distinct(recordings)),
+        assigned=assigned,
+        joint=Guess(joint or _USUAL_JOINT, why or "the file does not state it"),
+        kind=kind,
+        acts_on=signs.acts_on,
+        positive=positive,
+        angle=signs.angle,
+        straight_is_180=signs.straight_is_180,
+        torque=signs.torque,
+        command=signs.command,
+        angle_sign_open=signs.angle_open,
+        acts_on_open=signs.acts_on_open,
+        table_columns={} if table is None or table.are_usual() else _table_columns(table, clock),
+        in_samples=table is not None and table.in_samples,
+        first_sample=None if table is None else first_sample_of(table, command),
+        pulses=Pulses() if table is not None else main.pulses,
+        files=main.content.files,
+        rate_hz=clock.rate_hz if clock.source == "rate" else None,
+        rate_guess=_rate_guess(assigned, clock),
+        obstacles=tuple(obstacles),
+        free=tuple(c for c in main.in_group if id(c) not in assignments_by_column(assigned)),
+        levels=levels,
+    )
+
+
+def _table_of(
+    source: Source, sources: Sequence[Source], tables: Sequence[PulseColumns]
+) -> PulseColumns | None:
+    """Return the pulse table of a recording: in its file, of all, or of a name like its own."""
+    if source.labels.condition in ("unperturbed", "no_device"):
+        return None
+    for table in tables:
+        names_its_rows = {"recording", "participant"} & set(table.columns)
+        if table.file == source.shown or names_its_rows or len(sources) == 1:
+            return table
+    own = [table for table in tables if _is_like(table.file, source)]
+    return own[0] if own else None
+
+
+def _is_like(file: str, source: Source) -> bool:
+    """Whether a file's name says the same of person, session and side as a recording's."""
+    labels = labels_of(file)
+    pairs = (
+        (labels.participant, source.labels.participant),
+        (labels.session, source.labels.session),
+        (labels.side, source.labels.side),
+    )
+    return all(not a or a == b for a, b in pairs) and bool(labels.participant)
+
+
+def _table_columns(table: PulseColumns, clock: SeenClock) -> dict[str, dict[str, Any]]:
+    duration_s = (clock.end_s or 0.0) - min(clock.start_s or 0.0, 0.0)
+    columns: dict[str, dict[str, Any]] = {}
+    for meaning, inspected in table.columns.items():
+        columns[meaning] = {"column": inspected.key}
+        if meaning in ("onset", "duration", "amplitude"):
+            unit, _ = unit_of(table, meaning, duration_s=duration_s, n=clock.n)
+            columns[meaning] |= {"unit": unit} if unit else {}
+    return columns
+
+
+def _draft(
+    source: Source, table: PulseColumns | None, main: Source, signs: _Signs
+) -> RecordingDraft:
+    labels = source.labels
+    side, side_why = labels.side, "by the file's name"
+    if not side and source is main:
+        joint, _ = guessed_joint(source.in_group, source.names)
+        side, side_why = guessed_side(source.in_group, source.names, joint)
+    person = Guess(labels.participant, "the file's name")
+    if not person.value:
+        person = Guess("S01", "the file does not state it")
+    return RecordingDraft(
+        file=source.shown,
+        participant=person,
+        condition=_condition(source, table),
+        side=Guess(side, side_why if side else ""),
+        part=source.part,
+        session=labels.session,
+        perturbations="" if table is None else table.file,
+        says_perturbed=labels.condition == "perturbed",
+        mass_kg=source.content.mass_kg,
+        changes=_changes(source, main, signs),
+        files=source.content.files if source.content.files != main.content.files else None,
+    )
+
+
+def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str, Any]]:
+    """Return what a recording's channels have differently from those of the study."""
+    changes: dict[str, dict[str, Any]] = {}
+    for name, (inspected, assignment) in source.assigned.items():
+        if source is main or name not in main.assigned:
+            continue
+        first, of_first = main.assigned[name]
+        change: dict[str, Any] = {}
+        if inspected.key != first.key:
+            change["column"] = inspected.key
+        if assignment.unit != of_first.unit and assignment.unit:
+            change["unit"] = assignment.unit
+        known = bool(source.angle_direction and signs.angle.value)
+        if name == "angle" and known and source.angle_direction != signs.angle.value:
+            change["positive"] = source.angle_direction
+        if change:
+            changes[name] = change
+    return changes
+
+
+def _distinct(recordings: Sequence[RecordingDraft]) -> list[RecordingDraft]:
+    """Give numbers as sessions to recordings that are otherwise the same."""
+    cells = Counter(_cell(r) for r in recordings)
+    numbers: Counter[tuple[str, ...]] = Counter()
+    distinct = []
+    for recording in recordings:
+        cell = _cell(recording)
+        if cells[cell] > 1:
+            numbers[cell] += 1
+            name = recording.part or f"{numbers[cell]}"
+            why = "several recordings are otherwise the same"
+            recording = replace(recording, session=name, session_why=why)
+        distinct.append(recording)
+    return distinct
+
+
+def _cell(recording: RecordingDraft) -> tuple[str, ...]:
+    return (
+        recording.participant.value,
+        recording.condition.value,
+        recording.session,
+        recording.side.value,
+    )
+
+
+def _rate_guess(assigned: Assignments, clock: SeenClock) -> Guess:
+    """Return a rate to ask about: the likely one if there are strides."""
+    likely = {} if clock.rate_hz is not None else likely_rates(assigned, clock)
+    if not likely:
+        return Guess("1000.0", "the file does not state the rate; give your own")
+    return Guess(repr(next(iter(likely))), f"by its strides: {told_rates(likely)}; give your own")
+
+
+def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Words) -> Guess:
+    if "contact" in assigned or "ground_reaction_force" in assigned:
+        return Guess("walking", "there is contact of a foot with the ground")
+    options = sorted((names.found | {w for c in columns for w in c.words.found}) & GAIT_WORDS)
+    if options:
+        return Guess("walking", f"names contain {options[0]}")
+    return Guess("bench", "no sign of walking")
+
+
+def _signs(
+    main: Source, table: PulseColumns | None, positive: str, *, walking: bool, knee: bool
+) -> _Signs:
+    """Decide directions by names, ranges and the response to pulses, and say what is open."""
+    assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
+    angle, straight, angle_open = Guess(""), False, False
+    if "angle" in assigned:
+        named = assigned["angle"][0].words.direction
+        seen = ("", False, "")
+        if walking and knee and positive == "flexion":
+            seen = angle_direction(assigned)
+        angle, straight = Guess(seen[0], seen[2]), seen[1]
+        if not angle.value and named:
+            angle = Guess(named, "its name says it")
+        angle_open = not angle.value and _sign_matters(main, walking=walking)
+    torque = Guess("")
+    if "torque" in assigned and (named := assigned["torque"][0].words.direction):
+        torque = Guess(named, "its name says it")
+    # What is positive in the other direction is turned when it is read.
+    turns = [g.value not in ("", positive) for g in (angle, torque)]
+    acts_on, acts_on_open = _acts_on(assigned, main, table, walking=walking, turns=turns)
+    followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
+    command = Guess("")
+    if followed is not None and (followed > 0) != (acts_on.value == "joint") ^ turns[1]:
+        why = f"it opposes the torque on the joint (correlation {followed:.2f})"
+        command = Guess(OPPOSITE_DIRECTION[positive], why)
+    return _Signs(angle, straight, angle_open, torque, acts_on, acts_on_open, command)
+
+
+def _sign_matters(main: Source, *, walking: bool) -> bool:
+    # On a bench without a command, torque_acts_on was guessed by the angle, whose sign is settled.
+    return walking or main.pulses.source == "command"
+
+
+def _acts_on(
+    assigned: Assignments,
+    main: Source,
+    table: PulseColumns | None,
+    *,
+    walking: bool,
+    turns: Sequence[bool],
+) -> tuple[Guess, bool]:
+    """Return the side that the torque acts on, and whether that is open."""
+    if not {"angle", "torque"} <= set(assigned):
+        return Guess("joint", "the usual one"), False
+    onsets = None if table is None else table.columns["onset"].column.values
+    score = pulse_response(assigned, main.clock, onsets)
+    score = -score if turns[0] != turns[1] else score
+    if is_clear(score):
+        goes = "in its direction" if score > 0 else "against it"
+        side = "joint" if score > 0 else "device"
+        return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
+    followed = command_correlation(assigned) if main.pulses.source == "command" else None
+    if followed is not None:
+        follows = (followed > 0) != turns[1]
+        acts_on, how = ("joint", "follows") if follows else ("device", "opposes")
+        return Guess(acts_on, f"the torque {how} the command (correlation {followed:.2f})"), False
+    resistance = None if walking else torque_resistance(assigned, main.clock)
+    if resistance is not None:
+        share = f"{100 * abs(resistance):.0f} % of its quick changes"
+        if resistance < 0:
+            return Guess("device", f"the torque opposes the angle in {share}"), False
+        return Guess("joint", f"the torque goes with the angle in {share}"), False
+    if assigned["torque"][0].words.found & {"moment"}:
+        return Guess("device", "a joint moment of inverse dynamics is exerted by the joint"), True
+    return Guess("joint", "not stated; 'device' inverts the torque's sign"), True
+
+
+def _condition(source: Source, table: PulseColumns | None) -> Guess:
+    if source.pulses.source:
+        return Guess("perturbed", source.pulses.why)
+    if table is not None:
+        return Guess("perturbed", f"{table.file} has its pulses")
+    named = source.labels.condition
+    if named and not (named == "perturbed" and "command" not in source.assigned):
+        return Guess(named, "the file's name")
+    if named:  # perturbed by name, and nothing says when: the study would not open
+        return Guess(
+            "unperturbed", "its name says perturbed, but no channel or table has the pulses"
+        )
+    return Guess("unperturbed", source.pulses.why or "no pulses found")

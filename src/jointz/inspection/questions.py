@@ -1,0 +1,191 @@
+"""What the files do not say and a person must: each with its possible answers."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from jointz.core.channels import OPPOSITE_DIRECTION
+from jointz.inspection.guess import InspectedColumn, si_of
+from jointz.inspection.inspection_result import Answer, Question, SeenClock
+from jointz.inspection.names import word_set
+from jointz.inspection.problems import likely_rates
+from jointz.inspection.study_draft import Proposal
+
+_MOST_ANSWERS = 3
+_MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
+_LIKE = {
+    "angle": word_set("knee angle gonio pos position"),
+    "torque": word_set("load loadcell cell force moment sensor raw adc bridge strain"),
+}
+
+
+def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
+    """Return the questions about a proposed study, the ones that stop an analysis first."""
+    assigned = proposal.assigned
+    found = [
+        *_missing(proposal),
+        *_clock(proposal, clock),
+        *_pulses(proposal),
+        *_masses(proposal),
+        *_units(proposal),
+        *_signs(proposal),
+        *_sessions(proposal),
+    ]
+    if proposal.kind.value == "walking" and {"angle", "torque"} <= set(assigned):
+        found.append(
+            Question(
+                "coupling",
+                "How does the device hold the leg?",
+                (
+                    Answer("strap", "cuffs on skin and muscle, as on most devices; the default"),
+                    Answer("rigid", "the device moves with the bone: simulators, bone pins"),
+                ),
+            )
+        )
+    return tuple(found)
+
+
+def _missing(proposal: Proposal) -> Iterator[Question]:
+    """Ask for the column of the angle, and of the torque, among those without a channel."""
+    assigned = proposal.assigned
+    lacking = ["angle"] if "angle" not in assigned else []
+    lacking += [] if {"torque", "current"} & set(assigned) else ["torque"]
+    for name in lacking:
+        free = [c for c in proposal.free if not c.column.is_text and _moves(c)]
+        free = sorted(free, key=lambda c: -_likeness(name, c))[:_MOST_ANSWERS]
+        answers = tuple(
+            Answer(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}") for c in free
+        )
+        text = f"Which column is the {name}?"
+        if name == "torque":
+            text += " Counts or volts of a sensor need scale: torque per count or volt."
+        yield Question(f"channels.{name}.column", text, answers)
+    if "current" in assigned and "torque" not in assigned:
+        yield Question(
+            "torque_model",
+            "Which motor and gear? The torque is computed from the current; every value stands in "
+            "the data sheet, or jointz identify actuator measures it.",
+            (Answer("gear_ratio", "turns of the motor a turn of the joint"),
+             Answer("torque_constant", "N*m/A at the motor's shaft")),
+        )  # fmt: skip
+
+
+def _moves(inspected: InspectedColumn) -> bool:
+    course = inspected.course
+    return course.low is not None and course.low != course.high and not course.rises
+
+
+def _likeness(name: str, inspected: InspectedColumn) -> int:
+    """Return how much the words of a column sound like a channel."""
+    return len(inspected.words.found & _LIKE[name])
+
+
+def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
+    if "time" not in proposal.assigned and proposal.rate_hz is None:
+        likely = list(likely_rates(proposal.assigned, clock).items())[:_MOST_ANSWERS]
+        answers = [Answer(hz, f"strides then last {s:.3g} s") for hz, s in likely]
+        usual = [Answer(hz, "a usual rate") for hz in (1000.0, 500.0, 100.0)]
+        text = "At what rate, in Hz, was it sampled? It scales K, B and J."
+        yield Question("sample_rate_hz", text, tuple(answers or usual))
+        return
+    if "time" in proposal.assigned:
+        inspected, assignment = proposal.assigned["time"]
+        values = inspected.column.values
+        steps = np.unique(np.diff(values[np.isfinite(values)][:1000]))
+        if assignment.unit_why and steps.size == 1 and steps[0] == 1.0:
+            yield Question(
+                "channels.time.scale",
+                f"'{inspected.title}' counts by 1 and states no unit. Milliseconds, or samples?",
+                (Answer(1.0, "milliseconds, 1 kHz"), Answer(2.0, "samples at 500 Hz"),
+                 Answer(10.0, "samples at 100 Hz")),
+            )  # fmt: skip
+
+
+def _pulses(proposal: Proposal) -> Iterator[Question]:
+    if proposal.table_columns and proposal.first_sample is None and proposal.in_samples:
+        yield Question(
+            "perturbations.first_sample",
+            "The pulse table counts samples. Which number has the first sample of a recording?",
+            (Answer(1, "MATLAB, LabVIEW, spreadsheets"), Answer(0, "Python, C")),
+        )
+    timed = "command" in proposal.assigned or proposal.pulses.source
+    unknown = [r for r in proposal.recordings if r.says_perturbed and not r.perturbations]
+    if unknown and not timed:
+        yield Question(
+            "recordings.perturbations",
+            f"When are the pulses of {unknown[0].file}? Its name says perturbed, and neither a "
+            "command nor a pulse table says when.",
+            (Answer("PULSES.csv", "a table with a column onset_s"),
+             Answer(None, "there are none: the recording is unperturbed")),
+        )  # fmt: skip
+
+
+def _masses(proposal: Proposal) -> Iterator[Question]:
+    per_mass = [n for n, (_, a) in proposal.assigned.items() if a.unit.endswith("/kg")]
+    lacking = sorted({r.participant.value for r in proposal.recordings if not r.mass_kg})
+    if per_mass and lacking:
+        yield Question(
+            "participants.mass_kg",
+            f"The {per_mass[0]} is per body mass. What is the mass of {', '.join(lacking)}, kg?",
+            (Answer(70.0, "an average: give the person's own"),),
+        )
+
+
+def _units(proposal: Proposal) -> Iterator[Question]:
+    if "torque" not in proposal.assigned:
+        return
+    inspected, assignment = proposal.assigned["torque"]
+    if not assignment.unit_why:
+        if si_of(assignment)[0] == "V":
+            yield _scale(inspected)
+        return
+    largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
+    options = [Answer("N*m", "the usual unit")]
+    if largest <= _MOST_PER_MASS:
+        options.append(Answer("N*m/kg", f"at most {largest:.3g}: inverse dynamics gives it so"))
+    if largest >= _LEAST_MILLI:
+        options.append(Answer("mN*m", f"up to {largest:.4g}"))
+        yield _scale(inspected)
+    yield Question("channels.torque.unit", "In what unit is the torque? It is not stated.",
+                   tuple(options))  # fmt: skip
+
+
+def _scale(inspected: InspectedColumn) -> Question:
+    return Question(
+        "channels.torque.scale",
+        f"How many N*m is 1 of '{inspected.title}'? Give the sensor's calibration as scale.",
+        (Answer(1.0, "it is in N*m"),),
+    )
+
+
+def _signs(proposal: Proposal) -> Iterator[Question]:
+    positive = proposal.positive.value
+    if "angle" in proposal.assigned and proposal.angle_sign_open:
+        inspected, assignment = proposal.assigned["angle"]
+        low, high = inspected.course.low, inspected.course.high
+        seen = "" if low is None else f" It goes from {low:.4g} to {high:.4g} {assignment.unit}."
+        yield Question(
+            "channels.angle.positive",
+            f"In which direction does the angle grow?{seen}",
+            (Answer(positive, "the usual one"), Answer(OPPOSITE_DIRECTION[positive], "if worn "
+             "the other way round")),
+        )  # fmt: skip
+    if "torque" in proposal.assigned and proposal.acts_on_open:
+        yield Question(
+            "torque_acts_on",
+            "Is the torque that of the device on the joint, or of the leg on the device?",
+            (Answer("joint", "a positive torque pushes towards the positive angle; the default"),
+             Answer("device", "a sensor that measures what the leg does, or inverse dynamics")),
+        )  # fmt: skip
+
+
+def _sessions(proposal: Proposal) -> Iterator[Question]:
+    numbered = [r for r in proposal.recordings if r.session_why]
+    if numbered:
+        yield Question(
+            "recordings.session",
+            f"{len(numbered)} recordings have the same participant and condition. Days or "
+            "donnings of their own, or trials of one?",
+            (Answer(numbered[0].session, "each is estimated by itself"),
+             Answer("", "join them into one file with a column that counts trials")),
+        )  # fmt: skip

@@ -1,0 +1,206 @@
+"""Recordings and pulse tables among the files that are inspected."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointz.inspection.content import Content, GroupClock, read_content
+from jointz.inspection.file_labels import FileLabels, labels_of
+from jointz.inspection.file_parts import parts_of
+from jointz.inspection.guess import (
+    Assignments,
+    InspectedColumn,
+    assign_channels,
+    guessed_joint,
+    guessed_side,
+    in_seconds,
+    inspect_column,
+    si_of,
+)
+from jointz.inspection.inspection_result import SeenClock
+from jointz.inspection.names import Words, words_of
+from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
+from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
+from jointz.inspection.signals import clock_of, overflow_note
+from jointz.inspection.signs import angle_direction
+from jointz.io.formats.losses import plainly
+from jointz.io.formats.registry import has_format
+from jointz.io.relative_paths import seen_from
+
+_DEEPEST = 2  # folders below the one that is inspected
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A recording: a file, or a part of one."""
+
+    file: Path
+    shown: str  # name in the study
+    part: str  # "" for the whole file
+    content: Content
+    columns: tuple[InspectedColumn, ...]
+    assigned: Assignments
+    group: str
+    clocks: tuple[SeenClock, ...]
+    names: Words
+    labels: FileLabels
+    overflow: Mapping[str, str] = field(default_factory=dict)
+    pulses: Pulses = field(default_factory=Pulses)
+    angle_direction: str = ""  # of a knee's angle by its range, "" if that does not decide it
+
+    @property
+    def clock(self) -> SeenClock:
+        """The clock of the signals that a study takes."""
+        return next((c for c in self.clocks if c.group == self.group), SeenClock(self.group, "", 0))
+
+    @property
+    def in_group(self) -> list[InspectedColumn]:
+        """The columns that were sampled together with those of the study."""
+        return [c for c in self.columns if c.column.group == self.group]
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether it holds angle or torque in time."""
+        return {"angle", "torque", "current"} & set(self.assigned) != set() and not (
+            not_a_recording(self.in_group, self.assigned)[0]
+        )
+
+
+def files_in(folder: Path) -> Iterator[Path]:
+    """Yield the files of a folder that may hold recordings or pulse tables."""
+    for file in sorted(folder.rglob("*")):
+        inside = file.relative_to(folder).parts
+        hidden = any(part.startswith((".", "~")) for part in inside)
+        if file.is_file() and len(inside) <= _DEEPEST + 1 and not hidden and has_format(file):
+            yield file
+
+
+def with_most_telling_first(sources: Sequence[Source]) -> list[Source]:
+    """Put the recording first from which the channels are taken, and forget samples of others."""
+    best = max(sources, key=lambda s: (bool(s.pulses.source), _weight(s.assigned)))
+    return [best, *(_light(source) for source in sources if source is not best)]
+
+
+def _light(source: Source) -> Source:
+    """Return a source without its samples."""
+    empty = np.empty(0)
+    assigned = {
+        name: (replace(c, column=replace(c.column, values=empty)), assignment)
+        for name, (c, assignment) in source.assigned.items()
+    }
+    content = replace(source.content, columns=())
+    return replace(source, content=content, columns=(), assigned=assigned)
+
+
+def read_sources(
+    file: Path, layout: Mapping[str, Any] | None, study_folder: str | os.PathLike[str] | None
+) -> tuple[list[Source], list[PulseColumns]]:
+    """Return the recordings and the pulse tables of a file."""
+    content = read_content(file, layout)
+    shown = _name_in(file, study_folder)
+    columns = tuple(inspect_column(column) for column in content.columns)
+    by_group = [[c for c in columns if c.column.group == g.group] for g in content.clocks]
+    tables = [t for group in by_group if (t := pulse_columns(shown, group)) is not None]
+    parts = parts_of(content)
+    if not parts:
+        whole = _source(file, shown, "", content, columns)
+        # A table of pulses alone is no recording, and a recording no table of pulses.
+        if tables and not whole.is_recording:
+            return [whole], tables
+        own = {whole.group}
+        return [whole], [t for t in tables if t.columns["onset"].column.group not in own]
+    inside = sorted({word for c in content.columns for word in str(c.key).split(".")[:-1]})
+    sources = [
+        _source(file, shown, part.name, part.content,
+                tuple(inspect_column(c) for c in part.content.columns), inside)
+        for part in parts
+    ]  # fmt: skip
+    return sources, tables
+
+
+def _source(
+    file: Path,
+    shown: str,
+    part: str,
+    content: Content,
+    columns: tuple[InspectedColumn, ...],
+    inside: Sequence[str] = (),
+) -> Source:
+    labels = labels_of(str(file.resolve()), part, inside)
+    names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
+    names = Words(names.found, names.joint, labels.side)
+    every, group = _groups(columns, content.clocks, names)
+    assigned = every.get(group, {})
+    # Stamps are better than a line above them.
+    timed = content.files is not None and "time" in assigned
+    clocks = tuple(
+        _clock(
+            replace(c, rate_hz=None) if timed else c,
+            every[c.group] if c.group == group or c.time_s is not None else {},
+        )
+        for c in content.clocks
+    )
+    source = Source(
+        file, shown, part, content, columns, assigned, group, clocks, names, labels,
+        _overflows(assigned),
+    )  # fmt: skip
+    sound = {name: column for name, column in assigned.items() if name not in source.overflow}
+    direction = angle_direction(assigned)[0] if "angle" in sound else ""
+    return replace(source, pulses=find_pulses(sound, source.clock), angle_direction=direction)
+
+
+def _stem(file: Path) -> str:
+    return file.name.split(".")[0]
+
+
+def _name_in(file: Path, folder: str | os.PathLike[str] | None) -> str:
+    """Return the file's name in a study; bytes that are no letters are written as codes."""
+    if folder is None:
+        return plainly(file.name)
+    return plainly(seen_from(file, Path(folder)))
+
+
+def _groups(
+    columns: Sequence[InspectedColumn], clocks: Sequence[GroupClock], names: Words
+) -> tuple[dict[str, Assignments], str]:
+    """Return the channels of every group of signals, and the group with the most useful ones."""
+    found: dict[str, Assignments] = {}
+    for clock in clocks:
+        own = [c for c in columns if c.column.group == clock.group]
+        joint, _ = guessed_joint(own, names)
+        side, _ = guessed_side(own, names, joint)
+        found[clock.group] = assign_channels(own, names, joint=joint, side=side)
+    return found, max(found, key=lambda group: _weight(found[group]), default="")
+
+
+def _weight(assigned: Assignments) -> int:
+    return len(assigned) + 10 * len({"angle", "torque"} & set(assigned))
+
+
+def _clock(stated: GroupClock, assigned: Assignments) -> SeenClock:
+    if stated.time_s is not None and stated.unit_stated:
+        return clock_of(stated.group, stated.n, "the file's own stamps", stated.time_s)
+    if stated.rate_hz is not None:
+        start, n = stated.start_s, stated.n
+        end = start + (n - 1) / stated.rate_hz if n else start
+        return SeenClock(stated.group, "rate", n, stated.rate_hz, start, end, uniform=True)
+    if "time" in assigned:
+        inspected, assignment = assigned["time"]
+        return clock_of(
+            stated.group, stated.n, str(inspected.key), in_seconds(inspected, assignment)
+        )
+    return SeenClock(stated.group, "", stated.n)
+
+
+def _overflows(assigned: Assignments) -> dict[str, str]:
+    found = {}
+    for channel, (inspected, assignment) in assigned.items():
+        si_unit, factor = si_of(assignment)
+        note = overflow_note(inspected.course, si_unit, factor)
+        if note:
+            found[channel] = note
+    return found
