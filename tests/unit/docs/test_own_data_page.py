@@ -60,10 +60,12 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(FOLDER, "my-study")
     commands = [shlex.split(line)[1:] for body in blocks("bash") for line in body.splitlines()]
-    first, proposed, analyse, again = commands
+    proposed, analyse, again = commands
 
-    assert jointz(*first).code == 0
-    assert jointz(*proposed).code == 0
+    inspected = jointz(*proposed)
+    assert inspected.code == 0
+    asked = next(body for body in blocks("text") if "To decide" in body)
+    assert [line for line in asked.splitlines() if line not in inspected.out] == []
     text = Path("my-study/study.toml").read_text(encoding="utf-8")
     check_proposal(text, tomllib.loads(whole))
     Path("my-study/study.toml").write_text(whole, encoding="utf-8")
@@ -98,8 +100,10 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
 
 
 def check_proposal(text: str, study: dict) -> None:
-    """Assert that all guesses are right."""
+    """Assert that all guesses are right, and nothing but the lab book's answers is missing."""
     found = tomllib.loads(text)
+    known = [{k: v for k, v in r.items() if k != "side"} for r in study["recordings"]]
+    assert sorted(found["recordings"], key=str) == sorted(known, key=str)
     assert found["files"].items() >= study["files"].items()
     for key in ("joint", "kind", "positive", "torque_acts_on"):
         assert found[key] == study[key]
