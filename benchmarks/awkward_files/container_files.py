@@ -16,7 +16,7 @@ def _column(values: Array, digits: int) -> Array:
     return np.round(values, digits)[:, None]
 
 
-def _save_mat(path: Path, variables: dict[str, Any]) -> None:
+def save_mat(path: Path, variables: dict[str, Any]) -> None:
     scipy.io.savemat(path, variables)
     text = b"MATLAB 5.0 MAT-file, Platform: PCWIN64, Created on: Tue Mar 12 10:21:33 2024"
     with path.open("r+b") as file:
@@ -36,7 +36,7 @@ def struct_array(walk: Walk, path: Path, _rng: Rng) -> Truth:
             f"EWP_{i + 1}", _column(trial.clock, 3), _column(trial.angle / DEG, 2),
             _column(trial.torque, 3), _column(trial.command, 2), _column(trial.contact, 0),
         )  # fmt: skip
-    _save_mat(path, {"data": data})
+    save_mat(path, {"data": data})
     asked = ("trials", "data.2", "data(2", "elements", "struct array")
     return Truth(tuple(part(t) for t in trials), "S22", open=asked)
 
@@ -55,7 +55,7 @@ def nested_struct(walk: Walk, path: Path, _rng: Rng) -> Truth:
         }
         for i, trial in enumerate(trials, 1)
     }  # fmt: skip
-    _save_mat(path, {"sub23": tree})
+    save_mat(path, {"sub23": tree})
     asked = ("trial01", "trial02", "trials")
     return Truth(tuple(part(t) for t in trials), "sub23", open=asked)
 

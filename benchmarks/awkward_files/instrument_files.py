@@ -11,7 +11,7 @@ HALF_STRIDE_S = 0.55
 WEIGHT_N = 716.0
 
 
-def _other_leg(walk: Walk, values: Array) -> Array:
+def other_leg(walk: Walk, values: Array) -> Array:
     """Return a signal of the other leg, half a stride later."""
     return np.interp(walk.time - HALF_STRIDE_S, walk.time, values)
 
@@ -25,8 +25,8 @@ def _points(walk: Walk) -> list[list[str]]:
 
 
 def two_legs(walk: Walk, path: Path, _rng: Rng) -> Truth:
-    left = [numbers(_other_leg(walk, walk.angle) / DEG, 2)]
-    left.append(numbers((_other_leg(walk, walk.contact) > 0.5).astype(float), 0))
+    left = [numbers(other_leg(walk, walk.angle) / DEG, 2)]
+    left.append(numbers((other_leg(walk, walk.contact) > 0.5).astype(float), 0))
     above = [
         "Software,MR 3.18.68", "Report,Export to CSV", "Project,ExoKnee", "Subject,10",
         "Record Name,perturbed walking", "Record Date,2023-11-08", "Record Time,10:14:52",
@@ -42,7 +42,7 @@ def two_legs(walk: Walk, path: Path, _rng: Rng) -> Truth:
     return Truth((part(walk),), "P10", open=asked)
 
 
-def _ground_reaction(walk: Walk) -> Array:
+def ground_reaction(walk: Walk) -> Array:
     """Return a vertical force with two humps in each stance."""
     force = np.zeros(walk.time.size)
     edges = np.flatnonzero(np.diff(np.r_[0.0, walk.contact, 0.0]))
@@ -55,8 +55,8 @@ def _ground_reaction(walk: Walk) -> Array:
 def motion_capture(walk: Walk, path: Path, rng: Rng) -> Truth:
     fast = walk.at(1000.0, 0.0, 25.0)
     n = fast.time.size
-    right = np.round(_ground_reaction(fast) + 1.5 * rng.standard_normal(n), 2)
-    left = _other_leg(fast, _ground_reaction(fast)) + 1.5 * rng.standard_normal(n)
+    right = np.round(ground_reaction(fast) + 1.5 * rng.standard_normal(n), 2)
+    left = other_leg(fast, ground_reaction(fast)) + 1.5 * rng.standard_normal(n)
     shear = [numbers(10.0 * rng.standard_normal(n), 2) for _ in range(4)]
     above = [
         "Devices", "1000",

@@ -10,17 +10,23 @@ import os
 import subprocess
 import sys
 import tomllib
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.awkward_files.compare import Fault, Reading, Stretch, faults_of
+from benchmarks.awkward_files.compare import Fault, Reading, faults_of
+from benchmarks.awkward_files.folder_judge import (
+    angle_zero_rad,
+    folder_faults,
+    message_of,
+    number,
+    reading_of,
+    readings_of,
+)
 from benchmarks.awkward_files.study_edit import answered, study_text
-from benchmarks.awkward_files.truth import AwkwardFile, Truth
+from benchmarks.awkward_files.truth import AwkwardFile, AwkwardFolder, FolderTruth, Truth
 
 import jointz
-from jointz.core.errors import JointzError
 
 VERDICTS = ("right", "question", "unclear", "wrong")
 REFUSED = 100  # more faults than any reading has
@@ -67,15 +73,31 @@ def judge(file: AwkwardFile, truth: Truth, folder: Path) -> Row:
     draft = inspect(folder / file.name)
     reading = read(folder) if draft.study is not None else Reading(error=draft.error)
     faults = faults_of(reading, truth)
-    statement = _named(draft, reading, truth, file.name)
+    statement = _named(draft, [reading.error], truth, [file.name])
     verdict, sentence = verdict_of(draft, faults, truth, statement, folder)
     return Row(file.name, file.awkward, verdict, sentence, _label_faults(reading, truth))
 
 
+def judge_folder(item: AwkwardFolder, truth: FolderTruth, folder: Path) -> Row:
+    """Return the verdict on a folder; wrong labels of its recordings are faults."""
+    draft = inspect(folder)
+    readings, error = readings_of(folder) if draft.study is not None else ({}, draft.error)
+    if error:
+        faults = [Fault("", f"refused: {error}", is_number=False)]
+    else:
+        faults = folder_faults(readings, truth)
+    errors = [error, *(reading.error for of_file in readings.values() for reading in of_file)]
+    names = [path.name for path in sorted(folder.iterdir(), key=lambda p: -len(p.name))]
+    statement = _named(draft, errors, truth, names)
+    verdict, sentence = verdict_of(draft, faults, truth, statement, folder)
+    return Row(item.name, item.awkward, verdict, sentence)
+
+
 def inspect(path: Path) -> Draft:
-    """Run ``jointz inspect`` on a file and return what it says."""
-    study = path.parent / "study.toml"
-    arguments = ["inspect", path.name, "--toml", study.name, "--json"]
+    """Run ``jointz inspect`` on a file or a folder and return what it says."""
+    inside = path.name if path.is_dir() else ""
+    study = path.parent / inside / "study.toml"
+    arguments = ["inspect", path.name, "--toml", str(Path(inside, study.name)), "--json"]
     done = subprocess.run(
         [sys.executable, "-m", "jointz", *arguments], cwd=path.parent, capture_output=True,
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}, encoding="utf-8", check=False,
@@ -105,29 +127,11 @@ def _values(answers: Any) -> tuple[Any, ...]:
 def read(folder: Path) -> Reading:
     """Return the first recording of a study, or the message of its refusal."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            recording = jointz.open_study(folder).recordings[0]
-            zero = _angle_zero_rad(tomllib.loads((folder / "study.toml").read_text("utf-8")))
-            stretches = tuple(Stretch.of(dataset, zero) for dataset in recording.read())
-            return Reading(stretches, onsets_s=_onsets(recording))
+        recording = jointz.open_study(folder).recordings[0]
+        study = tomllib.loads((folder / "study.toml").read_text("utf-8"))
     except Exception as error:  # noqa: BLE001 - a crash is a verdict, not the end of the table
-        kind = "" if isinstance(error, JointzError) else f"{type(error).__name__}: "
-        return Reading(error=_without_paths(kind + str(error), folder))
-
-
-def _angle_zero_rad(study: Study) -> float:
-    """Return the zero that the analysis subtracts from the angle of the first recording."""
-    tables = (study, *study.get("participants", ())[:1], *study.get("recordings", ())[:1])
-    zeros = [table.get("calibration", {}).get("angle_zero_rad", {}) for table in tables]
-    values = [zero["value"] for zero in zeros if "value" in zero]
-    return float(values[-1]) if values else 0.0
-
-
-def _onsets(recording: Any) -> tuple[float, ...]:
-    if not recording.spec.perturbations:
-        return ()
-    return tuple(map(float, recording.read_pulses()["onset_s"]))
+        return Reading(error=message_of(error, folder))
+    return reading_of(recording, folder, angle_zero_rad(study, 0))
 
 
 def _without_paths(text: str, folder: Path) -> str:
@@ -136,7 +140,7 @@ def _without_paths(text: str, folder: Path) -> str:
 
 
 def verdict_of(
-    draft: Draft, faults: list[Fault], truth: Truth, statement: str, folder: Path
+    draft: Draft, faults: list[Fault], truth: Truth | FolderTruth, statement: str, folder: Path
 ) -> tuple[str, str]:
     """Return the verdict and its reason; `statement` names what is open, or is empty."""
     if not faults:
@@ -159,21 +163,23 @@ def verdict_of(
     return "unclear", " ".join([*draft.obstacles, f"{listed.rstrip('.')}."])
 
 
-def _named(draft: Draft, reading: Reading, truth: Truth, file: str) -> str:
-    """Return the first sentence that names what is open in the file."""
+def _named(draft: Draft, errors: list[str], truth: Truth | FolderTruth, files: list[str]) -> str:
+    """Return the first sentence that names what is open; names of files do not count."""
     for question in draft.questions:
         if any(question.about.startswith(key[1:]) for key in truth.open if key[0] == "@"):
             return question.said
     texts = [question.text for question in draft.questions]
     words = [key.lower().split("&") for key in truth.open if key[0] != "@"]
-    for sentence in [*texts, *draft.obstacles, draft.error, reading.error]:
-        text = sentence.lower().replace(file.lower(), "")
+    for sentence in [*texts, *draft.obstacles, draft.error, *errors]:
+        text = sentence.lower()
+        for file in files:
+            text = text.replace(file.lower(), "")
         if any(all(word in text for word in key) for key in words):
             return sentence
     return ""
 
 
-def _right_answer(draft: Draft, truth: Truth, folder: Path) -> str:
+def _right_answer(draft: Draft, truth: Truth | FolderTruth, folder: Path) -> str:
     """Return the questions and answers that make the reading right, if there are any."""
     if draft.study is None:
         return ""
@@ -191,7 +197,9 @@ def _right_answer(draft: Draft, truth: Truth, folder: Path) -> str:
     return ""
 
 
-def _best_answers(draft: Draft, truth: Truth, folder: Path, start: Answers) -> Answers | None:
+def _best_answers(
+    draft: Draft, truth: Truth | FolderTruth, folder: Path, start: Answers
+) -> Answers | None:
     """Change one answer after the other where it removes faults; None if faults remain."""
     chosen = start
     fewest = _n_faults(draft, truth, folder, chosen)
@@ -203,7 +211,7 @@ def _best_answers(draft: Draft, truth: Truth, folder: Path, start: Answers) -> A
     return chosen if fewest == 0 else None
 
 
-def _n_faults(draft: Draft, truth: Truth, folder: Path, answers: Answers) -> int:
+def _n_faults(draft: Draft, truth: Truth | FolderTruth, folder: Path, answers: Answers) -> int:
     study = draft.study or {}
     try:
         for i, value in answers.items():
@@ -211,8 +219,18 @@ def _n_faults(draft: Draft, truth: Truth, folder: Path, answers: Answers) -> int
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         return REFUSED  # the question is about no key of a study file
     (folder / "study.toml").write_text(study_text(study), "utf-8")
+    if isinstance(truth, FolderTruth):
+        return _n_folder_faults(truth, folder)
     reading = read(folder)
     return len(faults_of(reading, truth)) if reading.stretches else REFUSED
+
+
+def _n_folder_faults(truth: FolderTruth, folder: Path) -> int:
+    readings, error = readings_of(folder)
+    if error:
+        return REFUSED * len(truth.recordings)
+    refused = sum(not r.stretches for of_file in readings.values() for r in of_file)
+    return len(folder_faults(readings, truth)) + REFUSED * refused
 
 
 def _label_faults(reading: Reading, truth: Truth) -> tuple[str, ...]:
@@ -220,14 +238,8 @@ def _label_faults(reading: Reading, truth: Truth) -> tuple[str, ...]:
         return ()
     first = reading.stretches[0]
     faults = []
-    if truth.participant and _number(first.participant) != _number(truth.participant):
+    if truth.participant and number(first.participant) != number(truth.participant):
         faults.append(f"participant is {first.participant!r}, not {truth.participant!r}")
     if truth.condition and first.condition != truth.condition:
         faults.append(f"condition is {first.condition!r}, not {truth.condition!r}")
     return tuple(faults)
-
-
-def _number(participant: str) -> int:
-    """Return the number of a participant: S3, 03 and subject_3 are the same person."""
-    digits = "".join(filter(str.isdigit, participant))
-    return int(digits) if digits else -1

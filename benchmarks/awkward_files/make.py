@@ -6,6 +6,7 @@ import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from benchmarks.awkward_files import container_files as container
@@ -69,19 +70,28 @@ _ROWS = (
 FILES = {name: AwkwardFile(name, awkward, write) for name, awkward, write in _ROWS}
 
 
+def simulate(protocol: Path, folder: Path, participants: int, seed: int) -> list[Any]:
+    """Return the recordings of a simulated study."""
+    arguments = ["run", str(protocol), "--out", str(folder), "--participants", str(participants)]
+    arguments += ["--seed", str(seed), "--workers", "1", "--quiet"]
+    subprocess.run([sys.executable, "-m", "jointz", *arguments], check=True)
+    return list(jointz.open_study(folder).recordings)
+
+
+def walk_of(recording: Any) -> Walk:
+    """Return the channels of a recording that the files hold."""
+    signals = recording.read()[0]
+    names = ("angle", "applied_torque", "command", "contact")
+    time = signals["time"].to_numpy()
+    return Walk(time, *(signals[name].to_numpy().astype(float) for name in names))
+
+
 @functools.cache
 def recorded_walk(seed: int = SEED) -> Walk:
     """Return 40 s of a simulated walk with pulses, at 500 Hz."""
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch) / "study"
-        arguments = ["run", str(PROTOCOL), "--out", str(folder), "--participants", "1"]
-        arguments += ["--seed", str(seed), "--workers", "1", "--quiet"]
-        subprocess.run([sys.executable, "-m", "jointz", *arguments], check=True)
-        recordings = jointz.open_study(folder).recordings
-        signals = next(r for r in recordings if r.spec.condition == "perturbed").read()[0]
-        time = signals["time"].to_numpy()
-        names = ("angle", "applied_torque", "command", "contact")
-        walk = Walk(time, *(signals[name].to_numpy().astype(float) for name in names))
+        recordings = simulate(PROTOCOL, Path(scratch) / "study", 1, seed)
+        walk = walk_of(next(r for r in recordings if r.spec.condition == "perturbed"))
     return walk.at(500.0, 2.0, LENGTH_S)
 
 

@@ -103,3 +103,48 @@ def part(walk: Walk, *, omit: tuple[str, ...] = (), **step: float) -> Part:
     names = ("time", "angle", "torque", "command", "contact")
     values = {name: getattr(walk, name) for name in names if name not in omit}
     return Part(values, {"angle": 0.01 * DEG, "torque": 0.001, "command": 0.001} | step)
+
+
+People = dict[tuple[int, str], Walk]  # by participant and condition
+
+
+@dataclass(frozen=True, slots=True)
+class FileTruth:
+    """What a careful person would read from one recording of a folder.
+
+    Attributes
+    ----------
+    truth
+        Channels, participant, condition and onsets.
+    side, session
+        Empty: the folder does not say.
+    no_onsets
+        True if onsets of pulses cannot be known.
+    """
+
+    truth: Truth
+    side: str = ""
+    session: str = ""
+    no_onsets: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FolderTruth:
+    """The recordings of a folder by file name; for the rest see `Truth`."""
+
+    recordings: dict[str, FileTruth]
+    open: tuple[str, ...] = ()
+    answerable: bool = True
+    hopeless: bool = False
+
+
+FolderWriter = Callable[[People, Path, np.random.Generator], FolderTruth]
+
+
+@dataclass(frozen=True, slots=True)
+class AwkwardFolder:
+    """A folder by name, what is awkward in it, and the function that writes its files."""
+
+    name: str
+    awkward: str
+    write: FolderWriter
