@@ -22,6 +22,7 @@ _SESSION = re.compile(
     r"giorno|visit|besuch|visite)[-_ ]?\d+)(?!\d)",
     re.IGNORECASE,
 )
+_DIGITS = re.compile(r"\d+")
 _NOT_PEOPLE = re.compile(r"(?:trial|run|test|take|rec|walk|gait|block|day|tag|ses)", re.IGNORECASE)
 
 
@@ -44,7 +45,9 @@ def labels_of(file: str, part: str = "", inside: Sequence[str] = ()) -> FileLabe
     stem = path.name.split(".")[0]
     texts = [part, *inside, stem, path.parent.name]
     sides = (words_of(text).side for text in (part, stem))
-    conditions = (guessed_condition(text) for text in (part, stem, *inside, path.parent.name))
+    # A number in a name counts something: it is no level of a column of conditions.
+    words = (_DIGITS.sub(" ", text) for text in (part, stem, *inside, path.parent.name))
+    conditions = (guessed_condition(text) for text in words)
     return FileLabels(
         participant=next(filter(None, map(_person, texts)), ""),
         session=next((found[1] for text in texts if (found := _SESSION.search(_spaced(text)))), ""),

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+
 from jointz.inspection.content import Column, Content
 from jointz.inspection.names import channel_scores, words_of
 from jointz.io.study_files import PART
@@ -20,6 +22,9 @@ class FilePart:
 
     name: str
     content: Content
+    pulses: tuple[Column, ...] = ()  # short series beside those of the recording
+    texts: tuple[str, ...] = ()  # what the file says of the part
+    mass_kg: float | None = None
 
 
 def parts_of(content: Content) -> tuple[FilePart, ...]:
@@ -30,9 +35,11 @@ def parts_of(content: Content) -> tuple[FilePart, ...]:
     ends = [*range(0, longest, 2)]
     places = [(k, k + 1) for k in ends] + [(-k - 1, -k or None) for k in ends]
     places += [(a, b + 1) for a, b in combinations(ends, 2)]
-    splits = [found for place in places if (found := _split(series, tokens, place))]
-    best = max(splits, key=_n_channels, default={})  # the first of equals
-    return tuple(_part(content, name, columns) for name, columns in best.items())
+    splits = [(place, found) for place in places if (found := _split(series, tokens, place))]
+    if not splits:
+        return ()
+    place, best = max(splits, key=lambda split: _n_channels(split[1]))  # the first of equals
+    return tuple(_part(content, name, columns, place, len(best)) for name, columns in best.items())
 
 
 def _n_channels(parts: dict[str, list[Column]]) -> int:
@@ -47,12 +54,9 @@ def _split(
     """Return the columns of each part if all parts have the same ones, else nothing."""
     parts: dict[str, list[Column]] = {}
     for column in series:
-        own = tokens[id(column)]
-        start, stop = slice(*place).indices(len(own))[:2]
-        name = "".join(own[start:stop])
-        if not name or len(own) < 2:
+        name, pattern = _apart(tokens[id(column)], place)
+        if not name:
             return {}
-        pattern = "".join([*own[:start], PART, *own[stop:]])
         parts.setdefault(name, []).append(replace(column, key=pattern, title=""))
     keys = [[c.key for c in columns] for columns in parts.values()]
     groups = [{c.group for c in columns} for columns in parts.values()]
@@ -61,7 +65,33 @@ def _split(
     return parts if alike and together and len(keys[0]) >= _FEWEST_COLUMNS else {}
 
 
-def _part(content: Content, name: str, columns: Sequence[Column]) -> FilePart:
+def _apart(own: list[str], place: tuple[int, int | None]) -> tuple[str, str]:
+    """Return the part in the name of a column, and the name for all parts; "" where it has none."""
+    start, stop = slice(*place).indices(len(own))[:2]
+    if len(own) < _FEWEST_COLUMNS:
+        return "", ""
+    return "".join(own[start:stop]), "".join([*own[:start], PART, *own[stop:]])
+
+
+def _part(
+    content: Content,
+    name: str,
+    columns: Sequence[Column],
+    place: tuple[int, int | None],
+    n_parts: int,
+) -> FilePart:
     (group,) = {c.group for c in columns}
     clocks = tuple(c for c in content.clocks if c.group == group)
-    return FilePart(name, replace(content, columns=tuple(columns), clocks=clocks))
+    short = [c for c in content.columns if c.values.size < _SHORTEST_SERIES]
+    apart = [(c, *_apart(_SEPARATOR.split(str(c.key)), place)) for c in short]
+    pulses = tuple(replace(c, key=key, title="") for c, own, key in apart if own == name)
+    texts, mass_kg = [], None
+    for column in short if name.isdecimal() else ():  # a field of each element of a struct array
+        if column.values.size == n_parts and int(name) <= n_parts:
+            value = column.values[int(name) - 1]
+            if column.is_text:
+                texts.append(str(value))
+            elif "mass" in words_of(str(column.key)).found and np.isfinite(value):
+                mass_kg = float(value)
+    whole = replace(content, columns=tuple(columns), clocks=clocks)
+    return FilePart(name, whole, pulses, tuple(texts), mass_kg)

@@ -157,7 +157,7 @@ def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
     level = float(channel == "time" and bool(inspected.words.unit))
     if channel == "ground_reaction_force":  # of three axes, the one that carries the body
         values = inspected.column.values
-        level = float(np.nanmean(values)) if np.isfinite(values).any() else 0.0
+        level = float(abs(np.nanmean(values))) if np.isfinite(values).any() else 0.0
     steady = "constant" in " ".join(inspected.course.notes)
     return channel_scores(inspected.words)[channel] - 2 * steady, level
 

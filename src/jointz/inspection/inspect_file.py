@@ -81,7 +81,7 @@ def inspect_file(
         if not recordings and not own_tables:
             notes.append(f"left out: {found[0].shown} holds no angle and no torque in time.")
         # Of all files but the most telling one only what a line of the study needs is kept.
-        sources = with_most_telling_first([*sources, *recordings])
+        sources = with_most_telling_first([*sources, *recordings]) if recordings else sources
     if not sources:
         raise DataError(
             " ".join(

@@ -22,6 +22,7 @@ from jointz.inspection.content import GUESSED_SAMPLES
 from jointz.inspection.guess import Assignments, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import channel_scores
+from jointz.inspection.pulse_columns import PulseColumns, onsets_s
 from jointz.inspection.signs import torque_side
 
 _SMOOTH_S = 0.01
@@ -115,11 +116,12 @@ def command_correlation(assigned: Assignments) -> float | None:
     return correlation if abs(correlation) > _FOLLOWS else None
 
 
-def pulse_response(assigned: Assignments, clock: SeenClock, onsets: np.ndarray | None) -> float:
+def pulse_response(assigned: Assignments, clock: SeenClock, table: PulseColumns | None) -> float:
     """Return how clearly pulses accelerate the joint in the direction of the torque."""
     time = _time(assigned, clock)
     if time is None or clock.restarts or clock.n_back:
         return 0.0
+    onsets = None if table is None else onsets_s(table, time)
     if onsets is None and "command" in assigned:
         command = np.nan_to_num(_si(assigned, "command"))
         onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]

@@ -12,7 +12,6 @@ from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
     guessed_joint,
-    guessed_side,
 )
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import GAIT_WORDS, Words
@@ -24,7 +23,7 @@ from jointz.inspection.problems import (
     torque_resistance,
 )
 from jointz.inspection.pulse_columns import PulseColumns, first_sample_of, unit_of
-from jointz.inspection.signs import angle_direction, is_clear
+from jointz.inspection.signs import angle_direction, is_clear, switch_is_inverted
 from jointz.inspection.source import Source
 from jointz.inspection.study_draft import (
     Guess,
@@ -81,6 +80,7 @@ def proposal_of(
         command=signs.command,
         angle_sign_open=signs.angle_open,
         acts_on_open=signs.acts_on_open,
+        is_contact_inverted="contact" in assigned and switch_is_inverted(assigned, clock),
         table_columns={} if table is None or table.are_usual() else _table_columns(table, clock),
         in_samples=table is not None and table.in_samples,
         first_sample=None if table is None else first_sample_of(table, command),
@@ -98,8 +98,8 @@ def _table_of(
     source: Source, sources: Sequence[Source], tables: Sequence[PulseColumns]
 ) -> PulseColumns | None:
     """Return the pulse table of a recording: in its file, of all, or of a name like its own."""
-    if source.labels.condition in ("unperturbed", "no_device"):
-        return None
+    if source.part or source.labels.condition in ("unperturbed", "no_device"):
+        return source.table
     for table in tables:
         names_its_rows = {"recording", "participant"} & set(table.columns)
         if table.file == source.shown or names_its_rows or len(sources) == 1:
@@ -134,10 +134,6 @@ def _draft(
     source: Source, table: PulseColumns | None, main: Source, signs: _Signs
 ) -> RecordingDraft:
     labels = source.labels
-    side, side_why = labels.side, "by the file's name"
-    if not side and source is main:
-        joint, _ = guessed_joint(source.in_group, source.names)
-        side, side_why = guessed_side(source.in_group, source.names, joint)
     person = Guess(labels.participant, "the file's name")
     if not person.value:
         person = Guess("S01", "the file does not state it")
@@ -145,7 +141,7 @@ def _draft(
         file=source.shown,
         participant=person,
         condition=_condition(source, table),
-        side=Guess(side, side_why if side else ""),
+        side=Guess(*source.side),
         part=source.part,
         session=labels.session,
         perturbations="" if table is None else table.file,
@@ -263,8 +259,7 @@ def _acts_on(
     """Return the side that the torque acts on, and whether that is open."""
     if not {"angle", "torque"} <= set(assigned):
         return Guess("joint", "the usual one"), False
-    onsets = None if table is None else table.columns["onset"].column.values
-    score = pulse_response(assigned, main.clock, onsets)
+    score = pulse_response(assigned, main.clock, table)
     score = -score if turns[0] != turns[1] else score
     if is_clear(score):
         goes = "in its direction" if score > 0 else "against it"

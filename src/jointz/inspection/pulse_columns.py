@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.core.units import conversion
 from jointz.inspection.guess import InspectedColumn
 from jointz.inspection.names import word_set
 from jointz.io.pulse_tables import NAMES, SAMPLE
@@ -88,14 +89,28 @@ def unit_of(table: PulseColumns, meaning: str, *, duration_s: float, n: int) -> 
         return "", ""  # the name says it
     if meaning == "amplitude":
         return inspected.words.unit or "N*m", "" if inspected.words.unit else "the usual one"
-    if _in_samples(inspected) or (meaning == "duration" and _in_samples(table.columns["onset"])):
+    if _in_samples(inspected):
         return SAMPLE, ""
     if inspected.words.unit:
         return inspected.words.unit, ""
+    if meaning == "duration":  # as the onsets are written
+        return unit_of(table, "onset", duration_s=duration_s, n=n)
     for unit, factor in _OF_TIME:
         if table.last_onset * factor <= duration_s:
             return unit, f"the last onset, {table.last_onset:g}, lies in the recording so"
     return SAMPLE, f"the last onset, {table.last_onset:g}, lies in {n} samples only so"
+
+
+def onsets_s(table: PulseColumns, time_s: np.ndarray) -> np.ndarray:
+    """Return the onsets in s, as far as they are known: samples count from 1 where nothing says."""
+    values = table.columns["onset"].column.values
+    values = values[np.isfinite(values)]
+    key = str(table.columns["onset"].key)
+    unit, _ = unit_of(table, "onset", duration_s=float(time_s[-1]), n=time_s.size)
+    unit = unit or {"onset_s": "s", "onset_ms": "ms"}.get(key, SAMPLE)
+    if unit != SAMPLE:
+        return np.asarray(conversion(unit, "s")[0] * values)
+    return np.asarray(np.interp(values - 1, np.arange(time_s.size), time_s))
 
 
 def first_sample_of(table: PulseColumns, command: np.ndarray | None) -> int | None:

@@ -3,12 +3,14 @@
 import numpy as np
 
 from jointz.inspection.guess import Assignments, si_of
+from jointz.inspection.inspection_result import SeenClock
 
 _BENT_DEG, _STRETCHED_DEG = 35.0, 25.0  # a walking knee bends beyond, and stretches no further
 #: Lowest and highest of an angle that is 180 where the knee is straight.
 _INCLUDED_DEG = ((40.0, 130.0), (150.0, 200.0))
 _FIT_S, _DELAY_S = 0.06, 0.01
 _FEWEST_PULSES, _CLEAR = 5, 4.0
+_BENT_MORE_DEG = 15.0
 
 
 def angle_direction(assigned: Assignments) -> tuple[str, bool, str]:
@@ -60,3 +62,24 @@ def torque_side(
 def is_clear(score: float) -> bool:
     """Whether pulses decide the side on which a torque acts."""
     return abs(score) > _CLEAR
+
+
+def switch_is_inverted(assigned: Assignments, clock: SeenClock) -> bool:
+    """Whether a footswitch is low on the ground: it rises where a walking knee is bent.
+
+    A knee is nearly straight at heel strike and bent by some 40 deg at toe-off.
+    """
+    if "angle" not in assigned or clock.rate_hz is None:
+        return False
+    inspected, assignment = assigned["angle"]
+    direction, from_180, _ = angle_direction(assigned)
+    if not direction:
+        return False
+    bend = np.rad2deg(si_of(assignment)[1] * inspected.column.values)
+    bend = (180.0 - bend if from_180 else -bend) if direction == "extension" else bend
+    contact = assigned["contact"][0].column.values
+    is_high = contact > (np.nanmin(contact) + np.nanmax(contact)) / 2
+    rises, falls = (np.flatnonzero(np.diff(is_high.astype(int)) == step) for step in (1, -1))
+    if min(rises.size, falls.size) < _FEWEST_PULSES:
+        return False
+    return bool(np.nanmedian(bend[rises]) - np.nanmedian(bend[falls]) > _BENT_MORE_DEG)

@@ -10,7 +10,7 @@ import numpy as np
 
 from jointz.inspection.content import Content, GroupClock, read_content
 from jointz.inspection.file_labels import FileLabels, labels_of
-from jointz.inspection.file_parts import parts_of
+from jointz.inspection.file_parts import FilePart, parts_of
 from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
@@ -51,6 +51,8 @@ class Source:
     overflow: Mapping[str, str] = field(default_factory=dict)
     pulses: Pulses = field(default_factory=Pulses)
     angle_direction: str = ""  # of a knee's angle by its range, "" if that does not decide it
+    side: tuple[str, str] = ("", "")  # side, and the reason
+    table: PulseColumns | None = None  # pulse table of a part
 
     @property
     def clock(self) -> SeenClock:
@@ -64,10 +66,9 @@ class Source:
 
     @property
     def is_recording(self) -> bool:
-        """Whether it holds angle or torque in time."""
-        return {"angle", "torque", "current"} & set(self.assigned) != set() and not (
-            not_a_recording(self.in_group, self.assigned)[0]
-        )
+        """Whether it holds the joint's angle in time."""
+        in_time = not not_a_recording(self.in_group, self.assigned)[0]
+        return "angle" in self.assigned and in_time
 
 
 def files_in(folder: Path) -> Iterator[Path]:
@@ -81,7 +82,12 @@ def files_in(folder: Path) -> Iterator[Path]:
 
 def with_most_telling_first(sources: Sequence[Source]) -> list[Source]:
     """Put the recording first from which the channels are taken, and forget samples of others."""
-    best = max(sources, key=lambda s: (bool(s.pulses.source), _weight(s.assigned)))
+
+    def telling(source: Source) -> tuple[bool, bool, int]:
+        has_pulses = bool(source.pulses.source or source.table)
+        return has_pulses, source.labels.condition == "perturbed", _weight(source.assigned)
+
+    best = max(sources, key=telling)
     return [best, *(_light(source) for source in sources if source is not best)]
 
 
@@ -114,12 +120,14 @@ def read_sources(
         own = {whole.group}
         return [whole], [t for t in tables if t.columns["onset"].column.group not in own]
     inside = sorted({word for c in content.columns for word in str(c.key).split(".")[:-1]})
-    sources = [
-        _source(file, shown, part.name, part.content,
-                tuple(inspect_column(c) for c in part.content.columns), inside)
-        for part in parts
-    ]  # fmt: skip
-    return sources, tables
+    return [_source_of_part(file, shown, part, inside) for part in parts], tables
+
+
+def _source_of_part(file: Path, shown: str, part: FilePart, inside: Sequence[str]) -> Source:
+    content = replace(part.content, mass_kg=part.mass_kg)
+    columns = tuple(inspect_column(c) for c in content.columns)
+    source = _source(file, shown, part.name, content, columns, [*part.texts, *inside])
+    return replace(source, table=pulse_columns(shown, [inspect_column(c) for c in part.pulses]))
 
 
 def _source(
@@ -150,7 +158,13 @@ def _source(
     )  # fmt: skip
     sound = {name: column for name, column in assigned.items() if name not in source.overflow}
     direction = angle_direction(assigned)[0] if "angle" in sound else ""
-    return replace(source, pulses=find_pulses(sound, source.clock), angle_direction=direction)
+    joint, _ = guessed_joint(source.in_group, names)
+    return replace(
+        source,
+        pulses=find_pulses(sound, source.clock),
+        angle_direction=direction,
+        side=guessed_side(source.in_group, names, joint),
+    )
 
 
 def _stem(file: Path) -> str:

@@ -59,6 +59,7 @@ class Proposal:
     command: Guess = Guess("")  # direction of the command, where it is the opposite
     angle_sign_open: bool = False
     acts_on_open: bool = False
+    is_contact_inverted: bool = False
     # meaning -> column and unit of the pulse tables; empty if their names say it
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     in_samples: bool = False  # whether pulse tables count samples
@@ -163,6 +164,12 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         lines.append(_line("kind", Guess("voltage" if volts else "contact", why)))
     if assignment.unit:
         lines.append(_line("unit", Guess(assignment.unit, assignment.unit_why)))
+    if name == "contact" and proposal.is_contact_inverted:
+        lines.append(
+            "invert = true  # guess: the knee is bent where it rises: it is low on the ground"
+        )
+    if name == "ground_reaction_force" and _is_downward(inspected):
+        lines.append("invert = true  # guess: it is negative where the foot is loaded")
     directions = {
         "angle": proposal.angle,
         "torque": proposal.torque,
@@ -189,6 +196,11 @@ def _turned(proposal: Proposal) -> Guess:
     reach = "" if low is None or high is None else f", {low:.4g} to {high:.4g} {assignment.unit},"
     why = f"usually off; is the angle{reach} positive in this direction?"
     return Guess(OPPOSITE_DIRECTION[proposal.positive.value], why)
+
+
+def _is_downward(inspected: InspectedColumn) -> bool:
+    low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
+    return -low > abs(high)
 
 
 def _missing(proposal: Proposal) -> list[str]:

@@ -381,6 +381,8 @@ def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict
 def _series(value: Any) -> np.ndarray | None:
     """Return a vector of real numbers or of text; None where it is no series."""
     if isinstance(value, list):
+        if len(value) > 1 and all(isinstance(v, int | float) for v in value):
+            return np.array(value, dtype=np.float64)
         if len(value) < 2 or not all(isinstance(v, str) for v in value):
             return None
         return _texts(value, len(value))

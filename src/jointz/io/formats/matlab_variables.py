@@ -141,6 +141,9 @@ class _Inflated(io.RawIOBase):
         return len(piece)
 
 
+_SERIES = (list, Mapping, np.ndarray)
+
+
 def value_at(value: Any, parts: list[str]) -> Any:
     """Follow a dotted name; None where it leads nowhere."""
     for part in parts:
@@ -195,7 +198,7 @@ def _is_wide(matrix: np.ndarray) -> bool:
 def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted names of what may be a series of samples."""
     for name, value in content.items():
-        if isinstance(value, list) and not all(isinstance(v, str) for v in value):  # of structs
+        if isinstance(value, list) and any(isinstance(v, _SERIES) for v in value):  # of structs
             value = {str(i): element for i, element in enumerate(value, start=1)}
         if isinstance(value, Mapping):
             yield from series_names(value, f"{prefix}{name}.")
