@@ -225,8 +225,8 @@ def read_participant(
             RecordingInput(piece, calibration, table)
             for piece, table in zip(pieces, tables, strict=True)
         ]
-        inputs[entry.file] = {
-            "file": entry.file,
+        inputs[entry.label] = {
+            "file": entry.label,
             "name": shown_file(entry.file),
             "sha256": pieces[0].attrs["sha256"],
             "history": history_of(pieces[0]),

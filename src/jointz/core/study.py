@@ -340,6 +340,11 @@ class RecordingSpec(_Model):
     calibration: CalibrationSpec | None = None
     joined: tuple[JoinedSpec, ...] = Field(default=(), strict=False)
 
+    @property
+    def label(self) -> str:
+        """Name of the recording in results: its file, and its part of it."""
+        return self.file if self.part is None else f"{self.file}#{self.part}"
+
 
 class GroupSpec(_Model):
     """Groups of pulses by the value of a channel at onset."""

@@ -283,7 +283,7 @@ def _piece(
         history=(*table.history, _reading_step(study, entry, table, units)),
         participant=entry.participant,
         condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
-        file=entry.file,
+        file=entry.label,
         session=entry.session or "",
         trial=trial,
         side=entry.side or "",
