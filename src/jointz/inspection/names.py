@@ -127,7 +127,8 @@ def _inner_words(part: str) -> list[str]:
     """Return the known words at both ends of a compound."""
     if part in _ENGLISH:
         return []
-    known = (word for word in _ENGLISH if _SHORTEST_PART <= len(word) < len(part))
+    words = (*_ENGLISH, *_OTHER_LANGUAGES, "moment")
+    known = (word for word in words if _SHORTEST_PART <= len(word) < len(part))
     return [word for word in known if part.startswith(word) or part.endswith(word)]
 
 

@@ -269,7 +269,8 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
             "are given by number."
         )
         return TextLayout(files, _full_names(candidate.rows, start - 2), _bare(above), (note,))
-    if not start or not any(above) or len(above) > width + 1 or len(above) < max(width - 1, 2):
+    fewest = max(width - 1, 2) if width > 1 or " " in "".join(above) else 1  # a sentence is no name
+    if not start or not any(above) or len(above) > width + 1 or len(above) < fewest:
         note = "the columns have no names: they are given by number, from 1."
         files = candidate.spec(start, header=False)
         return TextLayout(files, ("",) * width, (), (note,))
