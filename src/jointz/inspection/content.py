@@ -74,6 +74,7 @@ class Content:
     files: FilesSpec | None = None  # layout of a text file; None for other formats
     notes: tuple[str, ...] = ()  # decisions of the reader
     mass_kg: float | None = None  # of the person, stated in a line above a table
+    above: tuple[str, ...] = ()  # lines above a table
 
 
 def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content:
@@ -122,7 +123,10 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     text = f"taken for a log of {log}: units that it does not state are by its documentation."
     notes = (*layout.notes, text if log else "", " ".join([*strays[:1], *more]))
     notes = tuple(n for n in notes if n)
-    return Content(columns, (clock,), files=layout.files, notes=notes, mass_kg=layout.mass_kg)
+    above = layout.above[:-1] if layout.files.header else ()
+    return Content(
+        columns, (clock,), files=layout.files, notes=notes, mass_kg=layout.mass_kg, above=above
+    )
 
 
 def _text_column(key: str | int, title: str, signal: Signal, refused: str) -> Column:

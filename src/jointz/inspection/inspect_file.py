@@ -74,7 +74,8 @@ def inspect_file(
         try:
             found, own_tables = read_sources(file, layout, study_folder or given)
         except DataError as exc:
-            notes.append(f"left out: {exc}")
+            is_note = "no table of numbers" in str(exc)
+            notes.append(f"no table: {file.name}. Read it." if is_note else f"left out: {exc}")
             continue
         recordings = [source for source in found if source.is_recording]
         tables += own_tables

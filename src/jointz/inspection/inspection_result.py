@@ -130,12 +130,17 @@ class Question:
 
     about: str  # key of the study file
     text: str
-    answers: tuple[Answer, ...] = ()  # the first is what the draft has, if it has one
+    answers: tuple[Answer, ...] = ()
+    drafted: bool = True  # whether the proposed study has the first answer
 
     def lines(self) -> list[str]:
         """Return the question and its answers, a line each."""
-        said = [f"    {a.value if a.value is not None else '(leave out)'}: {a.why}"
-                for a in self.answers]  # fmt: skip
+        marks = ["* " if self.drafted else "  ", *["  "] * len(self.answers)]
+        values = ["(leave out)" if a.value is None else a.value for a in self.answers]
+        said = [
+            f"    {mark}{value}: {a.why}" if a.why else f"    {mark}{value}"
+            for mark, value, a in zip(marks, values, self.answers, strict=False)
+        ]
         return [f"  ? {self.text}  [{self.about}]", *said]
 
 
@@ -221,7 +226,10 @@ class Inspection(Result):
             lines += ["", f"{len(self.recordings)} recordings (the columns above are the first's):"]
             lines += [recording.text() for recording in self.recordings]
         if self.questions:
-            lines += ["", f"To decide ({len(self.questions)}); the draft has the first answer:"]
+            lines += [
+                "",
+                f"To decide ({len(self.questions)}); the proposed study has the answers with a *:",
+            ]
             lines += [line for question in self.questions for line in question.lines()]
         return "\n".join(lines)
 

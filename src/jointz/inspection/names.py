@@ -1,9 +1,11 @@
 """Meaning of column names: words, units, joints, sides, and channels of a study."""
 
 import re
+import tomllib
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from itertools import pairwise
 
 from jointz.core.channels import CHANNEL_UNITS
@@ -34,48 +36,10 @@ _SPELLINGS: Mapping[str, str] = {
     "min^-1": "rpm", "volts": "V",
 }  # fmt: skip
 
-#: English word -> words of other languages for it, in small letters without accents.
-_OTHER_LANGUAGES: Mapping[str, str] = {
-    "time": "zeit uhrzeit zeitstempel temps tiempo tempo tijd horodatage",
-    "knee": "knie genou rodilla ginocchio kn",
-    "ankle": "knochel sprunggelenk enkel cheville tobillo caviglia",
-    "hip": "hufte huefte heup hanche cadera anca",
-    "elbow": "ellbogen elleboog coude codo gomito",
-    "wrist": "handgelenk pols poignet muneca polso",
-    "shoulder": "schulter schouder epaule hombro spalla",
-    "angle": "winkel angulo angolo hoek goniometre goniometro",
-    "torque": "drehmoment kniemoment couple par coppia koppel momento",
-    "command": "soll sollwert vorgabe consigne consigna comando riferimento gewenst gewenste rif "
-    "objetivo cible",
-    "current": "strom courant corriente corrente stroom",
-    "velocity": "geschwindigkeit winkelgeschwindigkeit vitesse velocidad velocita snelheid "
-    "drehzahl",
-    "motor": "moteur motore",
-    "grf": "bodenkraft bodenreaktionskraft bodenkontaktkraft",
-    "contact": "kontakt fussschalter schalter contacto contatto appoggio interrupteur interruptor "
-    "interruttore schakelaar",
-    "heel": "ferse fersen talon tacon tallone hiel",
-    "foot": "fuss pied piede voet",
-    "condition": "bedingung condicion condizione conditie",
-    "trial": "versuch essai ensayo prova poging",
-    "measured": "gemessen mesure mesuree medido misurata misurato gemeten istwert",
-    "right": "rechts rechte rechtes rechter droite droit derecha derecho destra destro",
-    "left": "links linke linkes linker gauche izquierda izquierdo sinistra sinistro",
-    "flexion": "beugung flessione flexie buiging flex",
-    "extension": "streckung estensione extensie strekking ext",
-    "perturbed": "gestort gestoert storung stoerung stor stoer perturbe perturbee perturbado "
-    "perturbato verstoord puls impuls stoss impulsion pulso impulso",
-    "unperturbed": "ungestort ungestoert nonperturbe sansperturbation imperturbe sinperturbacion "
-    "sinperturbar imperturbato senzaperturbazione onverstoord ohnestorung ohnestoerung",
-    "nodevice": "ohnegerat ohnegeraet ohneorthese sansappareil sindispositivo senzadispositivo "
-    "zonderapparaat",
-    "onset": "beginn begin debut inicio inizio aanvang einsatz start",
-    "duration": "dauer duree duracion durata duur length",
-    "amplitude": "hohe hoehe amplitud ampiezza",
-    "sample": "samples abtastwert abtastpunkt muestra campione echantillon monster frame index",
-    "phase": "fase",
-    "session": "sitzung tag seance jour sesion dia sessione giorno sessie dag day ses",
-}
+#: English word -> words of other languages for it.
+_OTHER_LANGUAGES: Mapping[str, str] = tomllib.loads(
+    files("jointz.inspection").joinpath("words.toml").read_text("utf-8")
+)
 _ENGLISH: Mapping[str, str] = {
     other: word for word, others in _OTHER_LANGUAGES.items() for other in others.split()
 }

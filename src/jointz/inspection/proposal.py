@@ -134,7 +134,7 @@ def _draft(
     source: Source, table: PulseColumns | None, main: Source, signs: _Signs
 ) -> RecordingDraft:
     labels = source.labels
-    person = Guess(labels.participant, "the file's name")
+    person = Guess(labels.participant, "its name, or that of the folder or part")
     if not person.value:
         person = Guess("S01", "the file does not state it")
     return RecordingDraft(
@@ -288,7 +288,7 @@ def _condition(source: Source, table: PulseColumns | None) -> Guess:
         return Guess("perturbed", f"{table.file} has its pulses")
     named = source.labels.condition
     if named and not (named == "perturbed" and "command" not in source.assigned):
-        return Guess(named, "the file's name")
+        return Guess(named, "its name, or that of the folder or part")
     if named:  # perturbed by name, and nothing says when: the study would not open
         return Guess(
             "unperturbed", "its name says perturbed, but no channel or table has the pulses"

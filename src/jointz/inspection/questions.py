@@ -30,6 +30,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_units(proposal),
         *_signs(proposal),
         *_sessions(proposal),
+        *_gait(proposal),
     ]
     if proposal.kind.value == "walking" and {"angle", "torque"} <= set(assigned):
         found.append(
@@ -59,7 +60,7 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
         text = f"Which column is the {name}?"
         if name == "torque":
             text += " Counts or volts of a sensor need scale: torque per count or volt."
-        yield Question(f"channels.{name}.column", text, answers)
+        yield Question(f"channels.{name}.column", text, answers, drafted=False)
     if "current" in assigned and "torque" not in assigned:
         yield Question(
             "torque_model",
@@ -67,6 +68,7 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
             "the data sheet, or jointz identify actuator measures it.",
             (Answer("gear_ratio", "turns of the motor a turn of the joint"),
              Answer("torque_constant", "N*m/A at the motor's shaft")),
+            drafted=False,
         )  # fmt: skip
 
 
@@ -86,7 +88,7 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
         answers = [Answer(hz, f"strides then last {s:.3g} s") for hz, s in likely]
         usual = [Answer(hz, "a usual rate") for hz in (1000.0, 500.0, 100.0)]
         text = "At what rate, in Hz, was it sampled? It scales K, B and J."
-        yield Question("sample_rate_hz", text, tuple(answers or usual))
+        yield Question("sample_rate_hz", text, tuple(answers or usual), drafted=False)
         return
     if "time" in proposal.assigned:
         inspected, assignment = proposal.assigned["time"]
@@ -107,6 +109,7 @@ def _pulses(proposal: Proposal) -> Iterator[Question]:
             "perturbations.first_sample",
             "The pulse table counts samples. Which number has the first sample of a recording?",
             (Answer(1, "MATLAB, LabVIEW, spreadsheets"), Answer(0, "Python, C")),
+            drafted=False,
         )
     timed = "command" in proposal.assigned or proposal.pulses.source
     unknown = [r for r in proposal.recordings if r.says_perturbed and not r.perturbations]
@@ -117,6 +120,7 @@ def _pulses(proposal: Proposal) -> Iterator[Question]:
             "command nor a pulse table says when.",
             (Answer("PULSES.csv", "a table with a column onset_s"),
              Answer(None, "there are none: the recording is unperturbed")),
+            drafted=False,
         )  # fmt: skip
 
 
@@ -128,6 +132,7 @@ def _masses(proposal: Proposal) -> Iterator[Question]:
             "participants.mass_kg",
             f"The {per_mass[0]} is per body mass. What is the mass of {', '.join(lacking)}, kg?",
             (Answer(70.0, "an average: give the person's own"),),
+            drafted=False,
         )
 
 
@@ -189,3 +194,22 @@ def _sessions(proposal: Proposal) -> Iterator[Question]:
             (Answer(numbered[0].session, "each is estimated by itself"),
              Answer("", "join them into one file with a column that counts trials")),
         )  # fmt: skip
+
+
+def _gait(proposal: Proposal) -> Iterator[Question]:
+    """Ask for the planned times of pulses and the leg, which an analysis can do without."""
+    if proposal.kind.value != "walking":
+        return
+    if any(r.condition.value == "perturbed" for r in proposal.recordings):
+        yield Question(
+            "perturbations.timing_points",
+            "At which % of the gait cycle were the pulses planned?",
+            (Answer(None, "the six of the dissertation: 7, 21.5, 40.5, 56, 68.5, 81"),
+             Answer("{ name = % }", "your own")),
+        )  # fmt: skip
+    if unknown := [r for r in proposal.recordings if not r.side.value]:
+        yield Question(
+            "recordings.side",
+            f"Which leg was measured ({len(unknown)} recording(s))? It matters where both were.",
+            (Answer(None, "unknown, or the same in all"), Answer("right", ""), Answer("left", "")),
+        )

@@ -163,8 +163,14 @@ def _source(
         source,
         pulses=find_pulses(sound, source.clock),
         angle_direction=direction,
-        side=guessed_side(source.in_group, names, joint),
+        side=_side(content, guessed_side(source.in_group, names, joint)),
     )
+
+
+def _side(content: Content, guessed: tuple[str, str]) -> tuple[str, str]:
+    """Return the side by names, else the only one that lines above a table tell."""
+    told = {words_of(line).side for line in content.above} - {""}
+    return guessed if guessed[0] or len(told) != 1 else (told.pop(), "a line above the table")
 
 
 def _stem(file: Path) -> str:

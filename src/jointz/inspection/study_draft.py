@@ -234,7 +234,7 @@ def _people(proposal: Proposal) -> list[str]:
     for own in (people[person] for person in sorted(people)):
         mass = "# mass_kg = 70.0  # only for values per kg"
         if own.mass_kg is not None:
-            mass = _line("mass_kg", Guess(repr(own.mass_kg), "a line of the file"), raw=True)
+            mass = _line("mass_kg", Guess(repr(own.mass_kg), "the file states it"), raw=True)
         lines += ["", "[[participants]]", _line("id", own.participant), mass]
     return lines
 

@@ -339,7 +339,7 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
             by_length.setdefault(len(values), []).append(Signal(name, values))
         elif isinstance(value, str | int | float):
             metadata[name] = str(value)
-        else:
+        elif np.size(value):
             left_out.append(name)
     if not by_length:
         hint = " It holds MATLAB objects, which only MATLAB reads." if has_objects else ""

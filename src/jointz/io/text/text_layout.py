@@ -95,6 +95,7 @@ class TextLayout:
     # sampling rate stated in a line above the table; None if not stated
     rate_hz: float | None = None
     mass_kg: float | None = None  # of the person, likewise
+    above: tuple[str, ...] = ()  # lines above the table
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -129,10 +130,10 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
             "(--delimiter, --decimal, --no-header), or another file.",
         )
     layout = _layout(best, known)
-    masses = [m for line in lines[: best.start or 0] if (m := _MASS.search(_plain(line)))]
-    if len(masses) == 1:
-        layout = replace(layout, mass_kg=float(masses[0][1].replace(",", ".")))
     above = lines[: skipped + (best.start or 0)]
+    masses = [m for line in above if (m := _MASS.search(_plain(line)))]
+    mass_kg = float(masses[0][1].replace(",", ".")) if len(masses) == 1 else None
+    layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
     said = [part for line in above for part in (line, *_PARTS.split(line))]
     rates = {rate for part in said if (rate := _stated_rate(part))}
     rates |= {float(b) for a, b in pairwise(above) if _plain(a) in _SECTIONS and is_number(b)}
