@@ -16,10 +16,12 @@ from jointz.inspection.names import (
     Words,
     channel_scores,
     readable_unit,
+    without_accents,
     word_set,
     words_of,
 )
 from jointz.inspection.signals import Course, course_of
+from jointz.io.text.clock_times import CLOCK_TEXT
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (
@@ -40,6 +42,11 @@ _PERTURBED = word_set(
     "perturbed perturbation perturbations pert apc ewp pulses pulse on yes 1 true"
 )
 _NO_DEVICE = word_set("nwc nodevice without barefoot")
+_NOT_PERTURBED = re.compile(
+    r"(?:non|not|no|sin|sans|ohne|senza|zonder|niet|without|un|on)[\s_-]*"
+    r"(?:pert|stor|ge?stor|stoer|gestoer|puls|verstoor|impuls)",
+    re.IGNORECASE,
+)
 #: Unit of time -> s: the first in which steps are those of a recorder.
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
 
@@ -131,7 +138,28 @@ def assign_channels(
             why = "its unit and name" if by_unit else "its name"
             assigned[channel] = (best, _assignment(channel, best, why))
     _by_content(assigned, [c for c in of_joint if id(c) not in used], file)
+    _own_clock(assigned, columns)
     return assigned
+
+
+def _own_clock(
+    assigned: dict[str, tuple[InspectedColumn, Assignment]], columns: Sequence[InspectedColumn]
+) -> None:
+    """Take the column of time that stands nearest before the angle and is as long, in place."""
+    angle = assigned.get("angle", (None,))[0]
+    clocks = [c for c in columns if _fits("time", c) or c.column.unit == CLOCK_TEXT]
+    if angle is not None and len(clocks) > 1 and not angle.column.is_text:
+        before = [c for c in clocks[1:] if columns.index(c) < columns.index(angle)]
+        as_long = [c for c in before if _n_filled(c) == _n_filled(angle)]
+        if as_long and _n_filled(assigned["time"][0]) != _n_filled(angle):
+            why = "the column of time before the angle"
+            assigned["time"] = (as_long[-1], _assignment("time", as_long[-1], why))
+    elif "time" not in assigned and clocks:
+        assigned["time"] = (clocks[0], _assignment("time", clocks[0], "it holds times of day"))
+
+
+def _n_filled(inspected: InspectedColumn) -> int:
+    return inspected.course.n - inspected.course.n_missing
 
 
 def _best(channel: str, columns: Sequence[InspectedColumn]) -> InspectedColumn | None:
@@ -273,6 +301,8 @@ def guessed_condition(text: str) -> str:
     known = CONDITIONS.get(text.strip().casefold())
     if known:
         return known
+    if _NOT_PERTURBED.search(without_accents(text)):
+        return "unperturbed"
     found = words_of(text).found | {text.strip().casefold()}
     for condition, words in (
         ("no_device", _NO_DEVICE),

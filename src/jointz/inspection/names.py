@@ -69,7 +69,7 @@ class Words:
 
 def words_of(name: str) -> Words:
     """Split a name into words."""
-    parts = [word.casefold() for word in _WORD.findall(_without_accents(name))]
+    parts = [word.casefold() for word in _WORD.findall(without_accents(name))]
     parts += [inner for part in parts for inner in _inner_words(part)]
     joined = [*parts, *(a + b for a, b in pairwise(parts))]
     found = frozenset([*joined, *(_ENGLISH[word] for word in joined if word in _ENGLISH)])
@@ -82,7 +82,8 @@ def words_of(name: str) -> Words:
     )
 
 
-def _without_accents(text: str) -> str:
+def without_accents(text: str) -> str:
+    """Return a text with plain letters."""
     letters = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
     return "".join(c for c in letters if not unicodedata.combining(c))
 

@@ -269,7 +269,9 @@ def _acts_on(
     if followed is not None:
         follows = (followed > 0) != turns[1]
         acts_on, how = ("joint", "follows") if follows else ("device", "opposes")
-        return Guess(acts_on, f"the torque {how} the command (correlation {followed:.2f})"), False
+        why = f"the torque {how} the command (correlation {followed:.2f})"
+        # Where the angle is turned, the command may be meant in either direction.
+        return Guess(acts_on, why), turns[0] != turns[1]
     resistance = None if walking else torque_resistance(assigned, main.clock)
     if resistance is not None:
         share = f"{100 * abs(resistance):.0f} % of its quick changes"

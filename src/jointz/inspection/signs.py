@@ -9,7 +9,9 @@ _BENT_DEG, _STRETCHED_DEG = 35.0, 25.0  # a walking knee bends beyond, and stret
 #: Lowest and highest of an angle that is 180 where the knee is straight.
 _INCLUDED_DEG = ((40.0, 130.0), (150.0, 200.0))
 _FIT_S, _DELAY_S = 0.06, 0.01
-_FEWEST_PULSES, _CLEAR = 5, 4.0
+_FEWEST_PULSES, _FEWEST_SAMPLES, _CLEAR = 5, 4, 3.0
+_CLEAR_OF_PULSES_S = 0.4
+_STRIDE_S, _ALIKE = (0.7, 2.0), 0.5
 _BENT_MORE_DEG = 15.0
 
 
@@ -41,22 +43,52 @@ def torque_side(
 ) -> float:
     """Return how clearly pulses of torque accelerate the joint in their own direction.
 
-    It is the mean change of acceleration along the change of torque over its standard error: the
-    torque acts on the joint where it is well above 0, on the device where it is well below.
+    It is the mean change of acceleration along the change of torque, less that of the strides
+    before and after, over its standard error: the torque acts on the joint where it is well above
+    0, on the device where it is well below.
     """
+    stride_s = _stride_s(time_s, angle)
     turned = []
     for onset_s in onsets_s:
-        before = (time_s >= onset_s - _FIT_S) & (time_s <= onset_s)
-        after = (time_s > onset_s + _DELAY_S) & (time_s <= onset_s + _DELAY_S + _FIT_S)
-        if min(before.sum(), after.sum()) < 4 or np.isnan(angle[before | after]).any():
-            continue
-        jump = [np.polyfit(time_s[part] - onset_s, angle[part], 2)[0] for part in (after, before)]
-        change = np.nanmean(torque[after]) - np.nanmean(torque[before])
-        turned.append((jump[0] - jump[1]) * np.sign(change))
+        jump, change = _jumps(time_s, angle, torque, onset_s)
+        near = [onset_s - stride_s, onset_s + stride_s]
+        alone = [t for t in near if np.abs(onsets_s - t).min() > _CLEAR_OF_PULSES_S]
+        beside = [_jumps(time_s, angle, torque, t)[0] for t in alone] if stride_s else [0.0]
+        beside = [one for one in beside if np.isfinite(one)]
+        if np.isfinite(jump) and beside:
+            turned.append((jump - np.mean(beside)) * np.sign(change))
     if len(turned) < _FEWEST_PULSES:
         return 0.0
     error = float(np.std(turned, ddof=1) / np.sqrt(len(turned))) or 1.0
     return float(np.mean(turned)) / error
+
+
+def _jumps(
+    time_s: np.ndarray, angle: np.ndarray, torque: np.ndarray, onset_s: float
+) -> tuple[float, float]:
+    """Return the change of acceleration and of torque at an onset, NaN where samples miss."""
+    edges = np.searchsorted(
+        time_s, [onset_s - _FIT_S, onset_s, onset_s + _DELAY_S, onset_s + _DELAY_S + _FIT_S]
+    )
+    before, after = slice(*edges[:2]), slice(*edges[2:])
+    parts = [angle[after], angle[before]]
+    if min(part.size for part in parts) < _FEWEST_SAMPLES or np.isnan(np.concatenate(parts)).any():
+        return np.nan, np.nan
+    bends = [np.polyfit(time_s[part] - onset_s, angle[part], 2)[0] for part in (after, before)]
+    return bends[0] - bends[1], float(np.nanmean(torque[after]) - np.nanmean(torque[before]))
+
+
+def _stride_s(time_s: np.ndarray, angle: np.ndarray) -> float:
+    """Return the time after which a walking joint's angle repeats, 0 where it does not."""
+    step = float(np.median(np.diff(time_s)))
+    moved = np.nan_to_num(angle - np.nanmean(angle))
+    spectrum = np.fft.rfft(moved, 2 * moved.size)
+    repeats = np.fft.irfft(np.abs(spectrum) ** 2)[: moved.size]
+    first, last = (round(s / step) for s in _STRIDE_S)
+    if last >= moved.size or not repeats[0]:
+        return 0.0
+    best = first + int(np.argmax(repeats[first:last]))
+    return best * step if repeats[best] > _ALIKE * repeats[0] else 0.0
 
 
 def is_clear(score: float) -> bool:

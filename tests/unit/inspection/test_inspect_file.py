@@ -305,7 +305,7 @@ def test_days_without_fractions_of_a_second_stand_in_the_way(tmp_path):
 
     (reason,) = inspected(tmp_path, frame.rename(columns={"Time (s)": "Time"})).obstacles
 
-    assert "(the stamps of column 'Time' repeat or go back)" in reason
+    assert "time stamp(s) are missing, repeat or go back" in reason
 
 
 def test_units_of_a_known_log_are_guesses_and_that_is_a_sentence(tmp_path):

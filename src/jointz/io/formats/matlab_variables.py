@@ -19,6 +19,7 @@ from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
+_OCTAVE = b"# Created by Octave"
 _MOST_COLUMNS = 64  # of a matrix that is wider than long, to be taken apart
 _HEADER_BYTES = 128
 _MOST_NAMES_BYTES = 1 << 20  # of a variable's dimensions or the names of its fields
@@ -41,6 +42,9 @@ _LIBRARY_ERRORS = (
 
 def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, Any], bool]:
     """Return the variables, and whether there are MATLAB objects among them."""
+    with path.open("rb") as file:
+        if file.read(len(_OCTAVE)) == _OCTAVE:
+            raise file_error(path, "is a text file of Octave. Save it with save -v7.")
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:

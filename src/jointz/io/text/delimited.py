@@ -53,7 +53,7 @@ _TAIL_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
 _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is called cut
 #: Cells that stand for a sample that is missing.
-MISSING_TEXT = ("", "NA", "NaN", "nan", "NAN", "-nan")
+MISSING_TEXT = ("", "NA", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "#N/A", "#NV", "NULL", "null")
 #: The same as pandas is to take them: some programs write a blank after every number.
 _MISSING_CELLS = [*MISSING_TEXT, *(f"{word} " for word in MISSING_TEXT)]
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)

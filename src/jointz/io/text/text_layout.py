@@ -26,6 +26,7 @@ from jointz.io.text.delimited import (
 )
 
 _LINES = 400
+_COMMENTS = ("#", "%", "//", ";")
 _IN_A_ROW = 3  # rows of one shape that are called the table
 #: Signs between columns, in the order in which they are tried, and what they are called.
 DELIMITERS: Mapping[str, str] = {
@@ -47,7 +48,7 @@ _RATE = re.compile(
     rf"""\W*(?:
         (?:sampl\w*|sampel|data|frame|capture|abtast|mess|meet|bemonsterings)[ _-]?
         (?:rate|freq\w*|hz|frequen[zt]\w*) | rate | sr | fs | f_s | sfreq | srate | abtastung
-        | (?:frequence|taux|cadence)[ ]d.?[ ]?echantillonnage
+        | frequency | (?:frequence|taux|cadence)[ ]d.?[ ]?echantillonnage
         | (?:frecuencia|tasa|velocidad)[ ]de[ ]muestreo
         | (?:frequenza|tasso|velocita)[ ]di[ ]campionamento
     )(?![a-z]) [^a-z\d.+-]* (?:k?hz)? [^a-z\d.+-]* \d+(?:[.,]\d+)? \s* (?:{_HERTZ})? \W*$""",
@@ -282,6 +283,14 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     return TextLayout(files, above, (), (note,) if start > 1 else ())
 
 
+def _beside_numbers(candidate: _Candidate, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of fewer columns than there are, beside "" for a first one that counts rows."""
+    rows = candidate.rows[candidate.start or 0 :][:_IN_A_ROW]
+    unnamed = ("",) * (len(rows[0]) - len(names))
+    counts = [[str(k) for k in range(first, first + len(rows))] for first in (0, 1)]
+    return unnamed + names if [row[0] for row in rows] in counts else names + unnamed
+
+
 def _full_names(rows: Sequence[tuple[str, ...]], at: int) -> tuple[str, ...]:
     """Return names that stand twice behind what stands above them, over several columns at once."""
     names = rows[at]
@@ -300,7 +309,10 @@ def _numbered(candidate: _Candidate, above: tuple[str, ...], width: int) -> Text
     """Return a layout of columns by number: the names above them do not tell them apart."""
     start = candidate.start or 0
     files = candidate.spec(start, header=False)
-    names = (_full_names(candidate.rows, start - 1) + ("",) * width)[:width]
+    names = _full_names(candidate.rows, start - 1)
+    names = names[1:] if len(names) == width + 1 and names[0] in _COMMENTS else names
+    if len(names) < width:
+        names = _beside_numbers(candidate, names)
     why = f"row {start} names {len(above)} column(s), {width} stand under it"
     if len(above) == width:
         why = f"row {start} gives one name to several columns"
