@@ -75,7 +75,7 @@ def _column(value: Any) -> Any:
 
 
 def _named_column(value: Any) -> Any:
-    return {"column": value} if isinstance(value, str | int) else value
+    return {"column": value} if isinstance(value, str) else value
 
 
 def _scale(value: float) -> float:
@@ -214,7 +214,7 @@ class CalibrationSpec(_Model):
         if on is not None and off is not None and on.value <= off.value:
             raise ValueError(
                 f"contact_threshold_v: {on.value} V must lie above contact_release_v, "
-                f"{off.value} V; a switch that is low on the ground must be turned in the file"
+                f"{off.value} V; a switch that is low on the ground has invert = true"
             )
         return self
 
@@ -363,7 +363,7 @@ class GroupSpec(_Model):
 class PulseColumn(_Model):
     """Column of a pulse table; its unit is that of time or torque, or ``sample``."""
 
-    column: Column
+    column: Annotated[str, Field(min_length=1)]
     unit: str | None = None
 
 

@@ -72,7 +72,7 @@ def inspect_file(
     notes: list[str] = []
     for file in files_in(given):
         try:
-            found, own_tables = read_sources(file, layout, study_folder or given)
+            found, own_tables = read_sources(file, layout, study_folder or given, given)
         except DataError as exc:
             is_note = "no table of numbers" in str(exc)
             notes.append(f"no table: {file.name}. Read it." if is_note else f"left out: {exc}")
@@ -116,6 +116,7 @@ def _inspection(
             *_group_notes(main, {t.columns["onset"].column.group for t in tables}),
             *_rate_notes(main.content, main.clock),
             *stride_notes(main.assigned, main.clock, walking=walking),
+            *_left_over(tables, proposal),
             *notes,
         ),
         obstacles=obstacles,
@@ -129,6 +130,21 @@ def _inspection(
         ),
         toml=study_text(proposal),
     )
+
+
+def _left_over(tables: Sequence[PulseColumns], proposal: Proposal) -> list[str]:
+    """Return a note for each pulse table that belongs to no recording, and of lacking channels."""
+    used = {recording.perturbations for recording in proposal.recordings}
+    notes = [
+        f"{table.file} is a pulse table, and no name says whose: it is left out."
+        for table in tables
+        if table.file not in used
+    ]
+    return notes + [
+        f"{recording.file} has no column for {', '.join(recording.lacks)}; the study needs it."
+        for recording in proposal.recordings
+        if recording.lacks
+    ]
 
 
 def _bad_name(file: Path) -> list[str]:

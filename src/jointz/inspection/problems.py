@@ -22,7 +22,7 @@ from jointz.inspection.content import GUESSED_SAMPLES
 from jointz.inspection.guess import Assignments, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import channel_scores
-from jointz.inspection.pulse_columns import PulseColumns, onsets_s
+from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, own_pulses
 from jointz.inspection.signs import torque_side
 
 _SMOOTH_S = 0.01
@@ -116,16 +116,27 @@ def command_correlation(assigned: Assignments) -> float | None:
     return correlation if abs(correlation) > _FOLLOWS else None
 
 
-def pulse_response(assigned: Assignments, clock: SeenClock, table: PulseColumns | None) -> float:
+def pulses_of_table(
+    assigned: Assignments, clock: SeenClock, table: PulseColumns, rows: np.ndarray
+) -> OwnPulses | None:
+    """Return the onsets of a recording in a pulse table, None without a clock or a torque."""
+    time = _time(assigned, clock)
+    if time is None or "torque" not in assigned or time.size < _FEWEST_SAMPLES:
+        return None
+    command = assigned["command"][0].column.values if "command" in assigned else None
+    return own_pulses(table, rows, time, _si(assigned, "torque"), command)
+
+
+def pulse_response(assigned: Assignments, clock: SeenClock, own: OwnPulses | None) -> float:
     """Return how clearly pulses accelerate the joint in the direction of the torque."""
     time = _time(assigned, clock)
     if time is None or clock.restarts or clock.n_back:
         return 0.0
-    onsets = None if table is None else onsets_s(table, time)
+    onsets = None if own is None else own.onsets_s
     if onsets is None and "command" in assigned:
         command = np.nan_to_num(_si(assigned, "command"))
         onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]
-    if onsets is None:
+    if onsets is None or not onsets.size:
         return 0.0
     return torque_side(time, _si(assigned, "angle"), _si(assigned, "torque"), onsets[:_MOST_PULSES])
 
@@ -349,6 +360,7 @@ def _layout(files: FilesSpec | None) -> str:
     if files is None:
         return ""
     options = [
+        (files.encoding is not None, f"--encoding {files.encoding}"),
         (files.delimiter not in (None, ","), f"--delimiter {_quoted(files.delimiter or '')}"),
         (files.decimal != ".", f"--decimal {files.decimal}"),
         (files.skip_rows > 0, f"--skip-rows {files.skip_rows}"),

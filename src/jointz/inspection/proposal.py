@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Any
 
 from jointz.core.channels import OPPOSITE_DIRECTION
@@ -20,10 +21,11 @@ from jointz.inspection.problems import (
     command_correlation,
     likely_rates,
     pulse_response,
+    pulses_of_table,
     torque_resistance,
 )
-from jointz.inspection.pulse_columns import PulseColumns, first_sample_of, unit_of
-from jointz.inspection.signs import angle_direction, is_clear, switch_is_inverted
+from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
+from jointz.inspection.signs import angle_direction, is_clear
 from jointz.inspection.source import Source
 from jointz.inspection.study_draft import (
     Guess,
@@ -33,6 +35,7 @@ from jointz.inspection.study_draft import (
     condition_levels,
     usual_direction,
 )
+from jointz.io.pulse_tables import SAMPLE
 
 _USUAL_JOINT = "knee"
 
@@ -42,6 +45,7 @@ class _Signs:
     """Directions of angle, torque and command."""
 
     angle: Guess
+    angle_by_range: bool
     straight_is_180: bool
     angle_open: bool
     torque: Guess
@@ -59,13 +63,16 @@ def proposal_of(
     joint, why = guessed_joint(main.in_group, main.names)
     kind = _kind(main.in_group, assigned, main.names)
     walking = kind.value == "walking"
-    tables_of = [_table_of(source, sources, tables) for source in sources]
+    tables_of = _tables_of(sources, tables)
     table = tables_of[0]
     positive = usual_direction(joint or _USUAL_JOINT)
     is_knee = (joint or _USUAL_JOINT) == "knee"
-    signs = _signs(main, table, positive.value, walking=walking, knee=is_knee)
+    own = None
+    if table is not None:
+        rows = table.rows_of(main.labels.participant, main.shown)
+        own = pulses_of_table(assigned, clock, table, rows)
+    signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
     levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
-    command = assigned["command"][0].column.values if "command" in assigned else None
     recordings = [_draft(s, t, main, signs) for s, t in zip(sources, tables_of, strict=True)]
     return Proposal(
         recordings=tuple(_distinct(recordings)),
@@ -80,10 +87,11 @@ def proposal_of(
         command=signs.command,
         angle_sign_open=signs.angle_open,
         acts_on_open=signs.acts_on_open,
-        is_contact_inverted="contact" in assigned and switch_is_inverted(assigned, clock),
-        table_columns={} if table is None or table.are_usual() else _table_columns(table, clock),
-        in_samples=table is not None and table.in_samples,
-        first_sample=None if table is None else first_sample_of(table, command),
+        inverted=main.inverted,
+        table_columns={} if table is None or table.are_usual() else _table_columns(table, own),
+        in_samples=own is not None and own.unit == SAMPLE,
+        is_onset_unit_open=own is not None and not own.is_stated,
+        first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
         files=main.content.files,
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
@@ -94,39 +102,68 @@ def proposal_of(
     )
 
 
-def _table_of(
-    source: Source, sources: Sequence[Source], tables: Sequence[PulseColumns]
-) -> PulseColumns | None:
-    """Return the pulse table of a recording: in its file, of all, or of a name like its own."""
-    if source.part or source.labels.condition in ("unperturbed", "no_device"):
-        return source.table
+def _tables_of(
+    sources: Sequence[Source], tables: Sequence[PulseColumns]
+) -> list[PulseColumns | None]:
+    """Return the pulse table of each recording: its own part's, its file's, or of a like name."""
+    found = [source.table for source in sources]
+    free = [k for k, s in enumerate(sources) if not s.part and may_have_pulses(s)]
     for table in tables:
-        names_its_rows = {"recording", "participant"} & set(table.columns)
-        if table.file == source.shown or names_its_rows or len(sources) == 1:
-            return table
-    own = [table for table in tables if _is_like(table.file, source)]
-    return own[0] if own else None
+        own = [k for k in free if _may_be_of(table, sources[k])]
+        if not table.names_recordings:
+            likeness = {k: _likeness(table.file, sources[k].shown) for k in own}
+            most = max(likeness.values(), default=0)
+            own = [k for k in own if likeness[k] == most]
+            named = [k for k in own if sources[k].labels.condition == "perturbed"]
+            own = named or own
+            if len(own) > 1:  # nothing tells whose it is
+                continue
+        for k in own:
+            other = found[k]
+            if other is None or _likeness(table.file, sources[k].shown) > _likeness(
+                other.file, sources[k].shown
+            ):
+                found[k] = table
+    return found
 
 
-def _is_like(file: str, source: Source) -> bool:
-    """Whether a file's name says the same of person, session and side as a recording's."""
-    labels = labels_of(file)
+def may_have_pulses(source: Source) -> bool:
+    """Whether the file's own name does not say that nothing perturbs."""
+    return source.labels.condition not in ("unperturbed", "no_device")
+
+
+def _may_be_of(table: PulseColumns, source: Source) -> bool:
+    """Whether a pulse table says nothing else of person, session and side than a recording."""
+    if table.file == source.shown:
+        return True
+    if table.names_recordings:
+        return bool(table.rows_of(source.labels.participant, source.shown).any())
+    labels = labels_of(table.file, folders=table.file.split("/")[-2::-1])
     pairs = (
         (labels.participant, source.labels.participant),
         (labels.session, source.labels.session),
-        (labels.side, source.labels.side),
+        (labels.side, source.side[0]),
     )
-    return all(not a or a == b for a, b in pairs) and bool(labels.participant)
+    return all(not a or not b or a.casefold() == b.casefold() for a, b in pairs)
 
 
-def _table_columns(table: PulseColumns, clock: SeenClock) -> dict[str, dict[str, Any]]:
-    duration_s = (clock.end_s or 0.0) - min(clock.start_s or 0.0, 0.0)
+def _likeness(a: str, b: str) -> int:
+    """Return how many first letters two files share, 0 where they lie in other folders."""
+    if a == b:
+        return len(a) + 1
+    (place, _, name), (other_place, _, other) = a.rpartition("/"), b.rpartition("/")
+    letters = zip(name.casefold(), other.casefold(), strict=False)
+    return (place == other_place) * (1 + len(list(takewhile(lambda ab: ab[0] == ab[1], letters))))
+
+
+def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict[str, Any]]:
+    usual = {"onset": own.unit if own else "s", "amplitude": "N*m"}
+    usual["duration"] = usual["onset"]  # as the onsets are written
     columns: dict[str, dict[str, Any]] = {}
     for meaning, inspected in table.columns.items():
-        columns[meaning] = {"column": inspected.key}
-        if meaning in ("onset", "duration", "amplitude"):
-            unit, _ = unit_of(table, meaning, duration_s=duration_s, n=clock.n)
-            columns[meaning] |= {"unit": unit} if unit else {}
+        columns[meaning] = {"column": str(inspected.key)}
+        if meaning in usual:
+            columns[meaning]["unit"] = stated_unit(table, meaning) or usual[meaning]
     return columns
 
 
@@ -145,7 +182,9 @@ def _draft(
         part=source.part,
         session=labels.session,
         perturbations="" if table is None else table.file,
-        says_perturbed=labels.condition == "perturbed",
+        says_perturbed="perturbed" in (labels.condition, labels.folder_condition),
+        participant_known=bool(labels.participant),
+        lacks=tuple(n for n in main.assigned if n not in source.assigned),
         mass_kg=source.content.mass_kg,
         changes=_changes(source, main, signs),
         files=source.content.files if source.content.files != main.content.files else None,
@@ -162,11 +201,15 @@ def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str,
         change: dict[str, Any] = {}
         if inspected.key != first.key:
             change["column"] = inspected.key
-        if assignment.unit != of_first.unit and assignment.unit:
+        # The same column without a stated unit has the unit of the first recording.
+        guessed = inspected.key == first.key and assignment.unit_why
+        if assignment.unit and assignment.unit != of_first.unit and not guessed:
             change["unit"] = assignment.unit
-        known = bool(source.angle_direction and signs.angle.value)
+        known = bool(source.angle_direction and signs.angle_by_range)
         if name == "angle" and known and source.angle_direction != signs.angle.value:
             change["positive"] = source.angle_direction
+        if (name in source.inverted) != (name in main.inverted):
+            change["invert"] = name in source.inverted
         if change:
             changes[name] = change
     return changes
@@ -215,17 +258,17 @@ def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Word
 
 
 def _signs(
-    main: Source, table: PulseColumns | None, positive: str, *, walking: bool, knee: bool
+    main: Source, own: OwnPulses | None, positive: str, *, walking: bool, knee: bool
 ) -> _Signs:
     """Decide directions by names, ranges and the response to pulses, and say what is open."""
     assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
-    angle, straight, angle_open = Guess(""), False, False
+    angle, straight, angle_open, by_range = Guess(""), False, False, False
     if "angle" in assigned:
         named = assigned["angle"][0].words.direction
         seen = ("", False, "")
         if walking and knee and positive == "flexion":
             seen = angle_direction(assigned)
-        angle, straight = Guess(seen[0], seen[2]), seen[1]
+        angle, straight, by_range = Guess(seen[0], seen[2]), seen[1], bool(seen[0])
         if not angle.value and named:
             angle = Guess(named, "its name says it")
         angle_open = not angle.value and _sign_matters(main, walking=walking)
@@ -234,13 +277,13 @@ def _signs(
         torque = Guess(named, "its name says it")
     # What is positive in the other direction is turned when it is read.
     turns = [g.value not in ("", positive) for g in (angle, torque)]
-    acts_on, acts_on_open = _acts_on(assigned, main, table, walking=walking, turns=turns)
+    acts_on, acts_on_open = _acts_on(assigned, main, own, walking=walking, turns=turns)
     followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
     command = Guess("")
     if followed is not None and (followed > 0) != (acts_on.value == "joint") ^ turns[1]:
         why = f"it opposes the torque on the joint (correlation {followed:.2f})"
         command = Guess(OPPOSITE_DIRECTION[positive], why)
-    return _Signs(angle, straight, angle_open, torque, acts_on, acts_on_open, command)
+    return _Signs(angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command)
 
 
 def _sign_matters(main: Source, *, walking: bool) -> bool:
@@ -251,7 +294,7 @@ def _sign_matters(main: Source, *, walking: bool) -> bool:
 def _acts_on(
     assigned: Assignments,
     main: Source,
-    table: PulseColumns | None,
+    own: OwnPulses | None,
     *,
     walking: bool,
     turns: Sequence[bool],
@@ -259,7 +302,7 @@ def _acts_on(
     """Return the side that the torque acts on, and whether that is open."""
     if not {"angle", "torque"} <= set(assigned):
         return Guess("joint", "the usual one"), False
-    score = pulse_response(assigned, main.clock, table)
+    score = pulse_response(assigned, main.clock, own)
     score = -score if turns[0] != turns[1] else score
     if is_clear(score):
         goes = "in its direction" if score > 0 else "against it"
@@ -288,7 +331,7 @@ def _condition(source: Source, table: PulseColumns | None) -> Guess:
         return Guess("perturbed", source.pulses.why)
     if table is not None:
         return Guess("perturbed", f"{table.file} has its pulses")
-    named = source.labels.condition
+    named = source.labels.condition or source.labels.folder_condition
     if named and not (named == "perturbed" and "command" not in source.assigned):
         return Guess(named, "its name, or that of the folder or part")
     if named:  # perturbed by name, and nothing says when: the study would not open

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,8 @@ _WORDS: Mapping[str, frozenset[str]] = {
     "side": word_set("side seite cote lado lato zijde"),
 }
 _NUMBERS = ("onset", "duration", "amplitude")
-#: Units in which onsets are tried: the first whose largest lies in the recording.
-_OF_TIME = (("s", 1.0), ("ms", 1e-3))
+_UNITS_OF_NAMES = {"onset_s": "s", "onset_ms": "ms", "onset_sample": SAMPLE}
+_LATER_S = 0.05  # after an onset: the torque has risen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,18 +36,34 @@ class PulseColumns:
     n: int = 0  # number of pulses
 
     @property
-    def in_samples(self) -> bool:
-        """Whether the onsets count samples, by the names of the columns."""
-        return _in_samples(self.columns["onset"])
-
-    @property
-    def last_onset(self) -> float:
-        """Return the largest onset, as it is written."""
-        return float(np.nanmax(self.columns["onset"].column.values))
+    def names_recordings(self) -> bool:
+        """Whether columns say which recording or person a row belongs to."""
+        return bool({"recording", "participant"} & set(self.columns))
 
     def are_usual(self) -> bool:
         """Whether all columns have the names that need no line in a study."""
         return all(str(column.key) in NAMES[meaning] for meaning, column in self.columns.items())
+
+    def rows_of(self, participant: str, file: str) -> np.ndarray:
+        """Return which rows belong to a recording, as far as columns say it."""
+        base = file.rpartition("/")[2]
+        meant = {"participant": {participant}, "recording": {file, base, base.split(".")[0]}}
+        rows = np.isfinite(self.columns["onset"].column.values)
+        for meaning, names in meant.items():
+            if meaning in self.columns:
+                texts = [_label(v) for v in self.columns[meaning].column.values]
+                rows &= np.isin(texts, sorted(names))
+        return np.asarray(rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnPulses:
+    """The onsets of one recording in a pulse table."""
+
+    onsets_s: np.ndarray
+    unit: str  # of the onsets as they are written
+    is_stated: bool  # whether the table says the unit
+    first_sample: int | None = None  # None where nothing says it, or samples are not counted
 
 
 def pulse_columns(file: str, columns: Sequence[InspectedColumn]) -> PulseColumns | None:
@@ -60,11 +77,6 @@ def pulse_columns(file: str, columns: Sequence[InspectedColumn]) -> PulseColumns
     onset = found.get("onset")
     if onset is None or onset.course.n > _MOST_PULSES:
         return None
-    values = onset.column.values
-    rises = np.diff(values[np.isfinite(values)])
-    per_recording = {"recording", "participant"} & set(found)
-    if not per_recording and (rises <= 0).any():
-        return None
     return PulseColumns(file, found, n=onset.course.n)
 
 
@@ -74,52 +86,61 @@ def _fits(meaning: str, inspected: InspectedColumn) -> bool:
     return not inspected.column.is_text and inspected.course.low is not None
 
 
-def _in_samples(inspected: InspectedColumn) -> bool:
-    text = f"{inspected.title} {inspected.column.unit}".casefold()
-    return "sample" in inspected.words.found or SAMPLE in text
+def _label(value: Any) -> str:
+    is_whole = isinstance(value, float) and value.is_integer()
+    return str(int(value)) if is_whole else str(value)
 
 
-def unit_of(table: PulseColumns, meaning: str, *, duration_s: float, n: int) -> tuple[str, str]:
-    """Return the unit of a column of numbers, and why where the table does not state it.
-
-    ``duration_s`` and ``n`` are the length of the recording in s and in samples.
-    """
+def stated_unit(table: PulseColumns, meaning: str) -> str:
+    """Return the unit that a table says for a column of numbers, "" for none."""
     inspected = table.columns[meaning]
-    if str(inspected.key) in NAMES[meaning]:
-        return "", ""  # the name says it
-    if meaning == "amplitude":
-        return inspected.words.unit or "N*m", "" if inspected.words.unit else "the usual one"
-    if _in_samples(inspected):
-        return SAMPLE, ""
-    if inspected.words.unit:
-        return inspected.words.unit, ""
-    if meaning == "duration":  # as the onsets are written
-        return unit_of(table, "onset", duration_s=duration_s, n=n)
-    for unit, factor in _OF_TIME:
-        if table.last_onset * factor <= duration_s:
-            return unit, f"the last onset, {table.last_onset:g}, lies in the recording so"
-    return SAMPLE, f"the last onset, {table.last_onset:g}, lies in {n} samples only so"
+    if str(inspected.key) in _UNITS_OF_NAMES:
+        return _UNITS_OF_NAMES[str(inspected.key)]
+    text = f"{inspected.title} {inspected.column.unit}".casefold()
+    if meaning != "amplitude" and ("sample" in inspected.words.found or SAMPLE in text):
+        return SAMPLE
+    return inspected.words.unit
 
 
-def onsets_s(table: PulseColumns, time_s: np.ndarray) -> np.ndarray:
-    """Return the onsets in s, as far as they are known: samples count from 1 where nothing says."""
-    values = table.columns["onset"].column.values
-    values = values[np.isfinite(values)]
-    key = str(table.columns["onset"].key)
-    unit, _ = unit_of(table, "onset", duration_s=float(time_s[-1]), n=time_s.size)
-    unit = unit or {"onset_s": "s", "onset_ms": "ms"}.get(key, SAMPLE)
+def own_pulses(
+    table: PulseColumns,
+    rows: np.ndarray,
+    time_s: np.ndarray,
+    torque: np.ndarray,
+    command: np.ndarray | None,
+) -> OwnPulses:
+    """Return the onsets of a recording; a unit that is not stated is that in which torque rises."""
+    values = table.columns["onset"].column.values[rows]
+    stated = stated_unit(table, "onset")
+    units = (stated,) if stated else ("s", "ms", SAMPLE)
+    tried = {unit: _in_seconds(values, unit, time_s) for unit in units}
+    inside = {
+        u: t for u, t in tried.items() if t.size and time_s[0] <= t.min() <= t.max() <= time_s[-1]
+    }
+    unit = max(inside or tried, key=lambda u: _rise(tried[u], time_s, torque))
+    first = _first_sample(values, command) if unit == SAMPLE and command is not None else None
+    return OwnPulses(tried[unit], unit, bool(stated), first)
+
+
+def _in_seconds(values: np.ndarray, unit: str, time_s: np.ndarray) -> np.ndarray:
     if unit != SAMPLE:
         return np.asarray(conversion(unit, "s")[0] * values)
-    return np.asarray(np.interp(values - 1, np.arange(time_s.size), time_s))
+    step_s = float(np.median(np.diff(time_s)))
+    return np.asarray(time_s[0] + step_s * (values - 1))
 
 
-def first_sample_of(table: PulseColumns, command: np.ndarray | None) -> int | None:
+def _rise(onsets_s: np.ndarray, time_s: np.ndarray, torque: np.ndarray) -> float:
+    """Return by how much the torque usually changes after onsets."""
+    if not onsets_s.size:
+        return 0.0
+    at = [np.interp(onsets_s + later, time_s, np.nan_to_num(torque)) for later in (0.0, _LATER_S)]
+    return float(np.median(np.abs(at[1] - at[0])))
+
+
+def _first_sample(values: np.ndarray, command: np.ndarray) -> int | None:
     """Return whether samples count from 0 or 1, by the command; None where nothing says it."""
-    onsets = table.columns["onset"].column.values
-    if command is None:
-        return None
     rising = np.flatnonzero((command[1:] != 0) & (command[:-1] == 0)) + 1
     for first in (0, 1):
-        if np.isin(onsets - first, rising).mean() > 0.5:
+        if np.isin(values - first, rising).mean() > 0.5:
             return first
     return None

@@ -29,6 +29,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_masses(proposal),
         *_units(proposal),
         *_signs(proposal),
+        *_people(proposal),
         *_sessions(proposal),
         *_gait(proposal),
     ]
@@ -104,6 +105,14 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
 
 
 def _pulses(proposal: Proposal) -> Iterator[Question]:
+    if proposal.is_onset_unit_open:
+        unit = proposal.table_columns["onset"]["unit"]
+        others = (other for other in ("s", "ms", "sample") if other != unit)
+        yield Question(
+            "perturbations.columns.onset.unit",
+            "In what unit are the onsets of the pulse table? It is not stated.",
+            (Answer(unit, "the torque rises there"), *(Answer(other, "") for other in others)),
+        )
     if proposal.table_columns and proposal.first_sample is None and proposal.in_samples:
         yield Question(
             "perturbations.first_sample",
@@ -182,6 +191,16 @@ def _signs(proposal: Proposal) -> Iterator[Question]:
             (Answer("joint", "a positive torque pushes towards the positive angle; the default"),
              Answer("device", "a sensor that measures what the leg does, or inverse dynamics")),
         )  # fmt: skip
+
+
+def _people(proposal: Proposal) -> Iterator[Question]:
+    unknown = [r for r in proposal.recordings if not r.participant_known]
+    if unknown and len(proposal.recordings) > 1:
+        yield Question(
+            "recordings.participant",
+            f"Who is in {', '.join(r.file for r in unknown[:_MOST_ANSWERS])}?",
+            (Answer("S01", "no name of a file or folder says it"),),
+        )
 
 
 def _sessions(proposal: Proposal) -> Iterator[Question]:

@@ -1,15 +1,18 @@
 """Directions of angle and torque, as far as the samples decide them."""
 
 import numpy as np
+from scipy.special import stdtrit
 
 from jointz.inspection.guess import Assignments, si_of
 from jointz.inspection.inspection_result import SeenClock
 
 _BENT_DEG, _STRETCHED_DEG = 35.0, 25.0  # a walking knee bends beyond, and stretches no further
-#: Lowest and highest of an angle that is 180 where the knee is straight.
-_INCLUDED_DEG = ((40.0, 130.0), (150.0, 200.0))
+_MOST_BENT_DEG = 110.0
+#: Largest of an angle that is 180 where the knee is straight.
+_STRAIGHT_FROM_DEG, _STRAIGHT_TO_DEG = 130.0, 210.0
 _FIT_S, _DELAY_S = 0.06, 0.01
-_FEWEST_PULSES, _FEWEST_SAMPLES, _CLEAR = 5, 4, 3.0
+_FEWEST_PULSES, _FEWEST_SAMPLES = 5, 4
+_SURE = 0.997
 _CLEAR_OF_PULSES_S = 0.4
 _STRIDE_S, _ALIKE = (0.7, 2.0), 0.5
 _BENT_MORE_DEG = 15.0
@@ -28,12 +31,11 @@ def angle_direction(assigned: Assignments) -> tuple[str, bool, str]:
         return "", False, "no numbers"
     low, high = np.percentile(finite, [1.0, 99.0])
     seen = f"{low:.0f} to {high:.0f} deg"
-    (low_min, low_max), (high_min, high_max) = _INCLUDED_DEG
-    if low_min <= low <= low_max and high_min <= high <= high_max:
+    if low > _BENT_DEG and _STRAIGHT_FROM_DEG < high < _STRAIGHT_TO_DEG:
         return "extension", True, f"{seen}: 180 is straight"
-    if high > _BENT_DEG and low > -_STRETCHED_DEG:
+    if -_STRETCHED_DEG < low < _BENT_DEG < high < _MOST_BENT_DEG:
         return "flexion", False, f"{seen}: a knee bends so far"
-    if low < -_BENT_DEG and high < _STRETCHED_DEG:
+    if -_MOST_BENT_DEG < low < -_BENT_DEG < high < _STRETCHED_DEG:
         return "extension", False, f"{seen}: a knee does not stretch so far"
     return "", False, seen
 
@@ -44,8 +46,8 @@ def torque_side(
     """Return how clearly pulses of torque accelerate the joint in their own direction.
 
     It is the mean change of acceleration along the change of torque, less that of the strides
-    before and after, over its standard error: the torque acts on the joint where it is well above
-    0, on the device where it is well below.
+    before and after, over the half-width of its interval: the torque acts on the joint above 1, on
+    the device below -1.
     """
     stride_s = _stride_s(time_s, angle)
     turned = []
@@ -60,7 +62,7 @@ def torque_side(
     if len(turned) < _FEWEST_PULSES:
         return 0.0
     error = float(np.std(turned, ddof=1) / np.sqrt(len(turned))) or 1.0
-    return float(np.mean(turned)) / error
+    return float(np.mean(turned)) / error / float(stdtrit(len(turned) - 1, _SURE))
 
 
 def _jumps(
@@ -93,10 +95,22 @@ def _stride_s(time_s: np.ndarray, angle: np.ndarray) -> float:
 
 def is_clear(score: float) -> bool:
     """Whether pulses decide the side on which a torque acts."""
-    return abs(score) > _CLEAR
+    return abs(score) > 1.0
 
 
-def switch_is_inverted(assigned: Assignments, clock: SeenClock) -> bool:
+def inverted_channels(assigned: Assignments, clock: SeenClock) -> frozenset[str]:
+    """Return the footswitch if it is low on the ground, and a force that is negative there."""
+    found = set()
+    if "contact" in assigned and _is_low_on_ground(assigned, clock):
+        found.add("contact")
+    if "ground_reaction_force" in assigned:
+        course = assigned["ground_reaction_force"][0].course
+        if -(course.low or 0.0) > abs(course.high or 0.0):
+            found.add("ground_reaction_force")
+    return frozenset(found)
+
+
+def _is_low_on_ground(assigned: Assignments, clock: SeenClock) -> bool:
     """Whether a footswitch is low on the ground: it rises where a walking knee is bent.
 
     A knee is nearly straight at heel strike and bent by some 40 deg at toe-off.

@@ -22,11 +22,11 @@ from jointz.inspection.guess import (
     si_of,
 )
 from jointz.inspection.inspection_result import SeenClock
-from jointz.inspection.names import Words, words_of
+from jointz.inspection.names import JOINTS, Words, words_of
 from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
-from jointz.inspection.signs import angle_direction
+from jointz.inspection.signs import angle_direction, inverted_channels
 from jointz.io.formats.losses import plainly
 from jointz.io.formats.registry import has_format
 from jointz.io.relative_paths import seen_from
@@ -53,6 +53,7 @@ class Source:
     angle_direction: str = ""  # of a knee's angle by its range, "" if that does not decide it
     side: tuple[str, str] = ("", "")  # side, and the reason
     table: PulseColumns | None = None  # pulse table of a part
+    inverted: frozenset[str] = frozenset()  # channels whose sign is the opposite of what is meant
 
     @property
     def clock(self) -> SeenClock:
@@ -98,14 +99,18 @@ def _light(source: Source) -> Source:
         name: (replace(c, column=replace(c.column, values=empty)), assignment)
         for name, (c, assignment) in source.assigned.items()
     }
-    content = replace(source.content, columns=())
+    content = replace(source.content, columns=(), clocks=())
     return replace(source, content=content, columns=(), assigned=assigned)
 
 
 def read_sources(
-    file: Path, layout: Mapping[str, Any] | None, study_folder: str | os.PathLike[str] | None
+    file: Path,
+    layout: Mapping[str, Any] | None,
+    study_folder: str | os.PathLike[str] | None,
+    root: Path | None = None,
 ) -> tuple[list[Source], list[PulseColumns]]:
-    """Return the recordings and the pulse tables of a file."""
+    """Return the recordings and the pulse tables of a file; ``root`` is the inspected folder."""
+    folders = _folders(file, root)
     content = read_content(file, layout)
     shown = _name_in(file, study_folder)
     columns = tuple(inspect_column(column) for column in content.columns)
@@ -113,20 +118,36 @@ def read_sources(
     tables = [t for group in by_group if (t := pulse_columns(shown, group)) is not None]
     parts = parts_of(content)
     if not parts:
-        whole = _source(file, shown, "", content, columns)
+        whole = _source(file, shown, "", content, columns, folders=folders)
         # A table of pulses alone is no recording, and a recording no table of pulses.
         if tables and not whole.is_recording:
             return [whole], tables
         own = {whole.group}
         return [whole], [t for t in tables if t.columns["onset"].column.group not in own]
     inside = sorted({word for c in content.columns for word in str(c.key).split(".")[:-1]})
-    return [_source_of_part(file, shown, part, inside) for part in parts], tables
+    joints = {words_of(part.name).joint for part in parts} - {""}
+    if len(joints) > 1:  # parts of one recording: the joint that is usually meant
+        usual = next(joint for joint in JOINTS if joint in joints)
+        parts = tuple(part for part in parts if words_of(part.name).joint in ("", usual))
+    return [_source_of_part(file, shown, part, inside, folders) for part in parts], tables
 
 
-def _source_of_part(file: Path, shown: str, part: FilePart, inside: Sequence[str]) -> Source:
+def _folders(file: Path, root: Path | None) -> list[str]:
+    """Return the names of the folders of a file, the nearest first, up to the inspected one."""
+    own = file.resolve().parent
+    if root is None:
+        return [own.name]
+    above = [own, *own.parents]
+    return [folder.name for folder in above[: above.index(root.resolve()) + 1]]
+
+
+def _source_of_part(
+    file: Path, shown: str, part: FilePart, inside: Sequence[str], folders: Sequence[str]
+) -> Source:
     content = replace(part.content, mass_kg=part.mass_kg)
     columns = tuple(inspect_column(c) for c in content.columns)
-    source = _source(file, shown, part.name, content, columns, [*part.texts, *inside])
+    texts = [*part.texts, *inside]
+    source = _source(file, shown, part.name, content, columns, texts, folders=folders)
     return replace(source, table=pulse_columns(shown, [inspect_column(c) for c in part.pulses]))
 
 
@@ -137,8 +158,10 @@ def _source(
     content: Content,
     columns: tuple[InspectedColumn, ...],
     inside: Sequence[str] = (),
+    *,
+    folders: Sequence[str],
 ) -> Source:
-    labels = labels_of(str(file.resolve()), part, inside)
+    labels = labels_of(file.name, part, inside, folders)
     names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
     names = Words(names.found, names.joint, labels.side)
     every, group = _groups(columns, content.clocks, names)
@@ -164,6 +187,7 @@ def _source(
         pulses=find_pulses(sound, source.clock),
         angle_direction=direction,
         side=_side(content, guessed_side(source.in_group, names, joint)),
+        inverted=inverted_channels(sound, source.clock),
     )
 
 

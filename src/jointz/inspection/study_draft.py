@@ -38,6 +38,8 @@ class RecordingDraft:
     session_why: str = ""  # "" if the name says it
     perturbations: str = ""  # pulse table
     says_perturbed: bool = False  # by its name
+    participant_known: bool = True
+    lacks: tuple[str, ...] = ()  # channels of the study that the file does not have
     mass_kg: float | None = None  # of the participant, where the file states it
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
     files: FilesSpec | None = None  # layout, where it is another than the study's
@@ -59,10 +61,11 @@ class Proposal:
     command: Guess = Guess("")  # direction of the command, where it is the opposite
     angle_sign_open: bool = False
     acts_on_open: bool = False
-    is_contact_inverted: bool = False
+    inverted: frozenset[str] = frozenset()  # channels
     # meaning -> column and unit of the pulse tables; empty if their names say it
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     in_samples: bool = False  # whether pulse tables count samples
+    is_onset_unit_open: bool = False
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
     files: FilesSpec | None = None  # layout of a text file; None for other formats
@@ -164,11 +167,11 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         lines.append(_line("kind", Guess("voltage" if volts else "contact", why)))
     if assignment.unit:
         lines.append(_line("unit", Guess(assignment.unit, assignment.unit_why)))
-    if name == "contact" and proposal.is_contact_inverted:
+    if name in proposal.inverted and name == "contact":
         lines.append(
             "invert = true  # guess: the knee is bent where it rises: it is low on the ground"
         )
-    if name == "ground_reaction_force" and _is_downward(inspected):
+    if name in proposal.inverted and name == "ground_reaction_force":
         lines.append("invert = true  # guess: it is negative where the foot is loaded")
     directions = {
         "angle": proposal.angle,
@@ -196,11 +199,6 @@ def _turned(proposal: Proposal) -> Guess:
     reach = "" if low is None or high is None else f", {low:.4g} to {high:.4g} {assignment.unit},"
     why = f"usually off; is the angle{reach} positive in this direction?"
     return Guess(OPPOSITE_DIRECTION[proposal.positive.value], why)
-
-
-def _is_downward(inspected: InspectedColumn) -> bool:
-    low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
-    return -low > abs(high)
 
 
 def _missing(proposal: Proposal) -> list[str]:
@@ -267,7 +265,8 @@ def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
     if recording.changes:
         lines.append(f"channels = {_inline(recording.changes)}")
     if recording.files is not None:
-        lines.append(f"files = {_inline(recording.files.model_dump(exclude_none=True))}")
+        own = recording.files.model_dump(exclude_none=True)
+        lines.append(f"files = {_inline({'encoding': 'utf-8', **own})}")
     needs = recording.condition.value == "perturbed" or "condition" in proposal.assigned
     if recording.perturbations:
         lines.append(f"perturbations = {written_text(recording.perturbations)}")

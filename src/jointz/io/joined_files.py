@@ -10,7 +10,13 @@ from jointz.core.errors import DataError
 from jointz.core.study import JoinedSpec, RecordingSpec, Study
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import read_table
-from jointz.io.study_files import OVER_MASS, channel_unit, mass_of, named_as_written
+from jointz.io.study_files import (
+    OVER_MASS,
+    channel_unit,
+    check_scaled,
+    mass_of,
+    named_as_written,
+)
 
 #: Nothing is filled over a hole of more than this many of a file's own sample periods.
 _HOLE_PERIODS = 1.5
@@ -113,9 +119,11 @@ def _in_si(
     for name, channel in joined.channels.items():
         stated = channel.unit
         if stated is None:
-            scaled = channel.scale is not None  # the file's unit is that before the scale
-            own_unit = CHANNEL_UNITS.get(name, ("1",))[0]
-            stated = own_unit if scaled else table.units.get(str(channel.column), "")
+            stated = table.units.get(str(channel.column), "")
+            if stated:
+                check_scaled(joined.file, name, channel, stated)
+            elif channel.scale is not None:
+                stated = CHANNEL_UNITS.get(name, ("1",))[0]
         si_unit, factor, offset = channel_unit(name, stated)
         if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
             mass_kg = mass_of(study.spec, entry, name)

@@ -17,7 +17,13 @@ from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
 from jointz.io.formats.registry import TEXT_SUFFIXES, list_columns, read_table
 from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.column_names import known_unit_in_name
-from jointz.io.text.delimited import MISSING_TEXT, is_number, not_decoded, stated_encoding
+from jointz.io.text.delimited import (
+    MISSING_TEXT,
+    is_number,
+    likely_encoding,
+    not_decoded,
+    stated_encoding,
+)
 from jointz.io.text.text_layout import DELIMITERS
 
 SAMPLE = "sample"
@@ -31,6 +37,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 _NUMBERS = {"onset": "s", "duration": "s", "amplitude": "N*m"}
 _UNIT_OF_END = {"_s": "s", "_ms": "ms", "_sample": SAMPLE, "_samples": SAMPLE, "_nm": "N*m"}
 _MOST_LINES_ABOVE = 50
+_THOUSANDS, _FEWEST_THOUSANDS = re.compile(r"\d{1,3}[.,]\d{3}"), 3
 
 #: Times of the samples of a recording, s.
 Times = Callable[[], np.ndarray]
@@ -72,16 +79,19 @@ def _read(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
     columns = _find(path, names, spec, entry)
     numeric = [c.column for name, c in columns.items() if name in _NUMBERS]
     labels = [c.column for name, c in columns.items() if name not in _NUMBERS]
-    table = read_table(path, numeric=numeric, labels=labels, files=spec.files, as_written=True)
+    table = read_table(path, numeric=numeric, labels=labels, files=spec.files)
     cells = {name: table.columns[str(c.column)] for name, c in columns.items()}
     frame = pd.DataFrame(cells)
     frame.index += table.first_row
-    return _Table(path, frame[frame["onset"].notna()], columns)
+    return _Table(path, frame[frame.notna().any(axis=1)], columns)
 
 
 def _read_text(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
+    if path.name.lower().endswith(".gz"):
+        raise file_error(path, "a pulse table must not be compressed. Unpack it.")
     try:
-        text = path.read_bytes().decode(stated_encoding(path, spec.files.encoding))
+        encoding = spec.files.encoding or likely_encoding(path)
+        text = path.read_bytes().decode(stated_encoding(path, encoding))
     except UnicodeDecodeError as exc:
         raise not_decoded(path, exc) from exc
     except OSError as exc:
@@ -137,7 +147,7 @@ def _wanted(spec: StudySpec, entry: RecordingSpec) -> dict[str, tuple[str, ...]]
     """Return the names that a column of each meaning may have."""
     wanted = dict(NAMES)
     for meaning, column in (spec.perturbations.columns or {}).items():
-        wanted[meaning] = (str(column.column).replace(PART, str(entry.part)),)
+        wanted[meaning] = (column.column.replace(PART, entry.part or PART),)
     return wanted
 
 
@@ -146,7 +156,8 @@ def _find(
 ) -> dict[str, PulseColumn]:
     """Find the column of each meaning; a struct or a sheet may stand before a usual name."""
     stated = {str(name): c for name, c in (spec.perturbations.columns or {}).items()}
-    last = {re.split(r"[./]", name)[-1]: name for name in names}
+    ends = [re.split(r"[./]", name)[-1] for name in names]
+    last = {end: name for end, name in zip(ends, names, strict=True) if ends.count(end) == 1}
     found: dict[str, PulseColumn] = {}
     for meaning, wanted in _wanted(spec, entry).items():
         known = dict.fromkeys(names, "") if meaning in stated else {**last, **{n: n for n in names}}
@@ -182,21 +193,29 @@ def _unit_in(name: str) -> str | None:
 def _own_rows(table: _Table, spec: StudySpec, entry: RecordingSpec) -> _Table:
     """Return the rows of one recording, where columns say which recording a row belongs to."""
     sharing = [r for r in spec.recordings if r.perturbations == entry.perturbations]
-    own = _rows_of(table, entry)
-    if own.all():
-        return table
-    of_any = np.any([_rows_of(table, r) for r in sharing], axis=0)
-    people = {p.id for p in spec.participants}
-    if "participant" in table.cells:  # rows of people whom the study leaves out
-        of_any |= ~table.cells["participant"].isin(people).to_numpy()
-    if not own.any():
+    own = _rows_of(table, spec, entry)
+    if not own.any() and len(own):
         known = {m: sorted(set(table.cells[m])) for m in _keys(table, entry)}
         raise file_error(
             table.path,
-            f"no row belongs to {entry.file} (participant '{entry.participant}'); found "
+            f"no row belongs to {entry.label} (participant '{entry.participant}'); found "
             + "; ".join(f"{name}: {', '.join(values)}" for name, values in known.items())
             + ". Correct the table or the recording.",
         )
+    for name in ("session", "side"):
+        if name in table.cells and getattr(entry, name) is None:
+            values = sorted(set(table.cells[name][own]))
+            if len(values) > 1:
+                raise file_error(
+                    table.path,
+                    f"has rows of {name} {', '.join(values)}, and {entry.label} does not say which "
+                    f"is its own. Give {name} of the recording.",
+                    channel=str(table.columns[name].column),
+                )
+    of_any = np.any([_rows_of(table, spec, r) for r in sharing], axis=0)
+    if "participant" in table.cells:  # rows of people whom the study leaves out
+        people = {p.id for p in spec.participants}
+        of_any |= ~table.cells["participant"].isin(people).to_numpy()
     if not of_any.all():
         row = int(table.cells.index[~of_any][0])
         message = "belongs to no recording of the study. Correct the row or remove it."
@@ -211,11 +230,20 @@ def _keys(table: _Table, entry: RecordingSpec) -> Iterator[str]:
     yield from (name for name, used in stated.items() if used and name in table.cells)
 
 
-def _rows_of(table: _Table, entry: RecordingSpec) -> np.ndarray:
-    rows = np.ones(len(table.cells), dtype=bool)
+def _names_of(entry: RecordingSpec) -> set[str]:
+    """Return what a table may call a recording; of a file with parts, the part."""
+    if entry.part is not None:
+        return {entry.label, entry.part}
     base = entry.file.rpartition("/")[2]
+    return {entry.file, base, base.removesuffix(".gz").rpartition(".")[0] or base}
+
+
+def _rows_of(table: _Table, spec: StudySpec, entry: RecordingSpec) -> np.ndarray:
+    rows = np.ones(len(table.cells), dtype=bool)
+    others = [_names_of(r) for r in spec.recordings if r.label != entry.label]
+    own = {name for name in _names_of(entry) if not any(name in names for names in others)}
     meant = {
-        "recording": {entry.file, base, base.split(".")[0]},
+        "recording": own,
         "participant": {entry.participant},
         "session": {entry.session or ""},
         "side": {entry.side or "", (entry.side or "")[:1]},
@@ -245,6 +273,9 @@ def _parsed(table: _Table, name: str) -> np.ndarray:
     """Return numbers with points or with commas, but not with both; only an onset must be there."""
     cells, column = table.cells[name], str(table.columns[name].column)
     if cells.dtype.kind == "f":
+        if name == "onset" and cells.isna().any():
+            row = int(cells.index[cells.isna()][0])
+            raise file_error(table.path, "an onset is empty. Correct it.", row=row, channel=column)
         return cells.to_numpy(dtype=float)
     filled = ~cells.isin(MISSING_TEXT).to_numpy()
     written = "".join(cells[filled])
@@ -252,6 +283,12 @@ def _parsed(table: _Table, name: str) -> np.ndarray:
     good = np.array([is_number(cell, decimal) for cell in cells], dtype=bool) | ~filled
     points = cells.str.replace(",", ".") if decimal == "," else cells
     values = pd.to_numeric(points.where(good & filled, "nan"), errors="coerce").to_numpy(float)
+    unit = table.columns[name].unit
+    unclear = unit in ("ms", SAMPLE) and filled.sum() >= _FEWEST_THOUSANDS
+    if unclear and all(_THOUSANDS.fullmatch(cell) for cell in cells[filled]):
+        message = f"'{cells[filled].iloc[0]}' may be thousands, or have three decimals."
+        todo = "Write it without a sign for thousands."
+        raise file_error(table.path, f"{message} {todo}", channel=column)
     bad = ~good | (np.abs(values) > LARGEST_SAMPLE) | (~filled & (name == "onset"))
     if bad.any():
         row = int(cells.index[bad][0])

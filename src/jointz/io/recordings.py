@@ -31,6 +31,7 @@ from jointz.io.study_files import (
     OVER_MASS,
     Unit,
     channel_unit,
+    check_scaled,
     mass_of,
     named_as_written,
     needed_channels,
@@ -199,7 +200,10 @@ def _in_si(
     channel = spec.channels[name]
     column = str(channel.column)
     si_unit, factor, offset = study.units[name]
-    stated = _unit_of_file(table, column) if channel.scale is None else ""
+    stated = _unit_of_file(table, column)
+    if stated and channel.scale is not None:
+        check_scaled(entry.file, name, channel, stated)
+        stated = ""
     if stated and name != "contact":
         si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
     values = np.asarray(table.columns[column], dtype=float)

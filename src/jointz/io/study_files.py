@@ -112,6 +112,16 @@ def _in_part(channel: ChannelSpec, part: str | None) -> ChannelSpec:
     return channel.model_copy(update={"column": channel.column.replace(PART, part)})
 
 
+def check_scaled(file: str, name: str, channel: ChannelSpec, stated: str) -> None:
+    """Refuse a scale without a unit where the file states one: that may be before or after it."""
+    if channel.scale is not None and channel.unit is None:
+        raise UnitError(
+            f"{file}, channel '{name}': the file says {stated!r}, and the channel has a scale. "
+            "Give unit: that of the numbers times scale.",
+            channel=name,
+        )
+
+
 def mass_of(spec: StudySpec, entry: RecordingSpec, name: str) -> float:
     """Return the mass (kg) by which a channel per body mass is multiplied."""
     mass_kg = spec.participant(entry.participant).mass_kg

@@ -200,7 +200,10 @@ def _group_edges(
         return (), []
     unit = group.get("unit")
     try:
-        factor, offset = conversion(str(unit), units[channel][0]) if unit else (1.0, 0.0)
+        si_unit = units[channel][0]
+        if channel in CHANNEL_UNITS:  # what is per body mass is multiplied by it
+            si_unit = si_unit.removesuffix(OVER_MASS)
+        factor, offset = conversion(str(unit), si_unit) if unit else (1.0, 0.0)
     except UnitError as exc:
         return (), [f"perturbations.group.unit: {exc}"]
     return tuple(factor * e + offset for e in edges if isinstance(e, (int, float))), []

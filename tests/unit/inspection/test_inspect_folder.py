@@ -8,6 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from jointz.core.errors import DataError
+from jointz.inspection.file_labels import labels_of
 from jointz.inspection.inspect_file import inspect_file
 from jointz.inspection.names import words_of
 from jointz.io.study_reader import open_study
@@ -210,3 +211,62 @@ def test_a_torque_in_counts_is_asked_for(tmp_path):
 )
 def test_words_of_six_languages_are_known(name, word):
     assert word in words_of(name).found
+
+
+@pytest.mark.parametrize(
+    ("file", "participant", "session"),
+    [
+        ("P01/day1/walk.csv", "P01", "day1"),
+        ("S01/APC1.csv", "S01", ""),
+        ("S01/pert1.csv", "S01", ""),
+        ("S1_P01.csv", "P01", ""),
+        ("data1.csv", "", ""),
+        ("Left1.csv", "", ""),
+        ("VP03_Sitzung 2.csv", "VP03", "Sitzung 2"),
+        ("Sujeto 4 perturbado.csv", "Sujeto4", ""),
+    ],
+)
+def test_people_are_no_conditions_legs_or_days(file, participant, session):
+    *folders, name = file.split("/")
+    labels = labels_of(name, folders=folders[::-1])
+
+    assert (labels.participant, labels.session) == (participant, session)
+
+
+@pytest.mark.parametrize(
+    ("name", "condition"),
+    [
+        *(("S01_non_perturbato", "unperturbed"), ("S01_ungestoert", "unperturbed")),
+        *(("S01_sans perturbation", "unperturbed"), ("VP1_Störung", "perturbed")),
+        *(("walk_1", ""), ("S02_EWP", "perturbed"), ("S02_marche libre", "unperturbed")),
+    ],
+)
+def test_conditions_stand_in_names(name, condition):
+    assert labels_of(f"{name}.csv").condition == condition
+
+
+def test_each_trial_has_the_table_of_its_own_name(tmp_path):
+    for trial in (1, 2):
+        names = ["time_s", "knee_deg", "torque_Nm", "heel"]
+        write(tmp_path / f"S01_trial{trial}.csv", walk(), names)
+        table = pd.DataFrame({"onset_s": ONSETS_S[trial:]})
+        table.to_csv(tmp_path / f"S01_trial{trial}_pulses.csv", index=False)
+
+    found = inspect_file(tmp_path)
+
+    assert [r.perturbations for r in found.recordings] == [
+        "S01_trial1_pulses.csv",
+        "S01_trial2_pulses.csv",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("straight", "direction"), [(0.0, "flexion"), (180.0, "extension"), (150.0, "extension")]
+)
+def test_a_bent_knee_is_told_from_an_included_angle(tmp_path, straight, direction):
+    frame = walk(straight=straight)
+    write(tmp_path / "S01.csv", frame, ["time_s", "knee_deg", "torque_Nm", "heel"])
+
+    text = inspect_file(tmp_path / "S01.csv").toml
+
+    assert ('positive = "extension"  # guess' in text) == (direction == "extension")

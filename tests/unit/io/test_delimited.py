@@ -77,6 +77,14 @@ def test_a_text_is_read_in_its_encoding(tmp_path, written, stated, name):
     )
 
 
+@pytest.mark.parametrize("n_bytes", range(8186, 8200))
+def test_recoding_keeps_its_place_whatever_the_length_of_the_head(tmp_path, n_bytes):
+    head = "°" * (n_bytes - 4) + "\na;b\n"
+    path = write(tmp_path, (head + "1;2\n3;4\n").encode("cp1252"))
+    table = read(path, "a", delimiter=";", skip_rows=1, encoding="cp1252")
+    np.testing.assert_array_equal(table.columns["a"], [1.0, 3.0])
+
+
 def test_an_encoding_that_nobody_knows_is_refused():
     for name in ("cp1253x", "rot13"):
         with pytest.raises(ValidationError, match="expected an encoding such as utf-8, cp1252"):

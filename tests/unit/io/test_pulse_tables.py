@@ -142,3 +142,40 @@ def test_problems_of_study_tables_and_recordings_come_in_one_round(study):
     assert [any(word in p for p in problems) for word in ("early", "weak", "missing.csv")] == [
         True
     ] * 3
+
+
+def test_a_column_by_number_is_refused(study):
+    study.edit(TABLE, f"{TABLE}columns = {{ onset = 1 }}\n")
+
+    assert study.sole_problem().startswith("perturbations.columns.onset")
+
+
+def test_rows_of_several_sessions_need_the_session_of_the_recording(study):
+    content = "participant,session,onset_s\nS01,1,0.021\nS01,2,0.03\n"
+    (study.root / "S01_pulses.csv").write_text(content)
+
+    assert "has rows of session 1, 2, and S01_ewp.csv does not say" in study.sole_problem()
+    for file, session in (("S01_enp.csv", "1"), ("S01_ewp.csv", "2")):
+        study.edit(f'file = "{file}"', f'file = "{file}"\nsession = "{session}"')
+    enp = 'file = "S01_enp.csv"'
+    study.edit(enp, f'{enp}\nperturbations = "S01_pulses.csv"')
+    opened = study.open()
+    assert read_pulse_table(opened, opened.spec.recordings[1])["onset_s"].tolist() == [0.03]
+
+
+def test_what_may_be_thousands_is_refused(study):
+    content = 'onset_ms\n"1,250"\n"12,500"\n"25,125"\n'
+
+    with pytest.raises(DataError, match="may be thousands, or have three decimals"):
+        read(study, content)
+
+
+def test_sheets_of_people_need_the_name_of_the_sheet(study, tmp_path):
+    pytest.importorskip("openpyxl")
+    groups = tuple(
+        SignalGroup(name, (Signal("onset_s", np.array([0.01, 0.02])),)) for name in ("S01", "S02")
+    )
+    write_acquisition(Acquisition(groups), tmp_path / "pulses.xlsx", lossy=True)
+    study.edit('"S01_pulses.csv"', '"pulses.xlsx"')
+
+    assert "has no column for onset" in study.sole_problem()

@@ -28,6 +28,9 @@ def test_a_scaled_column_may_state_the_unit_of_the_sensor(study):
     torque = study.read()[0]["torque"]
 
     np.testing.assert_allclose(torque, 50.0 * samples()["torque_nm"])
+    study.edit('scale = 50.0\nunit = "N*m"', "scale = 50.0")
+    with pytest.raises(DataError, match="Give unit: that of the numbers times scale"):
+        study.read()
 
 
 def test_a_switch_that_is_low_on_the_ground_is_inverted(study):

@@ -454,6 +454,7 @@ class _Recoded(io.RawIOBase):
     def __init__(self, stream: IO[bytes], encoding: str) -> None:
         # A text of an old Mac ends its lines by a sign of its own.
         self._text = io.TextIOWrapper(stream, encoding=encoding, newline=None)
+        self._rest = b""
 
     def close(self) -> None:
         self._text.close()
@@ -463,7 +464,8 @@ class _Recoded(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        block = self._text.read(len(buffer) // 4).encode()  # a letter takes four bytes or less
+        self._rest = self._rest or self._text.read(_BLOCK_BYTES).encode()
+        block, self._rest = self._rest[: len(buffer)], self._rest[len(buffer) :]
         buffer[: len(block)] = block
         return len(block)
 

@@ -68,10 +68,14 @@ _SECONDS = {"s": 1.0, "sec": 1.0, "": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
 #: Headings of an export of motion capture, each with a rate in the line below.
 _SECTIONS = ("devices", "trajectories", "model outputs", "joints", "segments")
 _MASS = re.compile(
-    r"(?:mass|masse|gewicht|korpergewicht|poids|peso|massa|weight)\W*(\d+(?:[.,]\d+)?)\s*kg"
+    r"\W*(?:(?:body|subject\w*|participant\w*|patient\w*|proband\w*)\W*)?"
+    r"(?:mass|masse|gewicht|korpergewicht|korpermasse|poids|peso|massa|weight)"
+    r"(?:\W*(?:corporel\w*|corporal|corporea|del? \w+|du \w+))?\W*(\d+(?:[.,]\d+)?)\s*kg\W*"
 )
+_LIGHTEST_KG, _HEAVIEST_KG = 20.0, 250.0
 _PARTS = re.compile(r"[;\t|]|,\s")
 _THOUSANDS = re.compile(r"\d{1,3}[.,]000")
+_FASTEST_HZ = 1e5
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
@@ -132,10 +136,13 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
         )
     layout = _layout(best, known)
     above = lines[: skipped + (best.start or 0)]
-    masses = [m for line in above if (m := _MASS.search(_plain(line)))]
-    mass_kg = float(masses[0][1].replace(",", ".")) if len(masses) == 1 else None
-    layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
     said = [part for line in above for part in (line, *_PARTS.split(line))]
+    masses = [m for part in set(said) if (m := _MASS.fullmatch(_plain(part)))]
+    found = {float(m[1].replace(",", ".")) for m in masses}
+    mass_kg = found.pop() if len(found) == 1 else None
+    if mass_kg is not None and not _LIGHTEST_KG <= mass_kg <= _HEAVIEST_KG:
+        mass_kg = None
+    layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
     rates = {rate for part in said if (rate := _stated_rate(part))}
     rates |= {float(b) for a, b in pairwise(above) if _plain(a) in _SECTIONS and is_number(b)}
     other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
@@ -158,7 +165,8 @@ def _stated_rate(line: str) -> float | None:
     if interval := _INTERVAL.fullmatch(plain):
         number = float((interval["named"] or interval["number"]).replace(",", "."))
         unit = interval["before"] or interval["after"] or interval["unit"] or ""
-        return float(f"{1.0 / (number * _SECONDS[unit]):.9g}") if number else None
+        hz = float(f"{1.0 / (number * _SECONDS[unit]):.9g}") if number else 0.0
+        return hz if _SLOWEST_HZ <= hz <= _FASTEST_HZ else None  # else a duration
     return next(iter(_frequencies(plain)), None) if _RATE.fullmatch(plain) else None
 
 
