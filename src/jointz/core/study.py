@@ -123,6 +123,7 @@ class FilesSpec(_Model):
     decimal: Literal[".", ","] = "."
     skip_rows: int = Field(default=0, ge=0)
     header: bool = True
+    missing: tuple[str, ...] = Field(default=(), strict=False)
 
 
 class ChannelChange(_Model):

@@ -151,7 +151,7 @@ class _Rule:
 _AXES = word_set("posx posy posz x y z com cop")
 _TORQUES = word_set("torque moment tau trq")
 _ANGLES = word_set("angle ang position pos theta goniometer gonio encoder enc flexion extension q")
-_COMMANDED = word_set("command cmd commanded desired setpoint target demand")
+_COMMANDED = word_set("command cmd commanded desired des setpoint target demand")
 _MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
 _RATES = word_set("velocity vel speed rate omega acceleration acc accel")
 _GYROSCOPE = word_set("gyro gyroscope gyr angularvelocity velocity vel rate omega")

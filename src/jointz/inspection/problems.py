@@ -35,6 +35,8 @@ _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
 _MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
+#: Numbers that programs write for a missing sample.
+_STAND_INS = (-99999.0, -9999.0, -999.0, 999.0, 9999.0, 99999.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,9 +304,26 @@ def bad_channels(assigned: Assignments, overflow: Mapping[str, str]) -> list[str
         if channel in ("torque", "angle", "current", "time")
     ]
     found += [
+        f"column '{inspected.title}': {value:g} stands {n} times, far from all other numbers. If "
+        f'it means a missing sample, give [files] missing = ["{value:g}"].'
+        for inspected, _ in assigned.values()
+        for value, n in _stand_ins(inspected)
+    ]
+    found += [
         inspected.column.stray for inspected, _ in assigned.values() if inspected.column.stray
     ]
     return found
+
+
+def _stand_ins(inspected: InspectedColumn) -> list[tuple[float, int]]:
+    """Return numbers such as 9999 that stand for missing samples, and how often."""
+    values = inspected.column.values
+    if inspected.column.is_text or inspected.course.low is None:
+        return []
+    seen = {value: int((values == value).sum()) for value in _STAND_INS}
+    others = values[np.isfinite(values) & ~np.isin(values, _STAND_INS)]
+    largest = float(np.abs(others).max()) if others.size else 0.0
+    return [(v, n) for v, n in seen.items() if 0 < n < others.size and abs(v) > 3.0 * largest]
 
 
 def clock_obstacles(assigned: Assignments, clock: SeenClock) -> list[str]:

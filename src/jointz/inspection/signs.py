@@ -10,7 +10,7 @@ _BENT_DEG, _STRETCHED_DEG = 35.0, 25.0  # a walking knee bends beyond, and stret
 _MOST_BENT_DEG = 110.0
 #: Largest of an angle that is 180 where the knee is straight.
 _STRAIGHT_FROM_DEG, _STRAIGHT_TO_DEG = 130.0, 210.0
-_FIT_S, _DELAY_S = 0.06, 0.01
+_SPANS_S = ((-0.045, 0.0), (0.005, 0.05))  # before an onset, and after it
 _FEWEST_PULSES, _FEWEST_SAMPLES = 5, 4
 _SURE = 0.997
 _CLEAR_OF_PULSES_S = 0.4
@@ -43,41 +43,44 @@ def angle_direction(assigned: Assignments) -> tuple[str, bool, str]:
 def torque_side(
     time_s: np.ndarray, angle: np.ndarray, torque: np.ndarray, onsets_s: np.ndarray
 ) -> float:
-    """Return how clearly pulses of torque accelerate the joint in their own direction.
+    """Return how clearly pulses of torque move the joint in their own direction.
 
-    It is the mean change of acceleration along the change of torque, less that of the strides
-    before and after, over the half-width of its interval: the torque acts on the joint above 1, on
-    the device below -1.
+    It is the mean change of acceleration along that of torque, less that in the strides before and
+    after, over the half-width of its interval: the torque acts on the joint above 1, on the device
+    below -1.
     """
     stride_s = _stride_s(time_s, angle)
     turned = []
     for onset_s in onsets_s:
-        jump, change = _jumps(time_s, angle, torque, onset_s)
-        near = [onset_s - stride_s, onset_s + stride_s]
+        moved = _change(time_s, angle, onset_s, of_bend=True)
+        near = [onset_s - stride_s, onset_s + stride_s] if stride_s else []
         alone = [t for t in near if np.abs(onsets_s - t).min() > _CLEAR_OF_PULSES_S]
-        beside = [_jumps(time_s, angle, torque, t)[0] for t in alone] if stride_s else [0.0]
+        beside = [_change(time_s, angle, t, of_bend=True) for t in alone] if stride_s else [0.0]
         beside = [one for one in beside if np.isfinite(one)]
-        if np.isfinite(jump) and beside:
-            turned.append((jump - np.mean(beside)) * np.sign(change))
+        if np.isfinite(moved) and beside:
+            pushed = _change(time_s, torque, onset_s)
+            turned.append((moved - np.mean(beside)) * np.sign(pushed))
+    turned = [one for one in turned if np.isfinite(one)]
     if len(turned) < _FEWEST_PULSES:
         return 0.0
     error = float(np.std(turned, ddof=1) / np.sqrt(len(turned))) or 1.0
     return float(np.mean(turned)) / error / float(stdtrit(len(turned) - 1, _SURE))
 
 
-def _jumps(
-    time_s: np.ndarray, angle: np.ndarray, torque: np.ndarray, onset_s: float
-) -> tuple[float, float]:
-    """Return the change of acceleration and of torque at an onset, NaN where samples miss."""
-    edges = np.searchsorted(
-        time_s, [onset_s - _FIT_S, onset_s, onset_s + _DELAY_S, onset_s + _DELAY_S + _FIT_S]
-    )
-    before, after = slice(*edges[:2]), slice(*edges[2:])
-    parts = [angle[after], angle[before]]
-    if min(part.size for part in parts) < _FEWEST_SAMPLES or np.isnan(np.concatenate(parts)).any():
-        return np.nan, np.nan
-    bends = [np.polyfit(time_s[part] - onset_s, angle[part], 2)[0] for part in (after, before)]
-    return bends[0] - bends[1], float(np.nanmean(torque[after]) - np.nanmean(torque[before]))
+def _change(
+    time_s: np.ndarray, values: np.ndarray, onset_s: float, *, of_bend: bool = False
+) -> float:
+    """Return the change of a signal at an onset, or of its bend; NaN where samples are missing."""
+    found = []
+    for span in _SPANS_S:
+        first, last = np.searchsorted(time_s, onset_s + np.array(span))
+        part = values[first:last]
+        if part.size < _FEWEST_SAMPLES or np.isnan(part).any():
+            return np.nan
+        found.append(
+            np.polyfit(time_s[first:last] - onset_s, part, 2)[0] if of_bend else part.mean()
+        )
+    return float(found[1] - found[0])
 
 
 def _stride_s(time_s: np.ndarray, angle: np.ndarray) -> float:

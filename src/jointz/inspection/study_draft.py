@@ -125,6 +125,8 @@ def _inline(content: Mapping[str, Any]) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return _inline(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, bool):
         return str(value).lower()
     return written_text(value) if isinstance(value, str) else repr(value)

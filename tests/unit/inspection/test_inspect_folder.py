@@ -270,3 +270,13 @@ def test_a_bent_knee_is_told_from_an_included_angle(tmp_path, straight, directio
     text = inspect_file(tmp_path / "S01.csv").toml
 
     assert ('positive = "extension"  # guess' in text) == (direction == "extension")
+
+
+def test_numbers_that_stand_for_missing_samples_are_told(tmp_path):
+    frame = walk()
+    frame.loc[100:120, "angle"] = 9999.0
+    write(tmp_path / "S01.csv", frame, ["time_s", "knee_deg", "torque_Nm", "heel"])
+
+    (reason,) = inspect_file(tmp_path / "S01.csv").obstacles
+
+    assert 'give [files] missing = ["9999"]' in reason

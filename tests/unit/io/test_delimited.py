@@ -85,6 +85,13 @@ def test_recoding_keeps_its_place_whatever_the_length_of_the_head(tmp_path, n_by
     np.testing.assert_array_equal(table.columns["a"], [1.0, 3.0])
 
 
+def test_cells_that_a_study_calls_missing_are_missing(tmp_path):
+    path = write(tmp_path, "a,b\n1,9999\n-,4\n n/a,5\n")
+    table = read(path, "a", "b", missing=["9999", "-"])
+    np.testing.assert_array_equal(table.columns["a"], [1.0, np.nan, np.nan])
+    np.testing.assert_array_equal(table.columns["b"], [np.nan, 4.0, 5.0])
+
+
 def test_an_encoding_that_nobody_knows_is_refused():
     for name in ("cp1253x", "rot13"):
         with pytest.raises(ValidationError, match="expected an encoding such as utf-8, cp1252"):

@@ -54,8 +54,6 @@ _LONGEST_LINE_BYTES = 1 << 20
 _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is called cut
 #: Cells that stand for a sample that is missing.
 MISSING_TEXT = ("", "NA", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "#N/A", "#NV", "NULL", "null")
-#: The same as pandas is to take them: some programs write a blank after every number.
-_MISSING_CELLS = [*MISSING_TEXT, *(f"{word} " for word in MISSING_TEXT)]
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)
 _DIGITS = re.compile(r"[+-]?\d+(?:\.(?P<decimals>\d+))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _OTHER_DECIMAL = str.maketrans(".,", ",.")
@@ -75,6 +73,7 @@ class _Layout:
     names: tuple[str, ...]  # one for each column; numbers from 1 without a header
     named: bool  # whether the file has a header
     as_written: bool = False  # as in :class:`TableRequest`
+    missing: tuple[str, ...] = MISSING_TEXT  # cells that stand for a sample that is missing
 
     @property
     def first_row(self) -> int:
@@ -225,7 +224,8 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     head = tuple(lines[:-1])
     bom = len(_BOM) if n_head == 0 and lines[0].startswith(_BOM) else 0
     signs = (encoding, delimiter, files.decimal)
-    return _Layout(path, *signs, head, start_byte + bom, tuple(map(str, names)), files.header)
+    layout = _Layout(path, *signs, head, start_byte + bom, tuple(map(str, names)), files.header)
+    return replace(layout, missing=(*MISSING_TEXT, *files.missing))
 
 
 def _first_cells(path: Path, line: str, delimiter: str, *, row: int) -> list[str]:
@@ -354,9 +354,11 @@ def _parse(
 ) -> tuple[pd.DataFrame | None, Exception | None]:
     """Parse with pandas; a failure is returned, to be explained row by row."""
     columns, n_columns = {*numeric, *labels}, len(layout.names)
-    missing: list[str] | dict[int, list[str]] = _MISSING_CELLS
+    # Some programs write a blank after every number.
+    cells = [*layout.missing, *(f"{word} " for word in layout.missing)]
+    missing: list[str] | dict[int, list[str]] = cells
     if layout.as_written:
-        missing = dict.fromkeys(numeric, _MISSING_CELLS) | {k: [""] for k in labels}
+        missing = dict.fromkeys(numeric, cells) | {k: [""] for k in labels}
     options: dict[str, Any] = {
         "sep": layout.delimiter,
         "decimal": layout.decimal,
@@ -502,7 +504,7 @@ def _refuse_cut_number(layout: _Layout, scan: _Scan, n_rows: int) -> None:
     if scan.terminated or not scan.last_lines:
         return
     *before, last = (line.rpartition(layout.delimiter)[2].strip() for line in scan.last_lines)
-    if last in MISSING_TEXT[1:] or (layout.as_written and not last):
+    if last in layout.missing[1:] or (layout.as_written and not last):
         return
     customs = {_n_digits(cell, layout.decimal) for cell in before}
     custom = customs.pop() if len(customs) == 1 and len(before) >= _ROWS_FOR_A_CUSTOM else (0, 0)
@@ -574,7 +576,7 @@ def _wrong_width(layout: _Layout, row: int, found: int, *, is_last: bool) -> Dat
 def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
     swapped = cell.translate(_OTHER_DECIMAL)
     with_point, other = (cell, swapped) if layout.decimal == "." else (swapped, cell)
-    if cell.removesuffix(" ") in MISSING_TEXT or _NUMBER.fullmatch(with_point):
+    if cell.removesuffix(" ") in layout.missing or _NUMBER.fullmatch(with_point):
         return
     hint = "Correct the cell or leave it empty."
     if _NUMBER.fullmatch(other):

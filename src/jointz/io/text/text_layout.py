@@ -26,7 +26,6 @@ from jointz.io.text.delimited import (
 )
 
 _LINES = 400
-_COMMENTS = ("#", "%", "//", ";")
 _IN_A_ROW = 3  # rows of one shape that are called the table
 #: Signs between columns, in the order in which they are tried, and what they are called.
 DELIMITERS: Mapping[str, str] = {
@@ -318,7 +317,8 @@ def _numbered(candidate: _Candidate, above: tuple[str, ...], width: int) -> Text
     start = candidate.start or 0
     files = candidate.spec(start, header=False)
     names = _full_names(candidate.rows, start - 1)
-    names = names[1:] if len(names) == width + 1 and names[0] in _COMMENTS else names
+    if len(names) == width + 1:  # a label or a sign of comment in front, or a delimiter at the end
+        names = names[:-1] if not names[-1] else names[1:]
     if len(names) < width:
         names = _beside_numbers(candidate, names)
     why = f"row {start} names {len(above)} column(s), {width} stand under it"
