@@ -15,6 +15,7 @@ from jointz.io.text.column_names import unit_in_name
 
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _BRACKETS = re.compile(r"[\[(]([^\])=,;]*)[^\])]*[\])]\s*$")
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()=;]*)")
 _TAIL = re.compile(r"[_ ]([A-Za-z%°][A-Za-z0-9*/^°%.·]*)$")
 
 
@@ -99,9 +100,9 @@ def _inner_words(part: str) -> list[str]:
 
 def _unit_of(name: str) -> str:
     """Return the unit at the end of a name, in brackets or after a blank."""
-    bracketed = _BRACKETS.search(name)
-    if bracketed:
-        return readable_unit(bracketed[1])
+    if _BRACKETS.search(name):
+        inside = [text.split(",")[0] for text in _IN_BRACKETS.findall(name)]
+        return next(filter(None, map(readable_unit, reversed(inside))), "")
     tail = _TAIL.search(name.replace("_per_", "/").replace(" per ", "/"))
     if tail is None or tail[1].casefold() in _NO_UNIT_WORDS:
         camel = _WORD.findall(name)[-1:] or [""]
@@ -150,7 +151,8 @@ class _Rule:
 
 _AXES = word_set("posx posy posz x y z com cop")
 _TORQUES = word_set("torque moment tau trq")
-_ANGLES = word_set("angle ang position pos theta goniometer gonio encoder enc flexion extension q")
+_ANGLES = word_set("angle ang position pos theta goniometer gonio encoder enc q")
+_BENDS = word_set("flexion extension")  # a torque has such a direction, too
 _COMMANDED = word_set("command cmd commanded desired des setpoint target demand")
 _MOTOR = word_set("motor mot act actuator")  # codespell:ignore mot
 _RATES = word_set("velocity vel speed rate omega acceleration acc accel")
@@ -185,8 +187,8 @@ _RULES = (
     _Rule("torque", _TORQUES, _COMMANDED | _AXES | word_set("momx momy momz motor"), score=3),
     _Rule("velocity", word_set("velocity vel omega angularvelocity"),
           word_set("belt treadmill motor com walking gait") | _AXES),
-    _Rule("angle", _ANGLES, _TORQUES | _COMMANDED | _AXES | word_set("motor scheduling reference "
-          "ref velocity vel speed rate acceleration sd toe"), score=3),
+    _Rule("angle", _ANGLES | _BENDS, _TORQUES | _COMMANDED | _AXES | word_set(
+          "motor scheduling reference ref velocity vel speed rate acceleration sd toe"), score=3),
 )  # fmt: skip
 #: Words of columns that are no channel of the joint, whatever their unit.
 _NOT_JOINT = _MOTOR | word_set("scheduling reference ref sd std error")

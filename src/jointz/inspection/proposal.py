@@ -74,6 +74,7 @@ def proposal_of(
     signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
     levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
     recordings = [_draft(s, t, main, signs) for s, t in zip(sources, tables_of, strict=True)]
+    recordings = [_as_in_tables(recording, tables) for recording in recordings]
     return Proposal(
         recordings=tuple(_distinct(recordings)),
         assigned=assigned,
@@ -191,6 +192,15 @@ def _draft(
     )
 
 
+def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
+    """Return a recording whose participant is called as in the tables of pulses."""
+    person = recording.participant
+    for table in tables:
+        if (name := table.name_of(person.value)) != person.value:
+            person = Guess(name, f"as in {table.file}")
+    return replace(recording, participant=person)
+
+
 def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str, Any]]:
     """Return what a recording's channels have differently from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
@@ -208,6 +218,9 @@ def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str,
         known = bool(source.angle_direction and signs.angle_by_range)
         if name == "angle" and known and source.angle_direction != signs.angle.value:
             change["positive"] = source.angle_direction
+        named = inspected.words.direction
+        if name in ("torque", "command") and named and named != first.words.direction:
+            change["positive"] = named
         if (name in source.inverted) != (name in main.inverted):
             change["invert"] = name in source.inverted
         if change:
@@ -272,18 +285,23 @@ def _signs(
         if not angle.value and named:
             angle = Guess(named, "its name says it")
         angle_open = not angle.value and _sign_matters(main, walking=walking)
-    torque = Guess("")
-    if "torque" in assigned and (named := assigned["torque"][0].words.direction):
-        torque = Guess(named, "its name says it")
+    torque, command = (_named_direction(assigned, name) for name in ("torque", "command"))
     # What is positive in the other direction is turned when it is read.
-    turns = [g.value not in ("", positive) for g in (angle, torque)]
+    turns = [g.value not in ("", positive) for g in (angle, torque, command)]
     acts_on, acts_on_open = _acts_on(assigned, main, own, walking=walking, turns=turns)
+    acts_on_open = acts_on_open and not torque.value
     followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
-    command = Guess("")
-    if followed is not None and (followed > 0) != (acts_on.value == "joint") ^ turns[1]:
-        why = f"it opposes the torque on the joint (correlation {followed:.2f})"
-        command = Guess(OPPOSITE_DIRECTION[positive], why)
+    if not command.value and followed is not None:
+        follows = (followed > 0) != turns[1]
+        if follows != (acts_on.value == "joint"):
+            why = f"it opposes the torque on the joint (correlation {followed:.2f})"
+            command = Guess(OPPOSITE_DIRECTION[positive], why)
     return _Signs(angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command)
+
+
+def _named_direction(assigned: Assignments, name: str) -> Guess:
+    named = assigned[name][0].words.direction if name in assigned else ""
+    return Guess(named, "its name says it" if named else "")
 
 
 def _sign_matters(main: Source, *, walking: bool) -> bool:
@@ -310,7 +328,7 @@ def _acts_on(
         return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
     followed = command_correlation(assigned) if main.pulses.source == "command" else None
     if followed is not None:
-        follows = (followed > 0) != turns[1]
+        follows = (followed > 0) == (turns[1] == turns[2])
         acts_on, how = ("joint", "follows") if follows else ("device", "opposes")
         why = f"the torque {how} the command (correlation {followed:.2f})"
         # Where the angle is turned, the command may be meant in either direction.

@@ -1,5 +1,6 @@
 """Pulse tables among the files of a lab: what their columns mean."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -44,10 +45,19 @@ class PulseColumns:
         """Whether all columns have the names that need no line in a study."""
         return all(str(column.key) in NAMES[meaning] for meaning, column in self.columns.items())
 
+    def name_of(self, participant: str) -> str:
+        """Return what the table calls a person: the same name, or the same number."""
+        if "participant" not in self.columns:
+            return participant
+        names = {_label(v) for v in self.columns["participant"].column.values}
+        alike = [n for n in names if _number(n) == _number(participant) != ""]
+        return participant if participant in names or len(alike) != 1 else alike[0]
+
     def rows_of(self, participant: str, file: str) -> np.ndarray:
         """Return which rows belong to a recording, as far as columns say it."""
         base = file.rpartition("/")[2]
-        meant = {"participant": {participant}, "recording": {file, base, base.split(".")[0]}}
+        names = {self.name_of(participant)}
+        meant = {"participant": names, "recording": {file, base, base.split(".")[0]}}
         rows = np.isfinite(self.columns["onset"].column.values)
         for meaning, names in meant.items():
             if meaning in self.columns:
@@ -84,6 +94,10 @@ def _fits(meaning: str, inspected: InspectedColumn) -> bool:
     if meaning not in _NUMBERS:
         return True
     return not inspected.column.is_text and inspected.course.low is not None
+
+
+def _number(name: str) -> str:
+    return re.sub(r"\D", "", name).lstrip("0")
 
 
 def _label(value: Any) -> str:

@@ -191,6 +191,12 @@ def _signs(proposal: Proposal) -> Iterator[Question]:
             (Answer("joint", "a positive torque pushes towards the positive angle; the default"),
              Answer("device", "a sensor that measures what the leg does, or inverse dynamics")),
         )  # fmt: skip
+        if "command" in proposal.assigned and proposal.angle.value not in ("", positive):
+            yield Question(
+                "channels.command.positive",
+                "The angle grows in the opposite direction. In which does the command?",
+                (Answer(positive, ""), Answer(OPPOSITE_DIRECTION[positive], "as the angle")),
+            )
 
 
 def _people(proposal: Proposal) -> Iterator[Question]:

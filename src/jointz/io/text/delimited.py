@@ -538,7 +538,8 @@ def _checked_rows(layout: _Layout, numeric: list[int]) -> tuple[int, int]:
             n_blank += 1
             continue
         if n_blank and expected > 1:
-            raise layout.error("the row is empty. Remove it.", row=row - n_blank)
+            todo = "A file holds one table: remove the row, or what follows if it is another table."
+            raise layout.error(f"the row is empty. {todo}", row=row - n_blank)
         n_rows, n_blank = n_rows + n_blank + 1, 0
         if len(cells) != expected:
             raise _wrong_width(layout, row, len(cells), is_last=next(records, None) is None)
