@@ -127,7 +127,7 @@ class FilesSpec(_Model):
 
 
 class ChannelChange(_Model):
-    """What is different about a channel in one recording.
+    """Keys of a channel that differ in one recording.
 
     ``unit`` is that of the file's numbers times ``scale``.
     """
@@ -148,7 +148,7 @@ class ChannelSpec(ChannelChange):
 
     @property
     def factor(self) -> float:
-        """What the file's numbers are multiplied by before their unit is converted."""
+        """Factor of the file's numbers before their unit is converted: scale and sign."""
         return (-1.0 if self.invert else 1.0) * (1.0 if self.scale is None else self.scale)
 
 

@@ -35,7 +35,7 @@ _COUNTED = word_set(
 
 @dataclass(frozen=True, slots=True)
 class FileLabels:
-    """What a name says of a recording; "" where it says nothing."""
+    """Labels of a recording in the name of its file; "" for none."""
 
     participant: str = ""
     session: str = ""
@@ -78,7 +78,7 @@ def _person(text: str) -> str:
 
 
 def _has_a_meaning(word: str) -> bool:
-    """Whether a word before a number says something else than a person."""
+    """Return whether a word before a number is a joint, a side, a condition or a counter."""
     words = words_of(word)
     return bool(words.joint or words.side or _condition(word) or words.found & _COUNTED)
 

@@ -126,7 +126,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What the files do not say and a person must."""
+    """Question about a proposed study, with its possible answers."""
 
     about: str  # key of the study file
     text: str

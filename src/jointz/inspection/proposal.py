@@ -129,12 +129,12 @@ def _tables_of(
 
 
 def may_have_pulses(source: Source) -> bool:
-    """Whether the file's own name does not say that nothing perturbs."""
+    """Return whether the name of the file allows for pulses."""
     return source.labels.condition not in ("unperturbed", "no_device")
 
 
 def _may_be_of(table: PulseColumns, source: Source) -> bool:
-    """Whether a pulse table says nothing else of person, session and side than a recording."""
+    """Return whether a pulse table agrees with a recording in person, session and side."""
     if table.file == source.shown:
         return True
     if table.names_recordings:

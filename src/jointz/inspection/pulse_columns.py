@@ -38,7 +38,7 @@ class PulseColumns:
 
     @property
     def names_recordings(self) -> bool:
-        """Whether columns say which recording or person a row belongs to."""
+        """Return whether columns tell the rows of recordings or people apart."""
         return bool({"recording", "participant"} & set(self.columns))
 
     def are_usual(self) -> bool:

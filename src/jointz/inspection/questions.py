@@ -1,4 +1,4 @@
-"""What the files do not say and a person must: each with its possible answers."""
+"""Questions about a proposed study that only a person can answer."""
 
 from collections.abc import Iterator
 

@@ -20,10 +20,8 @@ from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import (
     MISSING_TEXT,
     is_number,
-    likely_encoding,
-    not_decoded,
-    stated_encoding,
 )
+from jointz.io.text.text_bytes import likely_encoding, not_decoded, stated_encoding
 from jointz.io.text.text_layout import DELIMITERS
 
 SAMPLE = "sample"

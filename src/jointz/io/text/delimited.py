@@ -7,14 +7,12 @@ a word. Only where one of the two finds something is the file read again, row by
 row, to say which row it is and what is wrong with it.
 """
 
-import codecs
 import csv
 import gzip
 import hashlib
 import io
 import re
 import warnings
-import zlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -36,20 +34,20 @@ from jointz.io.formats.columns import (
     missing_columns,
 )
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
+from jointz.io.text.text_bytes import (
+    DECOMPRESSION_ERRORS,
+    UTF8,
+    is_compressed,
+    not_decoded,
+    open_text_bytes,
+    reading_errors,
+    recoded,
+    stated_encoding,
+)
 
 _BOM = b"\xef\xbb\xbf"
-_UTF8 = "utf-8"
-_USUAL_SIGNS = "äöüßéèêàçñóíáâîôëïùìò°µ²³"
-#: What the first bytes of a file say of its encoding.
-_MARKS = (
-    (codecs.BOM_UTF32_LE, "utf-32"),
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-    (codecs.BOM_UTF8, _UTF8),
-)
 _BLOCK_BYTES = 1 << 18
-_TAIL_BYTES = 1 << 16
+_FIRST_BYTES = 1 << 16
 _LONGEST_LINE_BYTES = 1 << 20
 _ROWS_FOR_A_CUSTOM = 8  # rows that must agree before a shorter last number is called cut
 #: Cells that stand for a sample that is missing.
@@ -57,7 +55,6 @@ MISSING_TEXT = ("", "NA", "NaN", "nan", "NAN", "-nan", "n/a", "N/A", "#N/A", "#N
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE)
 _DIGITS = re.compile(r"[+-]?\d+(?:\.(?P<decimals>\d+))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _OTHER_DECIMAL = str.maketrans(".,", ",.")
-_DECOMPRESSION_ERRORS = (EOFError, zlib.error, gzip.BadGzipFile)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +101,7 @@ def read_delimited(path: Path, request: TableRequest) -> RawTable:
     labels = sorted({positions[c] for c in request.labels})
     with ThreadPoolExecutor(max_workers=1) as pool:
         scanning = pool.submit(_scan, layout, len(labels))
-        if _compressed(path):
+        if is_compressed(path):
             scanning.result()  # refuses what unpacks to too much, before pandas holds it
         parsed = _parse(layout, numeric=numeric, labels=labels)
         scan = scanning.result()
@@ -157,33 +154,11 @@ def as_written_with_point(cell: str, decimal: str) -> str:
     return cell if decimal == "." else cell.translate(_OTHER_DECIMAL)
 
 
-def stated_encoding(path: Path, encoding: str | None) -> str:
-    """Return the encoding that a file's first bytes state, else the given one, else UTF-8."""
-    with _reading_errors(path), _open_decompressed(path) as stream:
-        first = stream.read(4)
-    marked = (name for mark, name in _MARKS if first.startswith(mark))
-    return next(marked, encoding or _UTF8)
-
-
-def likely_encoding(path: Path) -> str:
-    """Return the encoding in which the first bytes of a file are a usual text."""
-    with _reading_errors(path), _open_decompressed(path) as stream:
-        first = stream.read(_TAIL_BYTES)
-    if b"\0" in first:
-        return "utf-16-le" if first[1::2].count(0) > first[::2].count(0) else "utf-16-be"
-    first = first[: first.rfind(b"\n") + 1] or first
-    try:
-        return first.decode(_UTF8) and _UTF8
-    except UnicodeDecodeError:
-        texts = {name: first.decode(name, errors="replace") for name in ("cp1252", "mac_roman")}
-        return max(texts, key=lambda name: sum(texts[name].count(sign) for sign in _USUAL_SIGNS))
-
-
 def decompressed_text(path: Path, n_lines: int, encoding: str | None = None) -> list[str]:
     """Return the first lines of a text file, without their ends."""
     try:
         encoding = stated_encoding(path, encoding)
-        with _reading_errors(path), _open_bytes(path, encoding) as stream:
+        with reading_errors(path), open_text_bytes(path, encoding) as stream:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
     except OSError as exc:
         raise damaged(path, exc) from exc
@@ -210,7 +185,7 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     delimiter = files.delimiter or default_delimiter(path)
     n_head = files.skip_rows + files.header
     encoding = stated_encoding(path, files.encoding)
-    with _reading_errors(path), _open_bytes(path, encoding) as stream:
+    with reading_errors(path), open_text_bytes(path, encoding) as stream:
         lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_head + 1)]
     check_signs(path, delimiter, files.decimal, is_quoted=b'"' in lines[-1])
     start_byte = sum(len(line) for line in lines[:-1])
@@ -253,16 +228,6 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
         return [line.decode("utf-8-sig") for line in lines]
     except UnicodeDecodeError as exc:
         raise not_decoded(path, exc) from exc
-
-
-def not_decoded(path: Path, exc: UnicodeDecodeError) -> DataError:
-    """Return the error of a text that is not in the stated encoding."""
-    byte = exc.object[exc.start : exc.start + 1]
-    return file_error(
-        path,
-        f"expected {exc.encoding.upper()} text, found {byte!r} ({exc.reason}). Set [files] encoding"
-        ' (jointz identify: --encoding), of Western Windows files "cp1252".',
-    )
 
 
 def _holds_numbers(layout: _Layout) -> bool:
@@ -380,11 +345,11 @@ def _parse(
             # About columns nobody asked for, and long rows, which the scan finds.
             warnings.simplefilter("ignore", category=pd.errors.DtypeWarning)
             warnings.simplefilter("ignore", category=pd.errors.ParserWarning)
-            if not odd and layout.encoding == _UTF8 and not _compressed(layout.path):
+            if not odd and layout.encoding == UTF8 and not is_compressed(layout.path):
                 return pd.read_csv(layout.path, skiprows=len(layout.head), **options), None
             with _open_text(layout) as stream:
                 return pd.read_csv(stream, **options), None
-    except (ValueError, OverflowError, *_DECOMPRESSION_ERRORS) as exc:
+    except (ValueError, OverflowError, *DECOMPRESSION_ERRORS) as exc:
         return None, exc
 
 
@@ -403,10 +368,10 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
             expected = pattern[phase : phase + len(signs)]
             broken_at = seen + next(i for i, b in enumerate(signs) if b != expected[i])
         seen += len(signs)
-        if _compressed(layout.path):
+        if is_compressed(layout.path):
             texts = n_labels * seen // len(period)
             check_unpacked(layout.path, NUMBER_BYTES * seen + OBJECT_BYTES * texts)
-        tail = body[-_TAIL_BYTES:] if len(body) >= _TAIL_BYTES else (tail + body)[-_TAIL_BYTES:]
+        tail = body[-_FIRST_BYTES:] if len(body) >= _FIRST_BYTES else (tail + body)[-_FIRST_BYTES:]
     lines = tail.rstrip(b"\r\n")
     ends = tail[len(lines) :].count(b"\n")
     n_separators = seen - max(ends - 1, 0)  # without empty lines at the end
@@ -423,13 +388,13 @@ def _scan(layout: _Layout, n_labels: int) -> _Scan:
 def _blocks(layout: _Layout, digest: Any) -> Iterator[bytes]:
     """Yield the decompressed bytes of a file, hashing those on disk."""
     total = 0
-    with layout.path.open("rb") as file, _reading_errors(layout.path):
+    with layout.path.open("rb") as file, reading_errors(layout.path):
         hashed: IO[bytes] = io.BufferedReader(_Hashed(file, digest), _BLOCK_BYTES)
-        unpacked = gzip.GzipFile(fileobj=hashed) if _compressed(layout.path) else hashed
-        with hashed, unpacked, _recoded(cast("IO[bytes]", unpacked), layout.encoding) as stream:
+        unpacked = gzip.GzipFile(fileobj=hashed) if is_compressed(layout.path) else hashed
+        with hashed, unpacked, recoded(cast("IO[bytes]", unpacked), layout.encoding) as stream:
             while block := stream.read(_BLOCK_BYTES):
                 total += len(block)
-                if _compressed(layout.path):
+                if is_compressed(layout.path):
                     check_unpacked(layout.path, total)
                 yield block
 
@@ -446,28 +411,6 @@ class _Hashed(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         block = self._file.read(len(buffer))
         self._digest.update(block)
-        buffer[: len(block)] = block
-        return len(block)
-
-
-class _Recoded(io.RawIOBase):
-    """A text of another encoding, as UTF-8."""
-
-    def __init__(self, stream: IO[bytes], encoding: str) -> None:
-        # A text of an old Mac ends its lines by a sign of its own.
-        self._text = io.TextIOWrapper(stream, encoding=encoding, newline=None)
-        self._rest = b""
-
-    def close(self) -> None:
-        self._text.close()
-        super().close()
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        self._rest = self._rest or self._text.read(_BLOCK_BYTES).encode()
-        block, self._rest = self._rest[: len(buffer)], self._rest[len(buffer) :]
         buffer[: len(block)] = block
         return len(block)
 
@@ -549,7 +492,7 @@ def _checked_rows(layout: _Layout, numeric: list[int]) -> tuple[int, int]:
 
 
 def _records(layout: _Layout) -> Iterator[tuple[int, list[str]]]:
-    with _reading_errors(layout.path), _open_text(layout) as stream:
+    with reading_errors(layout.path), _open_text(layout) as stream:
         reader = csv.reader(stream, delimiter=layout.delimiter, skipinitialspace=True)
         try:
             for cells in reader:
@@ -597,40 +540,9 @@ def _check_cell(layout: _Layout, row: int, name: str, cell: str) -> None:
 # --- opening ----------------------------------------------------------------------------------
 
 
-def _compressed(path: Path) -> bool:
-    return path.name.lower().endswith(".gz")
-
-
-def _open_decompressed(path: Path) -> IO[bytes]:
-    return cast("IO[bytes]", gzip.open(path)) if _compressed(path) else path.open("rb")
-
-
-def _recoded(stream: IO[bytes], encoding: str) -> IO[bytes]:
-    """Return the bytes of a text in UTF-8."""
-    return stream if encoding == _UTF8 else io.BufferedReader(_Recoded(stream, encoding))
-
-
-def _open_bytes(path: Path, encoding: str) -> IO[bytes]:
-    return _recoded(_open_decompressed(path), encoding)
-
-
 @contextmanager
 def _open_text(layout: _Layout) -> Iterator[io.TextIOWrapper]:
     """Open at the first sample."""
-    with _open_bytes(layout.path, layout.encoding) as stream:
+    with open_text_bytes(layout.path, layout.encoding) as stream:
         stream.read(layout.start_byte)
         yield io.TextIOWrapper(stream, encoding="utf-8", newline="")
-
-
-@contextmanager
-def _reading_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except UnicodeDecodeError as exc:
-        raise not_decoded(path, exc) from exc
-    except _DECOMPRESSION_ERRORS as exc:
-        raise file_error(
-            path,
-            "the recording is cut off or damaged; its compressed stream does not end as it should "
-            f"({exc}). Copy the file again.",
-        ) from exc

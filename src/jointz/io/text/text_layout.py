@@ -21,9 +21,8 @@ from jointz.io.text.delimited import (
     check_signs,
     decompressed_text,
     is_number,
-    likely_encoding,
-    stated_encoding,
 )
+from jointz.io.text.text_bytes import likely_encoding, stated_encoding
 
 _LINES = 400
 _IN_A_ROW = 3  # rows of one shape that are called the table
