@@ -67,6 +67,9 @@ def proposal_of(
     table = tables_of[0]
     positive = usual_direction(joint or _USUAL_JOINT)
     is_knee = (joint or _USUAL_JOINT) == "knee"
+    # Where the first recording has none, another's shows at least the names.
+    shown_table = next(filter(None, tables_of), None)
+    onset_unit = "" if shown_table is None else stated_unit(shown_table, "onset")
     own = None
     if table is not None:
         rows = table.rows_of(main.labels.participant, main.shown)
@@ -89,9 +92,9 @@ def proposal_of(
         angle_sign_open=signs.angle_open,
         acts_on_open=signs.acts_on_open,
         inverted=main.inverted,
-        table_columns={} if table is None or table.are_usual() else _table_columns(table, own),
-        in_samples=own is not None and own.unit == SAMPLE,
-        is_onset_unit_open=own is not None and not own.is_stated,
+        table_columns={} if shown_table is None else _table_columns(shown_table, own),
+        in_samples=SAMPLE in (onset_unit, own.unit if own else ""),
+        is_onset_unit_open=shown_table is not None and not onset_unit,
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
         files=main.content.files,
@@ -158,6 +161,8 @@ def _likeness(a: str, b: str) -> int:
 
 
 def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict[str, Any]]:
+    if table.are_usual():
+        return {}
     usual = {"onset": own.unit if own else "s", "amplitude": "N*m"}
     usual["duration"] = usual["onset"]  # as the onsets are written
     columns: dict[str, dict[str, Any]] = {}

@@ -72,7 +72,6 @@ class OwnPulses:
 
     onsets_s: np.ndarray
     unit: str  # of the onsets as they are written
-    is_stated: bool  # whether the table says the unit
     first_sample: int | None = None  # None where nothing says it, or samples are not counted
 
 
@@ -133,7 +132,7 @@ def own_pulses(
     }
     unit = max(inside or tried, key=lambda u: _rise(tried[u], time_s, torque))
     first = _first_sample(values, command) if unit == SAMPLE and command is not None else None
-    return OwnPulses(tried[unit], unit, bool(stated), first)
+    return OwnPulses(tried[unit], unit, first)
 
 
 def _in_seconds(values: np.ndarray, unit: str, time_s: np.ndarray) -> np.ndarray:
