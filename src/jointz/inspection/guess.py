@@ -43,7 +43,7 @@ _PERTURBED = word_set(
 )
 _NO_DEVICE = word_set("nwc nodevice without barefoot")
 _NOT_PERTURBED = re.compile(
-    r"(?:non|not|no|sin|sans|ohne|senza|zonder|niet|without|un|on)[\s_-]*"
+    r"(?<![a-z])(?:non|not|no|sin|sans|ohne|senza|zonder|niet|without|un|on)[\s_-]*"
     r"(?:pert|stor|ge?stor|stoer|gestoer|puls|verstoor|impuls)",
     re.IGNORECASE,
 )

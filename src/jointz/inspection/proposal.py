@@ -38,6 +38,7 @@ from jointz.inspection.study_draft import (
 from jointz.io.pulse_tables import SAMPLE
 
 _USUAL_JOINT = "knee"
+_UNLIKE = 50.0  # ratio of torques in different units
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,11 +191,21 @@ def _draft(
         perturbations="" if table is None else table.file,
         says_perturbed="perturbed" in (labels.condition, labels.folder_condition),
         participant_known=bool(labels.participant),
+        is_unlike=_is_unlike(source, main),
         lacks=tuple(n for n in main.assigned if n not in source.assigned),
         mass_kg=source.content.mass_kg,
         changes=_changes(source, main, signs),
         files=source.content.files if source.content.files != main.content.files else None,
     )
+
+
+def _is_unlike(source: Source, main: Source) -> bool:
+    """Return whether a torque without a stated unit is far larger or smaller than the first."""
+    own, first = (one.assigned.get("torque") for one in (source, main))
+    if own is None or first is None or not own[1].unit_why:
+        return False
+    spans = [(c.course.high or 0.0) - (c.course.low or 0.0) for c, _ in (own, first)]
+    return max(spans) > _UNLIKE * min(spans)
 
 
 def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
@@ -216,8 +227,10 @@ def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str,
         change: dict[str, Any] = {}
         if inspected.key != first.key:
             change["column"] = inspected.key
-        # The same column without a stated unit has the unit of the first recording.
-        guessed = inspected.key == first.key and assignment.unit_why
+        # The same column without a stated unit has that of the first recording, unless it is the
+        # angle of a walking knee, whose range tells degrees from radians.
+        is_alike = inspected.key == first.key and assignment.unit_why
+        guessed = is_alike and not (name == "angle" and signs.angle_by_range)
         if assignment.unit and assignment.unit != of_first.unit and not guessed:
             change["unit"] = assignment.unit
         known = bool(source.angle_direction and signs.angle_by_range)

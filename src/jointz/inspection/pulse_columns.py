@@ -11,6 +11,7 @@ from jointz.core.units import conversion
 from jointz.inspection.guess import InspectedColumn
 from jointz.inspection.names import word_set
 from jointz.io.pulse_tables import NAMES, SAMPLE
+from jointz.io.text.clock_times import CLOCK_TEXT
 
 _MOST_PULSES = 20_000
 _WORDS: Mapping[str, frozenset[str]] = {
@@ -83,6 +84,9 @@ def pulse_columns(file: str, columns: Sequence[InspectedColumn]) -> PulseColumns
         fitting = [c for c in named if c not in found.values() and _fits(meaning, c)]
         if fitting:
             found[meaning] = fitting[0]
+    times = [c for c in columns if "time" in c.words.found and _fits("onset", c)]
+    if "onset" not in found and "duration" in found and len(times) == 1:
+        found["onset"] = times[0]  # of a table whose rows have a duration
     onset = found.get("onset")
     if onset is None or onset.course.n > _MOST_PULSES:
         return None
@@ -110,6 +114,8 @@ def stated_unit(table: PulseColumns, meaning: str) -> str:
     if str(inspected.key) in _UNITS_OF_NAMES:
         return _UNITS_OF_NAMES[str(inspected.key)]
     text = f"{inspected.title} {inspected.column.unit}".casefold()
+    if inspected.column.unit == CLOCK_TEXT:
+        return CLOCK_TEXT
     if meaning != "amplitude" and ("sample" in inspected.words.found or SAMPLE in text):
         return SAMPLE
     return inspected.words.unit

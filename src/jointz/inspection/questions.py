@@ -148,6 +148,13 @@ def _masses(proposal: Proposal) -> Iterator[Question]:
 def _units(proposal: Proposal) -> Iterator[Question]:
     if "torque" not in proposal.assigned:
         return
+    if unlike := [r.file for r in proposal.recordings if r.is_unlike]:
+        yield Question(
+            "recordings.channels.torque.unit",
+            f"In what unit is the torque of {', '.join(unlike[:_MOST_ANSWERS])}? It is of another "
+            "size than the first's.",
+            (Answer(None, "as in the others"), Answer("mN*m", ""), Answer("N*m", "")),
+        )
     inspected, assignment = proposal.assigned["torque"]
     if not assignment.unit_why:
         if si_of(assignment)[0] == "V":

@@ -163,7 +163,7 @@ def _source(
 ) -> Source:
     labels = labels_of(file.name, part, inside, folders)
     names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
-    names = Words(names.found, names.joint, labels.side)
+    names = Words(names.found, names.joint, labels.side or _side_above(content))
     every, group = _groups(columns, content.clocks, names)
     assigned = every.get(group, {})
     # Stamps are better than a line above them.
@@ -186,15 +186,22 @@ def _source(
         source,
         pulses=find_pulses(sound, source.clock),
         angle_direction=direction,
-        side=_side(content, guessed_side(source.in_group, names, joint)),
+        side=_side(source, joint),
         inverted=inverted_channels(sound, source.clock),
     )
 
 
-def _side(content: Content, guessed: tuple[str, str]) -> tuple[str, str]:
+def _side(source: Source, joint: str) -> tuple[str, str]:
     """Return the side by names, else the only one that lines above a table tell."""
+    told = _side_above(source.content)
+    if told and not source.labels.side:
+        return told, "a line above the table"
+    return guessed_side(source.in_group, source.names, joint)
+
+
+def _side_above(content: Content) -> str:
     told = {words_of(line).side for line in content.above} - {""}
-    return guessed if guessed[0] or len(told) != 1 else (told.pop(), "a line above the table")
+    return told.pop() if len(told) == 1 else ""
 
 
 def _stem(file: Path) -> str:

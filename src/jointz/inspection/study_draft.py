@@ -39,6 +39,7 @@ class RecordingDraft:
     perturbations: str = ""  # pulse table
     says_perturbed: bool = False  # by its name
     participant_known: bool = True
+    is_unlike: bool = False  # whether its torque, of no stated unit, is of another size
     lacks: tuple[str, ...] = ()  # channels of the study that the file does not have
     mass_kg: float | None = None  # of the participant, where the file states it
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels

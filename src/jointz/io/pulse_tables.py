@@ -16,6 +16,7 @@ from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
 from jointz.io.formats.registry import TEXT_SUFFIXES, list_columns, read_table
 from jointz.io.study_files import PART, named_as_written
+from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import (
     MISSING_TEXT,
@@ -275,6 +276,8 @@ def _parsed(table: _Table, name: str) -> np.ndarray:
             row = int(cells.index[cells.isna()][0])
             raise file_error(table.path, "an onset is empty. Correct it.", row=row, channel=column)
         return cells.to_numpy(dtype=float)
+    if table.columns[name].unit == CLOCK_TEXT:
+        return _times_of_day(table, name)
     filled = ~cells.isin(MISSING_TEXT).to_numpy()
     written = "".join(cells[filled])
     decimal = "," if "," in written and "." not in written else "."
@@ -293,6 +296,15 @@ def _parsed(table: _Table, name: str) -> np.ndarray:
         message = f"expected a number, found '{cells.loc[row]}'. Correct the cell."
         raise file_error(table.path, message, row=row, channel=column)
     return values
+
+
+def _times_of_day(table: _Table, name: str) -> np.ndarray:
+    seconds = seconds_of_clock(table.cells[name])
+    if np.isnan(seconds).any():
+        row = int(table.cells.index[np.isnan(seconds)][0])
+        message = f"expected a time of day, found '{table.cells[name].loc[row]}'. Correct the cell."
+        raise file_error(table.path, message, row=row, channel=table.columns[name].column)
+    return seconds
 
 
 def _times_of(

@@ -280,3 +280,33 @@ def test_numbers_that_stand_for_missing_samples_are_told(tmp_path):
     (reason,) = inspect_file(tmp_path / "S01.csv").obstacles
 
     assert 'give [files] missing = ["9999"]' in reason
+
+
+def test_a_table_of_times_and_durations_is_one_of_pulses(tmp_path):
+    for person in ("sujeto1", "sujeto2"):
+        for word, pulses in (("con", True), ("sin", False)):
+            names = ["Tiempo (s)", "Flexión de rodilla (grados)", "Par (N·m)", "Contacto del talón"]
+            write(tmp_path / f"{person}_{word}_pulsos.csv", walk(pulses=pulses), names, sep=";")
+        table = pd.DataFrame({"Tiempo (s)": ONSETS_S, "Duración (s)": 0.1})
+        path = tmp_path / f"{person}_tabla_de_pulsos.csv"
+        table.to_csv(path, index=False, sep=";", encoding="cp1252")
+
+    found, study = drafted(tmp_path)
+
+    assert [(r.condition, r.perturbations) for r in found.recordings] == [
+        ("perturbed", "sujeto1_tabla_de_pulsos.csv"),
+        ("unperturbed", ""),
+        ("perturbed", "sujeto2_tabla_de_pulsos.csv"),
+        ("unperturbed", ""),
+    ]
+    assert study.recordings[0].read_pulses()["onset_s"].tolist() == pytest.approx(list(ONSETS_S))
+
+
+def test_a_torque_of_another_size_is_asked_for(tmp_path):
+    names = ["time_s", "knee_deg", "torque", "heel"]
+    write(tmp_path / "S01_walk.csv", walk(), names)
+    write(tmp_path / "S02_walk.csv", walk(side=1000.0), names)
+
+    asked = {question.about: question.text for question in inspect_file(tmp_path).questions}
+
+    assert "In what unit is the torque of S0" in asked["recordings.channels.torque.unit"]

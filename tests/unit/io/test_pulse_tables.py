@@ -179,3 +179,16 @@ def test_sheets_of_people_need_the_name_of_the_sheet(study, tmp_path):
     study.edit('"S01_pulses.csv"', '"pulses.xlsx"')
 
     assert "has no column for onset" in study.sole_problem()
+
+
+def test_onsets_by_the_time_of_day_stand_on_a_clock_of_the_day(study):
+    clock = [f"10:00:00,{k:03d}" for k in range(50)]
+    study.tables(lambda t: t.assign(time_s=clock))
+    study.edit('column = "time_s"\nunit = "s"', 'column = "time_s"\nunit = "hh:mm:ss"')
+    settings = 'columns = { onset = { column = "Uhrzeit", unit = "hh:mm:ss" } }'
+
+    table = read(study, "Uhrzeit;Dauer\n10:00:00,021;9\n", settings=settings)
+
+    assert table["onset_s"].tolist() == pytest.approx([36000.021])
+    (study.root / "S01_pulses.csv").write_text("Uhrzeit\nten\n")
+    assert "expected a time of day, found 'ten'" in study.sole_problem()
