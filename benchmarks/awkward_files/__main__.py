@@ -7,14 +7,22 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.awkward_files import make as first_set
-from benchmarks.awkward_files import second_set
+from benchmarks.awkward_files import second_set, third_set
 from benchmarks.awkward_files.judge import VERDICTS, Row, judge, judge_folder
 from benchmarks.awkward_files.truth import AwkwardFile, AwkwardFolder, FolderTruth, Truth
 
 TABLES = Path(__file__).resolve().parents[2] / "docs" / "tables"
-TABLE_OF = {"first": TABLES / "awkward-files.csv", "second": TABLES / "awkward-files-second.csv"}
+TABLE_OF = {
+    "first": TABLES / "awkward-files.csv",
+    "second": TABLES / "awkward-files-second.csv",
+    "third": TABLES / "awkward-files-third.csv",
+}
 Items = dict[str, AwkwardFile | AwkwardFolder]
-ITEMS_OF: dict[str, Items] = {"first": {**first_set.FILES}, "second": second_set.ITEMS}
+ITEMS_OF: dict[str, Items] = {
+    "first": {**first_set.FILES},
+    "second": second_set.ITEMS,
+    "third": third_set.ITEMS,
+}
 WIDTH = 220
 
 
@@ -35,6 +43,8 @@ def _made(
 ) -> dict[str, Truth | FolderTruth]:
     if chosen == "second":
         return second_set.make(folder, names, seed=second_set.SEED if seed is None else seed)
+    if chosen == "third":
+        return third_set.make(folder, names, seed=third_set.SEED if seed is None else seed)
     return {**first_set.make(folder, names, seed=first_set.SEED if seed is None else seed)}
 
 
