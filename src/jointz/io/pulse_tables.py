@@ -36,6 +36,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
 _NUMBERS = {"onset": "s", "duration": "s", "amplitude": "N*m"}
 _UNIT_OF_END = {"_s": "s", "_ms": "ms", "_sample": SAMPLE, "_samples": SAMPLE, "_nm": "N*m"}
 _MOST_LINES_ABOVE = 50
+_LINE_ENDS = re.compile(r"\r\n|\r|\n")
 _THOUSANDS, _FEWEST_THOUSANDS = re.compile(r"\d{1,3}[.,]\d{3}"), 3
 
 #: Times of the samples of a recording, s.
@@ -125,7 +126,7 @@ def _read_text(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
 
 def _header(text: str, onset: tuple[str, ...]) -> tuple[int, str, list[str]]:
     """Return the lines above the header, the delimiter and the names: the onset is among them."""
-    lines = text.splitlines() or [""]
+    lines = _LINE_ENDS.split(text)  # those that pandas knows
     for above, line in enumerate(lines[:_MOST_LINES_ABOVE]):
         for delimiter in DELIMITERS:
             names = _split(line, delimiter)
@@ -163,7 +164,7 @@ def _find(
         name = next((known[w] or w for w in wanted if w in known), None)
         if name is not None:
             unit = stated[meaning].unit if meaning in stated else None
-            found[meaning] = PulseColumn(column=name, unit=unit or _unit_in(name))
+            found[meaning] = PulseColumn(column=name, unit=_agreed(path, meaning, name, unit))
     missing = [*(m for m in stated if m not in found), *([] if "onset" in found else ["onset"])]
     text = path.name.lower().endswith(TEXT_SUFFIXES)
     unknown = [n for n in names if n and n not in {c.column for c in found.values()}]
@@ -179,6 +180,21 @@ def _find(
             "[perturbations.columns], and others are left out.",
         )
     return found
+
+
+def _agreed(path: Path, meaning: str, name: str, stated: str | None) -> str | None:
+    """Return the unit of a column; refuse one that the column's name contradicts."""
+    named, si_unit = _unit_in(name), _NUMBERS.get(meaning)
+    if stated is None or named is None or si_unit is None:
+        return stated or named
+    try:
+        same = stated == named or conversion(stated, si_unit) == conversion(named, si_unit)
+    except UnitError:
+        same = False  # one of them counts samples, or is no such unit
+    if not same:
+        message = f"its name says {named!r}, study.toml says {stated!r}. Correct one of them."
+        raise file_error(path, message, channel=name)
+    return stated
 
 
 def _unit_in(name: str) -> str | None:

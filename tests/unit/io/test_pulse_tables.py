@@ -192,3 +192,12 @@ def test_onsets_by_the_time_of_day_stand_on_a_clock_of_the_day(study):
     assert table["onset_s"].tolist() == pytest.approx([36000.021])
     (study.root / "S01_pulses.csv").write_text("Uhrzeit\nten\n")
     assert "expected a time of day, found 'ten'" in study.sole_problem()
+
+
+@pytest.mark.parametrize(("name", "unit"), [("Beginn [ms]", "s"), ("onset_sample", "ms")])
+def test_a_unit_that_the_name_contradicts_is_refused(study, name, unit):
+    settings = f'columns = {{ onset = {{ column = "{name}", unit = "{unit}" }} }}'
+    study.edit(TABLE, f"{TABLE}{settings}\n")
+    (study.root / "S01_pulses.csv").write_text(f"{name}\n21\n")
+
+    assert f"column '{name}': its name says" in study.sole_problem()
