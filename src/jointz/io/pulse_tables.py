@@ -14,7 +14,12 @@ from jointz.core.errors import UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
-from jointz.io.formats.registry import TEXT_SUFFIXES, list_columns, read_table
+from jointz.io.formats.registry import (
+    TEXT_SUFFIXES,
+    list_columns,
+    read_acquisition,
+    read_table,
+)
 from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
@@ -73,9 +78,10 @@ def _read(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
     if path.name.lower().endswith(TEXT_SUFFIXES):
         return _read_text(path, spec, entry)
     names = list_columns(path, spec.files)
-    if names is None:  # a format that does not list them: those that the study names are sought
-        stated = spec.perturbations.columns or {}
+    if names is None and (stated := spec.perturbations.columns):  # not listed without reading all
         names = [name for meaning in stated for name in _wanted(spec, entry)[str(meaning)]]
+    elif names is None:
+        names = [s.name for group in read_acquisition(path).groups for s in group.signals]
     columns = _find(path, names, spec, entry)
     numeric = [c.column for name, c in columns.items() if name in _NUMBERS]
     labels = [c.column for name, c in columns.items() if name not in _NUMBERS]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
@@ -201,3 +202,13 @@ def test_a_unit_that_the_name_contradicts_is_refused(study, name, unit):
     (study.root / "S01_pulses.csv").write_text(f"{name}\n21\n")
 
     assert f"column '{name}': its name says" in study.sole_problem()
+
+
+def test_variables_of_usual_names_are_found_in_a_matlab_file(study, tmp_path):
+    savemat(tmp_path / "pulses.mat", {"onset_s": [0.021, 0.03], "subject": "S01"})
+    study.edit('"S01_pulses.csv"', '"pulses.mat"')
+    opened = study.open()
+
+    table = read_pulse_table(opened, opened.spec.recordings[1])
+
+    assert table["onset_s"].tolist() == [0.021, 0.03]
