@@ -2,7 +2,7 @@
 
 import functools
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -95,16 +95,28 @@ def make(
     folder: Path, names: Iterable[str] = (), *, seed: int = SEED
 ) -> dict[str, Truth | FolderTruth]:
     """Write files and folders, each into a folder of its own, and return their truths by name."""
-    people = recorded_people(seed)
+    return write_items(ITEMS, recorded_people(seed), folder, names, seeds=(seed, 2))
+
+
+def write_items(
+    items: Mapping[str, AwkwardFile | AwkwardFolder],
+    people: People,
+    folder: Path,
+    names: Iterable[str],
+    *,
+    seeds: tuple[int, int],
+    n_walkers: int = 1,
+) -> dict[str, Truth | FolderTruth]:
+    """Write items of a set; its single files take the walks of so many people in turn."""
     truths: dict[str, Truth | FolderTruth] = {}
-    for name in list(names) or list(ITEMS):
-        item = ITEMS[name]
+    for name in list(names) or list(items):
+        item, number = items[name], list(items).index(name)
         own = folder / name.replace(".", "_")
         own.mkdir(parents=True)
-        rng = np.random.default_rng([seed, 2, list(ITEMS).index(name)])
+        rng = np.random.default_rng([*seeds, number])
         if isinstance(item, AwkwardFolder):
             truths[name] = item.write(people, own, rng)
         else:
-            walk = people[1, "perturbed"].at(500.0, 2.0, LENGTH_S)
+            walk = people[1 + number % n_walkers, "perturbed"].at(500.0, 2.0, LENGTH_S)
             truths[name] = item.write(walk, own / name, rng)
     return truths

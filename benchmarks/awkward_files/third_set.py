@@ -3,12 +3,10 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
 from benchmarks.awkward_files import third_folders as folders
 from benchmarks.awkward_files import third_instruments as instrument
 from benchmarks.awkward_files import third_tables as table
-from benchmarks.awkward_files.make import LENGTH_S
-from benchmarks.awkward_files.second_set import recorded_people
+from benchmarks.awkward_files.second_set import recorded_people, write_items
 from benchmarks.awkward_files.truth import AwkwardFile, AwkwardFolder, FolderTruth, Truth
 
 SEED = 13
@@ -81,16 +79,4 @@ def make(
 ) -> dict[str, Truth | FolderTruth]:
     """Write files and folders, each into a folder of its own, and return their truths by name."""
     people = recorded_people(seed)
-    truths: dict[str, Truth | FolderTruth] = {}
-    for name in list(names) or list(ITEMS):
-        item = ITEMS[name]
-        own = folder / name.replace(".", "_")
-        own.mkdir(parents=True)
-        rng = np.random.default_rng([seed, 3, list(ITEMS).index(name)])
-        if isinstance(item, AwkwardFolder):
-            truths[name] = item.write(people, own, rng)
-        else:
-            person = 1 + list(ITEMS).index(name) % 2
-            walk = people[person, "perturbed"].at(500.0, 2.0, LENGTH_S)
-            truths[name] = item.write(walk, own / name, rng)
-    return truths
+    return write_items(ITEMS, people, folder, names, seeds=(seed, 3), n_walkers=2)

@@ -35,7 +35,6 @@ class PulseColumns:
 
     file: str  # as the study names it
     columns: Mapping[str, InspectedColumn]
-    n: int = 0  # number of pulses
 
     @property
     def names_recordings(self) -> bool:
@@ -43,7 +42,7 @@ class PulseColumns:
         return bool({"recording", "participant"} & set(self.columns))
 
     def are_usual(self) -> bool:
-        """Whether all columns have the names that need no line in a study."""
+        """Return whether all columns have names that a study need not state."""
         return all(str(column.key) in NAMES[meaning] for meaning, column in self.columns.items())
 
     def name_of(self, participant: str) -> str:
@@ -90,7 +89,7 @@ def pulse_columns(file: str, columns: Sequence[InspectedColumn]) -> PulseColumns
     onset = found.get("onset")
     if onset is None or onset.course.n > _MOST_PULSES:
         return None
-    return PulseColumns(file, found, n=onset.course.n)
+    return PulseColumns(file, found)
 
 
 def _fits(meaning: str, inspected: InspectedColumn) -> bool:

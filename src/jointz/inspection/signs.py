@@ -97,7 +97,7 @@ def _stride_s(time_s: np.ndarray, angle: np.ndarray) -> float:
 
 
 def is_clear(score: float) -> bool:
-    """Whether pulses decide the side on which a torque acts."""
+    """Return whether a score of pulses decides the side on which a torque acts."""
     return abs(score) > 1.0
 
 
@@ -114,7 +114,7 @@ def inverted_channels(assigned: Assignments, clock: SeenClock) -> frozenset[str]
 
 
 def _is_low_on_ground(assigned: Assignments, clock: SeenClock) -> bool:
-    """Whether a footswitch is low on the ground: it rises where a walking knee is bent.
+    """Return whether a footswitch is low on the ground: it rises where a walking knee is bent.
 
     A knee is nearly straight at heel strike and bent by some 40 deg at toe-off.
     """

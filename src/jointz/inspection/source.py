@@ -67,7 +67,7 @@ class Source:
 
     @property
     def is_recording(self) -> bool:
-        """Whether it holds the joint's angle in time."""
+        """Return whether the joint's angle is held in time."""
         in_time = not not_a_recording(self.in_group, self.assigned)[0]
         return "angle" in self.assigned and in_time
 

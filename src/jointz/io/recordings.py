@@ -136,7 +136,7 @@ def _with_clocks(table: RawTable, names: Sequence[str]) -> RawTable:
 
 
 def _counts_from_zero(spec: StudySpec) -> bool:
-    """Whether one of the columns is 0, be it one that a recording does not need."""
+    """Return whether columns count from 0: one of them is 0, be it needed or not."""
     zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
     return any(channel.column in zeros for channel in spec.channels.values())
 

@@ -51,7 +51,7 @@ class Compared:
 
     @property
     def evidence(self) -> Evidence:
-        """What the comparison with the printed number rests on, by the method of the print."""
+        """Return the evidence behind the comparison, by the method of the print."""
         ours = self.recommended if self.dissertation is None else self.dissertation
         if self.printed is None or ours is None or math.isnan(ours):
             return "not judged"
@@ -139,7 +139,7 @@ class Claim:
 
     @property
     def evidence(self) -> Evidence:
-        """What the verdict rests on."""
+        """Return the evidence behind the verdict: built in, measured here or contradicted."""
         if self.verdict in ("ambiguous", "worth knowing", "not tested"):
             return "not judged"
         agrees = self.verdict in ("reproduced", "not shown")

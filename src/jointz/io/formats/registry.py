@@ -156,7 +156,7 @@ def format_of(path: Path) -> Format:
 
 
 def has_format(path: Path) -> bool:
-    """Whether a format reads files of this suffix."""
+    """Return whether a format reads files of this suffix."""
     return _suffix_of(path) is not None
 
 
