@@ -14,6 +14,8 @@ from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
 from jointz.io.study_reader import open_study
 
+pytest_plugins = ["tests.real_time"]
+
 _TOML = """jointz = 1
 joint = "knee"
 kind = "walking"

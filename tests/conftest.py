@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,79 +21,13 @@ import pandas as pd
 import pytest
 
 from jointz.cli.main import run
-from jointz.core.codes import Trip
-from jointz.core.errors import SafetyStop
 from jointz.core.stop_signals import STOP_SIGNALS
-from jointz.experiment.files.journal import read_journal
 
 # A pause of the machine within an example is no failure of it.
 hypothesis.settings.register_profile("jointz", deadline=None)
 hypothesis.settings.load_profile("jointz")
 
 REPOSITORY = Path(__file__).parent.parent
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
-    """Try a test marked ``real_time`` again if this machine was too slow for its session.
-
-    The marker's ``attempts`` (2 unless given) limits the attempts. ``tmp_path`` is emptied before
-    each. Any other failure is final.
-    """
-    marker = pyfuncitem.get_closest_marker("real_time")
-    left = marker.kwargs.get("attempts", 2) - 1 if marker else 0
-    call = pyfuncitem.obj
-    given = {name: pyfuncitem.funcargs[name] for name in pyfuncitem._fixtureinfo.argnames}
-    began_ns = time.time_ns()
-    try:
-        return (yield)
-    except Exception as error:  # noqa: BLE001 - raised again unless the next attempt passes
-        last = error
-    while left and _is_too_slow(last, given.values(), began_ns):
-        pyfuncitem.user_properties.append((_TRIED_AGAIN, f"{type(last).__name__}: {last}"))
-        for entry in given["tmp_path"].iterdir() if "tmp_path" in given else ():
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        left, began_ns = left - 1, time.time_ns()
-        try:
-            return call(**given)
-        except Exception as error:  # noqa: BLE001 - raised again unless the next attempt passes
-            last = error
-    raise last
-
-
-_TRIED_AGAIN = "tried again: the machine was too slow for real time"
-
-
-def _is_too_slow(error: Exception, given: Iterable[object], since_ns: int) -> bool:
-    """Tell whether the safety gate stopped a session of a test because slots were missed."""
-    if isinstance(error, SafetyStop) and error.code == Trip.OVERRUN:
-        return True
-    folders = [one if isinstance(one, Path) else getattr(one, "study", None) for one in given]
-    return any(
-        event["event"] == "tripped"
-        and event.get("time_ns", 0) >= since_ns
-        and event["reason"].startswith(f"safety: {Trip.OVERRUN}")
-        for folder in folders
-        if isinstance(folder, Path)
-        for journal in folder.rglob("journal.jsonl")
-        for event in read_journal(journal, salvage=True)
-    )
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """List the tests that were tried again."""
-    reports = [one for kind in ("passed", "failed") for one in terminalreporter.getreports(kind)]
-    again = [
-        f"{report.nodeid}: {why.splitlines()[0]}"
-        for report in reports
-        if report.when == "call"
-        for name, why in report.user_properties
-        if name == _TRIED_AGAIN
-    ]
-    if again:
-        terminalreporter.section(_TRIED_AGAIN)
-    for line in again:
-        terminalreporter.write_line(line)
 
 
 @pytest.fixture(scope="session")

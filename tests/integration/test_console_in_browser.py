@@ -22,7 +22,6 @@ from jointz.session.live.live_session import holder_of, is_held
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 pytestmark = [
     pytest.mark.alone,
-    pytest.mark.real_time,
     pytest.mark.usefixtures("terminal_signals_of_module"),
 ]
 

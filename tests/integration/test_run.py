@@ -52,7 +52,6 @@ def test_seeds_and_not_workers_make_the_bytes(short_walking, tmp_path):
 
 
 @pytest.mark.alone
-@pytest.mark.real_time(attempts=10)
 def test_both_clocks_write_the_same_log_but_for_host_time(short_walking, tmp_path):
     brief = short_walking(conditions=["unperturbed"], strides=3)
     fast = jointz.run(brief, out=tmp_path / "fast", seed=3)

@@ -163,7 +163,7 @@ def test_a_stop_fades_the_torque_of_a_bench_and_the_trial_is_done_again_whole(be
 
 
 @pytest.mark.slow
-@pytest.mark.real_time(attempts=3)  # a compiler in the loop stops it every time
+@pytest.mark.alone  # a compiler in the loop stops it every time
 @pytest.mark.parametrize("name", ["qdd-perturbation", "sea-mass-spring"])
 def test_nothing_is_compiled_in_a_loop_in_real_time(tmp_path, name):
     script = """

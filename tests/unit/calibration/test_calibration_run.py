@@ -166,7 +166,7 @@ def test_several_at_once_are_the_same_as_one_after_the_other(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.real_time
+@pytest.mark.alone
 def test_it_runs_in_real_time_too(tmp_path):
     study = run(shortened("footswitch"), out=tmp_path / "study", participants=1, clock="real").study
     _, recording = recordings(study)["S01", "walking"]
