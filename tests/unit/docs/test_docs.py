@@ -318,6 +318,23 @@ def test_every_link_leads_to_a_file_and_no_path_is_of_a_machine(page):
     assert re.findall(r"(?<![\w.])/(?:work|tmp|root|home)\b", content) == []
 
 
+def test_the_architecture_names_every_package_and_its_rooms():
+    packages = {p.parent.name: p.parent for p in (ROOT / "src/jointz").glob("*/__init__.py")}
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", text("ARCHITECTURE.md"), re.MULTILINE))
+    assert rows.keys() == packages.keys()
+    for name, row in rows.items():
+        for inner in _CODE.findall(row):
+            assert (packages[name] / inner).exists(), f"{name}: {inner}"
+
+
+def test_the_architecture_names_files_that_exist():
+    files = {"/" + str(p.relative_to(ROOT)) for p in (ROOT / "src/jointz").rglob("*.*")}
+    for named in _CODE.findall(text("ARCHITECTURE.md")):
+        if re.fullmatch(r"[\w/]+\.(py|toml|j2|html\.j2)", named) and named != "pyproject.toml":
+            found = [file for file in files if file.endswith("/" + named)]
+            assert found or (ROOT / named).exists() or named == "study.toml", named
+
+
 def test_the_citation_names_the_version_of_the_package():
     version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
 
