@@ -15,6 +15,7 @@ from statistics import fmean, stdev
 from typing import Any, Literal
 
 from jointz.reference import chapter2, chapter3, chapter4, row_mean
+from reproduction import printed_numbers
 from reproduction.audit_chapter4 import (
     BONFERRONI_PAIRS,
     PARTICIPANT_P,
@@ -63,6 +64,7 @@ def _sentences() -> Mapping[str, Mapping[str, str]]:
 def _finding(name: str, /, **values: Any) -> Finding:
     """Return a finding of ``audit.toml`` with its values filled in."""
     values |= {"chapter2": chapter2, "chapter3": chapter3, "chapter4": chapter4}
+    values["printed_numbers"] = printed_numbers
     texts: dict[str, Any] = {k: t.format(**values) for k, t in _sentences()[name].items()}
     return Finding(**texts)
 
@@ -72,12 +74,12 @@ def _finding(name: str, /, **values: Any) -> Finding:
 
 def _chapter2_means() -> Iterable[Finding]:
     tables = (
-        ("stiffness", "Table 2.1", chapter2.STIFFNESS_ERRORS, 2),
-        ("inertia", "Table 2.2", chapter2.INERTIA_ERRORS, 1),
+        ("stiffness", "Table 2.1", printed_numbers.STIFFNESS_ERRORS, 2),
+        ("inertia", "Table 2.2", printed_numbers.INERTIA_ERRORS, 1),
     )
     for response, source, table, digits in tables:
         for load, row in table.items():
-            number, mean = chapter2.AVERAGE_ERRORS[load], f"{row_mean(row):.{digits}f}"
+            number, mean = printed_numbers.AVERAGE_ERRORS[load], f"{row_mean(row):.{digits}f}"
             values = {"number": number, "mean": mean, "load": load}
             yield _finding("mean_error", table=source, response=response, **values)
 
@@ -86,16 +88,19 @@ def _chapter2_statements() -> Iterable[Finding]:
     yield _finding("cutoff")
     yield _finding("frequency")
     yield _finding("bandwidth")
-    share = chapter2.WITH_LARGER["inertia"].value
+    share = printed_numbers.WITH_LARGER["inertia"].value
     below = int(share / 5)
     counts = {"below": below, "below_pct": 5 * below, "above": below + 1}
     yield _finding("inertia_larger", share=share, above_pct=5 * below + 5, **counts)
     errors = {
-        t: fmean(abs(row[t].value) for row in chapter2.STIFFNESS_ERRORS.values()) for t in "ABDCE"
+        t: fmean(abs(row[t].value) for row in printed_numbers.STIFFNESS_ERRORS.values())
+        for t in "ABDCE"
     }
     listed = ", ".join(f"{name} {value:.1f}" for name, value in errors.items())
     yield _finding("low_frequency", errors=listed, smallest=min(errors["C"], errors["E"]))
-    negative = sum(p.value < 0 for row in chapter2.STIFFNESS_ERRORS.values() for p in row.values())
+    negative = sum(
+        p.value < 0 for row in printed_numbers.STIFFNESS_ERRORS.values() for p in row.values()
+    )
     yield _finding("stiffness_below", negative=negative, negative_pct=5 * negative)
     yield _finding("damping_confidence")
 
@@ -105,7 +110,10 @@ def _chapter2_statements() -> Iterable[Finding]:
 
 def _chapter3_statements() -> Iterable[Finding]:
     truth = chapter3.DITHER_STIFFNESS.value
-    pulses = (chapter3.POSITIVE_PULSE_STIFFNESS.value, chapter3.NEGATIVE_PULSE_STIFFNESS.value)
+    pulses = (
+        printed_numbers.POSITIVE_PULSE_STIFFNESS.value,
+        printed_numbers.NEGATIVE_PULSE_STIFFNESS.value,
+    )
     errors = [100.0 * (value / truth - 1.0) for value in pulses]
     yield _finding("springs", truth=truth)
     yield _finding("pulse")
@@ -128,7 +136,7 @@ def _chapter4_tables() -> Iterable[Finding]:
     yield _finding("bound", zero=len(zero), nearly=len(nearly), cells=cells)
     yield _finding("vaf_of_s7", repeated=_repeated_vaf())
     pilot = ", ".join(f"{column_mean(chapter4.VAF, s):.2f}" for s in ("S2", "S3"))
-    first, second = (chapter3.PILOT_VAF[number].value for number in ("1", "2"))
+    first, second = (printed_numbers.PILOT_VAF[number].value for number in ("1", "2"))
     yield _finding("pilot", pilot=pilot, first=first, second=second)
 
 
@@ -171,13 +179,13 @@ def _chapter4_averages() -> Iterable[Finding]:
 
 def _chapter4_statistics() -> Iterable[Finding]:
     factors = (("timing_point", "timing point", POINT_P), ("participant", "subject", PARTICIPANT_P))
-    for parameter, name in chapter4.PARAMETER_NAMES.items():
+    for parameter, name in printed_numbers.PARAMETER_NAMES.items():
         for factor, word, p_values in factors:
-            limit, p = chapter4.FACTOR_P_BELOW[parameter, factor].value, p_values[parameter]
+            limit, p = printed_numbers.FACTOR_P_BELOW[parameter, factor].value, p_values[parameter]
             if p >= limit:
                 yield _finding("effect", word=word, name=name, limit=limit, p=p)
-    for parameter, name in chapter4.PARAMETER_NAMES.items():
-        stated = list(chapter4.PAIRS[parameter].values()).count("different")
+    for parameter, name in printed_numbers.PARAMETER_NAMES.items():
+        stated = list(printed_numbers.PAIRS[parameter].values()).count("different")
         pairs = BONFERRONI_PAIRS[parameter]
         listed = ", ".join("-".join(pair) for pair in pairs) or "none"
         yield _finding("pairs", name=name, stated=stated, found=len(pairs), listed=listed)

@@ -14,14 +14,15 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.events import PulseEstimate
 from jointz.core.study import Study
 from jointz.io.study_reader import open_study
-from jointz.reference import Printed, chapter2
+from jointz.reference import Printed
 from jointz.results.statistics.pulse_effect_tests import PulseEffects
 from jointz.stats.pulse_effects import pulse_effects
+from reproduction import printed_numbers
 from reproduction.reproduction_tables import Compared, ComparedTable, compare, compared_table
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 #: Load of the protocol -> case of the dissertation.
-CASES = {f"case-{case}": case for case in chapter2.CASES}
+CASES = {f"case-{case}": case for case in printed_numbers.CASES}
 #: Rises at all four onsets: type and direction are one factor there (2.2.3).
 _CONFOUNDED = "E"
 _TESTED = ("stiffness", "inertia")
@@ -107,7 +108,10 @@ def _without_intrinsic(pulse: PulseEstimate, study: Study) -> PulseEstimate:
 def error_tables(pairs: Sequence[Pair], torque_gain: float) -> tuple[ComparedTable, ...]:
     """Return tables 2.1 and 2.2 and the averages of 2.3.2."""
     values = {"gain_pct": 100.0 * (torque_gain - 1.0), "loads": _load_names()}
-    printed = {"stiffness": chapter2.STIFFNESS_ERRORS, "inertia": chapter2.INERTIA_ERRORS}
+    printed = {
+        "stiffness": printed_numbers.STIFFNESS_ERRORS,
+        "inertia": printed_numbers.INERTIA_ERRORS,
+    }
     tables = []
     for parameter, table in printed.items():
         rows = [
@@ -117,8 +121,8 @@ def error_tables(pairs: Sequence[Pair], torque_gain: float) -> tuple[ComparedTab
         ]
         tables.append(compared_table(2, f"{parameter}_errors", rows, **values))
     averages = []
-    for load, number in chapter2.AVERAGE_ERRORS.items():
-        parameter = "stiffness" if load in chapter2.SPRINGS else "inertia"
+    for load, number in printed_numbers.AVERAGE_ERRORS.items():
+        parameter = "stiffness" if load in printed_numbers.SPRINGS else "inertia"
         averages.append(
             _error_row(f"{load}, all trajectories", pairs, parameter, load, None, number)
         )
@@ -127,10 +131,12 @@ def error_tables(pairs: Sequence[Pair], torque_gain: float) -> tuple[ComparedTab
 
 def _load_names() -> str:
     """Return the sizes of springs and inertias, and which of them a case has."""
-    springs = " and ".join(f"{n} = {v.value:g} N*m/rad" for n, v in chapter2.SPRINGS.items())
-    inertias = " and ".join(f"{n} = {v.value:g} kg*m^2" for n, v in chapter2.INERTIAS.items())
+    springs = " and ".join(f"{n} = {v.value:g} N*m/rad" for n, v in printed_numbers.SPRINGS.items())
+    inertias = " and ".join(
+        f"{n} = {v.value:g} kg*m^2" for n, v in printed_numbers.INERTIAS.items()
+    )
     cases = ", ".join(
-        f"case {case}: {' and '.join(loads)}" for case, loads in chapter2.CASE_LOADS.items()
+        f"case {case}: {' and '.join(loads)}" for case, loads in printed_numbers.CASE_LOADS.items()
     )
     return f"Springs {springs}, inertias {inertias}; {cases}."
 
@@ -158,7 +164,7 @@ def pairs_of(
         p
         for p in pairs
         if p.parameter == parameter
-        and load in chapter2.CASE_LOADS.get(p.case, ())
+        and load in printed_numbers.CASE_LOADS.get(p.case, ())
         and trajectory in (None, p.trajectory)
     ]
 
@@ -172,7 +178,7 @@ def pair_table(pairs: Sequence[Pair]) -> ComparedTable:
     """Return every case-trajectory pair with its truth (figure 2.6)."""
     rows = []
     for p in pairs:
-        case = f"case {p.case}" if p.case in chapter2.CASES else f"{p.case} "
+        case = f"case {p.case}" if p.case in printed_numbers.CASES else f"{p.case} "
         rows.append(
             compare(
                 f"{case}{p.trajectory}: {p.parameter}",
@@ -193,12 +199,12 @@ def vaf_table(studies: Mapping[str, LoadStudy]) -> ComparedTable:
         if load in CASES
         for trajectory, vaf in study.vaf_pct.items()
     }
-    above = float(sum(v > chapter2.VAF_LOWER_LIMIT.value for v in values.values()))
+    above = float(sum(v > printed_numbers.VAF_LOWER_LIMIT.value for v in values.values()))
     lowest = min(values, key=values.__getitem__)
     note = f"printed: case 4B; here: case {lowest}"
     rows = (
         compare("pairs with VAF above 99.9 %", "", Printed(19.0), above, note="of 20"),
-        compare("lowest VAF", "%", chapter2.VAF_4B, values[lowest], note=note),
+        compare("lowest VAF", "%", printed_numbers.VAF_4B, values[lowest], note=note),
     )
     return compared_table(2, "vaf", rows)
 
@@ -266,7 +272,7 @@ def _compared(quantity: str, printed: Printed | None, *shares: Share, note: str 
 
 def _anova_rows(published: PulseEffects, ours: PulseEffects) -> list[Compared]:
     rows = []
-    for effect, number in chapter2.SIGNIFICANT_SHARES.items():
+    for effect, number in printed_numbers.SIGNIFICANT_SHARES.items():
         factors = ("type", "direction") if effect == "all" else (effect,)
         name = " and ".join(factors)
         both = ((published, "one_way"), (ours, "mixed"))
@@ -306,10 +312,15 @@ def _significant(
 
 def _printed_without_e(factors: Sequence[str]) -> Printed:
     """Return the printed share without trajectory E: 2.3.3 lists what is not significant."""
-    of = len(factors) * len(_TESTED) * len(chapter2.CASES) * (len(chapter2.TRAJECTORIES) - 1)
+    of = (
+        len(factors)
+        * len(_TESTED)
+        * len(printed_numbers.CASES)
+        * (len(printed_numbers.TRAJECTORIES) - 1)
+    )
     listed = [
         pair
-        for (_, name), pairs in chapter2.ANOVA_NOT_SIGNIFICANT.items()
+        for (_, name), pairs in printed_numbers.ANOVA_NOT_SIGNIFICANT.items()
         if name in factors
         for pair in pairs
         if not pair.endswith(_CONFOUNDED)
@@ -324,8 +335,18 @@ def _printed_without_e(factors: Sequence[str]) -> Printed:
 
 def _larger_rows(published: PulseEffects, ours: PulseEffects) -> list[Compared]:
     claims = (
-        ("positive_larger", "type", "positive pulses give the larger", chapter2.POSITIVE_LARGER),
-        ("with_larger", "direction", "pulses with the trajectory the larger", chapter2.WITH_LARGER),
+        (
+            "positive_larger",
+            "type",
+            "positive pulses give the larger",
+            printed_numbers.POSITIVE_LARGER,
+        ),
+        (
+            "with_larger",
+            "direction",
+            "pulses with the trajectory the larger",
+            printed_numbers.WITH_LARGER,
+        ),
     )
     rows = []
     for claim, effect, text, printed in claims:
@@ -339,8 +360,8 @@ def _larger_rows(published: PulseEffects, ours: PulseEffects) -> list[Compared]:
 def _below_rows(pairs: Sequence[Pair]) -> list[Compared]:
     """Return how often estimates lie below the truth (2.4.4)."""
     tables = (
-        ("pairs", chapter2.UNDERESTIMATED_BY_PAIR),
-        ("trajectories", chapter2.UNDERESTIMATED_BY_TRAJECTORY),
+        ("pairs", printed_numbers.UNDERESTIMATED_BY_PAIR),
+        ("trajectories", printed_numbers.UNDERESTIMATED_BY_TRAJECTORY),
     )
     rows = []
     for unit, printed in tables:
@@ -366,12 +387,14 @@ def _order_rows(pairs: Sequence[Pair]) -> list[Compared]:
         for method in _METHODS:
             sizes = {
                 (load, t): _mean_error(pairs_of(pairs, parameter, load, t), method)
-                for load, t in product(loads, chapter2.TRAJECTORIES)
+                for load, t in product(loads, printed_numbers.TRAJECTORIES)
             }
-            small, large = ([sizes[load, t] for t in chapter2.TRAJECTORIES] for load in loads)
+            small, large = (
+                [sizes[load, t] for t in printed_numbers.TRAJECTORIES] for load in loads
+            )
             errors = zip(small, large, strict=True)
             shares.append(share(b < a for a, b in errors if a is not None and b is not None))
-        exception = chapter2.HIGHER_IS_BETTER_EXCEPT[parameter]
+        exception = printed_numbers.HIGHER_IS_BETTER_EXCEPT[parameter]
         printed = Printed(80.0, None, "%", "2.4.1", f"4 of 5, all but {exception}")
         rows.append(
             _compared(f"{parameter} better at the higher value, trajectories", printed, *shares)
@@ -386,11 +409,11 @@ def _mean_error(pairs: Sequence[Pair], method: str) -> float | None:
 
 
 def _damping_row(pairs: Sequence[Pair]) -> Compared:
-    least = chapter2.DAMPING_SD_OVER_MEAN.value
+    least = printed_numbers.DAMPING_SD_OVER_MEAN.value
     damping = [p for p in pairs if p.parameter == "damping"]
     return _compared(
         "damping with an SD of at least 1.4 means, pairs",
-        replace(chapter2.DAMPING_NOISY_SHARE, note="no count"),
+        replace(printed_numbers.DAMPING_NOISY_SHARE, note="no count"),
         share(p.dissertation_sd >= least * abs(p.dissertation) for p in damping),
         note="no damper is there; a lag of the torque record makes the damping negative, not "
         "noisy, so this share tells mechanisms apart",

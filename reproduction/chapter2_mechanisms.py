@@ -24,7 +24,6 @@ from jointz.io.study_reader import open_study
 from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.reference import chapter2
 from jointz.session.participant_run import run_participant
 from jointz.session.run_settings import RunSettings
 from jointz.session.study_file import study_toml
@@ -32,6 +31,7 @@ from jointz.session.worker_pool import NoOperator
 from jointz.sim.benches.bench_load import draw_load
 from jointz.sim.benches.sea import sea_preset
 from jointz.sim.benches.sea_bench_rig import SeaBench
+from reproduction import printed_numbers
 from reproduction.chapter2_loads import PARAMETERS, error_pct
 from reproduction.reproduction_tables import ComparedTable, compare, compared_table
 
@@ -121,8 +121,12 @@ def mechanism_table(errors: Mapping[str, Mapping[str, float]]) -> ComparedTable:
 def _alike(errors_of: Mapping[str, Mapping[str, float]]) -> str:
     """Say which mechanisms, alone or in pairs, make both printed averages (2.3.2)."""
     printed = {
-        "stiffness": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.SPRINGS],
-        "inertia": [chapter2.AVERAGE_ERRORS[name].value for name in chapter2.INERTIAS],
+        "stiffness": [
+            printed_numbers.AVERAGE_ERRORS[name].value for name in printed_numbers.SPRINGS
+        ],
+        "inertia": [
+            printed_numbers.AVERAGE_ERRORS[name].value for name in printed_numbers.INERTIAS
+        ],
     }
     causes = [name for name, errors in errors_of.items() if any(errors.values())]
     tried = {

@@ -10,11 +10,12 @@ from jointz.sim import people
 from jointz.sim.benches.qdd_bench import qdd_preset
 from jointz.sim.benches.sea import sea_preset
 from jointz.sim.presets import preset as people_preset
+from reproduction import printed_numbers
 from reproduction.reproduction_tables import Compared, ComparedTable, compare, texts
 
 #: Starts of the names of settings, which results name as ``built_in``.
 TORQUE_LOOP, MODEL, SPRING, SENSOR_NOISE = "torque loop", "model 3.3", "spring", "sensor noise"
-PEOPLE: Final = {name: f"people's {text}" for name, text in chapter4.PARAMETER_NAMES.items()}
+PEOPLE: Final = {name: f"people's {text}" for name, text in printed_numbers.PARAMETER_NAMES.items()}
 
 _TUNED: Final = "not printed; tuned to the bandwidths of 2.3.1"
 _CONSTANTS: Final = chapter3.TORQUE_MODELS["3.3"]
@@ -37,7 +38,7 @@ _SETTINGS: Final[tuple[tuple[int, str, str, Printed | str], ...]] = (
         if name != "bias"
     ),
     (3, "errors.sensor_bias_nm", f"{MODEL}: bias", _CONSTANTS["bias"]),
-    (3, "errors.sensor_noise_nm", f"{SENSOR_NOISE}, SD", chapter3.CHIRP_RMS),
+    (3, "errors.sensor_noise_nm", f"{SENSOR_NOISE}, SD", printed_numbers.CHIRP_RMS),
 )
 
 

@@ -28,6 +28,7 @@ from jointz.results.bench.stiffness_fit import StiffnessFit
 from jointz.results.estimates import ParameterEstimate
 from jointz.tasks.engine import Task
 from jointz.tasks.progress import Progress
+from reproduction import printed_numbers
 from reproduction.chapter_runs import in_processes, run_study, study_truth
 from reproduction.printed_settings import MODEL, SENSOR_NOISE, SPRING, printed_settings
 from reproduction.reproduction_result import Reproduction
@@ -220,7 +221,12 @@ def chirp(recording: xr.Dataset, fit: ActuatorFit) -> tuple[ComparedTable, dict[
     smooth = _low_passed(torque - sensor, (time.size - 1) / time[-1])
     smooth_rms = float(np.sqrt(np.mean(smooth**2)))
     row = compare(
-        "RMS error, chirps", "N*m", chapter3.CHIRP_RMS, rms, smooth_rms, built_in=SENSOR_NOISE
+        "RMS error, chirps",
+        "N*m",
+        printed_numbers.CHIRP_RMS,
+        rms,
+        smooth_rms,
+        built_in=SENSOR_NOISE,
     )
     curves = {
         "time_s": time.tolist(),
@@ -339,8 +345,8 @@ def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTabl
     values = {name: [p.stiffness for p in pulses if p.sign == s] for name, s in _SIGNS.items()}
     means = {name: (fmean(group), stdev(group)) for name, group in values.items()}
     printed = {
-        "positive": chapter3.POSITIVE_PULSE_STIFFNESS,
-        "negative": chapter3.NEGATIVE_PULSE_STIFFNESS,
+        "positive": printed_numbers.POSITIVE_PULSE_STIFFNESS,
+        "negative": printed_numbers.NEGATIVE_PULSE_STIFFNESS,
     }
     ours = analysis.cells[0].parameter("stiffness")
     value = ours.value if ours else None
@@ -368,7 +374,7 @@ def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTabl
         compare(
             "average error against the dither test",
             "%",
-            chapter3.DYNAMIC_STIFFNESS_ERROR,
+            printed_numbers.DYNAMIC_STIFFNESS_ERROR,
             fmean(map(abs, errors)),
             None if value is None else 100.0 * abs(value / dither - 1.0),
         ),

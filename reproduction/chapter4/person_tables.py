@@ -11,8 +11,9 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4, literature, row_mean
-from jointz.reference.chapter4 import PARAMETER_NAMES
+from reproduction import printed_numbers
 from reproduction.chapter4.walking import WalkedStudy
+from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.printed_settings import PEOPLE
 from reproduction.reproduction_tables import (
     Compared,
@@ -183,7 +184,9 @@ def accuracy_table(study: WalkedStudy) -> ComparedTable:
             )
         )
     vaf = (_mean(study.of(s, "inertia")["vaf_pct"].dropna().tolist()) for s in _METHODS)
-    overall = compare("VAF, mean over people and timing points", "%", chapter4.VAF_MEAN, *vaf)
+    overall = compare(
+        "VAF, mean over people and timing points", "%", printed_numbers.VAF_MEAN, *vaf
+    )
     return compared_table(4, "accuracy", (*rows, overall))
 
 

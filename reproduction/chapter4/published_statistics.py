@@ -12,10 +12,10 @@ from scipy.special import stdtr, stdtrit
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.kernels.statistics.random_field import SearchRegion, critical_height
 from jointz.kernels.statistics.repeated_measures import paired_t_test
-from jointz.reference import Printed, chapter3, chapter4, row_mean
-from jointz.reference.chapter4 import PARAMETER_NAMES
+from jointz.reference import Printed, chapter4, row_mean
 from jointz.results.statistics.mixed_model_fit import MixedModelFit
 from jointz.stats import compare_quasi_stiffness, mixed_model
+from reproduction import printed_numbers
 from reproduction.audit_chapter4 import column_mean
 from reproduction.chapter4.replicates import (
     N_ROWS,
@@ -27,6 +27,7 @@ from reproduction.chapter4.replicates import (
     replicates_published,
 )
 from reproduction.chapter4.stated_trends import PILOT, stated_trends
+from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.reproduction_tables import (
     Claim,
     ClaimTable,
@@ -52,7 +53,7 @@ _ROUNDING: Final = 0.0005
 #: Differences of no importance, over the grand mean of the parameter.
 BAND: Final = 0.2
 #: Of a test of equivalence at 5 %: two one-sided ones.
-_ONE_SIDED: Final = 1.0 - chapter4.SIGNIFICANCE_LEVEL
+_ONE_SIDED: Final = 1.0 - printed_numbers.SIGNIFICANCE_LEVEL
 
 
 def published_statistics(
@@ -84,7 +85,7 @@ def published_statistics(
 def spm_threshold(fwhm_nodes: float, *, df: float = 9.0, n_nodes: int = _NODES) -> float:
     """Return the threshold of a two-tailed t over a curve, by random field theory, at 0.05."""
     region = SearchRegion(fwhm_nodes, (n_nodes - 1) / fwhm_nodes, n_nodes)
-    return critical_height(chapter4.SIGNIFICANCE_LEVEL / 2.0, df=df, region=region)
+    return critical_height(printed_numbers.SIGNIFICANCE_LEVEL / 2.0, df=df, region=region)
 
 
 def implied_fwhm(threshold: float, *, df: float = 9.0, n_nodes: int = _NODES) -> float:
@@ -102,8 +103,8 @@ def implied_fwhm(threshold: float, *, df: float = 9.0, n_nodes: int = _NODES) ->
 
 def spm_table() -> ClaimTable:
     """Return what is printed of the gait curves (4.3.1), and what can be checked of it."""
-    printed = chapter4.SPM_THRESHOLD.value
-    people = int(chapter4.N_PARTICIPANTS.value)
+    printed = printed_numbers.SPM_THRESHOLD.value
+    people = int(printed_numbers.N_PARTICIPANTS.value)
     width = implied_fwhm(printed)
     claims = stated_claims(
         "spm",
@@ -116,7 +117,7 @@ def spm_table() -> ClaimTable:
         resels=(_NODES - 1) / width,
         narrow=implied_fwhm(printed + _ROUNDING),
         wide=implied_fwhm(printed - _ROUNDING),
-        nodewise=float(-stdtrit(people - 1, chapter4.SIGNIFICANCE_LEVEL / 2.0 / _NODES)),
+        nodewise=float(-stdtrit(people - 1, printed_numbers.SIGNIFICANCE_LEVEL / 2.0 / _NODES)),
         open_sd=printed / people**0.5,
     )
     return claim_table(4, "spm", claims)
@@ -166,9 +167,11 @@ def averages() -> ComparedTable:
             rows.append(
                 compare(quantity, unit, printed, recommended=_mean_of_people(cells), note=note)
             )
-        if parameter in chapter4.RANGES:
+        if parameter in printed_numbers.RANGES:
             means = published_cells(parameter).mean(axis=0)
-            rows += _range_rows(f"{name}, {{}} of the six", unit, chapter4.RANGES[parameter], means)
+            rows += _range_rows(
+                f"{name}, {{}} of the six", unit, printed_numbers.RANGES[parameter], means
+            )
     return compared_table(4, "averages", (*rows, _vaf_mean()))
 
 
@@ -199,7 +202,7 @@ def _vaf_mean() -> Compared:
     return compare(
         "VAF, all subjects and timing points",
         "%",
-        chapter4.VAF_MEAN,
+        printed_numbers.VAF_MEAN,
         (float(mean), float(cells.mean(axis=0).std(ddof=1))),
         (float(mean), float(mean - half), float(mean + half)),
         note=f"SD over six timing-point means as printed; {people.std(ddof=1):.2f} over ten "
@@ -251,7 +254,7 @@ def _factor(
     ours: str,
     p_careful: float | None = None,
 ) -> Claim:
-    limit = chapter4.FACTOR_P_BELOW[key].value
+    limit = printed_numbers.FACTOR_P_BELOW[key].value
     factor = "timing point" if key[1] == "timing_point" else "subject"
     claim = f"{factor}, {PARAMETER_NAMES[key[0]]}"
     verdict: Verdict = "reproduced"
@@ -294,7 +297,7 @@ def pairs_table(fits: Mapping[str, MixedModelFit]) -> tuple[ClaimTable, dict[str
         if pair["printed"] != "not stated"
     ]
     unstated = [p for c in curves.values() for p in c["pairs"] if p["printed"] == "not stated"]
-    level = chapter4.SIGNIFICANCE_LEVEL
+    level = printed_numbers.SIGNIFICANCE_LEVEL
     paired = (fit.pairs(error="paired")["p_adjusted"] < level for fit in fits.values())
     table = claim_table(
         4,
@@ -315,7 +318,7 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
     grand_mean = sum(level.mean for level in fit.means) / len(fit.means)
     band = BAND * grand_mean
     fits = fitting_scatter(parameter)
-    points = list(chapter4.POINT_NUMBERS.values())
+    points = list(printed_numbers.POINT_NUMBERS.values())
     pairs = fit.pairs("bonferroni")
     paired = fit.pairs("none", error="paired")
     return {
@@ -329,7 +332,7 @@ def _curve(parameter: str, fit: MixedModelFit) -> dict[str, Any]:
             {
                 "numbers": [points.index(row["first"]) + 1, points.index(row["second"]) + 1],
                 "points": [row["first"], row["second"]],
-                "printed": chapter4.PAIRS[parameter][row["first"], row["second"]],
+                "printed": printed_numbers.PAIRS[parameter][row["first"], row["second"]],
                 "difference": float(row["difference"]),
                 "ci_low": float(row["ci_low"]),
                 "ci_high": float(row["ci_high"]),
@@ -365,7 +368,7 @@ def _claim(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> Claim:
 
 def _judge(curve: Mapping[str, Any], pair: Mapping[str, Any]) -> tuple[Verdict, str]:
     """Return the verdict on what is printed of a pair, and the reason."""
-    level, band = chapter4.SIGNIFICANCE_LEVEL, f"±{curve['band']:.2g} {curve['unit']}"
+    level, band = printed_numbers.SIGNIFICANCE_LEVEL, f"±{curve['band']:.2g} {curve['unit']}"
     differs = pair["p"] < level
     if pair["printed"] == "similar":
         if differs:
@@ -401,14 +404,18 @@ def pilot_people() -> ComparedTable:
     """Return the pilot's printed numbers beside S2 and S3 of tables 4.1 to 4.4 (3.3.4)."""
     rows = []
     places = [chapter4.SUBJECTS.index(subject) for subject in PILOT]
-    for parameter, printed in chapter3.PILOT_RANGES.items():
+    for parameter, printed in printed_numbers.PILOT_RANGES.items():
         name, unit = _TABLES[parameter]
         means = published_cells(parameter)[places].mean(axis=0)
         rows += _range_rows(f"{name}, {{}} of the six means", unit, printed, means)
     vaf = {subject: column_mean(chapter4.VAF, subject) for subject in PILOT}
     for number, (subject, mean) in zip(("1", "2"), vaf.items(), strict=True):
         quantity, note = f"VAF, participant {number}", f"{subject} of table 4.4"
-        rows.append(compare(quantity, "%", chapter3.PILOT_VAF[number], recommended=mean, note=note))
+        rows.append(
+            compare(quantity, "%", printed_numbers.PILOT_VAF[number], recommended=mean, note=note)
+        )
     both = float(np.mean(list(vaf.values())))
-    rows.append(compare("VAF, both", "%", chapter3.PILOT_VAF["mean"], recommended=both, note=""))
+    rows.append(
+        compare("VAF, both", "%", printed_numbers.PILOT_VAF["mean"], recommended=both, note="")
+    )
     return compared_table(4, "pilot_people", rows)

@@ -14,15 +14,16 @@ from scipy.stats import binomtest
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.reference import chapter4
-from jointz.reference.chapter4 import PARAMETER_NAMES
 from jointz.stats import mixed_model
+from reproduction import printed_numbers
+from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.reproduction_tables import Claim, ClaimTable, claim_table
 
 #: Pulses a timing point (4.2.2); the number of bootstrap groups is not stated.
 N_ROWS: Final = 50
 #: Printed limit of p (4.3.2.2).
 STRICT: Final = 0.001
-_LEVELS: Final = (chapter4.SIGNIFICANCE_LEVEL, STRICT)
+_LEVELS: Final = (printed_numbers.SIGNIFICANCE_LEVEL, STRICT)
 #: Scatter of rows inside their cell over the residual SD, which the dissertation does not print.
 _SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
 _QUANTILES: Final = np.linspace(0.0, 1.0, 101)
@@ -134,7 +135,7 @@ def critical_difference(parameter: str, scatter: float, n_rows: int = N_ROWS) ->
 
 def _critical_difference(squares: MeanSquares, error: float, n_rows: int) -> float:
     n_pairs = squares.n_points * (squares.n_points - 1) // 2
-    tail = chapter4.SIGNIFICANCE_LEVEL / 2.0 / n_pairs
+    tail = printed_numbers.SIGNIFICANCE_LEVEL / 2.0 / n_pairs
     t = float(stdtrit(squares.df_of_rows(n_rows), 1.0 - tail))
     return float(t * np.sqrt(2.0 * error / (n_rows * squares.n_participants)))
 
@@ -152,7 +153,7 @@ def _printed_differences(parameter: str, means: np.ndarray) -> tuple[float, floa
     """Return the largest difference called similar and the smallest called different."""
     place = {point: k for k, point in enumerate(chapter4.TABLES[parameter])}
     sizes: dict[str, list[float]] = {"similar": [], "different": [], "not stated": []}
-    for (a, b), claim in chapter4.PAIRS[parameter].items():
+    for (a, b), claim in printed_numbers.PAIRS[parameter].items():
         sizes[claim].append(abs(float(means[place[a]] - means[place[b]])))
     return max(sizes["similar"]), min(sizes["different"])
 
@@ -168,7 +169,7 @@ def replicates_published() -> ClaimTable:
     """Return what the published tables give where rows of a cell count as people."""
     rows = []
     for parameter, name in PARAMETER_NAMES.items():
-        claims = list(chapter4.PAIRS[parameter].values())
+        claims = list(printed_numbers.PAIRS[parameter].values())
         apart, alike = claims.count("different"), claims.count("similar")
         fits = fitting_scatter(parameter)
         ours = "no scatter of rows gives all of these"
@@ -259,7 +260,7 @@ def _simulated(
 ) -> _Studies:
     """Return studies without an effect; variances of participants, cells, rows in a cell."""
     person, cell, inside = variances
-    shape = (n, len(chapter4.SUBJECTS), len(chapter4.POINT_NUMBERS))
+    shape = (n, len(chapter4.SUBJECTS), len(printed_numbers.POINT_NUMBERS))
     means = np.sqrt(cell + inside / n_rows) * rng.standard_normal(shape)
     means += np.sqrt(person) * rng.standard_normal((*shape[:2], 1))
     df = shape[1] * shape[2] * (n_rows - 1)

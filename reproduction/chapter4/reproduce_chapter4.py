@@ -15,12 +15,11 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.protocols.protocol import Protocol
-from jointz.reference import chapter3, chapter4
-from jointz.reference.chapter4 import PARAMETER_NAMES
 from jointz.results.statistics.mixed_model_fit import MixedModelFit, RandomEffectTest
 from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.stats.mixed_models import mixed_model
 from jointz.tasks.progress import Progress, RunProgress
+from reproduction import printed_numbers
 from reproduction.chapter4.person_tables import (
     accuracy_table,
     impedance_figure,
@@ -42,6 +41,7 @@ from reproduction.chapter4.walking import (
     true_values,
     walking_study,
 )
+from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.printed_settings import PEOPLE, printed_settings
 from reproduction.reproduction_result import Reproduction
 from reproduction.reproduction_tables import (
@@ -249,7 +249,7 @@ def _device_claims(tests: tuple[WaveformTest, WaveformTest] | None) -> list[Clai
     field, flips = tests
     return stated_claims(
         "device",
-        printed=chapter4.SPM_THRESHOLD.value,
+        printed=printed_numbers.SPM_THRESHOLD.value,
         field=_largest_t(field),
         fwhm_nodes=field.fwhm_nodes,
         field_verdict="not reproduced" if field.clusters else "reproduced",
@@ -320,7 +320,7 @@ def pilot_results(pilot: PilotStudy) -> tuple[ComparedTable, dict[str, Any]]:
         "onset_pct": dict(TIMING_POINTS),
         "people": list(pilot.people),
         "printed_range": {
-            name: [printed.value for printed in chapter3.PILOT_RANGES[name]]
+            name: [printed.value for printed in printed_numbers.PILOT_RANGES[name]]
             for name in PARAMETER_NAMES
         },
         "parameters": {
@@ -344,7 +344,7 @@ def _range_rows(pilot: PilotStudy, name: str) -> list[Compared]:
     undecided = f"recommended: undecided in {', '.join(refused)}" if refused else ""
     rows = []
     for word, pick, printed in zip(
-        ("largest", "smallest"), (max, min), chapter3.PILOT_RANGES[name], strict=True
+        ("largest", "smallest"), (max, min), printed_numbers.PILOT_RANGES[name], strict=True
     ):
         published, ours, truth = (pick(means[source], default=None) for source in _SOURCES)
         quantity = f"{word} average {PARAMETER_NAMES[name]}"
@@ -358,11 +358,13 @@ def _range_rows(pilot: PilotStudy, name: str) -> list[Compared]:
 def _vaf_rows(pilot: PilotStudy) -> list[Compared]:
     vaf = [_mean_vaf(pilot, source) for source in ("pilot", "recommended")]
     rows = [
-        compare(f"VAF of person {number}", "%", chapter3.PILOT_VAF[number], *_values(vaf, person))
+        compare(
+            f"VAF of person {number}", "%", printed_numbers.PILOT_VAF[number], *_values(vaf, person)
+        )
         for number, person in zip(("1", "2"), pilot.people, strict=False)
     ]
     both = [fmean(of_people.values()) if of_people else None for of_people in vaf]
-    return [*rows, compare("VAF of both", "%", chapter3.PILOT_VAF["mean"], *both)]
+    return [*rows, compare("VAF of both", "%", printed_numbers.PILOT_VAF["mean"], *both)]
 
 
 def _values(vaf: list[dict[str, float]], person: str) -> list[float | None]:

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 from scipy.stats import binomtest, spearmanr
 
-from jointz.reference import chapter3, chapter4
+from jointz.reference import chapter4
+from reproduction import printed_numbers
 from reproduction.chapter4.replicates import published_cells
 from reproduction.reproduction_tables import Claim, ClaimTable, Verdict, claim_table
 
@@ -16,7 +17,7 @@ _SHOWN: Final[tuple[Verdict, Verdict]] = ("not shown", "reproduced")
 
 def stated_trends() -> ClaimTable:
     """Return the trends of 3.4 and 4.4, and what is said of the VAF of others."""
-    people = np.array([published_cells(name) for name in chapter4.PARAMETER_NAMES])
+    people = np.array([published_cells(name) for name in printed_numbers.PARAMETER_NAMES])
     rows = (*_antagonism(people[:2]), *_fit(people[1], published_cells("vaf")))
     return claim_table(4, "trends", rows, people=" and ".join(PILOT))
 
@@ -42,12 +43,12 @@ def _antagonism(people: np.ndarray) -> tuple[Claim, Claim]:
 
 
 def _fit(damping: np.ndarray, vaf: np.ndarray) -> tuple[Claim, ...]:
-    other, limit = chapter3.OTHER_VAF.value, chapter3.SECOND_ORDER_VAF.value
+    other, limit = printed_numbers.OTHER_VAF.value, printed_numbers.SECOND_ORDER_VAF.value
     low, own = vaf <= other, f"{vaf.mean():.2f} % in table 4.4"
-    printed = f"about {other:g} %, ours about {chapter4.VAF_MEAN_ROUNDED.value:g} %"
+    printed = f"about {other:g} %, ours about {printed_numbers.VAF_MEAN_ROUNDED.value:g} %"
     ours = f"ours {own}; {low.sum()} of {vaf.size} fits at or below {other:g} %"
     rank, p = spearmanr(vaf.ravel(), damping.ravel())
-    explains = _SHOWN[int(rank > 0 and p < chapter4.SIGNIFICANCE_LEVEL)]
+    explains = _SHOWN[int(rank > 0 and p < printed_numbers.SIGNIFICANCE_LEVEL)]
     found = f"rank correlation of VAF and damping {rank:.2f} (p = {p:.2f}) over {vaf.size} fits"
     second: Verdict = "reproduced" if vaf.mean() > limit else "not reproduced"
     above = f"{(vaf > limit).sum()} of {vaf.size} fits above"

@@ -19,8 +19,6 @@ from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.reference import chapter4
-from jointz.reference.chapter4 import PARAMETER_NAMES
 from jointz.results.estimates import CellEstimate
 from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.results.study_analysis import StudyAnalysis
@@ -29,7 +27,9 @@ from jointz.stats.sign_flip import sign_flip_max_t
 from jointz.stats.spm import spm_paired_t
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress, RunProgress
+from reproduction import printed_numbers
 from reproduction.chapter_runs import study_truth
+from reproduction.printed_numbers import PARAMETER_NAMES
 
 #: Nodes of a cycle, 0 and 100 % included: as spm1d's users have them.
 NODES = 101
@@ -135,7 +135,7 @@ def effect_figure(
         "t": list(field.t),
         "threshold": field.threshold,
         "flip_threshold": flips.threshold,
-        "printed_threshold": chapter4.SPM_THRESHOLD.value,
+        "printed_threshold": printed_numbers.SPM_THRESHOLD.value,
         "no_device_rad": without.mean(axis=0).tolist(),
         "device_rad": with_device.mean(axis=0).tolist(),
         "difference_rad": list(field.difference),

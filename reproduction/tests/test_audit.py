@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from reproduction import printed_numbers
 from reproduction.audit import audit
 from reproduction.audit_chapter4 import BONFERRONI_PAIRS, PARTICIPANT_P, POINT_P
 from scipy import stats
@@ -75,6 +76,6 @@ def test_bonferroni_pairs_are_those_of_the_tables(name):
     for (i, a), (j, b) in itertools.combinations(enumerate(TIMING_POINTS), 2):
         t = abs(y[:, i].mean() - y[:, j].mean()) / np.sqrt(2 * error / len(y))
         p = min(1.0, 15 * 2 * stats.t.sf(t, 45))
-        if p < chapter4.SIGNIFICANCE_LEVEL:
+        if p < printed_numbers.SIGNIFICANCE_LEVEL:
             found[a, b] = p
     assert dict(BONFERRONI_PAIRS[name]) == pytest.approx(found, rel=1e-5)

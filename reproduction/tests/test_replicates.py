@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from reproduction import printed_numbers
 from reproduction.chapter4.replicates import (
     critical_difference,
     fitting_scatter,
@@ -10,6 +11,7 @@ from reproduction.chapter4.replicates import (
     replicates_as_people,
     replicates_published,
 )
+from reproduction.printed_numbers import PARAMETER_NAMES
 from scipy.stats import binom, f_oneway
 from scipy.stats import f as f_distribution
 
@@ -19,7 +21,6 @@ from jointz.kernels.statistics.mixed_model_likelihood import (
 )
 from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
 from jointz.reference import chapter4
-from jointz.reference.chapter4 import PARAMETER_NAMES
 
 PEOPLE, POINTS, ROWS = 10, 6, 7
 
@@ -89,7 +90,7 @@ def claims_come_out(parameter, scatter, n_rows=50):
     least = critical_difference(parameter, scatter, n_rows)
     pairs = all(
         (abs(means[a] - means[b]) > least) == (claim == "different")
-        for (a, b), claim in chapter4.PAIRS[parameter].items()
+        for (a, b), claim in printed_numbers.PAIRS[parameter].items()
         if claim != "not stated"
     )
     p = squares.p_of_rows(scatter**2 * squares.error, n_rows)

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from reproduction import chapter2_loads, reproduce, reproduce_chapter2
+from reproduction import chapter2_loads, printed_numbers, reproduce, reproduce_chapter2
 from reproduction.chapter2_loads import Pair
 from reproduction.chapter_runs import run_study, study_truth
 from reproduction.reproduction_result import Reproduction
@@ -13,7 +13,6 @@ from reproduction.reproduction_tables import Compared, ComparedTable
 
 from jointz.core.errors import OutputError
 from jointz.core.events import PulseEstimate
-from jointz.reference import chapter2
 
 TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
 
@@ -21,8 +20,8 @@ TRUTH = {"k1": 168.0, "k2": 273.0, "I1": 0.0364, "I2": 0.07}
 def pairs(stiffness=0.95, inertia=0.85, ours=0.99):
     """Return all pairs of the four cases, off by the same factors."""
     found = []
-    for case, (spring, mass) in chapter2.CASE_LOADS.items():
-        for trajectory in chapter2.TRAJECTORIES:
+    for case, (spring, mass) in printed_numbers.CASE_LOADS.items():
+        for trajectory in printed_numbers.TRAJECTORIES:
             for name, truth, factor in (
                 ("stiffness", TRUTH[spring], stiffness),
                 ("inertia", TRUTH[mass], inertia),
@@ -62,7 +61,7 @@ def pulses(method, effect):
             0.0364 + 1e-4 * rng.standard_normal(), 99.0, method,
         )
         for load in chapter2_loads.CASES
-        for trajectory in chapter2.TRAJECTORIES
+        for trajectory in printed_numbers.TRAJECTORIES
         for trial in range(4)
         for k, (sign, other) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)] * 2)
         for along in [sign if trajectory == "E" else other]

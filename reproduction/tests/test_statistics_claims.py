@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from reproduction import printed_numbers
 from reproduction.chapter4.published_statistics import (
     implied_fwhm,
     published_statistics,
@@ -12,7 +13,7 @@ from reproduction.chapter4.published_statistics import (
 from reproduction.reproduction_result import Reproduction
 from scipy import stats
 
-from jointz.reference import chapter3, chapter4
+from jointz.reference import chapter4
 
 NAMES = {"stiffness": "K", "damping": "B", "inertia": "J"}
 
@@ -113,7 +114,7 @@ def test_all_pairs_of_the_text_and_only_they_stand_in_the_table(chapter):
 
 
 def test_the_printed_threshold_is_that_of_a_width_of_12_534_nodes():
-    assert round(spm_threshold(12.534), 3) == chapter4.SPM_THRESHOLD.value == 4.299
+    assert round(spm_threshold(12.534), 3) == printed_numbers.SPM_THRESHOLD.value == 4.299
     assert round(implied_fwhm(4.299), 3) == 12.534
 
 
@@ -137,7 +138,7 @@ def test_the_printed_p_of_quasi_stiffness_is_welchs_over_timing_points(chapter):
 
 def test_the_pilots_numbers_are_those_of_s2_and_s3(chapter):
     rows = chapter.table("pilot_people").rows
-    assert len(rows) == 2 * len(chapter3.PILOT_RANGES) + 3
+    assert len(rows) == 2 * len(printed_numbers.PILOT_RANGES) + 3
     digits = {"N*m/rad/kg": 0.01, "N*m*s/rad/kg": 0.01, "kg*m^2": 0.01, "%": 0.1}
     for row in rows:
         assert abs(row.recommended - row.printed) < 0.51 * digits[row.unit]
