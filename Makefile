@@ -5,7 +5,7 @@ VENV ?= .venv
 CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick test-slow test-osl test-bare browser check docs benchmark accuracy validation paper release clean
+.PHONY: demo test quick test-slow test-osl test-bare browser check docs benchmark accuracy reproduce paper release clean
 
 demo: $(VENV)/.installed
 	$(BIN)/jointz demo
@@ -13,7 +13,7 @@ demo: $(VENV)/.installed
 # JOINTZ_REQUIRE: a test that would skip for want of one of these fails. Tests that keep real time
 # run alone, the others as many at once as there are cores.
 REQUIRE := JOINTZ_REQUIRE="dask duckdb pyarrow nicegui"
-TESTED := tests benchmarks --benchmark-disable -q
+TESTED := tests benchmarks reproduction/tests --benchmark-disable -q
 test: $(VENV)/.installed-test browser
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist worksteal
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and alone" $(TESTED)
@@ -24,7 +24,7 @@ quick: $(VENV)/.installed-test
 
 # All slow tests, or those of one part: make test-slow PART=identify. What a change touches is owed
 # before it lands.
-SLOW_PARTS := identify stats runtime files docs
+SLOW_PARTS := identify stats runtime files docs reproduction
 SLOW_identify := tests/unit/identify tests/unit/benchmarks \
 	tests/integration/test_own_joint.py tests/integration/test_real_legs.py \
 	tests/integration/test_refusal_rates.py tests/integration/test_steep_change.py
@@ -33,6 +33,7 @@ SLOW_stats := tests/unit/stats tests/unit/kernels tests/unit/collections tests/u
 SLOW_runtime := tests/unit/experiment tests/unit/session tests/unit/devices tests/unit/console \
 	tests/unit/calibration $(wildcard tests/integration/test_run*.py)
 SLOW_docs := tests/unit/docs tests/integration/test_demo.py
+SLOW_reproduction := reproduction/tests
 # What no other part names.
 SLOW_named := $(foreach part,identify stats runtime docs,$(SLOW_$(part)))
 SLOW_files := tests $(addprefix --ignore=,$(SLOW_named))
@@ -88,11 +89,11 @@ browser:
 	fi
 
 check: $(VENV)/.installed-check
-	$(BIN)/ruff format --check src tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
-	$(BIN)/ruff check src tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
+	$(BIN)/ruff format --check src reproduction tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
+	$(BIN)/ruff check src reproduction tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/codespell src tests benchmarks docs examples paper .ci README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
+	$(BIN)/codespell src reproduction tests benchmarks docs examples paper .ci README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
 
 # docs/api goes first: a page of what has been moved would be a warning.
 docs: $(VENV)/.installed-docs
@@ -111,10 +112,11 @@ benchmark: .venv-peers/.installed-peers browser
 accuracy: $(VENV)/.installed
 	$(BIN)/python -m benchmarks.accuracy
 
-# The page of all chapters that the README links to.
-validation: $(VENV)/.installed
-	$(BIN)/jointz reproduce all --out build/reproduced --overwrite --quiet
-	cp build/reproduced/validation.html docs/validation.html
+# The dissertation again, or CHAPTER=4 of it; of all chapters the page that the README links to.
+CHAPTER ?= all
+reproduce: $(VENV)/.installed
+	$(BIN)/python -m reproduction $(CHAPTER) --out build/reproduced --overwrite --quiet
+	$(if $(filter all,$(CHAPTER)),cp build/reproduced/validation.html docs/validation.html)
 
 # The paper for the Journal of Open Source Software: all numbers and the figure from docs/tables,
 # docs/validation.html and the package.

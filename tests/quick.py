@@ -16,9 +16,9 @@ import pytest
 ROOT = Path(__file__).parent.parent
 _SECONDS = 50.0  # collection comes before, and the last test ends after
 _MOST_FILES = 60
-_FOLDERS = ("src/jointz", "tests", "benchmarks")
-_NAMES = re.compile(r"\bjointz(?:\.\w+)+")
-_FROM = re.compile(r"^\s*from (jointz[\w.]*) import \(?([\w, \n]+)", re.MULTILINE)
+_FOLDERS = ("src/jointz", "tests", "benchmarks", "reproduction")
+_NAMES = re.compile(r"\b(?:jointz|reproduction)(?:\.\w+)+")
+_FROM = re.compile(r"^\s*from ((?:jointz|reproduction)[\w.]*) import \(?([\w, \n]+)", re.MULTILINE)
 
 
 def changed_files() -> list[str]:

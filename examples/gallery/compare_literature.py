@@ -12,7 +12,6 @@ import numpy as np
 from jointz.comparison.compare import compare_results
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import row_mean
-from jointz.reference.audit import audit_table
 from jointz.reference.chapter4 import STIFFNESS, implied_quasi_stiffness
 from jointz.reference.literature import COMPARISONS, stated_stiffness_range
 
@@ -46,11 +45,6 @@ axes.plot([], [], "o", color="C0", label="mean of table 4.1")
 axes.plot([], [], "x", color="C3", label="quasi-stiffness implied by the text")
 axes.plot([], [], color="C1", linewidth=3, label="'two or three times' (Pfeifer)")
 axes.legend()
-
-# %%
-# Printed numbers were checked against each other, too:
-
-audit_table().query("kind == 'contradiction'").head(3)[["where", "what", "printed", "recomputed"]]
 
 # %%
 # People differ more than means suggest, and what is said of other studies reaches from 'similar'

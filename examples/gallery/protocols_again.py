@@ -4,7 +4,7 @@ Do an experiment of the dissertation again
 
 Its experiments are protocols that come with jointz: files that say what is commanded, how often
 and how long. Here two bench tests of a spring, run on the simulated bench, beside what is printed.
-``jointz reproduce`` does whole chapters, in minutes.
+``make reproduce`` in a checkout does whole chapters, in minutes.
 """
 
 from tempfile import mkdtemp

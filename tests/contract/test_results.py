@@ -55,15 +55,6 @@ from jointz.planning.plan_result import (
     PlannedPeople,
     PlannedShape,
 )
-from jointz.reproduction.reproduction_result import Reproduction
-from jointz.reproduction.reproduction_tables import (
-    Claim,
-    ClaimTable,
-    Compared,
-    ComparedTable,
-    GridBlock,
-    ParticipantGrid,
-)
 from jointz.results.base import Result
 from jointz.results.bench.bench_fits import FullRecordFit, PulseFit
 from jointz.results.bench.calibration_fit import (
@@ -345,21 +336,6 @@ def time_varying_fit() -> Any:
         n_phases=4,
         resamples=100,
     )
-
-
-def reproduction() -> Reproduction:
-    rows = (
-        Compared("error", "%", -2.15, -6.7, -2.7, None, 3.49, 1.9, -3.0, -2.4, "of 20"),
-        Compared("nothing printed", recommended=1.0),
-    )
-    claim = Claim("4.3.2.2", "timing point", "p < 0.001", "p = 0.10", "not reproduced", "Why.")
-    block = GridBlock("printed", {"LRE": (1.88, None)}, {"LRE": 1.88})
-    tables = (
-        ComparedTable("errors", "Errors", "Why.", rows),
-        ClaimTable("claims", "Claims", "", (claim,)),
-        ParticipantGrid("table_4_1", "Table 4.1", "", "N*m/rad/kg", ("S1", "S2"), (block,)),
-    )
-    return Reproduction(2, "The bench", tables)
 
 
 def log_posterior() -> LogPosterior:
@@ -685,7 +661,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "paired runs": paired_runs_fit,
     "undecided paired runs": undecided_paired_runs,
     "time-varying": time_varying_fit,
-    "chapter": reproduction,
     "certificate": certificate,
     "calibration step": calibration_fit,
     "refused calibration step": refused_calibration,
@@ -736,7 +711,7 @@ def subclasses(kind):
 
 def test_every_result_class_has_an_example():
     for module in pkgutil.walk_packages(jointz.__path__, "jointz."):
-        if module.name.startswith(("jointz.results", "jointz.inspection", "jointz.reproduction")):
+        if module.name.startswith(("jointz.results", "jointz.inspection")):
             importlib.import_module(module.name)
     results = {c for c in subclasses(Result) if hasattr(c, "to_frame") and not [*subclasses(c)]}
 

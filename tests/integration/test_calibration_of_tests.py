@@ -14,7 +14,6 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.stats import binom
 
 from jointz.kernels.statistics.repeated_measures import repeated_measures_anova
-from jointz.reproduction.chapter4.replicates import replicates_as_people
 from jointz.stats import compare_quasi_stiffness, mixed_model, spm_unpaired_t
 
 PEOPLE, POINTS = 10, 6
@@ -185,18 +184,3 @@ def test_welchs_test_as_published_hardly_ever_finds_anything_over_timing_points(
     assert null == 0
     # A difference of 0.4, twice the noise of a value, is missed nearly always.
     assert apart < 0.05 * n
-
-
-# --- replicates as people ------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_replicates_as_people_find_what_is_not_there_in_over_90_percent():
-    n = 20000
-    _, curves = replicates_as_people(209, n)
-    for found in curves["parameters"].values():
-        for what in ("timing point, without an effect", "subject, nobody differs"):
-            for rate in found["rates"][what]:
-                low, high = binom.interval(0.998, n, rate["level"])
-                assert low <= rate["cells"] * n <= high, (what, rate)
-                assert rate["rows"] > 0.9, (what, rate)

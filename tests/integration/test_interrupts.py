@@ -25,7 +25,7 @@ MANY = int(os.environ.get("JOINTZ_INTERRUPTS", "50"))
 SEED = 22
 TICKS_HZ = os.sysconf("SC_CLK_TCK")
 #: Processor time that a command takes by and large, with all its processes, s.
-COMMANDS = {"run": 8.0, "analyze": 15.0, "reproduce": 15.0, "demo": 30.0}
+COMMANDS = {"run": 8.0, "analyze": 15.0, "demo": 30.0}
 
 
 @pytest.fixture
@@ -34,7 +34,6 @@ def arguments(walking_file, small_study_source, tmp_path):
     made = {
         "run": ["run", walking_file(strides=8, pulses=2), "--workers", "2"],
         "analyze": ["analyze", small_study_source, "--resamples", "200", "--workers", "2"],
-        "reproduce": ["reproduce", "2"],
         "demo": ["demo", "--quick"],
     }
     return lambda command: [*map(str, made[command]), "--out", str(tmp_path / "out" / "made")]
@@ -127,7 +126,7 @@ def interrupt(arguments, folder, *, after_s, group):
 
 def assert_whole(command, made):
     """A folder of results has the file that is written last; a run can be gone on with."""
-    last = {"analyze": "provenance.json", "demo": ".jointz-demo", "reproduce": "chapter2"}
+    last = {"analyze": "provenance.json", "demo": ".jointz-demo"}
     if made.exists() and command in last:
         assert (made / last[command]).exists()
 

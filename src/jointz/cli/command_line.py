@@ -70,7 +70,11 @@ _COMMANDS = {
         "jointz.control.command:control",
         "Make a controller's profile of a measured leg.",
     ),
-    "reproduce": ("jointz.reproduction.command:reproduce", "Repeat the dissertation, simulated."),
+}
+#: Commands that are gone: what replaces each of them.
+_REPLACED = {
+    "reproduce": "jointz reproduce moved beside the package: in a checkout, run make reproduce, or "
+    "python -m reproduction all --out DIR.",
 }
 
 
@@ -110,20 +114,20 @@ def _jointz(
         checked_memory_limit()
 
 
-def _named_command(arguments: Sequence[str]) -> str:
-    """Return the command that the arguments begin with, "" if it is not certain."""
+def _first_argument(arguments: Sequence[str]) -> str:
+    """Return what the arguments begin with, but for options of ``jointz`` itself."""
     rest = iter(arguments)
     for argument in rest:
         if argument == "--memory-limit":
             next(rest, "")
         elif argument != "--debug" and not argument.startswith("--memory-limit="):
-            return argument if argument in _COMMANDS else ""
+            return argument
     return ""
 
 
 def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
     """Return the commands; only the one that the arguments begin with if there is one."""
-    named = _named_command(arguments)
+    named = _first_argument(arguments)
     app = typer.Typer(
         name="jointz",
         no_args_is_help=True,
@@ -132,7 +136,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
         add_completion=False,
     )
     app.callback()(_jointz)
-    for name in [named] if named else _COMMANDS:
+    for name in [named] if named in _COMMANDS else _COMMANDS:
         place, sentence = _COMMANDS[name]
         module, attribute = place.split(":")
         command = getattr(import_module(module), attribute)
@@ -148,6 +152,9 @@ def run_command_line() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may lack a letter of a name
+    if replacement := _REPLACED.get(_first_argument(sys.argv[1:])):
+        _print_error("UsageError", replacement)
+        return EXIT_BAD_INPUT
     app = command_line(sys.argv[1:])
     if "--debug" in sys.argv:
         app(prog_name="jointz")
@@ -178,10 +185,14 @@ def _report(exc: Exception) -> int:
         what = _with_notes(exc, f"{kind}: {exc}")
         message = f"{what} This is a bug in jointz; --debug shows where."
         kind, status = "Bug", _EXIT_BUG
+    _print_error(kind, message)
+    return status
+
+
+def _print_error(kind: str, message: str) -> None:
     if "--json" in sys.argv:
         emit_error(kind, message)
     sys.stderr.write(f"jointz: {message}\n")
-    return status
 
 
 def _with_notes(exc: Exception, what: str) -> str:

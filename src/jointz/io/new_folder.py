@@ -1,6 +1,5 @@
 """Output folders: filled beside their place, renamed when whole, never over what others made."""
 
-import fnmatch
 import json
 import shutil
 from collections.abc import Iterator, Mapping
@@ -16,13 +15,9 @@ MARKER = "provenance.json"
 #: Key of the marker with the SHA-256 of every other file of a results folder, by name.
 CHECKSUMS = "sha256"
 #: Contents of a folder by its marker (``made_by``); one kind never replaces another.
-ANALYSIS, COMPARISON, REPRODUCTION = "analysis", "comparison", "reproduction"
+ANALYSIS, COMPARISON = "analysis", "comparison"
 #: File that shows the kind of a folder whose marker is older and does not name it.
-_KIND_FILES = (
-    (ANALYSIS, "estimates.csv"),
-    (COMPARISON, "comparison.json"),
-    (REPRODUCTION, "chapter[0-9].json"),
-)
+_KIND_FILES = ((ANALYSIS, "estimates.csv"), (COMPARISON, "comparison.json"))
 
 
 def check_free(
@@ -90,8 +85,7 @@ def _kind(marker: Path) -> str:
     content = json.loads(marker.read_text(encoding="utf-8"))
     if "made_by" in content:
         return str(content["made_by"])
-    names = list(map(str, content["files"]))
-    return next((kind for kind, name in _KIND_FILES if fnmatch.filter(names, name)), "")
+    return next((kind for kind, name in _KIND_FILES if name in content["files"]), "")
 
 
 def _check_kind(out: Path, marker: Path, made_by: str) -> None:

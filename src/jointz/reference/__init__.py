@@ -2,17 +2,14 @@
 
 Nothing in the chapters is corrected: what is wrong with a printed number stands in its note. Only
 digits that the copy of the text damaged, or that cannot be meant, are repaired, and the note
-says so. :mod:`jointz.reference.audit` computes what the printed numbers give.
+says so.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Literal
 
 __all__ = ["row_mean"]
-
-Kind = Literal["contradiction", "not possible", "ambiguous", "not reproduced", "worth knowing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,22 +34,6 @@ class OtherDevice:
     citations: tuple[int, ...]  # the dissertation's own citation numbers
     source: str  # section of the dissertation
     note: str = ""  # context in the text
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One printed statement beside what the printed numbers give."""
-
-    where: str  # table, section or figure of the dissertation
-    what: str  # subject of the statement
-    printed: str  # statement with its unit
-    # value by the printed tables and numbers, with its unit; empty where none can be computed
-    recomputed: str
-    # ``contradiction``: two printed numbers exclude each other; ``not possible``: no data give the
-    # number; ``ambiguous``: it can be read in several ways; ``not reproduced``: one value a
-    # participant and timing point does not give it; ``worth knowing``
-    kind: Kind
-    remark: str  # consequence, and how it is settled here
 
 
 def row_mean(row: Mapping[str, Printed]) -> float:

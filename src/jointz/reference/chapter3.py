@@ -67,8 +67,6 @@ TORQUE_RMS: Final[Mapping[str, Printed]] = MappingProxyType(
         "3.3": Printed(0.38, None, "N*m", _TABLE),
     }
 )
-CHIRP_RMS: Final = Printed(0.33, None, "N*m", "3.3.1", "model 3.3")
-TORQUE_ERROR_LIMIT: Final = Printed(0.5, None, "N*m", "3.4", "torque tracking error less than this")
 
 # --- 3.3.2 and 3.3.3: stiffness of the bench -----------------------------------------------------
 
@@ -79,43 +77,6 @@ DITHER_STIFFNESS: Final = Printed(
     "N*m/rad",
     "3.3.3",
     "3.2 says two springs of 150 N*m/rad in parallel, which would be 300",
-)
-POSITIVE_PULSE_STIFFNESS: Final = Printed(145.13, 2.45, "N*m/rad", "3.3.3")
-NEGATIVE_PULSE_STIFFNESS: Final = Printed(162.57, 2.96, "N*m/rad", "3.3.3")
-DYNAMIC_STIFFNESS_ERROR: Final = Printed(
-    5.29,
-    None,
-    "%",
-    "3.3.3",
-    "the printed stiffnesses give 5.10 % (signed errors averaged) or 5.96 % (absolute ones)",
-)
-DYNAMIC_STIFFNESS_ERROR_ROUNDED: Final = Printed(5.0, None, "%", "3.3.3", "'approximately'")
-
-# --- 3.3.4: the pilot ----------------------------------------------------------------------------
-
-PILOT_VAF: Final[Mapping[str, Printed]] = MappingProxyType(
-    {
-        "1": Printed(97.83, None, "%", "3.3.4"),
-        "2": Printed(84.84, None, "%", "3.3.4"),
-        "mean": Printed(91.3, None, "%", "3.3.4", "3.4 rounds to about 91 %"),
-    }
-)
-#: Largest and smallest average over the timing points.
-PILOT_RANGES: Final[Mapping[str, tuple[Printed, Printed]]] = MappingProxyType(
-    {
-        "stiffness_per_mass": (
-            Printed(2.99, None, "N*m/rad/kg", "3.3.4"),
-            Printed(0.11, None, "N*m/rad/kg", "3.3.4"),
-        ),
-        "damping_per_mass": (
-            Printed(0.06, None, "N*m*s/rad/kg", "3.3.4"),
-            Printed(0.04, None, "N*m*s/rad/kg", "3.3.4"),
-        ),
-        "inertia": (
-            Printed(0.05, None, "kg*m^2", "3.3.4"),
-            Printed(0.01, None, "kg*m^2", "3.3.4"),
-        ),
-    }
 )
 
 # --- 3.4: other devices --------------------------------------------------------------------------
@@ -142,10 +103,4 @@ OTHER_DEVICES: Final = (
         "3.4",
         "the lowest found: Ficanha, frontal plane; static or quasi-static tests",
     ),
-)
-#: 3.4 explains the larger damping of the pilot by these two: window and VAF of others.
-OTHER_WINDOW: Final = Printed(275.0, None, "ms", "3.4", "ours 100 ms")
-OTHER_VAF: Final = Printed(72.0, None, "%", "3.4", "about; ours about 91 %")
-SECOND_ORDER_VAF: Final = Printed(
-    97.0, None, "%", "3.4.1", "more than this in earlier work [67]: second order, time invariant"
 )

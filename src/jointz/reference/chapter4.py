@@ -6,9 +6,8 @@ row against its printed mean.
 """
 
 from collections.abc import Mapping
-from itertools import combinations
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Final
 
 import pandas as pd
 
@@ -16,14 +15,6 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import Printed, row_mean
 
 SUBJECTS: Final = tuple(f"S{k}" for k in range(1, 11))
-#: The dissertation's numbers 1 to 6 of the timing points (4.3.2.2).
-POINT_NUMBERS: Final[Mapping[int, str]] = MappingProxyType(dict(enumerate(TIMING_POINTS, start=1)))
-
-#: Parameters of tables 4.1 to 4.3, and their names in sentences.
-PARAMETER_NAMES: Final[Mapping[str, str]] = MappingProxyType(
-    {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping", "inertia": "inertia"}
-)
-
 #: Below this an entry is 0 but for rounding: the regression ended at its bound.
 NUMERICALLY_ZERO: Final = 1e-9
 #: Below this an entry is nearly 0, in the unit of its table.
@@ -31,11 +22,9 @@ NEARLY_ZERO: Final = 1e-3
 
 # --- 4.2: who walked -----------------------------------------------------------------------------
 
-N_PARTICIPANTS: Final = Printed(10.0, None, "", "4.2.2", "4 of them female")
 AGE: Final = Printed(27.8, 5.12, "year", "4.2.2")
 MASS: Final = Printed(73.39, 9.72, "kg", "4.2.2")
 HEIGHT: Final = Printed(170.18, 12.19, "cm", "4.2.2")
-SIGNIFICANCE_LEVEL: Final = 0.05
 
 # --- tables 4.1 to 4.4: one value a participant and timing point ----------------------------------
 
@@ -185,103 +174,6 @@ def participant_table() -> pd.DataFrame:
     points = pd.Categorical(table["timing_point"], categories=list(TIMING_POINTS), ordered=True)
     return table.assign(timing_point=points)
 
-
-# --- 4.3.1: the exoskeleton and gait --------------------------------------------------------------
-
-SPM_THRESHOLD: Final = Printed(
-    4.299,
-    None,
-    "",
-    "4.3.1",
-    "paired two-tailed t over the gait cycle, NWC and ENP; the statistic is nowhere beyond it",
-)
-
-# --- 4.3.2.1: averages ----------------------------------------------------------------------------
-
-#: Largest and smallest average over the timing points, as the text says.
-RANGES: Final[Mapping[str, tuple[Printed, Printed]]] = MappingProxyType(
-    {
-        "stiffness_per_mass": (
-            Printed(2.13, None, _K[1], "4.3.2.1", "at LRE"),
-            Printed(0.31, None, _K[1], "4.3.2.1"),
-        ),
-        "damping_per_mass": (
-            Printed(0.053, None, _B[1], "4.3.2.1"),
-            Printed(0.030, None, _B[1], "4.3.2.1", "the lowest mean of table 4.2 is 0.029, at MSW"),
-        ),
-        "inertia": (
-            Printed(0.040, None, _J[1], "4.3.2.1"),
-            Printed(0.023, None, _J[1], "4.3.2.1"),
-        ),
-    }
-)
-VAF_MEAN: Final = Printed(
-    90.62, 4.32, "%", "4.3.2.1", "the SD is that of the six timing-point means"
-)
-VAF_MEAN_ROUNDED: Final = Printed(
-    91.0, None, "%", "4.4", "about; 'across all subjects and timing points'"
-)
-
-# --- 4.3.2.2: what influences impedance -----------------------------------------------------------
-
-_REPLICATES = (
-    "one value a participant and timing point does not give it; see jointz.reference.audit"
-)
-#: Upper limits of the p-values, by parameter and factor: 'all linear models found timing point
-#: and subject to be significant (p < 0.001)'.
-FACTOR_P_BELOW: Final[Mapping[tuple[str, str], Printed]] = MappingProxyType(
-    {
-        (parameter, factor): Printed(
-            0.001,
-            None,
-            "",
-            "4.3.2.2",
-            "" if (parameter, factor) == ("stiffness_per_mass", "timing_point") else _REPLICATES,
-        )
-        for parameter in PARAMETER_NAMES
-        for factor in ("timing_point", "participant")
-    }
-)
-
-PairClaim = Literal["different", "similar", "not stated"]
-_Pair = tuple[int, int]
-
-#: Numbers of the timing points that differ from all others, and pairs called similar.
-_DIFFER_FROM_ALL: Final[Mapping[str, tuple[int, ...]]] = MappingProxyType(
-    {"stiffness_per_mass": (1, 2), "damping_per_mass": (3,), "inertia": (4,)}
-)
-_SIMILAR: Final[Mapping[str, frozenset[_Pair]]] = MappingProxyType(
-    {
-        "stiffness_per_mass": frozenset({(3, 4), (5, 6)}),
-        "damping_per_mass": frozenset({(4, 6), (1, 2), (1, 5), (2, 5)}),
-        "inertia": frozenset({(2, 5), (1, 3), (3, 6)}),
-    }
-)
-_DIFFERENT: Final[Mapping[str, frozenset[_Pair]]] = MappingProxyType(
-    {"inertia": frozenset({(1, 6)})}
-)
-
-
-def _claim(parameter: str, pair: _Pair) -> PairClaim:
-    if set(pair) & set(_DIFFER_FROM_ALL[parameter]) or pair in _DIFFERENT.get(parameter, ()):
-        return "different"
-    return "similar" if pair in _SIMILAR[parameter] else "not stated"
-
-
-#: What the text says of every pair of timing points, by parameter and pair, Bonferroni at 0.05.
-#: Pairs of two groups (such as stiffness 3 and 5) are not stated, though the grouping suggests
-#: that they differ. 'Similar' is a test that did not reject; no equivalence was tested.
-PAIRS: Final[Mapping[str, Mapping[tuple[str, str], PairClaim]]] = MappingProxyType(
-    {
-        parameter: MappingProxyType(
-            {
-                (POINT_NUMBERS[i], POINT_NUMBERS[j]): _claim(parameter, (i, j))
-                for i, j in combinations(POINT_NUMBERS, 2)
-            }
-        )
-        for parameter in _DIFFER_FROM_ALL
-    }
-)
 
 # --- 4.3.2.3: quasi-stiffness ---------------------------------------------------------------------
 

@@ -54,10 +54,6 @@ class StatedComparison:
 _ROUSE, _TUCKER_STIFFNESS, _TUCKER_INERTIA = chapter2.OTHER_DEVICES
 _ANKLEBOT, _SAGITTAL, _FICANHA = chapter3.OTHER_DEVICES
 
-#: The range 'literature shows' for devices that perturb in the sagittal plane; [34, 78, 30]
-#: are not told apart.
-SAGITTAL_STIFFNESS_ERRORS: Final = _SAGITTAL
-
 STUDIES: Final[Mapping[str, Study]] = MappingProxyType(
     {
         "rouse": Study(
@@ -227,21 +223,3 @@ def stated_stiffness_range(study: str, timing_point: str) -> tuple[float, float]
         if stands and said.factor_low is not None and said.factor_high is not None:
             return round(said.factor_low * mean, 6), round(said.factor_high * mean, 6)
     return None
-
-
-# --- numbers of the literature without a comparison -----------------------------------------------
-
-#: Variance that second-order, time-invariant models account for in earlier work.
-SECOND_ORDER_VAF: Final[Mapping[str, Printed]] = MappingProxyType(
-    {
-        "impulse response of the ankle": Printed(
-            97.0, None, "%", "1.2", "more than this, of the variance of the impulse response [1]"
-        ),
-        "human joints": Printed(97.0, None, "%", "3.4.1, 4.4.1", "more than this [67]"),
-    }
-)
-#: When reflexes act [79, 95]; they are smaller in locomotion [96, 29].
-REFLEX_START: Final = Printed(40.0, None, "ms", "4.4.1", "'can start at'")
-REFLEX_PEAK_AFTER_START: Final = Printed(
-    60.0, None, "ms", "4.4.1", "largest contribution, after the start: 100 ms after the stretch"
-)

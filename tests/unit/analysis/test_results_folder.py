@@ -15,7 +15,6 @@ from jointz.io.new_folder import (
     ANALYSIS,
     COMPARISON,
     MARKER,
-    REPRODUCTION,
     check_free,
     new_folder,
     write_marker,
@@ -80,15 +79,14 @@ def old_folder(out, file):
 
 
 @pytest.mark.parametrize(
-    ("file", "kind"),
-    [("estimates.csv", ANALYSIS), ("comparison.json", COMPARISON), ("chapter4.json", REPRODUCTION)],
+    ("file", "kind", "other"),
+    [("estimates.csv", ANALYSIS, COMPARISON), ("comparison.json", COMPARISON, ANALYSIS)],
 )
-def test_an_older_folder_is_known_by_its_files(tmp_path, file, kind):
+def test_an_older_folder_is_known_by_its_files(tmp_path, file, kind, other):
     old_folder(tmp_path / "out", file)
 
-    for other in {ANALYSIS, COMPARISON, REPRODUCTION} - {kind}:
-        with pytest.raises(OutputError, match=f"made it as {kind}, not as {other}"):
-            check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=other)
+    with pytest.raises(OutputError, match=f"made it as {kind}, not as {other}"):
+        check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=other)
     check_free(tmp_path / "out", marker=MARKER, overwrite=True, made_by=kind)
 
 

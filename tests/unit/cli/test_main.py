@@ -15,7 +15,7 @@ from jointz.analysis import analyze as analysis
 from jointz.analysis import participant_jobs as participants
 from jointz.analysis import results_folder
 from jointz.cli import main
-from jointz.cli.command_line import command_line
+from jointz.cli.command_line import _REPLACED, command_line
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
 from jointz.experiment.files import file_lock
 from jointz.tasks.task_store import TaskStore
@@ -70,6 +70,18 @@ def test_wrong_options_exit_2_with_json_where_it_is_wanted(jointz, arguments):
     assert wanted.code == 2
     assert wanted.json["status"] == "error"
     assert wanted.json["message"]
+
+
+@pytest.mark.parametrize("name", _REPLACED)
+def test_a_replaced_command_names_its_replacement(jointz, name):
+    for arguments in ((name,), (name, "anything", "--here"), ("--debug", name, "--help")):
+        outcome = jointz(*arguments)
+        assert (outcome.code, outcome.out) == (2, "")
+        assert outcome.err == f"jointz: {_REPLACED[name]}\n"
+    outcome = jointz(name, "all", "--json")
+    assert (outcome.code, outcome.json["status"]) == (2, "error")
+    assert outcome.json["message"] == _REPLACED[name]
+    assert f" {name} " not in jointz("--help").out
 
 
 def test_bad_input_is_one_json_object_and_one_message(jointz, tmp_path):

@@ -49,7 +49,8 @@ LISTED = [name for names in SECTIONS.values() for name in names]
 
 def resolved(name: str) -> Any:
     module, _, own = name.rpartition(".")
-    return getattr(importlib.import_module(module), own)
+    owner = importlib.import_module(module)
+    return getattr(owner, own) if hasattr(owner, own) else importlib.import_module(name)
 
 
 def is_callable_of_ours(thing: Any) -> bool:

@@ -2,19 +2,10 @@
 
 import pytest
 
-from jointz.reference import chapter3, chapter4
+from jointz.reference import chapter4
 from jointz.reference.literature import (
-    SECOND_ORDER_VAF,
-    STUDIES,
     stated_stiffness_range,
 )
-
-
-def test_chapters_3_and_4_give_the_same_window_and_fit_of_others():
-    assert STUDIES["kooij"].window.value == chapter3.OTHER_WINDOW.value == 275.0
-    assert STUDIES["tucker"].vaf.value == chapter3.OTHER_VAF.value == 72.0
-    fits = {p.value for p in SECOND_ORDER_VAF.values()}
-    assert fits == {chapter3.SECOND_ORDER_VAF.value}
 
 
 def test_a_factor_in_words_gives_a_range():

@@ -1,0 +1,1 @@
+"""Reproduction of the dissertation's chapters (``python -m reproduction``)."""

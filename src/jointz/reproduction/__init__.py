@@ -1,1 +1,0 @@
-"""Reproduction of the dissertation's chapters (``jointz reproduce``)."""
