@@ -34,7 +34,6 @@ from jointz.comparison.comparison_result import Comparison
 from jointz.control.design import design_joint
 from jointz.control.rendering.actuators import read_actuator
 from jointz.control.rendering.check import check_rendering
-from jointz.control.testbed.compare import compare_controllers
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.plain_tables import typed_table
 from jointz.inspection.inspection_result import (
@@ -648,7 +647,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "profile": published_profile,
     "rendering check": lambda: check_rendering(published_profile(), read_actuator("sea")),
     "design": lambda: design_joint({"walking": published_profile()}),
-    "controllers": lambda: compare_controllers([published_profile()], seeds=1),
     "inspection": inspection,
     "nothing seen": lambda: Inspection("empty.csv"),
     "collection checked": collection_check,
