@@ -85,7 +85,6 @@ from jointz.results.run_report import RunReport, StudyRun
 from jointz.results.series.cycle_curve import CurvePoint, ParameterBand, PhaseCurve
 from jointz.results.series.joint_fit import FitSeries, JointFit
 from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
-from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
 from jointz.results.statistics.comparison_rows import (
     Difference,
     FactorTest,
@@ -441,19 +440,6 @@ def seen_afterwards() -> Plan:
     )
 
 
-def specification_curve() -> SpecificationCurve:
-    choices = ("rigid", "predicted", 0.1, None, "pooled")
-    decided = (60.0, 59.0, 61.0, "ok")
-    return SpecificationCurve(
-        "S01",
-        (
-            SpecificationEstimate("LRE", "stiffness", *choices, *decided),
-            SpecificationEstimate("LRE", "stiffness", *choices, None, None, None, "undecided"),
-        ),
-        {"windows_s": [0.1]},
-    )
-
-
 def phase_curve() -> PhaseCurve:
     point = CurvePoint("LRE", 10.0, 90.0, 80.0, 100.0, True)
     low, middle, high = (80.0, 20.0, 80.0), (90.0, 40.0, 90.0), (100.0, 60.0, 100.0)
@@ -691,7 +677,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "log posterior": log_posterior,
     "plan": plan,
     "seen afterwards": seen_afterwards,
-    "specification curve": specification_curve,
     "phase curve": phase_curve,
     "mapped curves": mapped_curves,
     "flipped curves": flipped_curves,
