@@ -42,7 +42,6 @@ ORDER = (
     "method_matters",
     "error_budget",
     "certificate",
-    "specification_curve",
     "left_out",
     "go_on_after_a_kill",
     "many_fits",

@@ -2,8 +2,8 @@
 Take a recording into another format
 ====================================
 
-:func:`~jointz.conversion.convert.convert` (``jointz convert``) goes between all formats that
-jointz reads and writes. A format that cannot hold everything is refused, with what it cannot hold;
+:func:`~jointz.conversion.convert.convert` (``jointz convert``) writes any file that jointz reads as
+text or netCDF. A format that cannot hold everything is refused, with what it cannot hold;
 ``lossy=True`` leaves that out and says so.
 """
 
@@ -39,25 +39,29 @@ source = folder / "S01.nc"
 write_recording(recording, source)
 
 # %%
-# Into three others. What a format has no place for is named before anything is written; here it is
-# left out, after a look at what it is:
+# Into a MATLAB file, which is only read, and into two text tables. What a format has no place for
+# is named before anything is written; here it is left out, after a look at what it is:
 
 targets = {}
-for suffix in (".mat", ".csv", ".mot"):
+try:
+    convert(source, folder / "S01.mat")
+except DataError as problem:
+    print(f"refused: {problem}\n")
+for suffix in (".csv", ".tsv"):
     target = folder / f"S01{suffix}"
     try:
         made = convert(source, target)
     except DataError as problem:
         print(f"refused: {problem}\n")
         made = convert(source, target, lossy=True)
-    targets[made.kind] = target
+    targets[suffix] = target
     print(made.summary().replace(str(folder), "..."), "\n")
 
 # %%
 # Read again, sample by sample. A sample that was missing is missing:
 
 figure, axes = plt.subplots(figsize=(6.4, 3.0))
-for number, (kind, target) in enumerate(targets.items()):
+for number, (suffix, target) in enumerate(targets.items()):
     (group,) = read_acquisition(target).groups
     signals = {signal.name.split(" [")[0]: signal.values for signal in group.signals}
     same = {
@@ -65,9 +69,9 @@ for number, (kind, target) in enumerate(targets.items()):
         for name in ("angle", "torque")
     }
     clock = np.array_equal(group.times_s(), time)
-    print(f"{kind}: equal bit for bit: clock {clock}, {same}")
+    print(f"{suffix}: equal bit for bit: clock {clock}, {same}")
     shown = slice(900, 1100)
-    axes.plot(time[shown], signals["angle"][shown] + 0.1 * number, label=kind)
+    axes.plot(time[shown], signals["angle"][shown] + 0.1 * number, label=suffix)
 axes.set(xlabel="Time (s)", ylabel="Angle (rad), one above the other")
 axes.legend()
 

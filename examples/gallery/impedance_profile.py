@@ -18,8 +18,6 @@ from jointz.control.motor import read_motor
 from jointz.control.profile_file import read_profile, write_profile
 from jointz.control.rendering.actuators import read_actuator
 from jointz.control.rendering.check import check_rendering
-from jointz.control.testbed.compare import compare_controllers
-from jointz.control.testbed.page import write_page
 from jointz.control.writers import export_profile
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
@@ -86,14 +84,3 @@ print(design.summary())
 
 # %%
 design.plot()
-
-# %%
-# Eight kinds of controllers in the simulated walking of a person; with three people or more, scores
-# have intervals:
-
-found = compare_controllers([profile], seeds=1)
-print(found.summary())
-print(write_page(found, folder / "controllers").name)
-
-# %%
-found.plot()

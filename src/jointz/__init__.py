@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from jointz.analysis.analyze import analyze
     from jointz.analysis.certify import certify
     from jointz.analysis.saved_analysis import load
-    from jointz.analysis.specification_job import specification_curve
     from jointz.calibration.calibrate import calibrate
     from jointz.control.make_profile import impedance_profile
     from jointz.identify.actuators.actuator import identify_actuator
@@ -50,7 +49,6 @@ _HOMES = {
     "plan": "jointz.planning.plan_study",
     "read": "jointz.io.one_recording",
     "run": "jointz.session.run",
-    "specification_curve": "jointz.analysis.specification_job",
 }
 
 #: Packages that belong to the public face.
@@ -76,7 +74,6 @@ __all__ = [
     "read",
     "reference",
     "run",
-    "specification_curve",
     "stats",
 ]
 

@@ -34,7 +34,6 @@ from jointz.comparison.comparison_result import Comparison
 from jointz.control.design import design_joint
 from jointz.control.rendering.actuators import read_actuator
 from jointz.control.rendering.check import check_rendering
-from jointz.control.testbed.compare import compare_controllers
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.plain_tables import typed_table
 from jointz.inspection.inspection_result import (
@@ -77,7 +76,6 @@ from jointz.results.run_report import RunReport, StudyRun
 from jointz.results.series.cycle_curve import CurvePoint, ParameterBand, PhaseCurve
 from jointz.results.series.joint_fit import FitSeries, JointFit
 from jointz.results.series.reflex_fit import ReflexFit, ReflexPath, ReflexSeries
-from jointz.results.specification_curve import SpecificationCurve, SpecificationEstimate
 from jointz.results.statistics.comparison_rows import (
     Difference,
     FactorTest,
@@ -418,19 +416,6 @@ def seen_afterwards() -> Plan:
     )
 
 
-def specification_curve() -> SpecificationCurve:
-    choices = ("rigid", "predicted", 0.1, None, "pooled")
-    decided = (60.0, 59.0, 61.0, "ok")
-    return SpecificationCurve(
-        "S01",
-        (
-            SpecificationEstimate("LRE", "stiffness", *choices, *decided),
-            SpecificationEstimate("LRE", "stiffness", *choices, None, None, None, "undecided"),
-        ),
-        {"windows_s": [0.1]},
-    )
-
-
 def phase_curve() -> PhaseCurve:
     point = CurvePoint("LRE", 10.0, 90.0, 80.0, 100.0, True)
     low, middle, high = (80.0, 20.0, 80.0), (90.0, 40.0, 90.0), (100.0, 60.0, 100.0)
@@ -624,7 +609,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "profile": published_profile,
     "rendering check": lambda: check_rendering(published_profile(), read_actuator("sea")),
     "design": lambda: design_joint({"walking": published_profile()}),
-    "controllers": lambda: compare_controllers([published_profile()], seeds=1),
     "inspection": inspection,
     "nothing seen": lambda: Inspection("empty.csv"),
     "collection checked": collection_check,
@@ -668,7 +652,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "log posterior": log_posterior,
     "plan": plan,
     "seen afterwards": seen_afterwards,
-    "specification curve": specification_curve,
     "phase curve": phase_curve,
     "mapped curves": mapped_curves,
     "flipped curves": flipped_curves,

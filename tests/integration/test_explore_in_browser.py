@@ -6,11 +6,11 @@ import signal
 import subprocess
 import sys
 
-import pandas as pd
 import pytest
 
 from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
+from jointz.explorer.view import estimate_or_status
 from jointz.report.wording import DASH
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
@@ -49,7 +49,9 @@ def address(study, terminal_signals_of_module):
 @pytest.fixture(scope="module")
 def shared(browser, address, script_errors):
     """One page for all tests."""
-    context = browser.new_context(viewport={"width": 1400, "height": 900}, accept_downloads=True)
+    context = browser.new_context(
+        viewport={"width": 1400, "height": 900},
+    )
     context.set_default_timeout(PATIENCE_MS)
     opened = context.new_page()
     opened.foreign, opened.errors = [], script_errors(opened)
@@ -83,7 +85,7 @@ def finished(page, used):
     page.locator(".number.stale").first.wait_for(state="detached")
 
 
-def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study, tmp_path):
+def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study):
     finished(page, 4)
     before = stiffness(page)
     page.get_by_role("button", name="Exclude pulse").click()  # without a reason: refused
@@ -103,15 +105,12 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     finished(page, 3)
     assert stiffness(page) == after
 
-    # A fresh analysis from the study's own file gives the same numbers as the page's table.
-    with page.expect_download() as download:
-        page.get_by_role("tab", name="Files").click()
-        page.get_by_role("button", name="estimates.csv").click()
-    taken = tmp_path / "estimates.csv"
-    download.value.save_as(taken)
-    analyze(study, resamples=10).to_frame().to_csv(tmp_path / "fresh.csv", index=False)
-    fresh = pd.read_csv(tmp_path / "fresh.csv")
-    pd.testing.assert_frame_equal(pd.read_csv(taken), fresh)
+    # A fresh analysis from the study's own file gives the same numbers as the page.
+    fresh = analyze(study, resamples=10).cells[0].parameter("stiffness")
+    assert after == estimate_or_status(fresh)
+    page.get_by_role("tab", name="Exclusions").click()
+    page.locator(".methods td", has_text="stumbled <b>hard</b>").wait_for()
+    assert "jointz analyze" in page.locator(".command").inner_text()
 
     # A second page restores it, and the first follows.
     second = page.context.new_page()
@@ -154,7 +153,7 @@ def test_tabs_are_left_and_plots_resized_without_a_script_error(page, address, s
     errors = script_errors(page)
     page.goto(address)
     page.locator(".pulse-state", has_text="used").wait_for()
-    for name in ("Gait cycle", "Methods", "Files", "Pulses", "Gait cycle"):
+    for name in ("Gait cycle", "Methods", "Exclusions", "Pulses", "Gait cycle"):
         page.get_by_role("tab", name=name).click()
         page.get_by_role("tab", name=name, selected=True).wait_for()
         if name in ("Gait cycle", "Pulses"):
@@ -181,13 +180,23 @@ def test_a_method_is_added_and_shown(page):
     assert cells[3] not in ("", DASH)
 
 
-def test_files_come_with_safe_names(page):
-    page.get_by_role("tab", name="Files").click()
-    with page.expect_download() as figure:
-        page.get_by_role("button", name="impedance_over_gait.svg").click()
-    assert figure.value.path().read_bytes().startswith(b"<svg")
-    with page.expect_download() as traces:
-        page.get_by_role("button", name=".nc").click()
-    assert traces.value.suggested_filename == "pulses_img_src_x_onerror_document.title_1_amp_S01.nc"
-    assert traces.value.path().read_bytes()[1:4] == b"HDF"
-    assert "jointz analyze" in page.locator(".command").inner_text()
+def test_the_report_is_shown_without_its_scripts_and_no_other_file(page, address):
+    with page.context.expect_page() as opened:
+        page.get_by_role("link", name="report").click()
+    report = opened.value
+    report.locator("h1").wait_for()
+    errors = []
+    report.on("console", lambda message: errors.append(message.text))
+    policies = [one["value"] for one in report.reload().headers_array()
+                if one["name"].lower() == "content-security-policy"]  # fmt: skip
+    assert any("sandbox" in policy for policy in policies)
+    assert any("sandboxed" in text for text in errors)  # its script is blocked
+    report.locator("summary", has_text="Methods text").click()
+    report.get_by_role("link", name="methods.txt").click()
+    report.locator("body", has_text="participant").wait_for()
+    own = address.split("?")[0]
+    for name in ("estimates.csv", "analysis.json"):
+        assert report.goto(f"{own}report/{name}").status == 404
+    outside = report.goto(f"{own}report/..%2F..%2Fstudy%2Fstudy.toml")  # the explorer's page
+    assert "[[participants]]" not in outside.text()
+    report.close()

@@ -8,7 +8,6 @@ import typer
 
 from jointz.control.design_command import design
 from jointz.control.rendering.command import check
-from jointz.control.testbed.command import compare
 from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
 from jointz.terminal.options import Debug, Json, Quiet
@@ -158,7 +157,6 @@ def export(
 
 control.command("design")(design)
 control.command("check")(check)
-control.command("compare")(compare)
 
 
 def _report(

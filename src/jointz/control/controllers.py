@@ -189,35 +189,6 @@ def _of_states(states: tuple[ImpedanceState, ...]) -> PhaseTables:
     return PhaseTables(np.zeros(GRID_PCT.size), stiffness, damping, equilibrium)
 
 
-_LAWS: Mapping[str, Law] = {
-    "torque_replay": _replayed,
-    "kinematic_pd": _followed,
-    "quasi_stiffness": _lines,
-    "impedance_constant": _constant,
-    "impedance_per_phase": _per_phase,
-    "impedance_continuous": _measured,
-}
-
-
-def controller_tables(
-    name: str, profile: ImpedanceProfile | None, settings: Mapping[str, float] | None = None
-) -> PhaseTables:
-    """Return the law of a built-in controller over the cycle.
-
-    Without a profile only zero torque and the published four states have one.
-    """
-    none = np.zeros(GRID_PCT.size)
-    if name == "zero_torque":
-        return PhaseTables(none, none, none, none)
-    if name == "four_state":
-        states = osl_states() if profile is None else fit_state_machine(profile).states
-        return _of_states(states)
-    if profile is None:
-        raise DataError(f"{name} follows a profile. Give one.")
-    defaults = {key: default for key, (default, *_) in _PD.items()}
-    return _LAWS[name](profile, defaults | dict(settings or {}))
-
-
 # --- factories -----------------------------------------------------------------------------------
 
 

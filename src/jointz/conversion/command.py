@@ -1,4 +1,4 @@
-"""``jointz convert``: files to other formats, studies to MATLAB or Motion-BIDS."""
+"""``jointz convert``: files to other formats, studies to Motion-BIDS."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -54,13 +54,12 @@ def convert(
     quiet: Quiet = False,
     debug: Debug = False,
 ) -> None:
-    """Convert a file to csv, tsv, txt, parquet, nc, mat, xlsx, mot or sto, from these, c3d or xdf.
+    """Convert a file of any format that jointz reads to csv, tsv, txt or nc.
 
-    Samples, units and clocks stay unchanged. A study becomes one .mat file with every recording in
-    SI and in the study's directions, or with --to bids a Motion-BIDS folder.
+    Samples, units and clocks stay unchanged. A study becomes a Motion-BIDS folder with --to bids.
     Exit status: 0 written, 2 the input is not valid, or OUT cannot hold all of it without --lossy.
 
-    Example: jointz convert walk.c3d walk.mat
+    Example: jointz convert walk.c3d walk.nc
     """
     del debug
     from jointz.conversion.convert import convert as convert_file

@@ -6,10 +6,8 @@ from pathlib import Path
 
 from jointz.core.acquisition import Acquisition, Event, SignalGroup
 from jointz.core.errors import DataError, OutputError, WriteError
-from jointz.core.study import FilesSpec, Study
+from jointz.core.study import FilesSpec
 from jointz.io.formats.registry import format_to_write, read_acquisition, write_acquisition
-from jointz.io.study_files import data_file
-from jointz.io.study_reader import open_study
 from jointz.io.text.column_names import READING
 from jointz.results.base import Result
 
@@ -45,7 +43,7 @@ def convert(
     lossy: bool = False,
     overwrite: bool = False,
 ) -> Conversion:
-    """Convert a file to the format of the target's suffix, or a study to one file or to BIDS.
+    """Convert a file to the format of the target's suffix, or a study to BIDS.
 
     Parameters
     ----------
@@ -77,10 +75,14 @@ def convert(
     origin, out = Path(source), Path(target)
     if to == "bids":
         return _to_bids(origin, out, overwrite=overwrite)
+    if _is_study(origin):
+        raise DataError(
+            f"{origin}: a study becomes a BIDS folder (--to bids). Name one of its files to write "
+            "another format.",
+            path=str(origin),
+        )
     kind = format_to_write(out).name  # refuses other formats before anything is read
     _check_target(origin, out, overwrite=overwrite)
-    if _is_study(origin):
-        return _study_to_file(origin, out)
     content = _bids_content(origin) if origin.is_dir() else read_acquisition(origin, files)
     left_out = write_acquisition(content, out, lossy=lossy)
     n_events = [f"{len(content.events)} events"] if content.events else []
@@ -108,44 +110,14 @@ def _check_target(source: Path, target: Path, *, overwrite: bool) -> None:
         raise OutputError(
             f"{target}: exists. Give another name, or replace it: --overwrite, overwrite=True."
         )
-    folder = source.parent if source.name == _STUDY_FILE else source
-    if folder.is_dir() and target.resolve().is_relative_to(folder.resolve()):
+    if source.is_dir() and target.resolve().is_relative_to(source.resolve()):
         raise OutputError(
             f"{target}: is in the folder to be read, whose files are kept. Give a name outside it."
         )
 
 
-def _check_recordings(study: Study, target: Path) -> None:
-    """Refuse a target that is a file of the study, in any folder."""
-    if not target.exists():
-        return
-    for entry in study.spec.recordings:
-        for name in (entry.file, entry.perturbations):
-            if name is not None and data_file(study.root, name).samefile(target):
-                raise OutputError(
-                    f"{target}: is a file of the study to be read. Give another name."
-                )
-
-
 def _is_study(source: Path) -> bool:
     return (source.is_dir() and (source / _STUDY_FILE).is_file()) or source.name == _STUDY_FILE
-
-
-def _study_to_file(source: Path, target: Path) -> Conversion:
-    if not target.name.lower().endswith(".mat"):
-        raise DataError(
-            f"{target.name}: a study of several recordings goes into a .mat file or a BIDS folder "
-            "(--to bids). Convert its recordings one by one for other formats.",
-            path=str(target),
-        )
-    from jointz.conversion.matlab_study import write_matlab_study
-
-    study = open_study(source)
-    _check_recordings(study, target)
-    content, notes = write_matlab_study(study, target)
-    return Conversion(
-        source=str(source), target=str(target), kind="MATLAB .mat", content=content, notes=notes
-    )
 
 
 def _to_bids(source: Path, target: Path, *, overwrite: bool) -> Conversion:

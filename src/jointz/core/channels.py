@@ -41,7 +41,6 @@ UNITLESS_RECORD_COLUMNS = ("contact", "direction")
 
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
-CONTACT_KINDS = ("contact", "voltage", "pulse")
 
 #: Channels whose sign turns with ``torque_acts_on = "device"``.
 DEVICE_SIDE_CHANNELS = ("torque", "sensor_torque")

@@ -1,4 +1,4 @@
-"""Tabs of impedance over the gait cycle beside published values, and of methods side by side."""
+"""Tabs of impedance over the gait cycle, and of methods side by side."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -14,7 +14,6 @@ from jointz.explorer.estimate_curves import (
     methods_figure,
 )
 from jointz.explorer.figures import BLUE, GREEN, GREY
-from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.results_files import cell_of
 from jointz.explorer.tab import Tab, parameter_choice, table_columns
 from jointz.explorer.view import estimate_or_status
@@ -25,7 +24,7 @@ from jointz.results.estimates import CellEstimate, ParameterEstimate
 _SHIFT_PCT = 0.8
 #: Names of the switches of curves.
 _PEOPLE, _MEAN, _METHODS = "other people", "mean over people", "other methods"
-_PUBLISHED, _ANALYSED = "published", "as analysed"
+_ANALYSED = "as analysed"
 
 
 class CycleTab(Tab):
@@ -43,25 +42,16 @@ class CycleTab(Tab):
             with ui.element("div").classes("line wraps switches"):
                 self._shown = {
                     name: ui.checkbox(name, value=name != _METHODS, on_change=self.refresh)
-                    for name in (_PEOPLE, _MEAN, _METHODS, _PUBLISHED, _ANALYSED)
+                    for name in (_PEOPLE, _MEAN, _METHODS, _ANALYSED)
                 }
-            self._plot = ui.plotly(cycle_figure(self._view.parameter, [], [])).classes("plot full")
-            self._note = ui.label().classes("foot")
+            self._plot = ui.plotly(cycle_figure(self._view.parameter, [])).classes("plot full")
 
     def refresh(self) -> None:
         """Update the elements."""
         view = self._view
         self._parameter.set_value(view.parameter)
         self._title.set_text(f"{parameter_name(view.parameter)} of {view.person}")
-        joint = str(view.explorer.analysis.settings["joint"])
-        published = self._shown[_PUBLISHED].value
-        references = reference_curves(joint, view.parameter) if published else ()
-        self._plot.update_figure(cycle_figure(view.parameter, self._curves(), references))
-        self._note.set_text(
-            f"jointz has no published values of this parameter of the {joint}."
-            if published and not references
-            else " ".join(f"{r.name}: {r.meaning}." for r in references)
-        )
+        self._plot.update_figure(cycle_figure(view.parameter, self._curves()))
 
     def _curves(self) -> list[Curve]:
         view, shown = self._view, {name for name, box in self._shown.items() if box.value}

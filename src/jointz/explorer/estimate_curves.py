@@ -17,12 +17,10 @@ from jointz.explorer.figures import (
     plain,
     span,
 )
-from jointz.explorer.literature_curves import ReferenceCurve
 from jointz.report.wording import method_name, parameter_label
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
-_BAND: Final = "rgba(139,149,161,0.16)"
 _PHASE: Final = "rgba(139,149,161,0.10)"
 #: The first is for the chosen method; none is the green of the mean over people.
 METHOD_COLOURS: Final = (
@@ -30,12 +28,9 @@ METHOD_COLOURS: Final = (
 )  # fmt: skip
 
 
-def cycle_figure(
-    parameter: str, curves: Sequence["Curve"], references: Sequence[ReferenceCurve]
-) -> Figure:
-    """Draw one parameter over the gait cycle, beside published values."""
-    data = [trace for reference in references for trace in _reference(reference)]
-    data += map(_line, curves)
+def cycle_figure(parameter: str, curves: Sequence["Curve"]) -> Figure:
+    """Draw one parameter over the gait cycle."""
+    data = list(map(_line, curves))
     layout = base_layout(plain(parameter_label(parameter)), "Gait cycle (%)")
     layout["xaxis"] |= {"range": [-1, 101], "dtick": 10, "showgrid": False, "zeroline": False}
     layout["yaxis"] |= {"rangemode": "tozero"}
@@ -181,33 +176,6 @@ def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
 
 def _reach(far: float | None, near: float | None) -> float:
     return 0.0 if far is None or near is None else max(0.0, far - near)
-
-
-def _reference(reference: ReferenceCurve) -> list[dict[str, Any]]:
-    points = reference.points
-    x, name = [p.gait_pct for p in points], plain(reference.name)
-    common = {"type": "scatter", "x": x}
-    mean = common | {"hovertext": plain(reference.meaning)}
-    if any(p.value is None for p in points):
-        reaches = [(p.high - p.low) / 2 for p in points]
-        return [mean | {
-            "mode": "markers", "name": f"{name} (stated range)",
-            "y": [(p.low + p.high) / 2 for p in points],
-            "error_y": {"type": "data", "array": reaches, "color": AMBER, "thickness": 6,
-                        "width": 0},
-            "marker": {"color": AMBER, "size": 8, "symbol": "square"}, "opacity": 0.65,
-        }]  # fmt: skip
-    edge = common | {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip",
-                     "showlegend": False}  # fmt: skip
-    return [
-        edge | {"y": [p.low for p in points]},
-        edge | {"y": [p.high for p in points], "fill": "tonexty", "fillcolor": _BAND},
-        mean | {
-            "mode": "lines+markers", "name": f"{name}: mean, SD", "y": [p.value for p in points],
-            "line": {"color": GREY, "width": 1.6, "dash": "dot"},
-            "marker": {"color": GREY, "size": 6, "symbol": "square"},
-        },
-    ]  # fmt: skip
 
 
 def method_label(method: str) -> str:

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointz.explorer.cycle_page import CycleTab, MethodsTab
+from jointz.explorer.exclusions_page import ExclusionsTab
 from jointz.explorer.explorer_app import Explorer
-from jointz.explorer.files_page import FilesTab
 from jointz.explorer.pulses_page import PulsesTab
+from jointz.explorer.report_route import REPORT, add_report
 from jointz.explorer.results_files import Exploration, cell_of
 from jointz.explorer.tab import Tab
 from jointz.explorer.view import View, estimate_or_status
@@ -54,7 +55,7 @@ class ExplorePage:
             "Pulses": self._pulses,
             "Gait cycle": CycleTab(self._view),
             "Methods": MethodsTab(self._view),
-            "Files": FilesTab(self._view),
+            "Exclusions": ExclusionsTab(self._view),
         }
         self._tab = _FIRST_TAB
         self._words = subjects(explorer.results.analysed)
@@ -92,6 +93,8 @@ class ExplorePage:
             about = f"{what} · {method_name(settings['method'])}"
             ui.label(about).classes("about")
             ui.space()
+            if (self._explorer.results.folder / REPORT).is_file():
+                ui.link("report", f"/report/{REPORT}", new_tab=True).classes("report")
             self._state = ui.label().classes("state")
             dark = ui.dark_mode(None)
             contrast = ui.button(icon="contrast", on_click=lambda: _switch(dark))
@@ -276,5 +279,6 @@ def explore(
         title=f"jointz explore: {results.folder.name}",
         host=host,
         port=port,
+        routes=lambda app: add_report(app, results.folder),
         announce=announce,
     )

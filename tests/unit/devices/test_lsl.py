@@ -17,7 +17,6 @@ from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.devices.config import LslSpec
 from jointz.devices.interface import Lifecycle, Sensor
 from jointz.devices.lsl import LslSensor
-from jointz.devices.lsl_markers import LslMarkers
 from jointz.testing import SensorContract
 
 from .fakes import begin, needs, wait
@@ -315,32 +314,6 @@ def test_another_stream_than_described_is_refused(made, sender, keys, told) -> N
     sensor, _, _ = made(sender=sender, **keys)
     with pytest.raises(DeviceError, match=told):
         sensor.configure()
-
-
-def test_markers_come_with_their_time_until_their_sender_is_gone(monkeypatch) -> None:
-    clock = VirtualClock(1_000_000_000)
-    sender = Sender(clock, kind=STRING, rate_hz=10.0, values=lambda n: [f"pulse {n}"])
-    put_in_place(monkeypatch, sender)
-    markers = LslMarkers("Other recorder")
-    with pytest.raises(DeviceError, match="expected it active"):
-        markers.read()
-    begin(markers)
-    wait(clock, 0.25)
-    assert markers.read() == [(1_100_000_000, "pulse 1"), (1_200_000_000, "pulse 2")]
-    assert markers.read() == []
-    sender.gone = True
-    with pytest.raises(NotConnectedError, match="has been lost"):
-        markers.read()
-    markers.stop()
-    markers.close()
-    markers.close()
-    assert markers.state is Lifecycle.FINALISED
-
-
-def test_a_stream_of_numbers_is_no_stream_of_markers(monkeypatch) -> None:
-    put_in_place(monkeypatch, Sender(VirtualClock()))
-    with pytest.raises(DeviceError, match="expected text, it sends numbers"):
-        LslMarkers("knee").configure()
 
 
 @needs("pylsl")

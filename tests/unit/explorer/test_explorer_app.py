@@ -12,7 +12,6 @@ from jointz.analysis.results_folder import write_results
 from jointz.explorer.estimate_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
 from jointz.explorer.exclusions import FILE, decide
 from jointz.explorer.explorer_app import Explorer
-from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
 from jointz.explorer.results_files import open_results
 from jointz.explorer.view import View
@@ -140,7 +139,7 @@ def test_figures_are_plain_json(explorer):
         overlay_figure(pulses, view.cell("dissertation"), None, quantity="torque"),
         pulse_figure(view.trace_of(view.pulse()), view.window_of(view.pulse())),
         pulse_figure(None, None),
-        cycle_figure("stiffness_per_mass", [curve], reference_curves("knee", "stiffness_per_mass")),
+        cycle_figure("stiffness_per_mass", [curve]),
         methods_figure("stiffness", [curve]),
     ]
     for figure in figures:

@@ -1,6 +1,5 @@
 """Results looked through: traces of pulses, exclusions, estimates made again."""
 
-import io
 import json
 import shutil
 import threading
@@ -9,20 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 
 from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError, WriteError
 from jointz.explorer.exclusions import FILE, decide, is_excluded
-from jointz.explorer.files_page import (
-    TABLES,
-    figure_svg,
-    file_name,
-    table_csv,
-    traces_netcdf,
-)
-from jointz.explorer.literature_curves import reference_curves
 from jointz.explorer.reestimation import (
     ReestimationRequest,
     estimate_by_method,
@@ -343,48 +333,6 @@ def test_a_file_that_cannot_be_read_is_left_alone(opened):
     with pytest.raises(DataError, match="missing column"):
         decide(opened.study, first_pulse(opened), "exclude", reason="x")
     assert file.read_text() == "participant,onset_s\nS01,1\n"
-
-
-# downloads and references
-
-
-def test_tables_are_those_of_a_results_folder_and_figures_have_known_names(made):
-    found = open_results(made / "results")
-    for name in TABLES:
-        there = (made / "results" / f"{name}.csv").read_bytes()
-        assert table_csv(found.current(), name) == there, name
-    assert figure_svg(found.current(), "impedance_over_gait").startswith(b"<svg")
-    with pytest.raises(ValueError, match="name: expected one of"):
-        figure_svg(found.current(), "../secret")
-
-
-def test_traces_come_as_netcdf(again):
-    found, made = again
-    content = traces_netcdf(found.current(), made.participant, made.traces)
-    data = xr.load_dataset(io.BytesIO(content), engine="h5netcdf")
-
-    pulse = first_pulse(found)
-    k = int(np.flatnonzero(data["onset_s"].to_numpy() == pulse.onset_s)[0])
-    window = made.traces[PulseKey.of(pulse)].windows["rigid"]
-    np.testing.assert_allclose(data["rigid_response_angle"][k], window.response_angle)
-    np.testing.assert_allclose(data["rigid_residual"][k], window.residual)
-    assert data["rigid_baseline_torque"].attrs["units"] == "N*m"
-    assert data.sizes["pulse"] == len(made.traces)
-
-
-def test_names_of_files_are_safe():
-    assert file_name("pulses", "../<S/01>", "nc") == "pulses_S_01.nc"
-    assert file_name("pulses", "...", "nc") == "pulses_unnamed.nc"
-
-
-def test_published_values_of_the_knee():
-    curves = reference_curves("knee", "stiffness_per_mass")
-    assert curves[0].points[0].value == pytest.approx(2.131)
-    assert curves[0].points[0].low < 2.131 < curves[0].points[0].high
-    assert all(p.value is None for curve in curves[1:] for p in curve.points)
-    assert len(reference_curves("knee", "inertia")) == 1
-    assert reference_curves("knee", "stiffness") == ()
-    assert reference_curves("ankle", "stiffness_per_mass") == ()
 
 
 def test_results_know_no_place_of_the_study(made):

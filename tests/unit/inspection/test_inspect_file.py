@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.unit.io.foreign_files import write_file
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
@@ -348,7 +349,7 @@ def test_names_with_odd_letters_give_a_study_that_can_be_read(name, tmp_path):
     frame = walking().rename(columns={"Torque (Nm)": name})
     signals = tuple(Signal(n, frame[n].to_numpy(float)) for n in list(frame.columns)[1:])
     content = SignalGroup("", signals, time_s=frame["Time (s)"].to_numpy())
-    write_acquisition(Acquisition((content,)), tmp_path / "S01.parquet")
+    write_file(tmp_path / "S01.parquet", content)
 
     found = inspect_file(tmp_path / "S01.parquet")
 

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.io.foreign_files import write_file
 
 import jointz
-from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError, StudyError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable
-from jointz.io.formats.registry import list_columns, read_table, write_acquisition
+from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.recordings import read_recording
 
 from .c3d_files import theirs
@@ -80,7 +81,7 @@ def test_groups_of_one_clock_may_be_read_together(tmp_path: Path) -> None:
         SignalGroup(name, (Signal(name, np.arange(3.0)),), time_s=stamps + shift)
         for name, shift in (("a", 0.0), ("b", 0.0), ("late", 0.25))
     ]
-    assert write_acquisition(Acquisition(tuple(groups)), path) == []
+    write_file(path, *groups)
     assert set(columns(path, "a", "b").columns) == {"a", "b"}
     with pytest.raises(DataError, match="a: 3 samples"):
         columns(path, "a", "late")

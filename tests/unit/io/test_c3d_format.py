@@ -82,11 +82,14 @@ def test_many_channels_of_one_name_take_no_long_time() -> None:
     assert unique_names(["a"] * 60_000)[-1] == "a_60000"
 
 
-@pytest.mark.parametrize("suffix", [".c3d", ".xdf"])
+READ_ONLY = (".c3d", ".mat", ".mot", ".parquet", ".sto", ".xdf", ".xlsx")
+
+
+@pytest.mark.parametrize("suffix", READ_ONLY)
 def test_what_is_only_read_is_not_written(suffix: str, tmp_path: Path, jointz) -> None:
     group = SignalGroup("analogs", (Signal("x", np.zeros(2)),), 10.0)
     path = tmp_path / f"a{suffix}"
-    with pytest.raises(DataError, match=rf"a\{suffix}: .* read only.*\.nc.*\.parquet"):
+    with pytest.raises(DataError, match=rf"a\{suffix}: .* read only.*\.txt or \.nc .*bids"):
         write_acquisition(Acquisition((group,)), path, lossy=True)
     (tmp_path / "a.csv").write_text("time,x\n0,1\n1,2\n")
     refused = jointz("convert", tmp_path / "a.csv", path, "--lossy")

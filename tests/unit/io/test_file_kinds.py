@@ -50,10 +50,10 @@ def test_a_study_names_a_folder_in_place_of_a_recording(small_study):
 def test_a_header_that_csv_cannot_hold_is_refused(tmp_path, jointz):
     file = tmp_path / "walk.csv"
     file.write_text(f"time,{'a' * (LONGEST_CELL + 1)}\n0,1\n1,2\n")
-    outcome = jointz("convert", file, tmp_path / "walk.mat")
+    outcome = jointz("convert", file, tmp_path / "walk.nc")
     assert outcome.code == 2
     assert "walk.csv, row 1: " in outcome.err
-    assert not (tmp_path / "walk.mat").exists()
+    assert not (tmp_path / "walk.nc").exists()
 
 
 def test_a_long_header_between_semicolons_is_read(tmp_path):

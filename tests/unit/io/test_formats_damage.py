@@ -5,16 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.io.foreign_files import write_file
 
-from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats.registry import (
-    list_columns,
-    read_acquisition,
-    read_table,
-    write_acquisition,
-)
+from jointz.io.formats.registry import list_columns, read_acquisition, read_table
 
 KINDS = ["csv", "csv.gz", "sto", "parquet", "nc", "mat", "xlsx"]
 #: What has no checksum: a digit that was changed is a digit, a byte of a number one too.
@@ -23,7 +19,7 @@ N_FILES = 200
 N_SAMPLES = 24
 
 
-def content(kind: str) -> Acquisition:
+def groups(kind: str) -> tuple[SignalGroup, ...]:
     label = np.array(["stance", "swing"] * (N_SAMPLES // 2), dtype=object)
     angle, torque = np.linspace(-5.0, 60.0, N_SAMPLES) / 3.0, np.cos(np.arange(N_SAMPLES))
     signals = [
@@ -33,10 +29,7 @@ def content(kind: str) -> Acquisition:
     ]
     if kind == "sto":
         signals = [Signal("knee_angle_r", angle, "deg"), Signal("torque", torque)]
-    group = SignalGroup("", tuple(signals), time_s=np.arange(N_SAMPLES) / 100.0)
-    if kind.startswith("csv") or kind in ("sto", "xlsx"):
-        return Acquisition((group,))
-    return Acquisition((group,), (Event(0.05, "heel strike"),), {"subject": "S01"})
+    return (SignalGroup("", tuple(signals), time_s=np.arange(N_SAMPLES) / 100.0),)
 
 
 def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
@@ -78,7 +71,7 @@ def is_noted(found: Acquisition) -> bool:
 @pytest.mark.parametrize("kind", KINDS)
 def test_damage_ends_in_an_error_or_in_a_sound_reading(outcome, tmp_path: Path, kind: str) -> None:
     whole = tmp_path / f"whole.{kind}"
-    write_acquisition(content(kind), whole)
+    write_file(whole, *groups(kind))
     data, rng = whole.read_bytes(), np.random.default_rng(9)
     path, messages = tmp_path / f"a.{kind}", []
     for _ in range(N_FILES * 3 // 4):
@@ -90,7 +83,7 @@ def test_damage_ends_in_an_error_or_in_a_sound_reading(outcome, tmp_path: Path, 
         if isinstance(found, str):
             messages.append(found)
         elif kind not in UNCHECKED and not is_noted(found):
-            assert table(found) == table(content(kind))
+            assert table(found) == table(Acquisition(groups(kind)))
 
     assert len(messages) >= N_FILES // 5
     assert all(path.name in message for message in messages)
@@ -102,9 +95,9 @@ def test_a_file_that_is_cut_off_is_refused_or_its_beginning(
     outcome, tmp_path: Path, kind: str
 ) -> None:
     whole = tmp_path / f"whole.{kind}"
-    write_acquisition(content(kind), whole)
+    write_file(whole, *groups(kind))
     data, rng = whole.read_bytes(), np.random.default_rng(10)
-    expected, path = table(content(kind)), tmp_path / f"a.{kind}"
+    expected, path = table(Acquisition(groups(kind))), tmp_path / f"a.{kind}"
     for at in rng.integers(len(data), size=N_FILES // 4).tolist():
         path.write_bytes(data[:at])
         found = outcome(path)
@@ -128,7 +121,7 @@ def test_a_netcdf_file_that_another_program_changed_is_read(tmp_path: Path) -> N
     import h5py
 
     path = tmp_path / "a.nc"
-    write_acquisition(content("nc"), path)
+    write_file(path, *groups("nc"))
     with h5py.File(path, "r+") as file:
         file["g1"]["s2"][0] = 99.0
 

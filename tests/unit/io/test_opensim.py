@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
+from jointz.core.acquisition import Acquisition, Signal
 from jointz.core.errors import DataError
-from jointz.io.formats.registry import format_of, read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition
 
 MOTION = """\
 Coordinates
@@ -154,45 +154,6 @@ def test_what_is_wrong_is_told_with_its_row(tmp_path, old, new, place):
         read(tmp_path, MOTION.replace(old, new))
 
 
-NAMED = {"name": "walk", "inDegrees": "no", "version": "1"}
-
-
-def angles(unit: str) -> Acquisition:
-    signal = Signal("knee_angle_r", np.array([0.5, 1.0]), unit)
-    return Acquisition((SignalGroup("", (signal,), 100.0),), (), NAMED if unit == "rad" else {})
-
-
-@pytest.mark.parametrize(
-    ("signal", "more", "words"),
-    [
-        (Signal("knee_angle_r", np.zeros(2), "deg", "left"), {}, "descriptions"),
-        (Signal("knee_angle_r", np.zeros(2)), {"metadata": {**NAMED, "rig": "B"}}, "metadata: rig"),
-        (Signal("knee_angle_r", np.zeros(2)), {"metadata": {"name": "a=b"}}, "metadata: name"),
-        (Signal("knee_angle_r", np.zeros(2)), {"metadata": {"version": "3"}}, "metadata: version"),
-        (Signal("knee_moment", np.zeros(2), "Nm"), {}, "units of knee_moment"),
-        (Signal("knee flexion", np.zeros(2), "deg"), {}, "'knee flexion'"),
-        (Signal("knee_angle_r", np.zeros(2)), {"events": (Event(0.0, "HS"),)}, "events (1"),
-    ],
-)
-def test_what_a_table_with_a_header_cannot_hold_is_named(tmp_path, signal, more, words):
-    content = Acquisition((SignalGroup("", (signal,), 100.0),), **more)
-
-    assert any(words in sentence for sentence in format_of(tmp_path / "a.sto").losses(content))
-    with pytest.raises(DataError, match="lossy"):
-        write_acquisition(content, tmp_path / "a.sto")
-
-
-@pytest.mark.parametrize(("unit", "line"), [("deg", ["yes"]), ("rad", ["no"]), ("", [])])
-def test_the_header_says_the_unit_that_the_angles_have(tmp_path, unit, line):
-    write_acquisition(angles(unit), tmp_path / "a.mot")
-
-    lines = (tmp_path / "a.mot").read_text().splitlines()
-    assert [text.split("=")[1] for text in lines if "inDegrees" in text] == line
-    assert "nRows=2" in lines
-    assert lines[lines.index("endheader") + 1] == "time\tknee_angle_r"
-    assert lines[-1] == "0.01\t1.0"
-
-
 def test_a_last_line_without_an_end_is_told_of_where_it_may_be_whole(tmp_path):
     content = read(tmp_path, MOTION[:-1])
 
@@ -220,16 +181,3 @@ def test_the_first_line_tells_speeds_and_accelerations_from_angles(tmp_path, nam
     found = signals(read(tmp_path, MOTION.replace("Coordinates", name, 1), "a.sto"))
 
     assert found["knee_angle_r"].unit == unit
-
-
-@pytest.mark.parametrize(
-    "stem", ["a", "speeds", "Accelerations", "inDegrees=no", "endheader", "range 1", "nRows 7"]
-)
-@pytest.mark.parametrize("unit", ["deg", "rad", "deg/s", "rad/s^2"])
-def test_no_name_of_a_file_changes_a_unit(tmp_path, unit, stem):
-    group = SignalGroup("", (Signal("knee_angle_r", np.array([0.5, 1.0]), unit),), 100.0)
-
-    assert write_acquisition(Acquisition((group,)), tmp_path / f"{stem}.sto") == []
-
-    (back,) = signals(read_acquisition(tmp_path / f"{stem}.sto")).values()
-    assert (back.unit, back.values.tolist()) == (unit, [0.5, 1.0])

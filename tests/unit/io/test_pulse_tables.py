@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.io import savemat
+from tests.unit.io.foreign_files import write_file
 
-from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import DataError
-from jointz.io.formats.registry import write_acquisition
 from jointz.io.recordings import read_pulse_table
 
 TABLE = "[perturbations]                              # optional\n"
@@ -112,12 +112,11 @@ def test_a_pulse_table_of_another_format(study, tmp_path, name):
     pytest.importorskip("pyarrow")
     columns = {"onset_s": [0.021, 0.03], "amplitude_nm": [5.0, 6.0]}
     signals = tuple(Signal(name, np.array(values)) for name, values in columns.items())
-    content = Acquisition((SignalGroup("table", signals),))
-    write_acquisition(content, tmp_path / name, lossy=True)
+    write_file(tmp_path / name, SignalGroup("table", signals))
     study.edit('"S01_pulses.csv"', f'"{name}"')
     if name.endswith(".mat"):
         columns = ", ".join(
-            f'{k} = "jointz.groups.table.signals.{c}.values"'
+            f'{k} = "table.{c}"'
             for k, c in {"onset": "onset_s", "amplitude": "amplitude_nm"}.items()
         )
         study.edit(TABLE, f"{TABLE}columns = {{ {columns} }}\n")
@@ -176,7 +175,7 @@ def test_sheets_of_people_need_the_name_of_the_sheet(study, tmp_path):
     groups = tuple(
         SignalGroup(name, (Signal("onset_s", np.array([0.01, 0.02])),)) for name in ("S01", "S02")
     )
-    write_acquisition(Acquisition(groups), tmp_path / "pulses.xlsx", lossy=True)
+    write_file(tmp_path / "pulses.xlsx", *groups)
     study.edit('"S01_pulses.csv"', '"pulses.xlsx"')
 
     assert "has no column for onset" in study.sole_problem()

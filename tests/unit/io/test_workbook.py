@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.acquisition import Acquisition
 from jointz.core.errors import DataError
-from jointz.io.formats.registry import read_acquisition, write_acquisition
+from jointz.io.formats.registry import read_acquisition
 
 openpyxl = pytest.importorskip("openpyxl")
 Rows = list[list[Any]]
@@ -214,7 +214,7 @@ def test_a_number_beyond_all_is_refused_by_its_address(tmp_path):
 
 
 def test_a_compression_that_is_none_is_damage(tmp_path):
-    write_acquisition(OWN, tmp_path / "a.xlsx")
+    openpyxl.Workbook().save(tmp_path / "a.xlsx")
     raw = (tmp_path / "a.xlsx").read_bytes()
     for mark in (rb"(PK\x03\x04.{4})..", rb"(PK\x01\x02.{6}).."):
         raw = re.sub(mark, lambda found: found[1] + b"\x0e\x00", raw, flags=re.DOTALL)
@@ -271,100 +271,6 @@ def test_formulas_that_a_spreadsheet_program_calculated_are_read_by_their_values
     (group,) = repacked(tmp_path, rows, "Trial 1", calculate).groups
 
     np.testing.assert_array_equal(group.signals[1].values, [2.0, 3.0])
-
-
-KNEE = Signal("knee", np.array([0.1, np.nan, 1 / 3]), "deg")
-PHASE = Signal("phase", np.array(["=1+1", "", "c"], dtype=object))
-SHORT = Signal("F", np.array([1.0, 2.0]), "N")
-OWN = Acquisition((SignalGroup("points", (KNEE, PHASE), 100.0), SignalGroup("", (SHORT,))))
-
-
-def test_groups_are_written_as_sheets_of_plain_tables(tmp_path):
-    assert write_acquisition(OWN, tmp_path / "a.xlsx") == []
-
-    book = openpyxl.load_workbook(tmp_path / "a.xlsx")
-    assert book.sheetnames == ["points", "data"]
-    assert list(book["points"].iter_rows(values_only=True)) == [
-        ("time [s]", "knee [deg]", "phase"),
-        (0.0, 0.1, "=1+1"),
-        (0.01, None, None),
-        (0.02, 1 / 3, "c"),
-    ]
-    assert book["points"]["C2"].data_type == "s"  # a text, no formula
-    assert list(book["data"].iter_rows(values_only=True)) == [("F [N]",), (1.0,), (2.0,)]
-    points, data = read_acquisition(tmp_path / "a.xlsx").groups
-    np.testing.assert_array_equal(points.time_s, [0.0, 0.01, 0.02])
-    assert [(s.name, s.unit) for s in points.signals] == [("knee [deg]", "deg"), ("phase", "")]
-    np.testing.assert_array_equal(points.signals[0].values, KNEE.values)
-    assert points.signals[1].values.tolist() == PHASE.values.tolist()
-    assert data.time_s is None
-
-
-def test_a_group_called_as_another_in_capitals_has_a_sheet_of_its_own(tmp_path):
-    names = ("leg", "Leg", "[left]", "x" * 40)
-    groups = tuple(SignalGroup(name, (SHORT,), 10.0) for name in names)
-
-    (lost, *_) = write_acquisition(Acquisition(groups), tmp_path / "a.xlsx", lossy=True)
-
-    assert "'Leg'" in lost
-    titles = [group.name for group in read_acquisition(tmp_path / "a.xlsx").groups]
-    assert titles == ["leg", "Leg_2", "_left_", "x" * 25]
-
-
-def ramp(name, unit="", first=1.0):
-    return Signal(name, np.array([first, 2.0, np.nan, 4.0]), unit)
-
-
-@pytest.mark.parametrize("clock", [{"rate_hz": 100.0}, {}])
-@pytest.mark.parametrize(
-    "names", [("t", "x", "time", "y"), ("x", "Time [ms]"), ("column t", "t", "time [s]", "time_s")]
-)
-def test_a_signal_called_as_a_time_stays_a_signal_under_a_name_that_is_told(tmp_path, names, clock):
-    whole = SignalGroup("walk", tuple(map(ramp, names)), **clock)
-
-    (lost,) = write_acquisition(Acquisition((whole,)), tmp_path / "a.xlsx", lossy=True)
-
-    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
-    new = [s.name for s in back.signals]
-    assert all((name in new) != (repr(name) in lost) for name in names if name != "column t")
-    assert [s.values.tolist()[1::2] for s in back.signals] == [[2.0, 4.0]] * len(names)
-    assert (back.time_s is None) == (not clock)
-    if clock:
-        np.testing.assert_array_equal(back.time_s, whole.times_s())
-
-
-def test_a_time_of_texts_or_of_another_unit_keeps_its_name(tmp_path):
-    day = Signal("time", np.array(["2024-05-01T12:30:00", "", "", "x"], dtype=object))
-    group = SignalGroup("walk", (day, ramp("t", "N*m")), 100.0)
-
-    assert write_acquisition(Acquisition((group,)), tmp_path / "a.xlsx") == []
-
-    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
-    assert [(s.name, s.unit) for s in back.signals] == [("time", ""), ("t [N*m]", "N*m")]
-
-
-def test_units_that_no_name_can_hold_are_told(tmp_path):
-    signals = (ramp("contact", "1"), ramp("foot [1]", "1"), ramp("k", "N"), ramp("k [N]", "N"))
-    content = Acquisition((SignalGroup("walk", signals, 100.0),))
-
-    _, units = write_acquisition(content, tmp_path / "a.xlsx", lossy=True)
-
-    assert "units of contact, foot [1], k [N]." in units
-    (back,) = read_acquisition(tmp_path / "a.xlsx").groups
-    found = [(s.name, s.unit) for s in back.signals]
-    assert found == [("contact", ""), ("foot [1]", ""), ("k [N]", "N"), ("k [N]_2", "")]
-
-
-EMPTY = SignalGroup("", (Signal("x", np.empty(0)),), 10.0)
-HOLES = SignalGroup("", (Signal("x", np.arange(2.0)),), time_s=np.array([0.0, np.nan]))
-
-
-@pytest.mark.parametrize("group", [EMPTY, HOLES])
-def test_what_would_be_no_table_is_not_written(tmp_path, group):
-    with pytest.raises(DataError, match=r"a\.xlsx"):
-        write_acquisition(Acquisition((group,)), tmp_path / "a.xlsx", lossy=True)
-
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_openpyxl_the_extra_is_named(tmp_path, monkeypatch):

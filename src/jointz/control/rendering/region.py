@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jointz.control.impedance_profile import ImpedanceProfile
-from jointz.control.leg_body import leg_body
 from jointz.control.rendering.actuators import Actuator
 from jointz.core.errors import DataError
 
@@ -18,6 +17,9 @@ _FREQUENCIES = 1000
 _AT_ONCE = 100
 #: Share of the power of the mean stride's angle that a rendered impedance must follow.
 _POWER = 0.99
+#: Body height, m, the shank as a share of it, and shank and foot: share of body mass, radius of
+#: gyration about the knee as a share of the shank (Winter, table 4.1).
+_HEIGHT_M, _SHANK_LENGTH, _MASS, _GYRATION = 1.74, 0.246, 0.061, 0.735
 
 
 def default_load_inertia(profile: ImpedanceProfile) -> float:
@@ -27,7 +29,8 @@ def default_load_inertia(profile: ImpedanceProfile) -> float:
             f"load inertia: no default for the {profile.joint}, only for the knee. Give the "
             "inertia that the actuator moves (--load-inertia, kg*m^2)."
         )
-    return leg_body(profile.mass_kg).inertia
+    shank = _SHANK_LENGTH * _HEIGHT_M
+    return _MASS * profile.mass_kg * (_GYRATION * shank) ** 2
 
 
 def stable_stiffness(actuator: Actuator, damping: ArrayLike, load_inertia: float) -> np.ndarray:

@@ -88,8 +88,6 @@ class RigidMethod:
 class WalkingEstimator:
     """Estimates every timing point of a walking participant."""
 
-    baseline = PREDICTED
-
     def __init__(
         self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
     ) -> None:

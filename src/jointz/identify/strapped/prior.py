@@ -19,7 +19,7 @@ from jointz.identify.strapped.leg_model import (
 from jointz.identify.strapped.responses import PointResponse
 
 #: Of a point by itself: share that does not change in the window, and time of what does, s.
-STEADY, _DRIFT_S = 0.6, 0.13
+_STEADY, _DRIFT_S = 0.6, 0.13
 _NUGGET = 1e-4
 #: Of a calibrated lag: shortest part, and sd of the logarithm by which delay and lag share it.
 _SHORTEST_LAG_S, _SHARES_SD, _WIDEST_SD = 1e-4, 0.6, 2.0
@@ -54,7 +54,6 @@ class LegPriors:
     # priors of shared parameters that replace those of ``spec``
     shared: Mapping[str, LogPrior | SharePrior | NormalPrior]
     lag: Calibrated | None = None  # s: calibrated total lag, delay included
-    steady: float = STEADY  # of K, B and J of a point by itself: share that does not change
 
     def build(self, model: LegModel, *, follows_cycle: float) -> Prior:
         """Return the prior.
@@ -70,12 +69,12 @@ class LegPriors:
         ):
             at = np.concatenate([np.r_[places(k)] for k in range(layout.n_points)])
             mean[at] = np.log(level.median)
-            alike = _correlation(model.points, model.knots_s, follows_cycle, self.steady)
+            alike = _correlation(model.points, model.knots_s, follows_cycle)
             covariance[np.ix_(at, at)] = (
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
         at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])
-        alike = _correlation(model.points, model.knots_s, follows_cycle, self.steady)
+        alike = _correlation(model.points, model.knots_s, follows_cycle)
         covariance[np.ix_(at, at)] = spec.inertia_of_point.sd**2 * alike + _NUGGET * np.eye(at.size)
         for place, (centre, sd) in self._independent(layout).items():
             mean[place], covariance[place, place] = centre, sd**2
@@ -129,12 +128,12 @@ def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:
 
 
 def _correlation(
-    points: Sequence[PointResponse], knots_s: np.ndarray, follows_cycle: float, steady: float
+    points: Sequence[PointResponse], knots_s: np.ndarray, follows_cycle: float
 ) -> np.ndarray:
     """Return the correlation of K, B or J between all knots of all points."""
     n = len(points)
     apart = (knots_s[:, None] - knots_s) / _DRIFT_S
-    own = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
+    own = np.kron(np.eye(n), _STEADY + (1.0 - _STEADY) * np.exp(-0.5 * apart**2))
     if follows_cycle == 0.0:
         return own
     phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])

@@ -5,7 +5,7 @@ B over the pulse, and a reflex answers. All timing points and shapes of pulse of
 explained together; data up to 0.2 s after the onset are used, whatever the window.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,8 +50,8 @@ from jointz.identify.strapped.instruments import (
     lags_of_instruments,
 )
 from jointz.identify.strapped.leg_model import LegModel
-from jointz.identify.strapped.posterior import CYCLE_SHARES, LegPosterior, explain
-from jointz.identify.strapped.prior import STEADY, LegPriors
+from jointz.identify.strapped.posterior import LegPosterior, explain
+from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import (
     FIT_S,
     PointResponse,
@@ -86,28 +86,11 @@ class FittedShapes:
     fitted: np.ndarray | None  # (shape, n) rad, as signed, NaN where not used; None without a fit
 
 
-@dataclass(frozen=True, slots=True)
-class CycleHypotheses:
-    """Hypotheses about K, B and J over the gait cycle and over the pulse."""
-
-    shares: tuple[float, ...] = CYCLE_SHARES  # of the variance that follow one curve; weighed
-    steady: float = STEADY  # share that does not change over the pulse, if points are independent
-
-
-_ALL_HYPOTHESES = CycleHypotheses()
-#: Labels of the timing points and end of the data -> posterior, and whether a calibrated lag is
-#: contradicted.
-_Fits = dict[tuple[tuple[str, ...], float], tuple[LegPosterior, bool]]
-
-
 class StrappedMethod:
     """Estimator of walking with a device that is strapped to the leg."""
 
     name = STRAPPED
     kinds = ("walking",)
-
-    def __init__(self, hypotheses: CycleHypotheses = _ALL_HYPOTHESES) -> None:
-        self._hypotheses = hypotheses
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
         """Return ``predicted``."""
@@ -115,43 +98,26 @@ class StrappedMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point."""
-        participant, pulses = _prepared(data, settings, self._hypotheses)
+        participant, pulses = _prepared(data, settings)
         return participant.estimates(pulses)
-
-    def estimate_windows(
-        self, data: ParticipantData, settings: ParticipantSettings, windows_s: Sequence[float]
-    ) -> Iterator[Estimates]:
-        """Yield the estimates for several windows; the same data are fitted once."""
-        fits: _Fits = {}
-        for window_s in windows_s:
-            perturbations = settings.perturbations.model_copy(update={"window_s": window_s})
-            changed = replace(settings, perturbations=perturbations)
-            participant, pulses = _prepared(data, changed, self._hypotheses, fits)
-            yield participant.estimates(pulses)
 
     def fitted_shapes(
         self, data: ParticipantData, settings: ParticipantSettings, *, fit: bool = True
     ) -> list[FittedShapes]:
         """Return the pulses of every timing point; without ``fit``, as predicted only."""
-        participant, pulses = _prepared(data, settings, self._hypotheses)
+        participant, pulses = _prepared(data, settings)
         return participant.fitted_shapes(pulses, fit=fit)
 
 
 def _prepared(
-    data: ParticipantData,
-    settings: ParticipantSettings,
-    hypotheses: CycleHypotheses,
-    fits: _Fits | None = None,
+    data: ParticipantData, settings: ParticipantSettings
 ) -> tuple["_Participant", list[Candidate]]:
     """Return the estimator of a participant, and the pulses by timing point."""
     longer = _with_all_data(settings)
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
     predictor = CellPredictor(data.sources, longer, reach_s=reach_s, strapped=True)
-    participant = _Participant(
-        data, settings, predictor, hypotheses=hypotheses, fits={} if fits is None else fits
-    )
-    return participant, pulses
+    return _Participant(data, settings, predictor), pulses
 
 
 def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
@@ -186,16 +152,8 @@ class _Participant:
     """Estimates one participant's timing points."""
 
     def __init__(
-        self,
-        data: ParticipantData,
-        settings: ParticipantSettings,
-        predictor: CellPredictor,
-        *,
-        hypotheses: CycleHypotheses,
-        fits: _Fits,
+        self, data: ParticipantData, settings: ParticipantSettings, predictor: CellPredictor
     ) -> None:
-        self._hypotheses = hypotheses
-        self._fits = fits
         self._name = data.participant
         self._sources = data.sources
         self._settings = settings
@@ -337,9 +295,8 @@ class _Participant:
             body,
             instrument_priors(known, friction_of_model(sources), self._predictor.sensors),
             calibrated_lag(known),
-            steady=self._hypotheses.steady,
         )
-        posterior, lag_unlikely = self._fit(model, priors)
+        posterior = explain(model, priors)
         return _Explained(
             cells=tuple(cells),
             posterior=posterior,
@@ -347,24 +304,9 @@ class _Participant:
             remaining=remaining_sds(posterior),
             body=body,
             known=known,
-            lag_unlikely=lag_unlikely,
+            lag_unlikely=priors.lag is not None and _contradicts(posterior, priors),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
         )
-
-    def _fit(self, model: LegModel, priors: LegPriors) -> tuple[LegPosterior, bool]:
-        """Return the posterior, and whether it contradicts a calibrated lag.
-
-        Data and parameters are the same for every window within the data; the window only
-        decides which mean of K and B is estimated.
-        """
-        key = (tuple(p.label for p in model.points), float(model.knots_s[-1]))
-        if key not in self._fits:
-            shares = self._hypotheses.shares
-            posterior = explain(model, priors, shares)
-            late = priors.lag is not None and _contradicts(posterior, priors, shares)
-            self._fits[key] = posterior, late
-        posterior, late = self._fits[key]
-        return replace(posterior, model=model), late
 
     # --- after the fit -------------------------------------------------------------------------
 
@@ -486,9 +428,9 @@ class _Participant:
         )
 
 
-def _contradicts(posterior: LegPosterior, priors: LegPriors, shares: Sequence[float]) -> bool:
+def _contradicts(posterior: LegPosterior, priors: LegPriors) -> bool:
     """Return whether the evidence speaks against the calibrated lag by the odds of a doubt."""
-    free = explain(posterior.model, replace(priors, lag=None), shares)
+    free = explain(posterior.model, replace(priors, lag=None))
     evidence = [max(fit.log_evidence for fit in p.fits) for p in (free, posterior)]
     return bool(evidence[0] - evidence[1] > np.log(DOUBTFUL_ODDS))
 

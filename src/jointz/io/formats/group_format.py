@@ -22,8 +22,6 @@ from jointz.io.formats.columns import (
 #: Column that holds the clock of a group, in seconds, where no signal has this name.
 TIME = "time"
 
-_WRITTEN = ".nc, .mat, .parquet, .xlsx, .sto or .csv"
-
 #: Group, and signal in it; None for its clock.
 Place = tuple[SignalGroup, Signal | None]
 
@@ -41,14 +39,6 @@ class GroupFormat(ABC):
     @abstractmethod
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
         """Return all that a file holds."""
-
-    def losses(self, content: Acquisition) -> list[str]:  # noqa: ARG002
-        """Return what the format cannot hold: nothing to tell where it cannot be written."""
-        return []
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:  # noqa: ARG002
-        """Refuse to write, unless a format can."""
-        raise file_error(path, f"{self.name} is read only. Write {_WRITTEN} instead.")
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested signals, which must have been sampled together."""

@@ -68,11 +68,6 @@ def lost_letters(groups: Iterable[SignalGroup]) -> list[str]:
     ]
 
 
-def has_infinity(signal: Signal) -> bool:
-    """Whether a signal of numbers holds an infinite one."""
-    return not signal.is_text and bool(np.isinf(signal.values).any())
-
-
 def words_of(content: Acquisition) -> list[str]:
     """Return every name, unit, description, label and metadatum, for a look at their letters."""
     words = [group.name for group in content.groups]

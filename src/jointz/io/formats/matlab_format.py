@@ -1,6 +1,6 @@
-"""MATLAB files in and out (written as version 5, which every MATLAB and GNU Octave load).
+"""MATLAB files, read: series of any file, and the struct of earlier versions of jointz.
 
-What is written is one variable, the struct ``jointz``::
+Earlier versions wrote one variable, the struct ``jointz``::
 
     jointz.version              2
     jointz.groups.NAME          one struct a group
@@ -11,20 +11,15 @@ What is written is one variable, the struct ``jointz``::
         .n                      samples
         .signals.NAME           one struct a signal
             .name .unit .description
-            .positive           what positive means, where it is known
             .values             n x 1 double, or n x 1 cell array of text
     jointz.events               .time_s .duration_s (m x 1), .label (m x 1 cell array)
     jointz.metadata             .key .value (cell arrays)
 
-``positive`` comes from the metadata ``positive.SIGNAL``, else ``positive``; of one of several
-recordings in ``GROUP.positive.SIGNAL``, else ``GROUP.positive``. A whole study
-(:mod:`jointz.conversion.matlab_study`) has ``jointz.recordings(k)`` instead of groups; it is
-read as a group a recording, and one more for its pulses.
+A whole study (version 3) has ``jointz.recordings(k)`` instead of groups; it is read as a group a
+recording, and one more for its pulses.
 """
 
-import io
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,34 +36,22 @@ from jointz.io.formats.columns import (
     make_table,
     missing_columns,
 )
-from jointz.io.formats.losses import is_plain, listed, lost_letters, plainly, text_array, words_of
+from jointz.io.formats.losses import listed
 from jointz.io.formats.matlab_variables import load_variables, series_at, series_names, value_at
 from jointz.io.text.column_names import READING, is_time, unique_names, with_clock
 
 ROOT = "jointz"
 #: ``jointz.version`` of an acquisition, and of a whole study.
-_VERSION, STUDY = 2.0, 3.0
+_VERSION, _STUDY = 2.0, 3.0
 _DAMAGE = (KeyError, ValueError, TypeError, IndexError, AttributeError)
-
-
 _OBJECT_HINT = (
     "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
     "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
 )
-#: namelengthmax of MATLAB; scipy writes no longer field.
-LONGEST_NAME = 63
-_NO_LETTER = re.compile(r"\W", re.ASCII)
-_KEYWORDS = frozenset(
-    [
-        *("break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for"),
-        *("function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd"),
-        *("switch", "try", "while"),
-    ]
-)
 
 
 class MatlabFormat:
-    """Reads series of any .mat file by length, and its own layout exactly; writes all.
+    """Reads series of any .mat file by length, and the layout of jointz exactly.
 
     A column is a dotted name through structs, ``data.knee.angle``; ``data.signals.3`` is the
     third column of a matrix (samples in rows), or the third element of a struct or cell array.
@@ -81,7 +64,7 @@ class MatlabFormat:
         content, has_objects = load_variables(path, None)
         struct = content.get(ROOT)
         version = struct.get("version") if isinstance(struct, Mapping) else None
-        if isinstance(struct, Mapping) and version in (_VERSION, STUDY):
+        if isinstance(struct, Mapping) and version in (_VERSION, _STUDY):
             try:
                 return _jointz_content(struct) if version == _VERSION else _study(struct)
             except _DAMAGE as exc:
@@ -104,118 +87,8 @@ class MatlabFormat:
         """Return None: the names inside structs are known only after reading all."""
         return None
 
-    def losses(self, content: Acquisition) -> list[str]:
-        """Name what version 5 cannot hold: NUL and half letters."""
-        lost = lost_letters(content.groups)
-        odd = [repr(word) for word in words_of(content) if not is_plain(word)]
-        if odd:
-            lost.append(f"It cannot hold as they are (NUL, half letters): {listed(odd)}.")
-        return lost
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return the struct ``jointz`` (layout: this module's docstring)."""
-        names = field_names([group.name or "data" for group in content.groups])
-        groups = {
-            name: _group(group, content.metadata)
-            for name, group in zip(names, content.groups, strict=True)
-        }
-        events = np.array([(e.time_s, e.duration_s) for e in content.events]).reshape(-1, 2)
-        struct = {
-            "version": _VERSION,
-            "groups": groups,
-            "events": {
-                "time_s": events[:, :1],
-                "duration_s": events[:, 1:],
-                "label": cells(event.label for event in content.events),
-            },
-            "metadata": {"key": cells(content.metadata), "value": cells(content.metadata.values())},
-        }
-        return struct_bytes(struct, path)
-
-
-def struct_bytes(content: Mapping[str, Any], path: Path) -> bytes:
-    """Return a version 5 file of one struct ``jointz``, compressed."""
-    from scipy.io import savemat
-    from scipy.io.matlab import MatWriteError
-
-    stream = io.BytesIO()
-    variables = {ROOT: dict(content)}
-    try:
-        savemat(stream, variables, long_field_names=True, do_compression=True, oned_as="column")
-    except (MatWriteError, OverflowError) as exc:
-        raise file_error(
-            path,
-            f"a .mat file of version 5 cannot hold it ({exc}). Write fewer signals, or .nc.",
-        ) from exc
-    return stream.getvalue()
-
-
-def field_names(names: Sequence[str]) -> list[str]:
-    """Return a field name of MATLAB for each name; they differ where the names do not."""
-    # The number of a repeated name may not make it too long.
-    longest = LONGEST_NAME - len(f"_{len(names) + 1}")
-    return unique_names([_identifier(name, longest) for name in names])
-
-
-def _identifier(name: str, longest: int) -> str:
-    word = _NO_LETTER.sub("_", name)
-    if not word[:1].isalpha():
-        word = f"x{word}"
-    return f"{word}_" if word in _KEYWORDS else word[:longest]
-
-
-def column(values: np.ndarray) -> np.ndarray:
-    """Return samples as MATLAB has them: a column of doubles."""
-    return values.reshape(-1, 1)
-
-
-def cells(texts: Iterable[str]) -> np.ndarray:
-    """Return a column of cells with a text each."""
-    return text_array(plainly(str(text)) for text in texts).reshape(-1, 1)
-
-
-def number_or_empty(value: float | None) -> Any:
-    """Return a number, or ``[]`` where there is none."""
-    return np.empty((0, 0)) if value is None else float(value)
-
 
 # --- the layout of jointz ---------------------------------------------------------------------
-
-
-def _group(group: SignalGroup, metadata: Mapping[str, str]) -> dict[str, Any]:
-    time = group.times_s()
-    names = field_names([signal.name for signal in group.signals])
-    clock = "none" if group.time_s is None else "stamps"
-    return {
-        "name": plainly(group.name),
-        "rate_hz": number_or_empty(group.rate_hz),
-        "start_s": float(group.start_s),
-        "time": np.empty((0, 0)) if time is None else column(time),
-        "clock": "rate" if group.rate_hz is not None else clock,
-        "n": float(group.n_samples),
-        "signals": {
-            name: _signal(signal, _positive(group.name, signal.name, metadata))
-            for name, signal in zip(names, group.signals, strict=True)
-        },
-    }
-
-
-def _positive(group: str, name: str, metadata: Mapping[str, str]) -> str:
-    """Return what positive means: said of the group's signal, a signal, the group or all."""
-    group_key = f"{group}.positive"
-    keys = (f"{group_key}.{name}", f"positive.{name}", group_key, "positive")
-    return next((metadata[key] for key in keys if key in metadata), "")
-
-
-def _signal(signal: Signal, positive: str) -> dict[str, Any]:
-    return {
-        "name": plainly(signal.name),
-        "unit": plainly(signal.unit),
-        "description": plainly(signal.description),
-        "positive": plainly(positive),
-        "kind": "text" if signal.is_text else "number",
-        "values": cells(signal.values) if signal.is_text else column(signal.values),
-    }
 
 
 def _jointz_content(struct: Mapping[str, Any]) -> Acquisition:

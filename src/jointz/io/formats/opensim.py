@@ -9,8 +9,8 @@ column has no unit, and its description says so.
 import json
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +20,8 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
 from jointz.io.formats.group_format import GroupFormat
-from jointz.io.formats.losses import (
-    NOTE,
-    first_group,
-    listed,
-    lost_descriptions,
-    lost_events,
-    lost_groups,
-    lost_metadata,
-    lost_signals,
-)
-from jointz.io.text.column_names import READING, unique_names
+from jointz.io.formats.losses import NOTE
+from jointz.io.text.column_names import READING
 
 #: The words by which OpenSim names rotational coordinates. ``add`` and ``flex`` stand behind the
 #: joint there; at the beginning of a name they are muscles: ``add_long_r``.
@@ -42,15 +33,8 @@ _NO_COORDINATE = re.compile(
     r"moment|force|torque|reserve|activation|power|work|_[tpv][xyz](?:_|$)|acc"
 )
 _YES, _NO = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
-_ANGLES = {
-    **dict.fromkeys(("deg", "deg/s", "deg/s^2"), "yes"),
-    **dict.fromkeys(("rad", "rad/s", "rad/s^2"), "no"),
-}
 #: What OpenSim's analysis of kinematics calls its files of what is no coordinate.
 _RATES_BY_NAME = {"speeds": "/s", "accelerations": "/s^2"}
-_VERSION = "1"
-#: Name in the header where neither the content nor the file has one that can stand there.
-_TITLE = "table"
 _DIGITS = re.compile(r"[+-]?\d*(?:\.(?P<decimals>\d*))?(?:[eE][+-]?(?P<exponent>\d+))?")
 _LONGEST_COUNT = 15
 _COUNTS = {"nrows": "rows", "datarows": "rows", "ncolumns": "columns", "datacolumns": "columns"}
@@ -72,7 +56,7 @@ class _Header:
 
 
 class OpenSimFormat(GroupFormat):
-    """Reads and writes .mot and .sto."""
+    """Reads .mot and .sto."""
 
     name = "OpenSim .mot/.sto"
 
@@ -92,52 +76,6 @@ class OpenSimFormat(GroupFormat):
         )
         group = SignalGroup("", signals, time_s=samples[:, 0])
         return Acquisition((group,), (), header.metadata | notes)
-
-    def losses(self, content: Acquisition) -> list[str]:
-        """Name what the format cannot hold: groups, events, text, units, a missing clock."""
-        group = first_group(content)
-        signals = _written_signals(group)
-        labels, header = _labels(signals), _stated(content, signals, "")
-        kept = header | {"version": _VERSION}
-        metadata = {
-            key: text
-            for key, text in content.metadata.items()
-            if key != "inDegrees" and text != kept.get(key)
-        }
-        lost = lost_groups(content) + lost_events(content)
-        lost += lost_metadata(replace(content, metadata=metadata)) + lost_descriptions(group)
-        lost += lost_signals(group, "text", lambda signal: signal.is_text)
-        other = _other_angles(group)
-        lost += lost_signals(
-            group, "radians beside degrees (inDegrees is one word)", lambda s: s.name in other
-        )
-        units = _other_units(signals, header)
-        names = [s.name for s, label in zip(signals, labels, strict=True) if s.name != label]
-        lost += [f"Its header cannot state the units of {listed(units)}."] if units else []
-        lost += [f"It has no blanks in names, as in {listed(map(repr, names))}."] if names else []
-        if group.signals and group.times_s() is None:
-            lost.append("It needs a time column, and the group has no clock.")
-        return lost
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return the first group's signals of numbers."""
-        group = first_group(content)
-        time = group.times_s()
-        if time is None or not len(time):
-            raise file_error(
-                path,
-                "expected a group with a clock and samples, found none. OpenSim needs a time "
-                "column: choose another format.",
-            )
-        if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-            raise file_error(
-                path,
-                f"the time stamps of group '{group.name}' do not increase, and OpenSim refuses "
-                "such a table. Choose another format.",
-            )
-        signals = _written_signals(group)
-        header = _stated(content, signals, path.stem)
-        return _written(header, signals, time).encode("utf-8", errors="replace")
 
 
 def _lines(path: Path) -> list[str]:
@@ -343,71 +281,6 @@ def _unit_of(name: str, header: Mapping[str, str]) -> tuple[str, str]:
     if degrees in _NO:
         return f"rad{per_second}", ""
     return "", _UNSAID
-
-
-def _other_angles(group: SignalGroup) -> set[str]:
-    """Return the signals whose angles inDegrees cannot be right for beside the first one's."""
-    angles = {s.name: _ANGLES[s.unit] for s in group.signals if s.unit in _ANGLES}
-    first = next(iter(angles.values()), None)
-    return {name for name, kind in angles.items() if kind != first}
-
-
-def _written_signals(group: SignalGroup) -> list[Signal]:
-    other = _other_angles(group)
-    return [s for s in group.signals if not s.is_text and s.name not in other]
-
-
-def _stated(content: Acquisition, signals: Sequence[Signal], stem: str) -> dict[str, str]:
-    """Return name and inDegrees as the header states them, the latter only where it is known.
-
-    The name decides on units. Where the content has none, it is the stem of the file, unless
-    units want the name of a file of rates, or the stem is such a name by chance.
-    """
-    words = [_ANGLES[s.unit] for s in signals if s.unit in _ANGLES]
-    word = words[0] if words else _one_line(content.metadata.get("inDegrees", ""))
-    stated = {"inDegrees": word} if word else {}
-    own, plain = _one_line(content.metadata.get("name", "")), _one_line(stem)
-    if not _is_title(plain) or plain.lower() in _RATES_BY_NAME:
-        plain = _TITLE
-    titles = [own] if _is_title(own) else [plain, *_RATES_BY_NAME]
-    wrong = [len(_other_units(signals, {"name": title, **stated})) for title in titles]
-    return {"name": titles[wrong.index(min(wrong))], **stated}
-
-
-def _is_title(text: str) -> bool:
-    """Whether a first line is read as the name of the table, not as another line of a header."""
-    return bool(text) and text.lower() != "endheader" and _key_and_value(text) == ("", text)
-
-
-def _other_units(signals: Sequence[Signal], header: Mapping[str, str]) -> list[str]:
-    """Return the signals whose units a header does not state."""
-    pairs = zip(signals, _labels(signals), strict=True)
-    return [s.name for s, label in pairs if s.unit != _unit_of(label, header)[0]]
-
-
-def _written(header: Mapping[str, str], signals: Sequence[Signal], time: np.ndarray) -> str:
-    lines = [
-        header["name"],
-        f"version={_VERSION}",
-        f"nRows={len(time)}",
-        f"nColumns={len(signals) + 1}",
-        *(f"{key}={value}" for key, value in header.items() if key != "name"),
-        "endheader",
-        "\t".join(["time", *_labels(signals)]),
-    ]
-    table = np.column_stack([time, *(signal.values for signal in signals)])
-    lines += ["\t".join(map(repr, row)) for row in table.tolist()]
-    return "\n".join(lines) + "\n"
-
-
-def _labels(signals: Sequence[Signal]) -> list[str]:
-    """Return names without blanks, which OpenSim takes for the end of a label."""
-    words = ["_".join(signal.name.split()) or "signal" for signal in signals]
-    return unique_names(["time", *words])[1:]
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.replace("=", " ").split())
 
 
 def _bad(

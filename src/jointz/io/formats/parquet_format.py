@@ -1,6 +1,5 @@
-"""Parquet tables in and out, through pyarrow (the extra ``jointz[parquet]``)."""
+"""Parquet tables, read through pyarrow (the extra ``jointz[parquet]``)."""
 
-import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,20 +18,11 @@ from jointz.io.formats.columns import (
     make_table,
     missing_columns,
 )
-from jointz.io.formats.losses import (
-    NOTE,
-    first_group,
-    is_plain,
-    listed,
-    lost_groups,
-    lost_letters,
-    plainly,
-)
+from jointz.io.formats.losses import NOTE, listed, plainly
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
-from jointz.io.formats.side_information import SideInformation, filled, read_beside, written_beside
+from jointz.io.formats.side_information import SideInformation, filled, read_beside
 from jointz.io.text.column_names import (
     READING,
-    clock_column,
     unique_names,
     unit_in_name,
     with_clock,
@@ -51,7 +41,7 @@ _DATES = NOTE + "dates and times, written as ISO 8601"
 
 
 class ParquetFormat:
-    """Reads any flat table; writes one group, the rest as one line of JSON in the metadata.
+    """Reads any flat table, and the line of JSON beside those of earlier versions of jointz.
 
     The unit of a column is its field's metadata ``units`` or ``unit``.
     """
@@ -99,36 +89,6 @@ class ParquetFormat:
             return list(arrow.parquet.read_schema(path).names)
         except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
             raise damaged(path, exc) from exc
-
-    def losses(self, content: Acquisition) -> list[str]:
-        """Name what one table cannot hold: other groups, NUL and half letters."""
-        group = first_group(content)
-        odd = [s.name for s in group.signals if not is_plain(s.name + s.unit + s.description)]
-        lost = lost_groups(content) + lost_letters([group])
-        if odd:
-            lost.append(f"It cannot hold the names of {listed(map(repr, odd))} as they are.")
-        return lost
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return the first group; a clock stands as the first column."""
-        arrow = _arrow(path)
-        group = first_group(content)
-        names = unique_names([plainly(signal.name) for signal in group.signals])
-        fields = [_field(arrow, n, s) for n, s in zip(names, group.signals, strict=True)]
-        columns = [_column(arrow, signal) for signal in group.signals]
-        time = group.times_s()
-        if time is not None:
-            name = plainly(clock_column(group, content.metadata))
-            fields.insert(0, arrow.field(name, arrow.float64(), metadata={"units": "s"}))
-            columns.insert(0, arrow.array(time))
-        beside = {
-            _SIDE: written_beside(content, group),
-            "jointz_clock": "" if time is None else fields[0].name,
-        }
-        table = arrow.Table.from_arrays(columns, schema=arrow.schema(fields, metadata=beside))
-        stream = io.BytesIO()
-        arrow.parquet.write_table(table, stream, compression="zstd")
-        return stream.getvalue()
 
 
 def _arrow(path: Path) -> Any:
@@ -267,7 +227,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
 
 
 def _jointz_content(side: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
-    """Return what jointz wrote."""
+    """Return what an earlier version of jointz wrote."""
     time = next((s.values for s in signals if clock and s.name == clock), None)
     columns = {s.name: s.values for s in signals if not clock or s.name != clock}
     labels = unique_names([plainly(signal.name) for signal in side.group.signals])
@@ -285,18 +245,6 @@ def _signal(arrow: Any, values: np.ndarray, field: Any) -> Signal:
     if values.dtype.kind == "O":
         values[~values.astype(bool)] = ""  # None
     return Signal(field.name, values, unit, description)
-
-
-def _field(arrow: Any, name: str, signal: Signal) -> Any:
-    attributes = {"units": plainly(signal.unit), "description": plainly(signal.description)}
-    kind = arrow.string() if signal.is_text else arrow.float64()
-    return arrow.field(name, kind, metadata={key: text for key, text in attributes.items() if text})
-
-
-def _column(arrow: Any, signal: Signal) -> Any:
-    if signal.is_text:
-        return arrow.array([plainly(str(text)) for text in signal.values], arrow.string())
-    return arrow.array(signal.values, arrow.float64(), from_pandas=False)
 
 
 def _as_numbers(arrow: Any, column: Any) -> Any:

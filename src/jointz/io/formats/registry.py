@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Protocol, TypeGuard, cast
 
 from jointz.core.acquisition import Acquisition
 from jointz.core.entry_points import registered
@@ -17,13 +17,16 @@ from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
 from jointz.io.file_kinds import missing_file, special_kind
 from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_error
-from jointz.io.formats.group_format import GroupFormat
 
 GROUP = "jointz.formats"
 #: Endings of text tables.
 TEXT_SUFFIXES = (
     *(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"),
     *(".dat", ".asc", ".lvm", ".prn"),
+)
+#: Remedy where a format is only read.
+WRITE_INSTEAD = (
+    "Write .csv, .tsv, .txt or .nc instead; a study becomes a BIDS folder with --to bids."
 )
 _TEXT = "jointz.io.text.text_format:TextFormat"
 _OPENSIM = "jointz.io.formats.opensim:OpenSimFormat"
@@ -44,7 +47,7 @@ class Format(Protocol):
     """A file format.
 
     To add a format, derive from :class:`jointz.io.formats.group_format.GroupFormat`: it needs
-    ``name`` and ``read`` only.
+    ``name`` and ``read`` only. One that is written, too, is a :class:`WrittenFormat`.
     """
 
     name: str  # as messages call the format, such as "text table"
@@ -57,6 +60,10 @@ class Format(Protocol):
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:
         """Return the column names; None if only reading the samples would show them."""
+
+
+class WrittenFormat(Format, Protocol):
+    """A file format that is written, too."""
 
     def losses(self, content: Acquisition) -> list[str]:
         """Return what writing would lose, one sentence per loss."""
@@ -160,13 +167,13 @@ def has_format(path: Path) -> bool:
     return _suffix_of(path) is not None
 
 
-def format_to_write(path: Path) -> Format:
+def format_to_write(path: Path) -> WrittenFormat:
     """Return the format of a file to be written; one that is only read is refused."""
     if _suffix_of(path) is None:
         raise _no_format(path, filter(_is_written, _formats()), "Choose one of these suffixes.")
     file_format = format_of(path)
-    if _is_read_only(file_format):
-        file_format.encode(Acquisition(()), path)  # raises
+    if not _can_write(file_format):
+        raise file_error(path, f"{file_format.name} is read only. {WRITE_INSTEAD}")
     return file_format
 
 
@@ -181,15 +188,14 @@ def _no_format(path: Path, suffixes: Iterable[str], todo: str) -> DataError:
     return file_error(path, f"no format for this kind of file; expected one of {known}. {todo}")
 
 
-def _is_read_only(file_format: Format) -> bool:
-    is_group = isinstance(file_format, GroupFormat)
-    return is_group and type(file_format).encode is GroupFormat.encode
+def _can_write(file_format: Format) -> TypeGuard[WrittenFormat]:
+    return hasattr(file_format, "encode")
 
 
 def _is_written(suffix: str) -> bool:
     """Whether files of a suffix can be written; not by a package that cannot be loaded."""
     try:
-        return not _is_read_only(_load_format(_formats()[suffix]))
+        return _can_write(_load_format(_formats()[suffix]))
     except (ImportError, AttributeError):
         return False
 

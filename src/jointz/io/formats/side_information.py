@@ -23,24 +23,8 @@ class SideInformation:
     metadata: dict[str, str]
 
 
-def written_beside(content: Acquisition, group: SignalGroup) -> str:
-    """Return the line of JSON for a group and the events and metadata of its content."""
-    return json.dumps(
-        {
-            "version": _VERSION,
-            "group": group.name,
-            "rate_hz": group.rate_hz,
-            "start_s": group.start_s,
-            "stamped": group.time_s is not None,
-            "signals": [[s.name, s.unit, s.description, s.is_text] for s in group.signals],
-            "events": [[e.time_s, e.label, e.duration_s] for e in content.events],
-            "metadata": dict(content.metadata),
-        }
-    )
-
-
 def read_beside(text: str) -> SideInformation:
-    """Read what :func:`written_beside` wrote."""
+    """Read the line that earlier versions of jointz wrote."""
     try:
         content = json.loads(text)
         if content["version"] != _VERSION:

@@ -104,8 +104,8 @@ class TextFormat:
             "text apart from numbers where half of it or more looks like one",
             _reads_as_numbers,
         )
-        lost += [] if has_numbers(group) else ["It cannot hold text alone, without a number."]
-        odd = [s.name for s in group.signals if plain_name(name_with_unit(s)) != name_with_unit(s)]
+        lost += [] if _has_numbers(group) else ["It cannot hold text alone, without a number."]
+        odd = [s.name for s in group.signals if _plain_name(name_with_unit(s)) != name_with_unit(s)]
         if odd:
             lost.append(f"It cannot hold the name {', '.join(map(repr, odd))} as it is.")
         return lost
@@ -113,7 +113,7 @@ class TextFormat:
     def encode(self, content: Acquisition, path: Path) -> bytes:
         """Return the first group, its clock as the first column; NaN is written ``NaN``."""
         group = first_group(content)
-        if not group.n_samples or not has_numbers(group):
+        if not group.n_samples or not _has_numbers(group):
             raise file_error(
                 path, "expected numbers to write, found none. Choose another group or format."
             )
@@ -195,7 +195,7 @@ def _no_numbers(path: Path, files: FilesSpec, names: list[str | int]) -> DataErr
     )
 
 
-def has_numbers(group: SignalGroup) -> bool:
+def _has_numbers(group: SignalGroup) -> bool:
     """Whether a table of a group has a column of numbers."""
     return group.times_s() is not None or any(not s.is_text for s in group.signals)
 
@@ -208,7 +208,7 @@ def _one_line(text: str) -> str:
     return "".join(text.splitlines())
 
 
-def plain_name(name: str) -> str:
+def _plain_name(name: str) -> str:
     """Return a name that a header can hold: one line, no blanks at its ends, no number."""
     odd = not is_plain(name) or name != name.strip() or _one_line(name) != name
     plain = " ".join(name.replace("\0", "").split()) if odd else name
@@ -217,7 +217,7 @@ def plain_name(name: str) -> str:
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:
     signals = [signal for signal in group.signals if not _reads_as_numbers(signal)]
-    names = unique_names([plain_name(name_with_unit(s)) for s in signals])
+    names = unique_names([_plain_name(name_with_unit(s)) for s in signals])
     columns = [_cells(signal) for signal in signals]
     time = group.times_s()
     if time is not None:

@@ -1,44 +1,23 @@
 """Workbooks (.xlsx) as laboratories record into them, through openpyxl (``jointz[formats]``)."""
 
-import io
 import lzma
-import re
 import struct
 import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 from xml.parsers import expat
 
-import numpy as np
-
-from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.group_format import GroupFormat
-from jointz.io.formats.losses import (
-    has_infinity,
-    has_text,
-    listed,
-    lost_descriptions,
-    lost_events,
-    lost_metadata,
-    lost_signals,
-)
 from jointz.io.formats.memory_limit import check_unpacked
-from jointz.io.text.column_names import (
-    READING,
-    clock_column,
-    name_with_unit,
-    unique_names,
-    unit_in_name,
-)
-from jointz.io.text.text_format import has_numbers, plain_name
-from jointz.io.text.workbook_tables import Sheet, groups_of, holds_times, is_plain_text, letters
+from jointz.io.text.column_names import READING
+from jointz.io.text.workbook_tables import Sheet, groups_of, letters
 
 #: What a damaged workbook makes zipfile, the XML parser and openpyxl raise.
 _LIBRARY_ERRORS = (
@@ -54,16 +33,13 @@ _MOST_ROWS = 1_048_576
 _MOST_COLUMNS = 16_384
 _LONGEST_TEXT = 32_767  # of a cell, in every program that writes workbooks
 _MOST_CELLS = 30_000_000  # of a rectangle around all that is filled in: what a table can be
-_LONGEST_TITLE = 31
-_NOT_IN_TITLES = re.compile(r"[\[\]:*?/\\]|[^\x20-\x7e\xa0-\ud7ff]")
-_NOT_IN_CELLS = re.compile(r"[\x00-\x08\x0b-\x1f\ud800-\udfff\ufffe\uffff]|_x[0-9A-Fa-f]{4}_")
 #: Last sheet, in which earlier versions of jointz kept what the tables have no place for.
 _EARLIER = "jointz"
 _LEFT_OUT = "events, metadata and descriptions of the sheet 'jointz' are left out"
 
 
 class WorkbookFormat(GroupFormat):
-    """Reads the tables of all visible sheets; writes a sheet a group."""
+    """Reads the tables of all visible sheets."""
 
     name = "workbook .xlsx"
 
@@ -95,140 +71,6 @@ class WorkbookFormat(GroupFormat):
                 f"({titles}). Put names over the columns.",
             )
         return Acquisition(tuple(groups), (), metadata)
-
-    def losses(self, content: Acquisition) -> list[str]:
-        """Name what cells cannot hold: events, infinite numbers, control characters, ..."""
-        lost = lost_events(content) + lost_metadata(content)
-        for group, title in zip(content.groups, _titles(content), strict=True):
-            why = _why_no_table(_written(group))
-            if why:
-                lost.append(f"Group '{group.name}' is left out: {why}.")
-                continue
-            lost += lost_descriptions(group)
-            lost += lost_signals(group, "infinite numbers", has_infinity)
-            lost += lost_signals(
-                group,
-                "text with control characters, or over 32767 letters",
-                lambda s: has_text(s, lambda text: _held(text) == text),
-            )
-            lost += lost_signals(
-                group,
-                "text that is all empty or missing, or like 1,5 or #N/A",
-                lambda s: not _is_column(s),
-            )
-            if group.n_samples > _MOST_ROWS - 1 or len(group.signals) > _MOST_COLUMNS - 1:
-                lost.append(
-                    f"Group '{group.name}' has {group.n_samples} samples of {len(group.signals)} "
-                    f"signals; a sheet ends at {_MOST_ROWS} rows and {_MOST_COLUMNS} columns."
-                )
-            lost += _lost_names(group, title)
-        return lost
-
-    def encode(self, content: Acquisition, path: Path) -> bytes:
-        """Return a sheet a group: names with their units, the clock first, and samples."""
-        groups = zip(_titles(content), map(_written, content.groups), strict=True)
-        tables = [(title, group) for title, group in groups if not _why_no_table(group)]
-        if not tables:
-            raise file_error(path, "expected a table to write, found none. Choose another format.")
-        book = _openpyxl(path).Workbook(write_only=True)
-        for title, group in tables:
-            _put(book.create_sheet(title), group, content)
-        stream = io.BytesIO()
-        book.save(stream)
-        return stream.getvalue()
-
-
-def _is_column(signal: Signal) -> bool:
-    """Whether a signal can be read again as what it is."""
-    return not signal.is_text or is_plain_text([_held(str(text)) for text in signal.values])
-
-
-def _written(group: SignalGroup) -> SignalGroup:
-    signals = [signal for signal in group.signals if _is_column(signal)]
-    return replace(group, signals=tuple(signals[: _MOST_COLUMNS - 1]))
-
-
-def _why_no_table(group: SignalGroup) -> str:
-    """Return why a sheet with a group's samples would be no table; "" where it is one."""
-    if not group.n_samples or not has_numbers(group):
-        return "it has no numbers"
-    if group.time_s is not None and not np.isfinite(group.time_s).all():
-        return "it has time stamps that are no numbers"
-    cells = [cell for s in group.signals for cell in (_cells(s)[0], _cells(s)[-1])]
-    if group.times_s() is None and any(cell is None or not str(cell).strip() for cell in cells):
-        return "it has no clock, and samples are missing in its first or last row"
-    return ""
-
-
-def _put(sheet: Any, group: SignalGroup, content: Acquisition) -> None:
-    names = _names(group)
-    columns = [_cells(signal) for signal in group.signals]
-    time = group.times_s()
-    if time is not None:
-        named = [replace(s, name=n) for s, n in zip(group.signals, names, strict=True)]
-        names.insert(0, clock_column(replace(group, signals=tuple(named)), content.metadata))
-        columns.insert(0, time.tolist())
-    sheet.append([_cell(sheet, name) for name in names])
-    for k in range(min(group.n_samples, _MOST_ROWS - 1)):
-        sheet.append([_cell(sheet, column[k]) for column in columns])
-
-
-def _lost_names(group: SignalGroup, title: str) -> list[str]:
-    """Name the names and units that a sheet with a group's samples cannot hold."""
-    pairs = list(zip(group.signals, _names(group), strict=True))
-    odd = [s.name[:40] for s, name in pairs if name not in (s.name, name_with_unit(s))]
-    odd += [group.name[:40]] if group.name not in ("", title) else []
-    lost = [f"It cannot hold the name {listed(map(repr, odd))} as it is."] if odd else []
-    units = [s.name[:40] for s, name in pairs if s.unit and s.unit != unit_in_name(name)]
-    return lost + ([f"It cannot hold the units of {listed(units)}."] if units else [])
-
-
-def _names(group: SignalGroup) -> list[str]:
-    """Return the names over a group's columns, by which none but its clock is read as times."""
-    names = []
-    for signal in group.signals:
-        # A number in brackets is read as one, such as that of a sensor, and as no unit.
-        bare = signal.unit.isdecimal()
-        name = plain_name(_held(signal.name if bare else name_with_unit(signal)))
-        times = holds_times(name, unit_in_name(name), _cells(signal))
-        names.append(f"column {name}" if times else name)
-    return unique_names(names)
-
-
-def _cells(signal: Signal) -> list[Any]:
-    if signal.is_text:
-        return [_held(str(text)) for text in signal.values]
-    return [value if np.isfinite(value) else None for value in signal.values.tolist()]
-
-
-def _cell(sheet: Any, value: Any) -> Any:
-    """Return a cell; a text stays a text, also one that begins like a formula."""
-    exact = not isinstance(value, float) or float(f"{value:.16g}") == value
-    if not isinstance(value, str) and exact:
-        return value
-    from openpyxl.cell import WriteOnlyCell
-
-    cell = WriteOnlyCell(sheet)
-    if isinstance(value, str):
-        cell.value = _held(value)
-        cell.data_type = "s"
-    else:  # openpyxl writes 16 digits of a number, a double has 17
-        cell.value = repr(value)
-        cell.data_type = "n"
-    return cell
-
-
-def _held(text: str) -> str:
-    """Return what a cell holds of a text."""
-    return _NOT_IN_CELLS.sub(" ", text)[:_LONGEST_TEXT]
-
-
-def _titles(content: Acquisition) -> list[str]:
-    """Return titles that a workbook takes; Excel holds capitals for the same letters."""
-    words = [_NOT_IN_TITLES.sub("_", group.name).strip("' ") for group in content.groups]
-    words = [word[: _LONGEST_TITLE - 6] or "data" for word in words]
-    low = unique_names([word.lower() for word in words])
-    return [word + new[len(word) :] for word, new in zip(words, low, strict=True)]
 
 
 def _titles_of_jointz(sheets: Sequence[Sheet]) -> set[str]:

@@ -230,14 +230,10 @@ def _refuse_names_above(sheet: Sheet, table: Table) -> None:
 
 def _is_clock(sheet: Sheet, table: Table, column: int, name: str) -> bool:
     """Whether a column holds times: ``T [Nm]`` is a torque, and a date is a text."""
-    cells = [row[column] for row in sheet.rows[table.first_row :]]
-    return holds_times(name, _unit(sheet, table, column, name), cells)
-
-
-def holds_times(name: str, unit: str, cells: Sequence[Any]) -> bool:
-    """Whether a column of this name and unit, and with these cells, is taken for times."""
+    unit = _unit(sheet, table, column, name)
     if not is_time(name) or seconds_of_one(Signal(name, np.empty(0), unit)) is None:
         return False
+    cells = [row[column] for row in sheet.rows[table.first_row :]]
     filled = [cell for cell in cells if _kind(cell) != "empty"]
     return not filled or any(_kind(c) != "date" and _looks_like_number(c) for c in filled)
 
@@ -362,12 +358,6 @@ def _kind(cell: Any) -> str:
     if isinstance(cell, _DATES):
         return "date"
     return "text" if isinstance(cell, str) else "number"
-
-
-def is_plain_text(texts: Sequence[str]) -> bool:
-    """Whether cells of a column of texts are read as text."""
-    words = [text for text in texts if _kind(text) == "text"]
-    return bool(words) and not any(_COMMA_NUMBER.fullmatch(w) or _is_error(w) for w in words)
 
 
 def _is_error(text: str) -> bool:

@@ -29,21 +29,6 @@ def t_power(
     return min(1.0, beyond + (below if np.isfinite(below) else 0.0))
 
 
-def people_needed(
-    effect: float,
-    power: float,
-    *,
-    most: int,
-    design: Literal["paired", "groups"] = "paired",
-    alpha: float = 0.05,
-) -> int | None:
-    """Return the fewest people, in each group, that reach a power; None beyond ``most``."""
-    for n in range(2, most + 1):
-        if t_power(effect, n, design=design, alpha=alpha) >= power:
-            return n
-    return None
-
-
 @cache
 def smallest_effect(
     n: int,

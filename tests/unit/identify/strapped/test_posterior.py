@@ -60,17 +60,3 @@ def test_errors_of_24_legs_are_as_large_as_their_sds_say(study):
     sds = errors[:, :3].std(axis=(0, 2))  # K, B, J
     # Errors of J are alike at all points of a leg: of 24 legs their sd is known to 1 / sqrt(48).
     assert np.all((sds > [0.8, 0.8, 0.7]) & (sds < [1.25, 1.25, 1.3])), sds
-
-
-def test_without_drift_a_point_has_one_stiffness_over_the_pulse():
-    model, priors, _ = simulated_person(1, **STUDIES["doublet"])
-    places = model.layout.stiffness(0)
-
-    def correlations(**changes):
-        prior = replace(priors, **changes).build(model, follows_cycle=0.0)
-        covariance = prior.covariance[places, places]
-        sd = np.sqrt(np.diag(covariance))
-        return covariance / np.outer(sd, sd)
-
-    assert correlations(steady=1.0).min() > 0.999
-    assert correlations().min() < 0.99

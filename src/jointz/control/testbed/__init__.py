@@ -1,1 +1,0 @@
-"""Test bed for controllers of a knee in simulated walking, and their comparison."""

@@ -1,0 +1,28 @@
+"""Route of the report of a results folder."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+REPORT: Final = "report.html"
+#: The report, and the files it links to.
+_FILES: Final = (REPORT, "methods.txt", "methods.tex")
+#: A results folder may be a stranger's: its page runs no script beside that of the explorer.
+_NO_SCRIPTS: Final = {"content-security-policy": "sandbox allow-same-origin"}
+
+
+def add_report(app: "FastAPI", folder: Path) -> None:
+    """Serve the report of a results folder under ``/report``, and no other file."""
+    from starlette.responses import FileResponse, PlainTextResponse
+
+    async def answer(request: "Request") -> "Response":
+        name = request.path_params["name"]
+        if name not in _FILES or not (folder / name).is_file():
+            return PlainTextResponse("not found", 404)
+        return FileResponse(folder / name, headers=_NO_SCRIPTS)
+
+    app.add_route("/report/{name}", answer)
