@@ -328,11 +328,11 @@ def test_the_architecture_names_every_package_and_its_rooms():
 
 
 def test_the_architecture_names_files_that_exist():
-    files = {"/" + str(p.relative_to(ROOT)) for p in (ROOT / "src/jointz").rglob("*.*")}
+    roots = ("src/jointz", "reproduction")
+    files = [f"/{path.relative_to(ROOT)}" for root in roots for path in (ROOT / root).rglob("*.*")]
     for named in _CODE.findall(text("ARCHITECTURE.md")):
         if re.fullmatch(r"[\w/]+\.(py|toml|j2|html\.j2)", named) and named != "pyproject.toml":
-            found = [file for file in files if file.endswith("/" + named)]
-            assert found or (ROOT / named).exists() or named == "study.toml", named
+            assert named == "study.toml" or any(file.endswith("/" + named) for file in files), named
 
 
 def test_the_citation_names_the_version_of_the_package():
