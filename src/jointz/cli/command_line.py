@@ -48,7 +48,7 @@ _COMMANDS = {
         "jointz.comparison.command:compare",
         "Compare conditions, days, groups or methods.",
     ),
-    "collect": ("jointz.collections.command:collect", "Collect and pool results of several labs."),
+    "pool": ("jointz.pooling.command:pool", "Pool results of several studies and conditions."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
     "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),
     "plan": (
