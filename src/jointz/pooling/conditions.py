@@ -38,7 +38,9 @@ def read_conditions(
     for line, row in _rows(file, problems):
         where = f"{file}, row {line}"
         results = row.get("results", "")
-        matches = _matches(file, results, paths)
+        place = (file.parent / results).resolve()
+        by_path = [k for k, path in enumerate(paths) if path.resolve() == place]
+        matches = by_path or [k for k, path in enumerate(paths) if path.resolve().name == results]
         if len(matches) != 1:
             found = f"{results!r}, which is " + (
                 "the name of several" if matches else "none of those to pool"
@@ -93,15 +95,6 @@ def _rows(file: Path, problems: list[str]) -> list[tuple[int, dict[str, str]]]:
         elif any(cell.strip() for cell in cells):
             rows.append((line, dict(zip(header, map(str.strip, cells), strict=False))))
     return rows
-
-
-def _matches(file: Path, results: str, paths: Sequence[Path]) -> list[int]:
-    """Return the folders that a cell names, by its path or else by its last part."""
-    if not results:
-        return []
-    place = (file.parent / results).resolve()
-    by_path = [k for k, path in enumerate(paths) if path.resolve() == place]
-    return by_path or [k for k, path in enumerate(paths) if path.resolve().name == results]
 
 
 def _condition(

@@ -108,15 +108,13 @@ def _read(
     conditions = [Condition(name) for name in names]
     if conditions_file is not None:
         conditions = read_conditions(conditions_file, paths, names, problems)
-    folders: list[ResultsFolder | None] = []
-    for path, name in zip(paths, names, strict=True):
+    read, of_read = [], []
+    for path, name, condition in zip(paths, names, conditions, strict=True):
         try:
-            folders.append(read_folder(path, name))
+            read.append(read_folder(path, name))
+            of_read.append(condition)
         except DataError as exc:
-            folders.append(None)
             problems.append(str(exc))
-    pairs = [(f, c) for f, c in zip(folders, conditions, strict=True) if f is not None]
-    read, of_read = [f for f, _ in pairs], [c for _, c in pairs]
     problems += refusals(read, of_read)
     if problems:
         head = f"pool: {len(problems)} problem{'s' if len(problems) > 1 else ''}"
@@ -154,7 +152,7 @@ def _pooled(
         studies,
         typed_table(estimates, COLUMNS["estimates"]),
         ci_level=level,
-        notes=tuple(_notes(studies, people)),
+        notes=tuple(_notes(studies, len(people))),
         settings={
             f.name: plain(c) | {"estimates_by": f"jointz {f.provenance.get('jointz', '')}"}
             for f, c in zip(folders, conditions, strict=True)
@@ -217,17 +215,13 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
     return row | {name: getattr(f, name) for name in names}, 100.0 * f.weights
 
 
-def _notes(studies: pd.DataFrame, people: pd.DataFrame) -> Iterator[str]:
+def _notes(studies: pd.DataFrame, n_values: int) -> Iterator[str]:
     """Yield what a reader of the numbers should know."""
-    lacking = people[~people["has_value"]]
-    counts = {
-        "undecided": int(lacking["undecided"].sum()),
-        "failed": int((~lacking["undecided"]).sum()),
-        "at their bound": int((people["at_bound"] & people["has_value"]).sum()),
-    }
+    columns = {"n_undecided": "undecided", "n_failed": "failed", "n_at_bound": "at their bound"}
+    counts = {name: int(studies[column].sum()) for column, name in columns.items()}
     if text := ", ".join(f"{n} {name}" for name, n in counts.items() if n):
         yield (
-            f"Of {len(people)} values of people: {text}. Undecided and failed values are counted, "
+            f"Of {n_values} values of people: {text}. Undecided and failed values are counted, "
             "not pooled: if they are many, a mean represents only people whose data are "
             "informative. Values at their bound are used as they are."
         )
