@@ -12,7 +12,7 @@ demo: $(VENV)/.installed
 
 # JOINTZ_REQUIRE: a test that would skip for want of one of these fails. Tests that keep real time
 # run alone, the others as many at once as there are cores.
-REQUIRE := JOINTZ_REQUIRE="dask duckdb pyarrow nicegui"
+REQUIRE := JOINTZ_REQUIRE="dask pyarrow nicegui"
 TESTED := tests benchmarks reproduction/tests --benchmark-disable -q
 test: $(VENV)/.installed-test browser
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist worksteal
@@ -28,7 +28,7 @@ SLOW_PARTS := identify stats runtime files docs reproduction
 SLOW_identify := tests/unit/identify tests/unit/benchmarks \
 	tests/integration/test_own_joint.py tests/integration/test_real_legs.py \
 	tests/integration/test_refusal_rates.py tests/integration/test_steep_change.py
-SLOW_stats := tests/unit/stats tests/unit/kernels tests/unit/collections tests/unit/comparison \
+SLOW_stats := tests/unit/stats tests/unit/kernels tests/unit/pooling tests/unit/comparison \
 	tests/integration/test_calibration_of_tests.py
 SLOW_runtime := tests/unit/experiment tests/unit/session tests/unit/devices tests/unit/console \
 	tests/unit/calibration $(wildcard tests/integration/test_run*.py)
@@ -70,7 +70,7 @@ test-bare:
 	cd build/bare && ../../.venv-bare/bin/jointz run walking --participants 1 --seed 1 --out study --quiet
 	cd build/bare && ../../.venv-bare/bin/jointz analyze study --out results --resamples 100 --quiet
 	cd build/bare && for asked in "app console walking --out console" "app explore results" \
-			"scale collect results results --out catalog.parquet" \
+			"parquet pool results --out pooled" \
 			"scale analyze study --out other --scheduler local"; do \
 		page=$${asked#* } extra=$${asked%% *} status=0; \
 		../../.venv-bare/bin/jointz $$page 2>said.txt || status=$$?; \

@@ -59,7 +59,6 @@ ORDER = (
     "pulse_effects",
     "quasi_stiffness",
     "compare_literature",
-    "collection",
     "pool_labs",
     "calibrate_lag",
     "actuator_torque_model",

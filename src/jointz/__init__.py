@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from jointz.io.one_recording import read
     from jointz.io.study_reader import open_study
     from jointz.planning.plan_study import plan
+    from jointz.pooling.pool import pool
     from jointz.session.run import run
 
 __version__ = "0.1.0"
@@ -47,6 +48,7 @@ _HOMES = {
     "open_study": "jointz.io.study_reader",
     "phase_curve": "jointz.identify.over_cycle.phase_curve",
     "plan": "jointz.planning.plan_study",
+    "pool": "jointz.pooling.pool",
     "read": "jointz.io.one_recording",
     "run": "jointz.session.run",
 }
@@ -71,6 +73,7 @@ __all__ = [
     "open_study",
     "phase_curve",
     "plan",
+    "pool",
     "read",
     "reference",
     "run",

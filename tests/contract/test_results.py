@@ -26,16 +26,11 @@ from scipy.signal import butter, sosfiltfilt
 import jointz
 from jointz.analysis.saved_analysis import Analysis
 from jointz.calibration.report import Calibration
-from jointz.collections.catalog_columns import CATALOG_COLUMNS
-from jointz.collections.catalog_query import CatalogFilter, QueryResult
-from jointz.collections.checking.findings import CatalogBuild, CollectionCheck, Finding
-from jointz.collections.pool_result import DEFAULT_BY, CollectionPool, pooled_table, study_table
 from jointz.comparison.comparison_result import Comparison
 from jointz.control.design import design_joint
 from jointz.control.rendering.actuators import read_actuator
 from jointz.control.rendering.check import check_rendering
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
-from jointz.core.plain_tables import typed_table
 from jointz.inspection.inspection_result import (
     Answer,
     Inspection,
@@ -45,7 +40,6 @@ from jointz.inspection.inspection_result import (
     SeenRecording,
 )
 from jointz.kernels.statistics.between_study_variance import random_effects
-from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
 from jointz.planning.plan_result import (
     Plan,
     PlannedCourse,
@@ -54,6 +48,8 @@ from jointz.planning.plan_result import (
     PlannedPeople,
     PlannedShape,
 )
+from jointz.pooling.plain_tables import typed_table
+from jointz.pooling.pooled_result import COLUMNS, PooledStudies
 from jointz.results.base import Result
 from jointz.results.bench.bench_fits import FullRecordFit, PulseFit
 from jointz.results.bench.calibration_fit import (
@@ -87,7 +83,6 @@ from jointz.results.statistics.comparison_rows import (
 )
 from jointz.results.statistics.pulse_effect_tests import PulseEffects, PulseMeans, PulseTest
 from jointz.results.statistics.random_effects_fit import (
-    JointRandomEffects,
     RandomEffects,
     StudyMean,
 )
@@ -520,26 +515,6 @@ def calibration() -> Calibration:
     return Calibration("hinge", fits, "study", ("calibration.toml",), ("a note",))
 
 
-FOUND = Finding("lab-b", "unit", "estimates.csv, row 2", "stiffness in N*m/rad", "'Nm/rad'")
-
-
-def collection_check() -> CollectionCheck:
-    return CollectionCheck(("lab-a", "lab-b"), (FOUND,))
-
-
-def catalog_build() -> CatalogBuild:
-    return CatalogBuild("catalog.parquet", ("lab-a",), (FOUND, FOUND), 30, 12)
-
-
-def query_result() -> QueryResult:
-    row = {"study": "lab-a", "joint": "knee", "parameter": "stiffness", "unit": "N*m/rad"}
-    row |= {"participant": "S01", "timing_point": "LRE", "status": "ok", "statistic": "individual"}
-    rows = [row | {"value": 50.0, "onset_gait_pct": 7.1}, row | {"status": "undecided"}]
-    asked = CatalogFilter(joint=("knee",), phase_pct=(90.0, 10.0))
-    table = typed_table(rows, CATALOG_COLUMNS)
-    return QueryResult(table, asked, also=3, cites={"lab-a": "A. Fictional (2026)"})
-
-
 def random_effects_of_studies() -> RandomEffects:
     values, ses = np.array([62.1, 55.4, 70.8]), np.array([3.4, 2.2, 4.5])
     studies = [StudyMean(f"lab-{k}", values[k], ses[k], 8) for k in range(3)]
@@ -548,33 +523,24 @@ def random_effects_of_studies() -> RandomEffects:
     )
 
 
-def parameters_of_studies() -> JointRandomEffects:
-    values = np.array([[62.1, 1.1], [55.4, 1.3], [70.8, np.nan]])
-    fit = multivariate_random_effects(values, np.tile(np.diag([9.0, 0.01]), (3, 1, 1)))
-    names, units = ("stiffness", "damping"), ("N*m/rad", "N*m*s/rad")
-    return JointRandomEffects(names, units, ("lab-a", "lab-b", "lab-c"), values, fit)
-
-
-def collection_pool() -> CollectionPool:
-    place = dict.fromkeys(DEFAULT_BY, "told") | {"parameter": "stiffness", "unit": "N*m/rad"}
-    row = place | {"methods": "rigid", "model": "univariate", "n_studies": 2, "n_people": 9}
+def pooled_studies() -> PooledStudies:
+    cell = {"timing_point": "MST", "condition": "level", "parameter": "stiffness"}
+    cell |= {"unit": "N*m/rad", "walking_speed_m_s": 1.2}
     numbers = {"value": 60.0, "ci_low": 50.0, "ci_high": 70.0}
     ends = {"prediction_low": 40.0, "prediction_high": 80.0}
-    study = place | numbers | {"method": "rigid", "n_people": 4, "weight_pct": 50.0}
-    studies = [study | {"study": f"lab-{k}", "status": "ok"} for k in range(2)]
-    studies.append(place | {"study": "lab-c", "status": "no_value"})
-    return CollectionPool(
-        pooled_table([row | numbers | ends | {"status": "ok"}, row | {"parameter": "damping"}],
-                     DEFAULT_BY),
-        study_table(studies, DEFAULT_BY),
-        study_table([], DEFAULT_BY),
-        notes=("Printed values are kept apart.",),
-    )  # fmt: skip
+    row = cell | numbers | ends | {"n_studies": 2, "n_people": 9, "status": "ok"}
+    study = cell | numbers | {"n_people": 4, "weight_pct": 50.0, "status": "ok"}
+    studies = [study | {"study": f"lab-{k}"} for k in range(2)]
+    studies.append(cell | {"study": "lab-c", "status": "no_value"})
+    tables = {"table": [row, cell | {"parameter": "damping"}], "studies": studies}
+    return PooledStudies(
+        **{name: typed_table(tables.get(name, [cell]), COLUMNS[name]) for name in COLUMNS},
+        notes=("Values at their bound are used as they are.",),
+    )
 
 
-def nothing_pooled() -> CollectionPool:
-    tables = pooled_table([], ("joint",)), study_table([], ("joint",)), study_table([], ("joint",))
-    return CollectionPool(*tables, by=("joint",))
+def nothing_pooled() -> PooledStudies:
+    return PooledStudies(*(typed_table([], kinds) for kinds in COLUMNS.values()))
 
 
 def inspection() -> Inspection:
@@ -611,15 +577,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "design": lambda: design_joint({"walking": published_profile()}),
     "inspection": inspection,
     "nothing seen": lambda: Inspection("empty.csv"),
-    "collection checked": collection_check,
-    "nothing found in a collection": lambda: CollectionCheck(("lab-a",), ()),
-    "catalog": catalog_build,
-    "no catalog": lambda: CatalogBuild("catalog.parquet", (), (FOUND,), 0, 0),
-    "query": query_result,
-    "nothing asked for": lambda: QueryResult(typed_table([], CATALOG_COLUMNS), CatalogFilter()),
     "studies pooled": random_effects_of_studies,
-    "parameters pooled together": parameters_of_studies,
-    "collection pooled": collection_pool,
+    "pooled studies": pooled_studies,
     "nothing pooled": nothing_pooled,
     "comparison": comparison,
     "nothing compared": lambda: Comparison((), (), (), ()),

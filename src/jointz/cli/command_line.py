@@ -48,7 +48,7 @@ _COMMANDS = {
         "jointz.comparison.command:compare",
         "Compare conditions, days, groups or methods.",
     ),
-    "collect": ("jointz.collections.command:collect", "Collect and pool results of several labs."),
+    "pool": ("jointz.pooling.command:pool", "Pool results of several studies and conditions."),
     "identify": ("jointz.identification.command:identify", "Fit one model to one record."),
     "convert": ("jointz.conversion.command:convert", "Convert a recording to another format."),
     "plan": (
@@ -73,7 +73,9 @@ _COMMANDS = {
 }
 #: Commands that are gone: what replaces each of them.
 _REPLACED = {
-    "reproduce": "jointz reproduce moved beside the package: in a checkout, run make reproduce, or "
+    "collect": "this command was replaced by jointz pool RESULTS... --out pooled "
+    "(jointz pool --help).",
+    "reproduce": "this command moved beside the package: in a checkout, run make reproduce, or "
     "python -m reproduction all --out DIR.",
 }
 

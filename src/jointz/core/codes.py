@@ -234,7 +234,6 @@ class NotPooled(Code):
 
     ONE_PERSON = "one_person", "one person: the mean has no error of its own"
     NO_VALUE = "no_value", "no value: undecided or failed"
-    NO_SD = "no_sd", "printed without standard deviation or number of people"
     NO_SPREAD = "no_spread", "its people do not differ at all"
 
 

@@ -5,7 +5,6 @@
     │   ├── StudyError              a study.toml, with all its problems
     │   ├── ProtocolError           a protocol, with all its problems
     │   ├── DeviceFileError         a device.toml, with all its problems
-    │   ├── EntryError              an entry.toml and its files, with all their problems
     │   ├── TooLargeError           a file that unpacks to more than the memory limit
     │   └── UnitError               a unit that is unknown or does not fit
     ├── EstimationError             a fit without an estimate; exit status 1
@@ -90,10 +89,6 @@ class ProtocolError(_ProblemsError):
 
 class DeviceFileError(_ProblemsError):
     """One or more problems of a ``device.toml``; ``problems`` has a sentence each."""
-
-
-class EntryError(_ProblemsError):
-    """One or more problems of an ``entry.toml`` or its files; ``problems`` has a sentence each."""
 
 
 class TooLargeError(DataError):

@@ -15,7 +15,7 @@ MARKER = "provenance.json"
 #: Key of the marker with the SHA-256 of every other file of a results folder, by name.
 CHECKSUMS = "sha256"
 #: Contents of a folder by its marker (``made_by``); one kind never replaces another.
-ANALYSIS, COMPARISON = "analysis", "comparison"
+ANALYSIS, COMPARISON, POOL = "analysis", "comparison", "pool"
 #: File that shows the kind of a folder whose marker is older and does not name it.
 _KIND_FILES = ((ANALYSIS, "estimates.csv"), (COMPARISON, "comparison.json"))
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import DataError, DeviceFileError, EntryError, ProtocolError, StudyError
+from jointz.core.errors import DataError, DeviceFileError, ProtocolError, StudyError
 
 Location = tuple[str | int, ...]
 _ModelT = TypeVar("_ModelT", bound=CheckedModel)
@@ -47,7 +47,7 @@ def parse_toml(
     where: str,
     text: bytes,
     *,
-    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError] | type[EntryError],
+    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError],
 ) -> dict[str, Any]:
     """Parse a TOML file."""
     try:

@@ -1,14 +1,12 @@
 """Random-effects means: from people to a study, and over studies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from jointz.kernels.statistics.between_study_variance import random_effects
-from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
 from jointz.results.statistics.random_effects_fit import (
-    JointRandomEffects,
     RandomEffects,
     StudyMean,
 )
@@ -57,18 +55,3 @@ def pool_studies(
         modified=True,
     )
     return RandomEffects(parameter, unit, tuple(studies), fit, ci_level)
-
-
-def pool_studies_jointly(
-    names: Sequence[str],
-    values: np.ndarray,
-    covariances: np.ndarray,
-    *,
-    units: Mapping[str, str],
-    ci_level: float = 0.95,
-) -> JointRandomEffects:
-    """Estimate the means over studies of several parameters together."""
-    fit = multivariate_random_effects(values, covariances, level=ci_level, modified=True)
-    return JointRandomEffects(
-        tuple(units), tuple(units.values()), tuple(names), values, fit, ci_level
-    )

@@ -8,7 +8,6 @@ from jointz.core import errors
 from jointz.core.errors import (
     DataError,
     DeviceError,
-    EntryError,
     EstimationError,
     OutputError,
     ProtocolError,
@@ -19,7 +18,7 @@ from jointz.core.errors import (
 
 
 def test_bad_input_alone_can_be_caught_as_a_value_error():
-    for cls in (DataError, StudyError, errors.UnitError, ProtocolError, EntryError):
+    for cls in (DataError, StudyError, errors.UnitError, ProtocolError):
         assert issubclass(cls, DataError)
         assert issubclass(cls, ValueError)
     for cls in (EstimationError, OutputError, DeviceError):

@@ -4,7 +4,6 @@
 suppressMessages(library(metafor))
 
 number <- function(x) paste0("[", paste(ifelse(is.na(x), "null", sprintf("%.16g", x)), collapse = ", "), "]")
-matrix_text <- function(x) paste0("[", paste(apply(x, 1, number), collapse = ", "), "]")
 object <- function(parts) paste0("{", paste0('"', names(parts), '": ', unlist(parts), collapse = ", "), "}")
 
 one <- function(y, v) {
@@ -21,54 +20,6 @@ one <- function(y, v) {
     tau2_se = number(fit$se.tau2), tau2_interval = number(tau2), i2_pct = number(fit$I2),
     q = number(fit$QE), q_p = number(fit$QEp), log_likelihood = number(as.numeric(logLik(fit))),
     weights = number(weights(fit) / 100), modified = number(c(adhoc$ci.lb, adhoc$ci.ub))))
-}
-
-# y: studies x outcomes, NA where a study has none; V: list of their covariances.
-several <- function(y, V) {
-  k <- nrow(y)
-  p <- ncol(y)
-  rows <- data.frame(y = as.vector(t(y)), study = rep(1:k, each = p), outcome = rep(1:p, k))
-  held <- !is.na(rows$y)
-  all <- bldiag(V)[held, held]
-  rows <- rows[held, ]
-  rows$outcome <- factor(rows$outcome)
-  best <- NULL
-  # Loose first, then sharper from where it ended, last by other ways from the start; a way that
-  # does not end well changes nothing.
-  for (sharp in 10^-c(8, 10, 11, 12, 13, 14, 16, 17)) {
-    control <- if (sharp > 1e-15) {
-      list(optimizer = "nlminb", rel.tol = sharp, x.tol = 1e-12, iter.max = 10000, eval.max = 10000)
-    } else {
-      list(optimizer = "optim", optmethod = if (sharp > 5e-17) "BFGS" else "Nelder-Mead",
-        reltol = 1e-16, maxit = 100000)
-    }
-    if (!is.null(best) && sharp > 1e-15) {
-      control$tau2.init <- best$tau2
-      control$rho.init <- best$rho
-    }
-    fit <- tryCatch(suppressWarnings(rma.mv(y, all, mods = ~ outcome - 1, random = ~ outcome | study,
-      struct = "UN", data = rows, method = "REML", sparse = FALSE, control = control)),
-      error = function(e) NULL)
-    if (is.null(fit)) next
-    if (is.null(best) || as.numeric(logLik(fit)) > as.numeric(logLik(best))) best <- fit
-  }
-  object(list(values = matrix_text(y), covariances = paste0("[", paste(sapply(V, matrix_text), collapse = ", "), "]"),
-    mean = number(best$beta), covariance = matrix_text(best$vb), between = matrix_text(best$G),
-    q = number(best$QE), log_likelihood = number(as.numeric(logLik(best)))))
-}
-
-drawn <- function(k, p, spread, size, seed, absent = 0) {
-  set.seed(seed)
-  V <- lapply(1:k, function(i) {
-    a <- matrix(rnorm(p * (p + 3)), p)
-    d <- diag(size * runif(p, 0.5, 2), p)
-    d %*% (a %*% t(a) / (p + 3)) %*% d
-  })
-  y <- t(sapply(V, function(v) {
-    as.vector(c(60, 1.5, 0.2)[1:p] + t(chol(v)) %*% rnorm(p) + spread %*% rnorm(ncol(spread)))
-  }))
-  if (absent > 0) y[cbind(sample(k, absent), sample(p, absent, replace = TRUE))] <- NA
-  list(y, V)
 }
 
 set.seed(20261)
@@ -94,20 +45,6 @@ univariate <- list(
   equal = list(c(3, 5, 4, 8, 1, 6), rep(0.7, 6)),
   outlier = list(c(40, 41, 39, 42, 40, 95), c(2, 2, 3, 1, 2, 2)))
 
-# Berkey et al. 1998: probing depth and attachment level, five trials.
-berkey <- list(
-  matrix(c(0.47, -0.32, 0.20, -0.60, 0.40, -0.12, 0.26, -0.31, 0.56, -0.39), 5, byrow = TRUE),
-  list(matrix(c(0.0075, 0.0030, 0.0030, 0.0077), 2), matrix(c(0.0057, 0.0009, 0.0009, 0.0008), 2),
-    matrix(c(0.0021, 0.0007, 0.0007, 0.0014), 2), matrix(c(0.0029, 0.0009, 0.0009, 0.0015), 2),
-    matrix(c(0.0148, 0.0072, 0.0072, 0.0304), 2)))
-wide <- matrix(c(6, 0.1, 0.005, 0, 0.2, 0.01, 0, 0, 0.02), 3)
-multivariate <- list(
-  berkey = berkey,
-  kbj = drawn(15, 3, wide, c(4, 0.2, 0.02), 11),
-  kbj_absent = drawn(20, 3, wide, c(4, 0.2, 0.02), 12, absent = 6),
-  kb_many = drawn(40, 2, matrix(c(8, 0.2, 0, 0.3), 2), c(4, 0.2), 13),
-  kb_no_spread = drawn(12, 2, matrix(0, 2, 1), c(4, 0.2), 14))
-
 entries <- function(sets, job) {
   texts <- sapply(names(sets), function(name) {
     paste0('    "', name, '": ', do.call(job, unname(sets[[name]])))
@@ -115,5 +52,4 @@ entries <- function(sets, job) {
   paste(texts, collapse = ",\n")
 }
 cat(paste0('{\n  "made_with": "metafor ', packageVersion("metafor"), ", ", R.version.string, '",\n'))
-cat(paste0('  "univariate": {\n', entries(univariate, one), "\n  },\n"))
-cat(paste0('  "multivariate": {\n', entries(multivariate, several), "\n  }\n}\n"))
+cat(paste0('  "univariate": {\n', entries(univariate, one), "\n  }\n}\n"))

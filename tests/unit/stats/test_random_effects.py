@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from jointz.kernels.statistics.between_study_variance import random_effects
-from jointz.kernels.statistics.multivariate_random_effects import multivariate_random_effects
-from jointz.results.statistics.random_effects_fit import (
-    JointRandomEffects,
-    RandomEffects,
-    StudyMean,
-)
-from jointz.stats.random_effects import mean_over_people, pool_studies, pool_studies_jointly
+from jointz.results.statistics.random_effects_fit import RandomEffects, StudyMean
+from jointz.stats.random_effects import mean_over_people, pool_studies
 
 #: Written by make_metafor_reference.R.
 METAFOR: dict[str, dict[str, dict[str, Any]]] = json.loads(
@@ -38,17 +33,6 @@ def test_one_parameter_is_as_metafor_has_it(name: str) -> None:
     assert [fit.tau2_low, fit.tau2_high] == pytest.approx(held["tau2_interval"], rel=WITHIN)
     modified = random_effects(held["values"], held["variances"], modified=True)
     assert [modified.low, modified.high] == pytest.approx(held["modified"], rel=WITHIN)
-
-
-@pytest.mark.parametrize("name", METAFOR["multivariate"])
-def test_parameters_together_are_as_metafor_has_them(name: str) -> None:
-    held = {k: np.array(v, dtype=float) for k, v in METAFOR["multivariate"][name].items()}
-    fit = multivariate_random_effects(held["values"], held["covariances"])
-    assert fit.mean == pytest.approx(held["mean"], rel=WITHIN)
-    assert fit.covariance == pytest.approx(held["covariance"], rel=WITHIN)
-    assert fit.between == pytest.approx(held["between"], rel=WITHIN)
-    assert fit.q == pytest.approx(held["q"][0], rel=WITHIN)
-    assert fit.log_likelihood == pytest.approx(held["log_likelihood"][0], abs=1e-9)
 
 
 def test_people_that_differ_count_by_their_spread_alone() -> None:
@@ -100,15 +84,3 @@ def test_a_forest_comes_back_whole_and_tells_what_it_is_of() -> None:
     assert high - low == pytest.approx(2 * 2.364624 * 3.4, rel=1e-6)
     with pytest.raises(ValueError, match="expected schema"):
         RandomEffects.from_dict({"schema": "other"})
-
-
-def test_parameters_together_come_back_whole() -> None:
-    held = METAFOR["multivariate"]["kbj_absent"]
-    values = np.array(held["values"], dtype=float)
-    names = [f"lab-{k}" for k in range(len(values))]
-    units = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "inertia": "kg*m^2"}
-    covariances = np.array(held["covariances"], dtype=float)
-    made = pool_studies_jointly(names, values, covariances, units=units)
-    again = JointRandomEffects.from_dict(json.loads(json.dumps(made.to_dict())))
-    assert again.to_dict() == made.to_dict()
-    assert made.to_frame()["n_studies"].tolist() == np.isfinite(values).sum(axis=0).tolist()

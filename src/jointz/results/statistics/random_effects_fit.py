@@ -1,4 +1,4 @@
-"""Random-effects means over studies, of one parameter or of several."""
+"""Random-effects means over studies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,7 @@ from pydantic import BeforeValidator, InstanceOf
 from scipy.special import stdtrit
 
 from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
-from jointz.kernels.statistics.multivariate_random_effects import MultivariateFit
-from jointz.results.base import Array, PlottedResult, Result, summary_text
+from jointz.results.base import Result, summary_text
 from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
@@ -28,9 +27,6 @@ def _rebuilt(kind: type, value: Any) -> Any:
 
 _UnivariateFit = Annotated[
     InstanceOf[RandomEffectsFit], BeforeValidator(partial(_rebuilt, RandomEffectsFit))
-]
-_MultivariateFit = Annotated[
-    InstanceOf[MultivariateFit], BeforeValidator(partial(_rebuilt, MultivariateFit))
 ]
 
 
@@ -96,62 +92,6 @@ class RandomEffects(Result):
         axes = draw_forest(self.to_frame().to_dict("records"), mean, ax)
         axes.set_xlabel(f"{self.parameter} ({self.unit}), {100 * self.ci_level:g} % intervals")
         return axes
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class JointRandomEffects(PlottedResult):
-    """Several parameters over studies, their errors and their spread going together."""
-
-    SCHEMA: ClassVar[str] = "jointz.JointRandomEffects/1"
-    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 3.0)
-
-    parameters: tuple[str, ...]  # names of the parameters, in the order of all arrays
-    units: tuple[str, ...]  # units of the parameters, in the same order
-    studies: tuple[str, ...]  # names of the pooled studies
-    values: Array  # (study, parameter) means over people, in ``units``; NaN where a study has none
-    fit: _MultivariateFit  # means, intervals, covariance between studies
-    ci_level: float = 0.95  # of all intervals
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: mean, intervals, sd between studies, studies."""
-        return pd.DataFrame(
-            {
-                "parameter": self.parameters,
-                "unit": self.units,
-                "value": self.fit.mean,
-                "ci_low": self.fit.low,
-                "ci_high": self.fit.high,
-                "prediction_low": self.fit.prediction_low,
-                "prediction_high": self.fit.prediction_high,
-                "tau": np.sqrt(np.diag(self.fit.between)),
-                "n_studies": np.isfinite(self.values).sum(axis=0),
-            }
-        )
-
-    def summary(self) -> str:
-        """Return a line for each parameter."""
-        title = f"{len(self.studies)} studies, {', '.join(self.parameters)} together"
-        lines = (
-            f"{row.parameter}: {row.value:.4g} {row.unit}, {100 * self.ci_level:g} % interval "
-            f"{row.ci_low:.4g} to {row.ci_high:.4g}; sd between studies {row.tau:.3g}"
-            for row in self.to_frame().itertuples()
-        )
-        return summary_text(title, lines)
-
-    def _draw(self, axes: "Axes") -> None:
-        """Draw every parameter as a share of its mean, with its intervals."""
-        f, size, at = self.fit, np.abs(self.fit.mean), np.arange(len(self.parameters))
-        axes.hlines(at, f.prediction_low / size, f.prediction_high / size, lw=1.0, color=INK)
-        axes.hlines(at, f.low / size, f.high / size, lw=3.0, color=INK)
-        axes.plot(f.mean / size, at, "o", color=INK)
-        axes.set_yticks(at, list(self.parameters))
-        axes.set_ylabel("parameter")
-        axes.set_xlabel("share of the mean: interval (thick), another study (thin)")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values, ready for JSON, which has no NaN."""
-        values = [[v if np.isfinite(v) else None for v in row] for row in self.values.tolist()]
-        return Result.to_dict(self) | {"values": values}
 
 
 def draw_forest(

@@ -1,1 +1,0 @@
-"""Collections of results of many studies: entries, catalog, pooling (``jointz collect``)."""

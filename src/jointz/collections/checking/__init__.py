@@ -1,1 +1,0 @@
-"""Checks of the entries of a collection."""

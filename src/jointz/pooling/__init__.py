@@ -1,0 +1,1 @@
+"""Results of several studies in one table, and means over studies."""

@@ -1,0 +1,256 @@
+"""Pools results folders over studies and conditions, and writes tables and a page."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.codes import Failure, NotPooled
+from jointz.core.errors import DataError, OutputError
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
+from jointz.core.provenance import now, software
+from jointz.io.formats.columns import file_sha256
+from jointz.io.new_folder import MARKER, POOL, check_free, new_folder, write_marker
+from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditions
+from jointz.pooling.figures import draw_forests
+from jointz.pooling.page import render_pool
+from jointz.pooling.plain_tables import typed_table
+from jointz.pooling.pooled_result import COLUMNS, ONE_STUDY, PooledStudies
+from jointz.pooling.refusals import refusals
+from jointz.pooling.results_folders import ResultsFolder, folder_names, read_folder
+from jointz.pooling.study_means import CELL, Row, people_of, study_means
+from jointz.report.wording import ALL_PARAMETERS, format_count
+from jointz.results.base import plain
+from jointz.results.statistics.random_effects_fit import StudyMean
+from jointz.stats.random_effects import pool_studies
+
+PAGE: Final = "report.html"
+_COUNTS: Final = ("n_at_bound", "n_undecided", "n_failed")
+
+_PathLike = str | os.PathLike[str]
+
+
+def pool(
+    results: Sequence[_PathLike],
+    *,
+    conditions: _PathLike | None = None,
+    out: _PathLike | None = None,
+    overwrite: bool = False,
+) -> PooledStudies:
+    """Pool results of several studies: one table, and means over studies.
+
+    Parameters
+    ----------
+    results : sequence of path
+        Results folders of ``jointz analyze``.
+    conditions : path, optional
+        Table with the columns ``results, study, condition, walking_speed_m_s, slope_deg, surface,
+        group``, one row a folder. Without it every folder is a study of its own.
+    out : path, optional
+        Folder to write tables, figures and page to; needs the extra ``parquet``.
+    overwrite : bool
+        Replace a folder of pooled results that exists.
+
+    Returns
+    -------
+    PooledStudies
+        Random-effects means over studies at each timing point and condition.
+
+    Raises
+    ------
+    DataError
+        If the studies cannot be pooled, with all reasons.
+    OutputError
+        If ``out`` exists or is one of the results folders.
+    """
+    paths = [Path(path) for path in results]
+    if out is not None:
+        check_out(Path(out), paths, overwrite=overwrite)
+    conditions_file = None if conditions is None else Path(conditions)
+    folders, of_folders = _read(paths, conditions_file)
+    pooled = _pooled(folders, of_folders, conditions_file)
+    if out is not None:
+        write_pool(pooled, Path(out), overwrite=overwrite)
+    return pooled
+
+
+def check_out(out: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
+    """Raise unless pooled results can be written to ``out``."""
+    try:
+        import pyarrow  # noqa: F401 - is it installed?
+    except ImportError as exc:
+        raise DataError(
+            "pool writes estimates.parquet with pyarrow, which is not installed. Install it: "
+            'pip install "jointz[parquet]".'
+        ) from exc
+    if out.resolve() in [path.resolve() for path in paths]:
+        raise OutputError(f"{out}: is one of the pooled folders and is kept. Name another folder.")
+    check_free(out, marker=MARKER, overwrite=overwrite, made_by=POOL)
+
+
+def _read(
+    paths: Sequence[Path], conditions_file: Path | None
+) -> tuple[list[ResultsFolder], list[Condition]]:
+    """Read folders and conditions; raise DataError with all problems."""
+    if not paths:
+        raise DataError("pool: expected one or more results folders, got none. Name them.")
+    places = [path.resolve() for path in paths]
+    problems = [
+        f"{path}: named twice. Name each folder once."
+        for k, path in enumerate(paths)
+        if places[k] in places[:k]
+    ]
+    paths = [path for k, path in enumerate(paths) if places[k] not in places[:k]]
+    names = folder_names(paths)
+    conditions = [Condition(name) for name in names]
+    if conditions_file is not None:
+        conditions = read_conditions(conditions_file, paths, names, problems)
+    read, of_read = [], []
+    for path, name, condition in zip(paths, names, conditions, strict=True):
+        try:
+            read.append(read_folder(path, name))
+            of_read.append(condition)
+        except DataError as exc:
+            problems.append(str(exc))
+    problems += refusals(read, of_read)
+    if problems:
+        head = f"pool: {len(problems)} problem{'s' if len(problems) > 1 else ''}"
+        raise DataError("\n".join([head, *(f"  - {problem}" for problem in problems)]))
+    return read, of_read
+
+
+def _pooled(
+    folders: Sequence[ResultsFolder], conditions: Sequence[Condition], file: Path | None
+) -> PooledStudies:
+    estimates = pd.concat(
+        [_joined(f, c) for f, c in zip(folders, conditions, strict=True)], ignore_index=True
+    )
+    ordered = _in_order(typed_table(estimates, COLUMNS["estimates"]))
+    people = people_of(ordered)
+    method = " and ".join(sorted(set(ordered["method"])))
+    level = float(ordered["ci_level"].iloc[0])
+    studies = typed_table(
+        [row | {"method": method} for row in study_means(people)], COLUMNS["studies"]
+    )
+    rows = []
+    for key, group in studies.groupby(CELL, sort=False, dropna=False):
+        row, weights = _mean_over_studies(group, level)
+        rows.append(dict(zip(CELL, key, strict=True)) | {"method": method} | row)
+        studies.loc[group.index[group["status"] == "ok"], "weight_pct"] = weights
+    inputs = [
+        {"file": f"{folder.name}/{name}", "sha256": sha256}
+        for folder in folders
+        for name, sha256 in folder.sha256.items()
+    ]
+    if file is not None:
+        inputs.append({"file": file.name, "sha256": file_sha256(file)})
+    return PooledStudies(
+        typed_table(rows, COLUMNS["table"]),
+        studies,
+        typed_table(estimates, COLUMNS["estimates"]),
+        ci_level=level,
+        notes=tuple(_notes(studies, len(people))),
+        settings={
+            f.name: plain(c) | {"estimates_by": f"jointz {f.provenance.get('jointz', '')}"}
+            for f, c in zip(folders, conditions, strict=True)
+        },
+        provenance={**software(), "created": now(), "inputs": inputs},
+    )
+
+
+def _joined(folder: ResultsFolder, condition: Condition) -> pd.DataFrame:
+    """Return the estimates of a folder with its condition."""
+    about = plain(condition) | {name: folder.study[name] for name in ("joint", "kind")}
+    table = folder.estimates.assign(results=folder.name, gain_sd=folder.gain_sd, **about)
+    if not condition.group:
+        table["group"] = table["participant"].map(folder.groups).fillna("")
+    return table
+
+
+def _in_order(estimates: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows in the order of the tables: parameter, condition, phase of the gait cycle."""
+    parameters = {name: k for k, name in enumerate(ALL_PARAMETERS)}
+    known = estimates.dropna(subset="onset_gait_pct")
+    known = known[known["timing_point"] != ALL_POINTS]
+    phases = known.groupby("timing_point")["onset_gait_pct"].apply(circular_mean_pct)
+    order = pd.DataFrame(
+        {
+            "parameter": estimates["parameter"].map(parameters).fillna(len(parameters)),
+            "condition": estimates.groupby(
+                list(CONDITION_COLUMNS), sort=False, dropna=False
+            ).ngroup(),
+            "phase": estimates["timing_point"].map(phases),
+        }
+    )
+    order = order.sort_values(
+        ["parameter", "condition", "phase"], kind="stable", na_position="last"
+    )
+    return estimates.reindex(order.index).reset_index(drop=True)
+
+
+def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarray | float]:
+    """Return the mean over the studies of a cell, and their weights, %."""
+    ok = group[group["status"] == "ok"]
+    row: Row = {
+        "n_studies": len(ok),
+        "n_people": int(ok["n_people"].sum()),
+        "n_left_out": len(group) - len(ok),
+        **{name: int(group[name].sum()) for name in _COUNTS},
+        "status": Failure.TOO_FEW_STUDIES.status,
+    }
+    if ok.empty:
+        return row, np.nan
+    if len(ok) == 1:
+        mean = {name: float(ok[name].iloc[0]) for name in ("value", "ci_low", "ci_high")}
+        return row | mean | {"status": ONE_STUDY}, np.nan
+    columns = ok[["study", "value", "se", "n_people"]]
+    means = [StudyMean(*study) for study in columns.itertuples(index=False, name=None)]
+    f = pool_studies(means, parameter="", unit="", ci_level=level).fit
+    names = ("i2_pct", "q", "q_p", "prediction_low", "prediction_high")
+    row |= {"value": f.mean, "ci_low": f.low, "ci_high": f.high, "status": "ok"}
+    row |= {"tau": f.tau2**0.5, "tau_low": f.tau2_low**0.5, "tau_high": f.tau2_high**0.5}
+    return row | {name: getattr(f, name) for name in names}, 100.0 * f.weights
+
+
+def _notes(studies: pd.DataFrame, n_values: int) -> Iterator[str]:
+    """Yield what a reader of the numbers should know."""
+    columns = {"n_undecided": "undecided", "n_failed": "failed", "n_at_bound": "at their bound"}
+    counts = {name: int(studies[column].sum()) for column, name in columns.items()}
+    if text := ", ".join(f"{n} {name}" for name, n in counts.items() if n):
+        yield (
+            f"Of {n_values} values of people: {text}. Undecided and failed values are counted, "
+            "not pooled: if they are many, a mean represents only people whose data are "
+            "informative. Values at their bound are used as they are."
+        )
+    for status, group in studies[studies["status"] != "ok"].groupby("status", sort=False):
+        names = "; ".join(sorted(set(group["study"])))
+        what = format_count(len(group), "mean of a study is", "means of studies are")
+        meaning = NotPooled(str(status)).meaning
+        yield f"{what} left out ({meaning}): {names}."
+    cells = studies.drop_duplicates(["study", *CONDITION_COLUMNS]).groupby("study").size()
+    if several := [str(study) for study, n in cells.items() if n > 1]:
+        yield (
+            f"{'; '.join(several)}: in several conditions, which share people and instruments; "
+            "rows of different conditions are not independent."
+        )
+
+
+def write_pool(pooled: PooledStudies, out: Path, *, overwrite: bool = False) -> Path:
+    """Write tables, figures and page of pooled results; return the page."""
+    tables = {"estimates": pooled.estimates, "pooled": pooled.table, "studies": pooled.studies}
+    with new_folder(out, marker=MARKER, overwrite=overwrite, made_by=POOL) as folder:
+        for name, table in tables.items():
+            table.to_csv(folder / f"{name}.csv", index=False)
+        estimates = pooled.estimates
+        estimates.to_parquet(folder / "estimates.parquet", engine="pyarrow", index=False)
+        (folder / "figures").mkdir()
+        figures = draw_forests(pooled)
+        for name, svg in figures.items():
+            (folder / "figures" / f"{name}.svg").write_text(svg, encoding="utf-8")
+        (folder / PAGE).write_text(render_pool(pooled, figures), encoding="utf-8")
+        content: Mapping[str, Any] = {"settings": dict(pooled.settings), "made_by": POOL}
+        write_marker(folder, MARKER, {**pooled.provenance, **content})
+    return out / PAGE

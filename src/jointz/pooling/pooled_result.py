@@ -1,0 +1,180 @@
+"""Result of pooling: estimates of all studies, their means, and means over studies."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import pandas as pd
+
+from jointz.pooling.conditions import CONDITION_COLUMNS
+from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
+from jointz.report.wording import parameter_label, point_name
+from jointz.results.base import Result, checked_values, summary_text
+from jointz.results.estimates import ESTIMATE_COLUMNS
+from jointz.results.figure_style import in_figure_style
+from jointz.results.statistics.random_effects_fit import draw_forest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Status of the mean of a single study; others are ``ok`` and ``failed:too_few_studies``.
+ONE_STUDY: Final = "one_study"
+_NUMBERS = (
+    "onset_gait_pct", "value", "ci_low", "ci_high", "ci_level", "vaf_pct", "walking_speed_m_s",
+    "slope_deg", "gain_sd", "prediction_low", "prediction_high", "tau", "tau_low", "tau_high",
+    "i2_pct", "q", "q_p", "se", "weight_pct",
+)  # fmt: skip
+_CELL = ("timing_point", *CONDITION_COLUMNS, "parameter", "unit")
+_COUNTS = ("n_at_bound", "n_undecided", "n_failed")
+_ENDS = ("value", "ci_low", "ci_high")
+
+
+def _kinds(*names: str) -> Mapping[str, Kind]:
+    kinds: dict[str, Kind] = {
+        name: "number" if name in _NUMBERS else "count" if name.startswith("n_") else "text"
+        for name in names
+    }
+    return MappingProxyType(kinds)
+
+
+#: The columns of each table.
+COLUMNS: Final[Mapping[str, Mapping[str, Kind]]] = {
+    "table": _kinds(
+        *_CELL, "method", *_ENDS, "prediction_low", "prediction_high", "tau", "tau_low",
+        "tau_high", "i2_pct", "q", "q_p", "n_studies", "n_people", "n_left_out", *_COUNTS, "status",
+    ),
+    "studies": _kinds(
+        *_CELL, "study", "method", "n_people", *_COUNTS, "value", "se", "ci_low", "ci_high",
+        "weight_pct", "status",
+    ),
+    "estimates": _kinds(
+        "results", "study", *CONDITION_COLUMNS, "joint", "kind", "gain_sd", *ESTIMATE_COLUMNS
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PooledStudies(Result):
+    """Means over studies, with the studies and the estimates behind them.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row a timing point, condition and parameter: the mean over studies, as in
+        ``pooled.csv``.
+    studies : pandas.DataFrame
+        One row a study at each of these, also if it was left out, as in ``studies.csv``.
+    estimates : pandas.DataFrame
+        The estimates of all results folders with their conditions, as in ``estimates.csv``.
+    ci_level : float
+        Level of all intervals.
+    notes : tuple of str
+        What a reader of the numbers should know.
+    settings, provenance : mapping
+        Folders, study and condition of each; versions and hashes of the files that were read.
+    """
+
+    SCHEMA: ClassVar[str] = "jointz.PooledStudies/1"
+
+    table: pd.DataFrame
+    studies: pd.DataFrame
+    estimates: pd.DataFrame
+    ci_level: float = 0.95
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def available(self) -> bool:
+        """Whether at least one row has a value."""
+        return bool(self.table["value"].notna().any())
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the means over studies."""
+        return self.table
+
+    def summary(self) -> str:
+        """Return a line for each mean, and the notes."""
+        lines = []
+        known = self.table[self.table["value"].notna()]
+        for row in known.to_dict("records"):
+            interval = f"{row['ci_low']:.4g} to {row['ci_high']:.4g}"
+            studies = "1 study" if row["n_studies"] == 1 else f"{row['n_studies']} studies"
+            lines.append(
+                f"{row['parameter']} {cell_text(row)}: {row['value']:.4g} {row['unit']}, "
+                f"{interval} ({studies}, {row['n_people']} "
+                "people)"
+            )
+        n_studies = self.studies["study"].nunique()
+        title = f"{n_studies} studies: {len(known)} of {len(self.table)} means are available"
+        return summary_text(title, lines, self.notes)
+
+    @in_figure_style
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw a forest plot of the mean with most studies.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; a new figure by default.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn on.
+        """
+        pooled = self.table[self.table["status"] == "ok"]
+        if pooled.empty:
+            axes = draw_forest([], dict.fromkeys(COLUMNS["table"], float("nan")), ax)
+            axes.set_title("no mean over studies")
+            return axes
+        row = pooled.sort_values("n_studies", ascending=False, kind="stable").iloc[0].to_dict()
+        used = studies_of(self.studies, row)
+        axes = draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
+        name, level = parameter_label(row["parameter"]), f"{100 * self.ci_level:g} %"
+        axes.set_xlabel(f"{name}, {level} intervals")
+        axes.set_title(cell_text(row))
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON."""
+        names = ("ci_level", "notes", "settings", "provenance")
+        values = {name: getattr(self, name) for name in names} | {"notes": list(self.notes)}
+        tables = {name: plain_rows(getattr(self, name)) for name in COLUMNS}
+        return {"schema": self.SCHEMA, **values, **tables}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "PooledStudies":
+        """Rebuild from :meth:`to_dict`; raise ValueError for another schema."""
+        values = checked_values(data, cls.SCHEMA)
+        values |= {name: typed_table(values[name], kinds) for name, kinds in COLUMNS.items()}
+        return cls(**values | {"notes": tuple(values["notes"])})
+
+
+def condition_text(row: Mapping[Any, Any]) -> str:
+    """Describe the condition of a row; empty if nothing is stated."""
+    speed, slope = row["walking_speed_m_s"], row["slope_deg"]
+    texts = (
+        row["condition"],
+        f"{speed:g} m/s" if pd.notna(speed) else "",
+        f"{slope:g}\N{DEGREE SIGN}" if pd.notna(slope) else "",
+        row["surface"],
+        row["group"],
+    )
+    return ", ".join(text for text in texts if text)
+
+
+def cell_text(row: Mapping[Any, Any]) -> str:
+    """Describe timing point and condition of a row."""
+    texts = (point_name(row["timing_point"]), condition_text(row))
+    return ", ".join(text for text in texts if text)
+
+
+def studies_of(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
+    """Return the studies of a row of the table of means."""
+    columns = list(_CELL)
+    wanted = pd.Series({name: row[name] for name in columns}, dtype=object)
+    both = studies[columns].astype(object)
+    is_same = (both == wanted) | (both.isna() & pd.isna(wanted))
+    return studies[is_same.all(axis=1)]

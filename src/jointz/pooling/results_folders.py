@@ -1,0 +1,148 @@
+"""Results folders to pool: estimates, provenance, and what a study's people share."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.errors import DataError
+from jointz.core.method_names import FORMER_NAMES
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import file_sha256
+from jointz.io.formats.registry import list_columns, read_table
+from jointz.report.wording import ALL_PARAMETERS
+from jointz.results.estimates import ESTIMATE_COLUMNS
+
+_ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
+_LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
+_UNIT = ("session", "side")
+_KEY: Final = ["participant", *_UNIT, "timing_point", "parameter"]
+AVAILABLE: Final = ("ok", "at_bound")
+_GAINS = ("torque_gain", "angle_gain")
+_AGAIN = "Run jointz analyze again."
+
+
+@dataclass(frozen=True)
+class ResultsFolder:
+    """A results folder of ``jointz analyze``."""
+
+    name: str  # the end of its path that no other folder has
+    estimates: pd.DataFrame  # in the columns of ``estimates.csv``
+    provenance: Mapping[str, Any]
+    sha256: Mapping[str, str]  # file -> hash
+
+    @property
+    def study(self) -> Mapping[str, Any]:
+        """The content of ``study.toml``."""
+        study: Mapping[str, Any] = self.provenance["study"]
+        return study
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """The settings of the analysis."""
+        settings: Mapping[str, Any] = self.provenance["settings"]
+        return settings
+
+    @cached_property
+    def recordings(self) -> tuple[str, ...]:
+        """Hashes of the analysed recordings."""
+        return tuple(sorted(str(one.get("sha256")) for one in self.provenance.get("inputs", ())))
+
+    @cached_property
+    def calibrations(self) -> list[dict[str, Any]]:
+        """The calibration of each recording: the study's, overridden by person and recording."""
+        study = self.study
+        people = {person["id"]: person for person in study["participants"]}
+        parts = ((study, people[one["participant"]], one) for one in study["recordings"])
+        return [
+            {k: v for part in levels for k, v in (part.get("calibration") or {}).items() if v}
+            for levels in parts
+        ]
+
+    @property
+    def gain_sd(self) -> float:
+        """Relative SD of the gains that all recordings share, which does not average out."""
+        shared = [
+            self.calibrations[0][name]
+            for name in _GAINS
+            if self.calibrations and len({str(one.get(name)) for one in self.calibrations}) == 1
+            and name in self.calibrations[0]
+        ]  # fmt: skip
+        return float(np.linalg.norm([gain["sd"] / gain["value"] for gain in shared]))
+
+    @property
+    def groups(self) -> dict[str, str]:
+        """The groups of participants by the study file."""
+        return {str(p["id"]): str(p.get("group") or "") for p in self.study["participants"]}
+
+
+def folder_names(paths: Sequence[Path]) -> list[str]:
+    """Name folders by the shortest distinct ends of their paths."""
+    parts = [path.resolve().parts for path in paths]
+    names: list[str] = []
+    for length in range(1, max(map(len, parts), default=0) + 1):
+        names = ["/".join(part[-length:]) for part in parts]
+        if len(set(names)) == len(names):
+            break
+    return names
+
+
+def read_folder(path: Path, name: str) -> ResultsFolder:
+    """Read a results folder."""
+    for file in (_ESTIMATES, _PROVENANCE):
+        if not (path / file).is_file():
+            problem = "does not exist" if not path.exists() else f"contains no {file}"
+            raise DataError(
+                f"{path}: {problem}; expected a results folder of jointz analyze. Correct the "
+                "name, or run jointz analyze first."
+            )
+    hashes = {file: file_sha256(path / file) for file in (_ESTIMATES, _PROVENANCE)}
+    return ResultsFolder(name, _estimates(path), _provenance(path), hashes)
+
+
+def _provenance(path: Path) -> dict[str, Any]:
+    error = DataError(
+        f"{path / _PROVENANCE}: cannot be read as jointz analyze writes it, with study and "
+        f"settings. {_AGAIN}"
+    )
+    try:
+        content = json.loads((path / _PROVENANCE).read_text(encoding="utf-8"))
+        folder = ResultsFolder("", pd.DataFrame(), content, {})
+        is_read = all(isinstance(folder.study[key], str) for key in ("joint", "kind", "positive"))
+        is_read &= np.isfinite(folder.gain_sd) and isinstance(folder.groups, dict)
+        is_read &= isinstance(folder.settings, dict) and isinstance(folder.recordings, tuple)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ZeroDivisionError) as exc:
+        raise error from exc
+    if not is_read:
+        raise error
+    return dict(content)
+
+
+def _estimates(path: Path) -> pd.DataFrame:
+    file = path / _ESTIMATES
+    stated = list_columns(file, FilesSpec()) or ()
+    units = [name for name in _UNIT if name in stated]  # older results have none
+    numbers = [name for name in ESTIMATE_COLUMNS if name not in (*_LABELS, *_UNIT)]
+    columns = read_table(
+        file, numeric=numbers, labels=[*_LABELS, *units], files=FilesSpec(), as_written=True
+    )
+    table = pd.DataFrame(dict(columns.columns)).assign(
+        **{name: "" for name in _UNIT if name not in stated}
+    )
+    table = table[list(ESTIMATE_COLUMNS)].replace({"method": FORMER_NAMES})
+    problems = (
+        (table.duplicated(_KEY), "a second row of the same estimate"),
+        (table["status"].isin(AVAILABLE) != table["value"].notna(), "status and value disagree"),
+        (~table["parameter"].isin(ALL_PARAMETERS), "a parameter that jointz does not estimate"),
+        (np.isinf(table[numbers]).any(axis=1), "an infinite number"),
+    )
+    for is_wrong, what in problems:
+        if is_wrong.any():
+            row = columns.first_row + int(np.argmax(is_wrong))
+            raise DataError(f"{file}, row {row}: {what}. {_AGAIN}", path=str(file), row=row)
+    return table
