@@ -21,17 +21,16 @@ class Streams:
     __slots__ = (
         *_NAMES,
         "_last_ns",
-        "_more",
         "_reads",
         "newest_actuator",
         "newest_angle",
         "newest_contact",
+        "parts",
     )
 
     def __init__(self, devices: Devices, *, dispensable: Collection[str] = ()) -> None:
         present = [(n, device) for n in _NAMES if (device := getattr(devices, n)) is not None]
         self._reads = [(name, device.read) for name, device in present]
-        self._more = [name for name, _ in present if name in MOTION_SENSORS]
         #: When each device last gave a sample, -1 before the first.
         self._last_ns = dict.fromkeys((n for n, _ in present if n not in dispensable), -1)
         self.actuator: list[ActuatorSample] = []
@@ -45,15 +44,20 @@ class Streams:
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
         self.newest_contact = NO_SENSOR_SAMPLE
+        #: Records of this tick: one for each sample of the device that had most, at least one.
+        self.parts = 1
 
     def read(self, slot_ns: int) -> float:
         """Read all devices and return how old the stalest of them is, s; infinite at first."""
-        last_ns = self._last_ns
+        last_ns, parts = self._last_ns, 1
         for name, read in self._reads:
             samples = read()
             setattr(self, name, samples)
             if samples and name in last_ns:
                 last_ns[name] = slot_ns
+            if len(samples) > parts:
+                parts = len(samples)
+        self.parts = parts
         if self.actuator:
             self.newest_actuator = self.actuator[-1]
         if self.angle:
@@ -64,10 +68,3 @@ class Streams:
         if oldest_ns == slot_ns:
             return 0.0
         return (slot_ns - oldest_ns) * 1e-9 if oldest_ns >= 0 else float("inf")
-
-    @property
-    def parts(self) -> int:
-        """Records of this tick: one for each sample of the device that had most, at least one."""
-        counts = len(self.actuator), len(self.angle), len(self.contact)
-        more = (len(getattr(self, name)) for name in self._more)
-        return max(1, *counts, len(self.torque), len(self.positioner), *more)

@@ -99,7 +99,7 @@ class Trial:
         self._period_ns = course.period_ns
         # What is measured to be recorded: nothing in the loop depends on it.
         self._streams = Streams(devices, dispensable=("torque", *MOTION_SENSORS))
-        self._extras = walking_extras(devices)
+        self._extras = [_DEVICE_OF.get(name, name) for name in walking_extras(devices)]
         self._watch = GaitWatch(course.gait, course.contact_levels)
         self._motor = motor
         self._pulses = pulses
@@ -305,17 +305,7 @@ class Trial:
 
     def _record(self, slot: int, host_ns: int) -> None:
         parts = range(self._streams.parts)
-        record = self._part_with_extras if self._extras else self._part
-        self._recorder.write(*[record(slot, host_ns, part) for part in parts])
-
-    def _part_with_extras(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
-        """Return one record of a rig that measures the joint's moment or more of its motion."""
-        values = self._part(slot, host_ns, part)
-        for name in self._extras:
-            samples = getattr(self._streams, _DEVICE_OF.get(name, name))
-            one = samples[part] if part < len(samples) else NO_SENSOR_SAMPLE
-            values += (one.device_time_ns, one.value)
-        return values
+        self._recorder.write(*[self._part(slot, host_ns, part) for part in parts])
 
     def _part(self, slot: int, host_ns: int, part: int) -> tuple[float, ...]:
         """Return one record: the tick, and the sample of this number of every device."""
@@ -324,6 +314,11 @@ class Trial:
         a = actuator[part] if part < len(actuator) else NO_ACTUATOR_SAMPLE
         g = angle[part] if part < len(angle) else NO_SENSOR_SAMPLE
         c = contact[part] if part < len(contact) else NO_SENSOR_SAMPLE
+        extras: list[float] = []  # the joint's moment, or more of its motion
+        for name in self._extras:
+            samples = getattr(streams, name)
+            one = samples[part] if part < len(samples) else NO_SENSOR_SAMPLE
+            extras += one.device_time_ns, one.value
         return (
             host_ns,
             a.device_time_ns,
@@ -349,4 +344,5 @@ class Trial:
             pulses.active.number if pulses and pulses.active else 0,
             self._flags,
             part,
+            *extras,
         )

@@ -10,7 +10,6 @@ from jointz.core.session_log import Flag
 from jointz.experiment.files.journal import Event, pulses_done
 from jointz.experiment.plan import PlannedPulse
 from jointz.io.log_reader import SessionLog
-from jointz.session.stream_alignment import fresh
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,8 @@ class PulseOfLog:
 def ticks_of(records: np.ndarray) -> np.ndarray:
     """Return the first record of every tick that there is."""
     slots = records["slot"]
-    return np.asarray(records[np.append(True, slots[1:] != slots[:-1])[: slots.size]])
+    first = np.append(True, slots[1:] != slots[:-1])[: slots.size]
+    return records if first.all() else np.asarray(records[first])  # a copy of hundreds of MB
 
 
 def damaged_ticks(log: SessionLog) -> list[tuple[int, int]]:
@@ -43,10 +43,13 @@ def damaged_ticks(log: SessionLog) -> list[tuple[int, int]]:
     return ticks
 
 
-def damaged_s(log: SessionLog, time_s: np.ndarray, clock: str) -> list[tuple[float, float]]:
-    """Return the stretches of a log that were left out, from intact sample to intact sample, s."""
+def damaged_s(log: SessionLog, time_s: np.ndarray, new: np.ndarray) -> list[tuple[float, float]]:
+    """Return the stretches of a log that were left out, from intact sample to intact sample, s.
+
+    ``new`` tells which records hold the samples of ``time_s``.
+    """
     records = log.records
-    before = np.concatenate([[0], np.cumsum(fresh(records, clock))])
+    before = np.concatenate([[0], np.cumsum(new)])
     holes = []
     for at, (_, after) in zip((d.at for d in log.damage), damaged_ticks(log), strict=True):
         first = before[at] == 0  # only the ticks tell how long it was
@@ -112,22 +115,28 @@ def pulse_rows(
     plan: Sequence[PlannedPulse],
     events: Sequence[Event],
     *,
-    clock: str,
+    new: np.ndarray,
 ) -> list[dict[str, Any]]:
-    """Return the pulses of a stretch of walking as its log shows them, shams left out."""
+    """Return the pulses of a stretch of walking as its log shows them, shams left out.
+
+    ``new`` tells which records hold the samples of ``time_s``.
+    """
     name, segment = log.header["condition"], log.header["segment"]
     done = pulses_done(events, name)
     completions = _events_of(events, "pulse_completed", name, segment)
     ended = {event["onset_slot"]: event.get("slot") for event in completions}
     last_slot = int(log.records["slot"][-1])
+    felt = [
+        pulse
+        for pulse in pulses_of_log(log, begun_pulses(events, name, segment))
+        if not plan[pulse.number - 1].sham
+    ]
+    ends = [(ended.get(p.onset_slot) if p.touched else None) or p.end_slot for p in felt]
+    slots = np.array([[p.onset_slot for p in felt], [end or last_slot for end in ends]], dtype=int)
+    onsets_s, ends_s = _times_of(slots, log, time_s, new)
     rows = []
-    for shown in pulses_of_log(log, begun_pulses(events, name, segment)):
+    for shown, onset_s, end_s in zip(felt, onsets_s, ends_s, strict=True):
         pulse, event = plan[shown.number - 1], done.get(shown.number, {})
-        if pulse.sham:
-            continue
-        end_slot = ended.get(shown.onset_slot) if shown.touched else None
-        slots = np.array([shown.onset_slot, end_slot or shown.end_slot or last_slot])
-        onset_s, end_s = _times_of(slots, log, time_s, clock)
         rows.append(
             {
                 "pulse": pulse.number,
@@ -144,10 +153,11 @@ def pulse_rows(
     return rows
 
 
-def _times_of(slots: np.ndarray, log: SessionLog, time_s: np.ndarray, clock: str) -> np.ndarray:
+def _times_of(
+    slots: np.ndarray, log: SessionLog, time_s: np.ndarray, new: np.ndarray
+) -> np.ndarray:
     """Return when ticks were, by the time of the newest sample read by then, s."""
-    records = log.records
-    sampled = records["slot"][fresh(records, clock)].astype(np.int64)
+    sampled = log.records["slot"][new].astype(np.int64)
     newest = (np.searchsorted(sampled, slots, side="right") - 1).clip(0)
     late = (slots - sampled[newest]) / float(log.header["control_hz"])
     return np.asarray(time_s[newest] + late)

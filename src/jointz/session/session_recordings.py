@@ -36,7 +36,7 @@ from jointz.gait.timestamps import find_gaps
 from jointz.io.log_reader import SessionLog, read_log
 from jointz.session.log_pulses import damaged_s, pulse_rows, ticks_of
 from jointz.session.run_settings import recording_name
-from jointz.session.stream_alignment import clock_notes, fresh, onto
+from jointz.session.stream_alignment import LogStreams
 
 #: Between two stretches of a recording: a hole that nobody takes for walking.
 PAUSE_S = 10.0
@@ -95,6 +95,7 @@ class _Piece:
     """One log on the time of the recording."""
 
     log: SessionLog
+    streams: LogStreams
     time_s: np.ndarray  # times of all samples of the master device
     counted: np.ndarray  # bool: whether each sample is recorded
     channels: dict[str, np.ndarray]
@@ -117,24 +118,27 @@ class SessionRecordings(ABC):
         """Join the logs of a condition, one after the other."""
         paths = self._paths(condition)
         logs = [read_log(path, salvage=self.salvage) for path in paths]
+        of_logs = [LogStreams(log.records) for log in logs]
         master = _CLOCKS["actuator" if condition.worn else "angle"]
         pieces: list[_Piece] = []
         stretches: list[Stretch] = []
         damage_s: list[tuple[float, float]] = []
         end_s = -PAUSE_S
-        for log in logs:
-            rows = log.records[fresh(log.records, master)]
-            if not rows.size:
+        for log, streams in zip(logs, of_logs, strict=True):
+            time_s = streams.values(master, master) * 1e-9
+            if not time_s.size:
                 continue
-            time_s, counted = rows[master] * 1e-9, (rows["flags"] & Flag.LEAD) == 0
-            holes_s = damaged_s(log, time_s, master)
+            counted = (streams.values("flags", master) & Flag.LEAD) == 0
+            holes_s = damaged_s(log, time_s, streams.fresh(master))
             recorded_s = time_s[counted]
             offset_s = end_s + PAUSE_S - self._begin_s(recorded_s, holes_s)
             damage_s += [(begin + offset_s, end + offset_s) for begin, end in holes_s]
             stretches.append(Stretch(int(log.header["segment"]), offset_s, float(recorded_s[-1])))
-            pieces.append(_Piece(log, time_s + offset_s, counted, self._channels(log, master)))
+            channels = self._channels(log, streams, master)
+            pieces.append(_Piece(log, streams, time_s + offset_s, counted, channels))
             end_s = max([float(recorded_s[-1]), *(end for _, end in holes_s)]) + offset_s
-        recording = self._build(condition, pieces, paths, logs, damage_s)
+        notes = [streams.clock_notes(_clocks(streams)) for streams in of_logs]
+        recording = self._build(condition, pieces, paths, notes, damage_s)
         pulses = self._pulses(condition, recording, pieces, master)
         return ConditionRecord(recording, pulses, tuple(stretches), tuple(logs))
 
@@ -153,7 +157,7 @@ class SessionRecordings(ABC):
         condition: ConditionSpec,
         pieces: list[_Piece],
         paths: list[Path],
-        logs: list[SessionLog],
+        clocks: list[dict[str, dict[str, float]]],
         damage_s: list[tuple[float, float]],
     ) -> xr.Dataset:
         channels = {
@@ -163,14 +167,14 @@ class SessionRecordings(ABC):
         if any(one.trials > 1 for one in self.protocol.conditions):
             numbers = np.arange(1.0, len(pieces) + 1.0)
             channels["trial"] = np.repeat(numbers, [piece.counted.sum() for piece in pieces])
-        volts = gives_volts(logs[0].header.get("devices", {}))
+        volts = gives_volts(pieces[0].log.header.get("devices", {}))
         contact = ("voltage" if volts else "contact") if "contact" in channels else ""
         history: list[dict[str, Any]] = [
             {
                 "step": "converted from the session's logs",
                 "logs": [path.name for path in paths],
                 "sha256": [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths],
-                "clocks": [clock_notes(log.records, _clocks(log)) for log in logs],
+                "clocks": clocks,
             }
         ]
         if damage_s:
@@ -194,7 +198,7 @@ class SessionRecordings(ABC):
         """Return where a stretch begins, s."""
 
     @abstractmethod
-    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
+    def _channels(self, log: SessionLog, streams: LogStreams, master: str) -> dict[str, np.ndarray]:
         """Return the channels of a log at the samples of the master clock."""
 
     @abstractmethod
@@ -232,14 +236,15 @@ class WalkingRecordings(SessionRecordings):
     def _begin_s(self, time_s: np.ndarray, holes_s: list[tuple[float, float]]) -> float:
         return min([float(time_s[0]), *(begin for begin, _ in holes_s)])
 
-    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
-        aligned = partial(_aligned, log.records, master)
+    def _channels(self, log: SessionLog, streams: LogStreams, master: str) -> dict[str, np.ndarray]:
+        del log
+        aligned, clocks = partial(_aligned, streams, master), _clocks(streams)
         channels = {"angle": aligned("angle"), "contact": aligned("contact")}
-        if "moment" in _clocks(log):
+        if "moment" in clocks:
             channels["joint_moment"] = aligned("moment", "joint_moment")
-        channels |= {name: aligned(name) for name in MOTION_SENSORS if name in _clocks(log)}
+        channels |= {name: aligned(name) for name in MOTION_SENSORS if name in clocks}
         if master == _CLOCKS["actuator"]:
-            channels |= _motor(log.records, _MOTOR | {"applied_torque": "applied_torque"})
+            channels |= _motor(streams, _MOTOR | {"applied_torque": "applied_torque"})
         return channels
 
     def _pulses(
@@ -250,7 +255,9 @@ class WalkingRecordings(SessionRecordings):
         rows = [
             row
             for piece in pieces
-            for row in pulse_rows(piece.log, piece.time_s, plan, self.events, clock=master)
+            for row in pulse_rows(
+                piece.log, piece.time_s, plan, self.events, new=piece.streams.fresh(master)
+            )
         ]
         return pd.DataFrame(rows, columns=list(_PULSE_COLUMNS))
 
@@ -340,9 +347,9 @@ class BenchRecordings(SessionRecordings):
         del holes_s  # damage before the first sample lies in the lead, which is not recorded
         return float(time_s[0])
 
-    def _channels(self, log: SessionLog, master: str) -> dict[str, np.ndarray]:
-        devices, aligned = log.header["devices"], partial(_aligned, log.records, master)
-        channels = _motor(log.records, _MOTOR | {"reference": "reference_torque"})
+    def _channels(self, log: SessionLog, streams: LogStreams, master: str) -> dict[str, np.ndarray]:
+        devices, aligned = log.header["devices"], partial(_aligned, streams, master)
+        channels = _motor(streams, _MOTOR | {"reference": "reference_torque"})
         channels["angle"] = channels["motor_angle"]
         if devices["angle"] is not None:
             channels["angle"] = aligned("angle")
@@ -350,7 +357,7 @@ class BenchRecordings(SessionRecordings):
             channels[devices["torque"]["channel"]] = aligned("torque", "measured_torque")
         if devices["positioner"] is not None:
             channels[devices["positioner"]["channel"]] = aligned("positioner", "position")
-            reference = log.records[fresh(log.records, master)]["reference_position"]
+            reference = streams.values("reference_position", master)
             channels["reference_position"] = reference.astype(float)
         if devices["contact"] is not None:
             channels["contact"] = aligned("contact")
@@ -400,26 +407,27 @@ class BenchRecordings(SessionRecordings):
     aborted_rows = gap_rows
 
 
-def _clocks(log: SessionLog) -> dict[str, str]:
+def _clocks(streams: LogStreams) -> dict[str, str]:
     """Return the clocks that the log's layout has."""
-    fields = log.records.dtype.names or ()
+    fields = streams.records.dtype.names or ()
     return {device: clock for device, clock in _CLOCKS.items() if clock in fields}
 
 
-def _aligned(records: np.ndarray, master: str, device: str, field: str = "") -> np.ndarray:
+def _aligned(streams: LogStreams, master: str, device: str, field: str = "") -> np.ndarray:
     """Return what a device measured at the samples of the master clock; a contact is held."""
     clock, held = _CLOCKS[device], device == "contact"
-    return onto(records, field or device, clock=clock, master=master, interpolated=not held)
+    return streams.onto(field or device, clock=clock, master=master, interpolated=not held)
 
 
-def _motor(records: np.ndarray, fields: Mapping[str, str]) -> dict[str, np.ndarray]:
+def _motor(streams: LogStreams, fields: Mapping[str, str]) -> dict[str, np.ndarray]:
     """Return channels of the actuator's samples, and the pulse torque asked for then, N*m."""
-    rows, ticks = records[fresh(records, _CLOCKS["actuator"])], ticks_of(records)
+    channels = {
+        name: streams.values(field, _CLOCKS["actuator"]).astype(float)
+        for name, field in (*fields.items(), ("command", "command"))
+    }
+    slot, ticks = streams.values("slot", _CLOCKS["actuator"]), ticks_of(streams.records)
     # Of several samples that came with a tick all but the last were taken before its command.
     before = np.concatenate([[0.0], ticks["command"].astype(float)[:-1]])
-    last = np.append(rows["slot"][1:] != rows["slot"][:-1], True)[: rows.size]
-    tick = np.searchsorted(ticks["slot"], rows["slot"])
-    command = np.where(last, rows["command"].astype(float), before[tick])
-    return {name: rows[field].astype(float) for name, field in fields.items()} | {
-        "command": command
-    }
+    last = np.append(slot[1:] != slot[:-1], True)[: slot.size]
+    tick = np.searchsorted(ticks["slot"], slot)
+    return channels | {"command": np.where(last, channels["command"], before[tick])}

@@ -5,6 +5,7 @@ a million are 85 ms in half an hour. When a sample was taken by the host's clock
 told by those that came fastest: nothing arrives before it was measured.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,23 +39,85 @@ class ClockFit:
         return np.asarray((later + since * (1.0 + self.drift)) / (1.0 + master.drift))
 
 
-def fresh(records: np.ndarray, clock: str) -> np.ndarray:
-    """Tell which records hold a sample of a device that is newer than all before it.
+class LogStreams:
+    """The streams of a log's devices: which samples are new, and how the clocks ran.
 
-    A clock that stands still or jumps back measures nothing that could be placed.
+    Each clock is examined once: a log of an hour has millions of records.
     """
-    times = records[clock]
-    sampled = times != NO_SAMPLE
-    newest = np.maximum.accumulate(np.where(sampled, times, _NEVER))
-    before = np.concatenate([[_NEVER], newest[:-1]])
-    return np.asarray(sampled & (times > before))
+
+    def __init__(self, records: np.ndarray) -> None:
+        self.records = records
+        self._fresh: dict[str, np.ndarray] = {}
+        self._fits: dict[str, ClockFit] = {}
+
+    def fresh(self, clock: str) -> np.ndarray:
+        """Tell which records hold a sample of a device that is newer than all before it.
+
+        A clock that stands still or jumps back measures nothing that could be placed.
+        """
+        if clock not in self._fresh:
+            times = self.records[clock]
+            sampled = times != NO_SAMPLE
+            newest = np.maximum.accumulate(np.where(sampled, times, _NEVER))
+            before = np.concatenate([[_NEVER], newest[:-1]])
+            self._fresh[clock] = np.asarray(sampled & (times > before))
+        return self._fresh[clock]
+
+    def values(self, field: str, clock: str) -> np.ndarray:
+        """Return a field at the new samples of a device."""
+        return np.asarray(self.records[field][self.fresh(clock)])
+
+    def fit(self, clock: str) -> ClockFit:
+        """Return a device's clock fitted to the host's."""
+        if clock not in self._fits:
+            times = self.values(clock, clock)
+            self._fits[clock] = _fit_clock(times, self.values("host_time_ns", clock) - times)
+        return self._fits[clock]
+
+    def onto(self, field: str, *, clock: str, master: str, interpolated: bool = True) -> np.ndarray:
+        """Return what a device measured at the times of the master's samples.
+
+        Devices sampled in step share their times and are taken as they are. Others
+        are placed by the host's clock (:meth:`fit`) and interpolated.
+        """
+        time_ns, device_ns = self.values(master, master), self.values(clock, clock)
+        values = self.values(field, clock).astype(float)
+        if np.array_equal(device_ns, time_ns):
+            return np.asarray(values)
+        if device_ns.size < 2 or time_ns.size == 0:
+            return np.full(time_ns.size, np.nan)
+        masters = self.fit(master)
+        place = (time_ns - masters.start_ns).astype(float)
+        device_place = self.fit(clock).place(device_ns, masters)
+        after = np.searchsorted(device_place, place, side="right").clip(1, device_place.size - 1)
+        hole = np.diff(device_place) > _HOLE_PERIODS * np.median(np.diff(device_place))
+        inside = (place > device_place[after - 1]) & (place < device_place[after])
+        first, last = device_place[0] - _ROUNDING_NS, device_place[-1] + _ROUNDING_NS
+        outside = (place < first) | (place > last)
+        if interpolated:
+            placed = np.interp(place, device_place, values)
+        else:
+            placed = values[after - (place < device_place[after])]
+        return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
+
+    def clock_notes(self, clocks: Mapping[str, str]) -> dict[str, dict[str, float]]:
+        """Return, for the history of a recording, how each device's clock ran."""
+        notes = {}
+        for device, clock in clocks.items():
+            new = self.fresh(clock)
+            if not new.any():
+                continue
+            fit = self.fit(clock)
+            notes[device] = {
+                "drift_ppm": round(fit.drift * 1e6, 3),
+                "residual_ms": round(fit.residual_ms, 3),
+                "repeated_samples": int((self.records[clock] != NO_SAMPLE).sum() - new.sum()),
+            }
+        return notes
 
 
-def fit_clock(records: np.ndarray, clock: str) -> ClockFit:
-    """Fit a device's clock to the host's."""
-    rows = records[fresh(records, clock)]
-    times = rows[clock]
-    way = (rows["host_time_ns"] - times).astype(np.int64)
+def _fit_clock(times: np.ndarray, way: np.ndarray) -> ClockFit:
+    """Fit a clock to the host's; ``way`` is host time minus device time."""
     first = int(times[0])
     block = (times - first) // _BLOCK_NS
     edges = np.flatnonzero(np.diff(block, prepend=-1))
@@ -73,49 +136,3 @@ def fit_clock(records: np.ndarray, clock: str) -> ClockFit:
 
 def _blocks(edges: np.ndarray, n: int) -> list[tuple[int, int]]:
     return list(zip(edges.tolist(), [*edges[1:].tolist(), n], strict=True))
-
-
-def onto(
-    records: np.ndarray, field: str, *, clock: str, master: str, interpolated: bool = True
-) -> np.ndarray:
-    """Return what a device measured at the times of the master's samples.
-
-    Devices sampled in step share their times and are taken as they are. Others
-    are placed by the host's clock (:func:`fit_clock`) and interpolated.
-    """
-    time_ns = records[master][fresh(records, master)]
-    rows = records[fresh(records, clock)]
-    values = rows[field].astype(float)
-    if rows.size == time_ns.size and (rows[clock] == time_ns).all():
-        return np.asarray(values)
-    if rows.size < 2 or time_ns.size == 0:
-        return np.full(time_ns.size, np.nan)
-    masters, sensor = fit_clock(records, master), fit_clock(records, clock)
-    place = (time_ns - masters.start_ns).astype(float)
-    device_place = sensor.place(rows[clock], masters)
-    after = np.searchsorted(device_place, place, side="right").clip(1, device_place.size - 1)
-    hole = np.diff(device_place) > _HOLE_PERIODS * np.median(np.diff(device_place))
-    inside = (place > device_place[after - 1]) & (place < device_place[after])
-    first, last = device_place[0] - _ROUNDING_NS, device_place[-1] + _ROUNDING_NS
-    outside = (place < first) | (place > last)
-    if interpolated:
-        placed = np.interp(place, device_place, values)
-    else:
-        placed = values[after - (place < device_place[after])]
-    return np.asarray(np.where((hole[after - 1] & inside) | outside, np.nan, placed))
-
-
-def clock_notes(records: np.ndarray, clocks: dict[str, str]) -> dict[str, dict[str, float]]:
-    """Return, for the history of a recording, how each device's clock ran."""
-    notes = {}
-    for device, clock in clocks.items():
-        new = fresh(records, clock)
-        if not new.any():
-            continue
-        fit = fit_clock(records, clock)
-        notes[device] = {
-            "drift_ppm": round(fit.drift * 1e6, 3),
-            "residual_ms": round(fit.residual_ms, 3),
-            "repeated_samples": int((records[clock] != NO_SAMPLE).sum() - new.sum()),
-        }
-    return notes

@@ -31,7 +31,7 @@ from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.moment_measurement import MomentMeasurement
-from jointz.sim.motion_sensors import MotionSensors, measure
+from jointz.sim.motion_sensors import MotionSensors, advance_and_measure
 from jointz.sim.plant_build import Grid, PlantBuild
 from jointz.sim.rig import SimulatedRig
 
@@ -42,7 +42,6 @@ WALKING_PULSE = PulseSpec(amplitude_nm=17.0, duration_s=0.25, hold_s=0.25)
 QUICK_GRID = Grid(500.0, substeps=5)
 _MEASURED = ("motor_angle", "motor_velocity", "current", "angle", "joint_moment")
 _BISECTIONS = 40
-_NO_NOISE = np.empty((0, 0))
 _PULSE_COLUMNS = (
     "pulse",
     "onset_s",
@@ -402,39 +401,24 @@ def _advance(
     state = np.zeros(STATE_SIZE)
     history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
     plant.begin(build.params, state, gaits[0], history)
-    measured = _advance_all(
-        build.params,
-        state,
-        build.curves,
-        history,
-        (gaits, ends),
-        noise,
-        command,
-        (
-            (sensors.params, sensors.state, sensors.curves),
-            sensors.noise(command.size) if sensors.channels else _NO_NOISE,
-        ),
-    )
-    return np.asarray(measured)
+    person = build.params, state, build.curves, history
+    both = noise, sensors.noise(command.size)
+    return np.asarray(_advance_all(person, sensors.arrays, (gaits, ends), both, command))
 
 
 @njit(cache=True, nogil=True)
 def _advance_all(
-    p: np.ndarray,
-    state: np.ndarray,
-    curves: np.ndarray,
-    history: np.ndarray,
+    person: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    sensors: tuple[np.ndarray, np.ndarray, np.ndarray],
     strides: tuple[np.ndarray, np.ndarray],
-    noise: np.ndarray,
+    noise: tuple[np.ndarray, np.ndarray],
     command: np.ndarray,
-    sensing: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
 ) -> np.ndarray:
     """Return what is measured, (8, n).
 
-    ``strides`` are their rows and the samples from which each is over, ``sensing`` the motion's
-    sensors and their noise, which is empty without sensors.
+    ``strides`` are their rows and the samples from which each is over.
     """
-    (gaits, ends), (sensors, sensor_noise) = strides, sensing
+    (gaits, ends), state = strides, person[1]
     out = np.empty((8, command.size))
     stride = 0
     for sample in range(command.size):
@@ -442,13 +426,10 @@ def _advance_all(
             stride += 1
             state[State.PATH_KNOWN] = 0.0
         torque_nm = command[sample - 1] if sample > 0 else 0.0
-        motor, angle = plant.advance(
-            p, state, curves, history, gaits[stride], noise, sample, torque_nm
+        motor, angle, moment, motion = advance_and_measure(
+            person, sensors, gaits[stride], noise, sample, torque_nm
         )
         out[0, sample], out[1, sample], out[2, sample] = motor[0], motor[1], motor[2]
-        out[3, sample], out[4, sample] = angle, state[State.MOMENT]
-        if sensor_noise.size > 0:
-            out[5, sample], out[6, sample], out[7, sample] = measure(
-                sensors, p, state, gaits[stride], sample, sensor_noise[sample]
-            )
+        out[3, sample], out[4, sample] = angle, moment
+        out[5, sample], out[6, sample], out[7, sample] = motion
     return out

@@ -24,6 +24,7 @@ from jointz.sim.impedance_curves import impedance_over_cycle, thigh_share
 from jointz.sim.layout import CURVE_PIECES, Param, State
 from jointz.sim.path import phase_at
 from jointz.sim.people import Person, within_errors
+from jointz.sim.plant import MotorMeasured, advance
 from jointz.sim.plant_build import Grid, PlantBuild
 from jointz.sim.presets import Preset
 from jointz.sim.sensor_settings import (
@@ -36,8 +37,7 @@ from jointz.sim.sensor_settings import (
 
 _ENCODER, _SHANK, _THIGH = range(3)  # rows of all arrays, as in MOTION_SENSORS
 _RING = 64  # samples kept: more than any delay; a power of two
-#: Columns of a block of standard normal numbers, a row a sample.
-MOTION_NOISES = 6
+_NOISES = 6  # columns of a block of standard normal numbers, a row a sample
 _compiled = njit(cache=True, nogil=True, error_model="numpy")
 
 
@@ -145,21 +145,23 @@ class MotionSensors:
             instruments.pop("joint_encoder", None)
         #: Channels that are measured.
         self.channels = tuple(name for name in MOTION_SENSORS if name in instruments)
-        self.params = np.zeros((3, _Param.MOUNT + 12))
-        self.state = np.zeros((3, _State.RING + 2 * _RING))
-        self.curves = _segment_curves(build.person, build.preset)
+        params = np.zeros((3, _Param.MOUNT + 12))
+        state = np.zeros((3, _State.RING + 2 * _RING))
+        curves = _segment_curves(build.person, build.preset)
         self._rng = build.person.stream(f"motion sensor noise {purpose}", segment)
         for name, instrument in instruments.items():
             row = MOTION_SENSORS.index(name)
-            _fill(self.params[row], instrument, build.preset, build.grid, encoder=row == _ENCODER)
+            _fill(params[row], instrument, build.preset, build.grid, encoder=row == _ENCODER)
         settings = build.preset.gyroscopes
         if settings is not None:
             first = build.person.stream(f"gyroscope bias {purpose}", segment).standard_normal(2)
-            self.state[_SHANK:, _State.BIAS] = settings.bias_sd_rad_s * first
+            state[_SHANK:, _State.BIAS] = settings.bias_sd_rad_s * first
+        #: Constants, state and curves, as the compiled step takes them.
+        self.arrays = params, state, curves
 
     def noise(self, n: int) -> np.ndarray:
-        """Return the random numbers of the next samples."""
-        return self._rng.standard_normal((n, MOTION_NOISES))
+        """Return the random numbers of the next samples; none without sensors."""
+        return self._rng.standard_normal((n if self.channels else 0, _NOISES))
 
 
 def _fill(
@@ -295,7 +297,30 @@ def _show(
 
 
 @_compiled
-def measure(
+def advance_and_measure(
+    person: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    sensors: tuple[np.ndarray, np.ndarray, np.ndarray],
+    gait: np.ndarray,
+    noise: tuple[np.ndarray, np.ndarray],
+    sample: int,
+    command: float,
+) -> tuple[MotorMeasured, float, float, tuple[float, float, float]]:
+    """Advance a person to a sample and return motor, goniometer, true moment and motion sensors.
+
+    ``person`` are constants, state, curves and history of the plant, ``sensors`` constants, state
+    and curves; ``noise`` is that of both, the second empty where there are no motion sensors.
+    """
+    p, state, curves, history = person
+    motor, angle = advance(p, state, curves, history, gait, noise[0], sample, command)
+    motion = (math.nan, math.nan, math.nan)
+    if noise[1].size > 0:
+        row = noise[1][sample % noise[1].shape[0]]
+        motion = _measure(sensors, p, state, gait, sample, row)
+    return motor, angle, state[State.MOMENT], motion
+
+
+@_compiled
+def _measure(
     sensors: tuple[np.ndarray, np.ndarray, np.ndarray],
     p: np.ndarray,
     plant: np.ndarray,
@@ -303,10 +328,7 @@ def measure(
     sample: int,
     noise: np.ndarray,
 ) -> tuple[float, float, float]:
-    """Return encoder, shank and thigh at a sample that the plant has reached.
-
-    ``sensors`` are constants, state and curves, ``p`` and ``plant`` those of the plant.
-    """
+    """Return encoder, shank and thigh at a sample that the plant has reached."""
     params, state, curves = sensors
     strapped = p[Param.STRAP_STIFFNESS] > 0.0
     angle = plant[State.EXO_ANGLE] if strapped else plant[State.ANGLE]

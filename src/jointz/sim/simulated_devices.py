@@ -285,13 +285,13 @@ class SimulatedMotionSensor(SimulatedSensor):
 
     def read(self) -> list[SensorSample]:
         """Return all samples queued since the last read, oldest first."""
+        samples, zero_ns, rate = super().read(), self._zero_ns, self._rate
+        if zero_ns == 0 and rate == 0.0:
+            return samples
         return [
-            sample._replace(device_time_ns=self._own_ns(sample.device_time_ns))
-            for sample in super().read()
+            _new(SensorSample, (zero_ns + time_ns + round(rate * time_ns), host_ns, value))
+            for time_ns, host_ns, value in samples
         ]
-
-    def _own_ns(self, time_ns: int) -> int:
-        return self._zero_ns + time_ns + round(self._rate * time_ns)
 
 
 class SimulatedFootswitch(_SimulatedSensor):

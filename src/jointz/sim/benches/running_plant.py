@@ -1,6 +1,7 @@
 """A walking person that runs on the time of a clock, as far as somebody looks at it."""
 
 from collections import deque
+from copy import deepcopy
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ from jointz.sim.footswitch_model import ContactMaker
 from jointz.sim.gait_motion import Stride
 from jointz.sim.layout import HISTORY, STATE_SIZE, Noise, State
 from jointz.sim.moment_measurement import MomentMeasurement
-from jointz.sim.motion_sensors import MOTION_NOISES, MotionSensors, measure
+from jointz.sim.motion_sensors import MotionSensors, advance_and_measure
 from jointz.sim.plant_build import PlantBuild
 from jointz.sim.sampled_time import Sample, SampledTime
 
@@ -25,7 +26,6 @@ class Motion(Protocol):
 
 _NOISE_ROWS = 4096
 _NEVER_NS = 2**63
-_MOMENT = int(State.MOMENT)  # an index that is no enumeration saves 100 ns a sample
 
 
 class RunningPlant(SampledTime):
@@ -34,7 +34,6 @@ class RunningPlant(SampledTime):
     def __init__(self, build: PlantBuild, motion: Motion, *, purpose: str, segment: int) -> None:
         super().__init__(build.grid.period_ns)
         person, preset = build.person, build.preset
-        self._params, self._curves = build.params, build.curves
         self._timeout = round(preset.actuator.command_timeout_s * 1e9) // self._period_ns
         self._motion = motion
         self._contacts = ContactMaker(
@@ -46,17 +45,17 @@ class RunningPlant(SampledTime):
         self._moment = MomentMeasurement(build, purpose=purpose, segment=segment)
         self._moment_errors: list[float] = []
         self._sensors = MotionSensors(build, purpose=purpose, segment=segment)
-        self._sensor_noise = np.empty((0, 0))
         self._state = np.zeros(STATE_SIZE)
-        self._history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
-        self._noise = np.zeros((_NOISE_ROWS, len(Noise)))
+        history = np.zeros((HISTORY, plant.HISTORY_COLUMNS))
+        self._person = build.params, self._state, build.curves, history
+        self._noise = np.zeros((_NOISE_ROWS, len(Noise))), self._sensors.noise(0)
         self._command = 0.0
         self._commanded = 0
         self._toggles = deque((_NEVER_NS,))
         self._contact = 0.0
         self._next_stride = motion.next()
         self._load_stride()
-        plant.begin(self._params, self._state, self.stride.row, self._history)
+        plant.begin(build.params, self._state, self.stride.row, history)
         self._compile()
 
     def command(self, torque_nm: float, now_ns: int) -> None:
@@ -81,19 +80,8 @@ class RunningPlant(SampledTime):
 
     def _compile(self) -> None:
         """Take a step without effect: the first one compiles, or loads the compiled code."""
-        plant.advance(
-            self._params,
-            self._state.copy(),
-            self._curves,
-            self._history.copy(),
-            self._row,
-            self._noise,
-            1,
-            0.0,
-        )
-        sensors = self._sensors
-        copies = sensors.params, sensors.state.copy(), sensors.curves
-        measure(copies, self._params, self._state, self._row, 1, np.zeros(MOTION_NOISES))
+        person, sensors = deepcopy(self._person), deepcopy(self._sensors.arrays)
+        advance_and_measure(person, sensors, self._row, self._noise, 1, 0.0)
 
     def _step(self) -> None:
         sample = self.samples
@@ -101,46 +89,23 @@ class RunningPlant(SampledTime):
         if (sample - 1) * self._period_ns >= self._stride_end_ns:
             self._load_stride()
         if sample % _NOISE_ROWS == 0:
-            self._rng.standard_normal(out=self._noise)
+            self._rng.standard_normal(out=self._noise[0])
             self._moment_errors = self._moment.errors(_NOISE_ROWS).tolist()
-            if self._sensors.channels:
-                self._sensor_noise = self._sensors.noise(_NOISE_ROWS)
+            self._noise = self._noise[0], self._sensors.noise(_NOISE_ROWS)
         if sample - 1 - self._commanded >= self._timeout:
             self._command = 0.0
-        motor, angle = plant.advance(
-            self._params,
-            self._state,
-            self._curves,
-            self._history,
-            self._row,
-            self._noise,
-            sample,
-            self._command,
+        motor, angle, moment, motion = advance_and_measure(
+            self._person, self._sensors.arrays, self._row, self._noise, sample, self._command
         )
         time_ns = sample * self._period_ns
         while time_ns >= self._toggles[0]:
             self._toggles.popleft()
             self._contact = 1.0 - self._contact
-        moment = self._moment.gain * self._state.item(_MOMENT)
-        moment += self._moment_errors[sample % _NOISE_ROWS]
-        newest: Sample = (time_ns, motor, angle, self._contact, moment)
-        if self._sensors.channels:
-            newest = (*newest, *self._moved(sample))
+        moment = self._moment.gain * moment + self._moment_errors[sample % _NOISE_ROWS]
+        newest: Sample = (time_ns, motor, angle, self._contact, moment, *motion)
         for queue in self._queues:
             queue.append(newest)
         self.samples = sample + 1
-
-    def _moved(self, sample: int) -> tuple[float, float, float]:
-        """Return what encoder and gyroscopes show at a sample."""
-        sensors = self._sensors
-        return measure(
-            (sensors.params, sensors.state, sensors.curves),
-            self._params,
-            self._state,
-            self._row,
-            sample,
-            self._sensor_noise[sample % _NOISE_ROWS],
-        )
 
     def _load_stride(self) -> None:
         """Go on to the next stride; its successor's contacts may begin before it does."""
