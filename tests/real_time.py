@@ -10,7 +10,7 @@ from _pytest.runner import runtestprotocol
 
 #: A process that only sleeps woke so late: no fault of ours that a loop at 1 kHz missed slots.
 _LATE_S = 0.001
-_ATTEMPTS = 5
+_ATTEMPTS = 10
 _WATCH = """
 import json, sys, threading, time
 late_s = 0.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from jointz.pooling.pooled_result import ONE_STUDY, PooledStudies, cell_text, studies_of
+from jointz.pooling.pooled_result import UNDECIDED, PooledStudies, cell_text, studies_of
 from jointz.report.style import new_figure, place_axes, to_svg
 from jointz.report.wording import format_interval, parameter_label
 from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, WIDTH_MM, figure_style
@@ -35,7 +35,7 @@ def draw_forests(pooled: PooledStudies) -> dict[str, str]:
 def _forest(rows: pd.DataFrame, studies: pd.DataFrame) -> "Figure":
     """Draw the cells of a parameter below each other, with a common axis."""
     cells = [(row, _used(studies, row)) for row in rows[rows["value"].notna()].to_dict("records")]
-    n_lines = sum(len(used) + 2.4 - (row["status"] == ONE_STUDY) for row, used in cells)
+    n_lines = sum(len(used) + 2.4 - (row["n_studies"] == 1) for row, used in cells)
     height = _LINE_MM * n_lines
     figure = new_figure(height + _TOP_MM + _BELOW_MM)
     axes = place_axes(
@@ -71,12 +71,15 @@ def _draw_cell(axes: "Axes", row: _Row, used: pd.DataFrame, y: float) -> float:
         axes.plot([study["ci_low"], study["ci_high"]], [y, y], color=MUTED, lw=1.0)
         axes.plot(study["value"], y, "s", color=INK, ms=2.0 + 0.035 * weight)
         _text(axes, y, f"{_short(study['study'])} ({study['n_people']})", _interval(study))
-    if row["status"] != ONE_STUDY:
+    if row["n_studies"] > 1:
         y += 1.0
-        axes.plot([row["prediction_low"], row["prediction_high"]], [y, y], color=BLUE, lw=0.8)
+        is_undecided = row["status"] == UNDECIDED
+        color, undecided = (MUTED, ", undecided") if is_undecided else (BLUE, "")
+        axes.plot([row["prediction_low"], row["prediction_high"]], [y, y], color=color, lw=0.8)
         across = [row["ci_low"], row["value"], row["ci_high"], row["value"]]
-        axes.fill(across, [y, y - 0.3, y, y + 0.3], color=BLUE, lw=0)
-        _text(axes, y, f"Mean over {row['n_studies']} studies", _interval(row), color=BLUE)
+        axes.fill(across, [y, y - 0.3, y, y + 0.3], color=color, lw=0)
+        label = f"Mean over {row['n_studies']} studies{undecided}"
+        _text(axes, y, label, _interval(row), color=color)
     return y + 1.4
 
 

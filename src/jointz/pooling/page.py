@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.codes import NotPooled
-from jointz.pooling.pooled_result import ONE_STUDY, PooledStudies, condition_text
+from jointz.pooling.pooled_result import ONE_STUDY, UNDECIDED, PooledStudies, condition_text
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.wording import (
     DASH,
@@ -57,6 +57,7 @@ def _facts(pooled: PooledStudies) -> list[tuple[str, str]]:
         (str(len(conditions)), "conditions"),
         (str(count.get("ok", 0)), "means over studies"),
         (str(count.get(ONE_STUDY, 0)), "values of one study"),
+        (str(count.get(UNDECIDED, 0)), "undecided means"),
         (str(pooled.table["value"].isna().sum()), "without a value"),
     ]
 

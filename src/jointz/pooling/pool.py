@@ -18,7 +18,7 @@ from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditi
 from jointz.pooling.figures import draw_forests
 from jointz.pooling.page import render_pool
 from jointz.pooling.plain_tables import typed_table
-from jointz.pooling.pooled_result import COLUMNS, ONE_STUDY, PooledStudies
+from jointz.pooling.pooled_result import COLUMNS, ONE_STUDY, UNDECIDED, PooledStudies
 from jointz.pooling.refusals import refusals
 from jointz.pooling.results_folders import ResultsFolder, folder_names, read_folder
 from jointz.pooling.study_means import CELL, Row, people_of, study_means
@@ -205,14 +205,20 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
         return row, np.nan
     if len(ok) == 1:
         mean = {name: float(ok[name].iloc[0]) for name in ("value", "ci_low", "ci_high")}
-        return row | mean | {"status": ONE_STUDY}, np.nan
+        return row | mean | {"status": _decided(mean, ONE_STUDY)}, np.nan
     columns = ok[["study", "value", "se", "n_people"]]
     means = [StudyMean(*study) for study in columns.itertuples(index=False, name=None)]
     f = pool_studies(means, parameter="", unit="", ci_level=level).fit
     names = ("i2_pct", "q", "q_p", "prediction_low", "prediction_high")
-    row |= {"value": f.mean, "ci_low": f.low, "ci_high": f.high, "status": "ok"}
+    row |= {"value": f.mean, "ci_low": f.low, "ci_high": f.high}
+    row["status"] = _decided(row, "ok")
     row |= {"tau": f.tau2**0.5, "tau_low": f.tau2_low**0.5, "tau_high": f.tau2_high**0.5}
     return row | {name: getattr(f, name) for name in names}, 100.0 * f.weights
+
+
+def _decided(mean: Row, status: str) -> str:
+    """Return the status of a mean: K, B and J are above zero, and so must be the interval."""
+    return status if mean["ci_low"] > 0.0 else UNDECIDED
 
 
 def _notes(studies: pd.DataFrame, n_values: int) -> Iterator[str]:

@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.pooling.conditions import CONDITION_COLUMNS
 from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
-from jointz.report.wording import parameter_label, point_name
+from jointz.report.wording import ABSOLUTE, parameter_label, point_name
 from jointz.results.base import Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
 from jointz.results.figure_style import in_figure_style
@@ -18,8 +18,10 @@ from jointz.results.statistics.random_effects_fit import draw_forest
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Status of the mean of a single study; others are ``ok`` and ``failed:too_few_studies``.
+#: Status of the mean of a single study, and of a mean whose interval reaches zero; others are
+#: ``ok`` and ``failed:too_few_studies``.
 ONE_STUDY: Final = "one_study"
+UNDECIDED: Final = "undecided"
 _NUMBERS = (
     "onset_gait_pct", "value", "ci_low", "ci_high", "ci_level", "vaf_pct", "walking_speed_m_s",
     "slope_deg", "gain_sd", "prediction_low", "prediction_high", "tau", "tau_low", "tau_high",
@@ -87,27 +89,33 @@ class PooledStudies(Result):
 
     @property
     def available(self) -> bool:
-        """Whether at least one row has a value."""
-        return bool(self.table["value"].notna().any())
+        """Whether at least one mean is decided."""
+        return not self._available.empty
+
+    @property
+    def _available(self) -> pd.DataFrame:
+        return self.table[self.table["status"].isin(["ok", ONE_STUDY])]
 
     def to_frame(self) -> pd.DataFrame:
         """Return the means over studies."""
         return self.table
 
     def summary(self) -> str:
-        """Return a line for each mean, and the notes."""
+        """Return a line for each available mean of K, B and J, and the notes."""
         lines = []
-        known = self.table[self.table["value"].notna()]
-        for row in known.to_dict("records"):
+        known = self._available
+        for row in known[known["parameter"].isin(ABSOLUTE)].to_dict("records"):
             interval = f"{row['ci_low']:.4g} to {row['ci_high']:.4g}"
             studies = "1 study" if row["n_studies"] == 1 else f"{row['n_studies']} studies"
             lines.append(
                 f"{row['parameter']} {cell_text(row)}: {row['value']:.4g} {row['unit']}, "
-                f"{interval} ({studies}, {row['n_people']} "
-                "people)"
+                f"{interval} ({studies}, {row['n_people']} people)"
             )
         n_studies = self.studies["study"].nunique()
-        title = f"{n_studies} studies: {len(known)} of {len(self.table)} means are available"
+        title = (
+            f"{n_studies} studies: {len(known)} of {len(self.table)} means are available (those of "
+            "K, B and J below)"
+        )
         return summary_text(title, lines, self.notes)
 
     @in_figure_style

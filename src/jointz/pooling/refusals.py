@@ -7,10 +7,10 @@ from typing import Any, Final
 from jointz.core.gait_phases import circular_mean_pct, phase_difference
 from jointz.pooling.conditions import Condition
 from jointz.pooling.results_folders import ResultsFolder
+from jointz.report.wording import ABSOLUTE
 
 #: Largest distance of timing points of one name, % of the gait cycle.
 _SAME_POINT_PCT: Final = 2.0
-_INTRINSIC: Final = ("stiffness", "damping", "inertia")
 _APART = "pool each side by itself"
 
 
@@ -23,7 +23,7 @@ def _estimand(folder: ResultsFolder) -> str:
     window_s = folder.settings.get("window_s")
     time = "its own window" if window_s is None else f"the first {1e3 * window_s:g} ms"
     subtracted = [
-        name for name in _INTRINSIC
+        name for name in ABSOLUTE
         if any((one.get(f"intrinsic_{name}") or {}).get("value") for one in folder.calibrations)
     ]  # fmt: skip
     device = (

@@ -124,6 +124,16 @@ def test_one_study_has_the_t_interval_over_its_people(labs):
     assert row["ci_high"] - row["value"] == pytest.approx(3.182446305 * sd / 2.0)
 
 
+def test_a_mean_whose_interval_reaches_zero_is_undecided_and_keeps_its_numbers(folder):
+    soft, stiff = folder("soft", estimates((20, 21, 22))), folder("stiff", estimates((60, 61, 62)))
+    pooled = jointz.pool([soft, stiff])
+    row = of(pooled)
+    assert row["status"] == "undecided"
+    assert row["ci_low"] < 0.0 < row["value"] == pytest.approx(41.0, abs=0.1)
+    assert not pooled.available
+    assert "0 of 2 means are available" in pooled.summary()
+
+
 def test_sides_of_a_person_are_averaged_first(folder):
     both = folder("both", estimates(PEOPLE["a"], sides=("left", "right")))
     one = folder("one", estimates(PEOPLE["a"]))
