@@ -51,15 +51,16 @@ def _facts(pooled: PooledStudies) -> list[tuple[str, str]]:
     count = pooled.table["status"].value_counts()
     people = pooled.estimates[["study", "participant"]].drop_duplicates()
     conditions = {condition_text(row) for row in pooled.table.to_dict("records")}
-    return [
-        (str(pooled.studies["study"].nunique()), "studies"),
-        (str(len(people)), "people"),
-        (str(len(conditions)), "conditions"),
-        (str(count.get("ok", 0)), "means over studies"),
-        (str(count.get(ONE_STUDY, 0)), "values of one study"),
-        (str(count.get(UNDECIDED, 0)), "undecided means"),
-        (str(pooled.table["value"].isna().sum()), "without a value"),
-    ]
+    facts = {
+        "studies": pooled.studies["study"].nunique(),
+        "people": len(people),
+        "conditions": len(conditions),
+        "means over studies": count.get("ok", 0),
+        "values of one study": count.get(ONE_STUDY, 0),
+        "undecided means": count.get(UNDECIDED, 0),
+        "without a value": pooled.table["value"].isna().sum(),
+    }
+    return [(str(number), name) for name, number in facts.items() if number]
 
 
 def _by_parameter(table: pd.DataFrame) -> list[dict[str, Any]]:
