@@ -21,8 +21,10 @@ def add_report(app: "FastAPI", folder: Path) -> None:
 
     async def answer(request: "Request") -> "Response":
         name = request.path_params["name"]
-        if name not in _FILES or not (folder / name).is_file():
+        file = folder / name
+        # A link may lead to any file of this machine.
+        if name not in _FILES or file.is_symlink() or not file.is_file():
             return PlainTextResponse("not found", 404)
-        return FileResponse(folder / name, headers=_NO_SCRIPTS)
+        return FileResponse(file, headers=_NO_SCRIPTS)
 
     app.add_route("/report/{name}", answer)

@@ -1,14 +1,16 @@
 """Conditions of results folders, from ``conditions.csv``."""
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from math import isfinite
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError
 
+_NUMBER = re.compile(r"[+-]?[0-9]+([.,][0-9]+)?")
 _NUMBERS = ("walking_speed_m_s", "slope_deg")
 
 
@@ -35,7 +37,10 @@ def read_conditions(
     """Return the condition of each folder; problems of the file are added to the list."""
     conditions = [Condition(name) for name in names]
     stated: dict[int, int] = {}
-    for line, row in _rows(file, problems):
+    rows = _rows(file, problems)
+    if rows is None:
+        return conditions
+    for line, row in rows:
         where = f"{file}, row {line}"
         results = row.get("results", "")
         place = (file.parent / results).resolve()
@@ -47,7 +52,7 @@ def read_conditions(
             )
             problems.append(
                 f"{where}: expected a results folder by its path or name; found {found}. Correct "
-                "the path, or name the folder in the command."
+                f"the path (relative to {file.name}), or name the folder in the command."
             )
             continue
         folder = matches[0]
@@ -65,18 +70,23 @@ def read_conditions(
     return conditions
 
 
-def _rows(file: Path, problems: list[str]) -> list[tuple[int, dict[str, str]]]:
-    """Return the rows with their numbers; without any if the columns are not as expected."""
+def _rows(file: Path, problems: list[str]) -> list[tuple[int, dict[str, str]]] | None:
+    """Return the rows with their numbers; None if the columns are not as expected."""
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
+        text = file.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as exc:
         raise DataError(
             f"{file}: cannot be read ({exc}). Name a table with the columns {', '.join(COLUMNS)}.",
             path=str(file),
         ) from exc
-    is_semicolon = bool(lines) and ";" in lines[0]
-    table = list(csv.reader(lines, delimiter=";" if is_semicolon else ","))
-    header = [name.strip() for name in table[0]] if table else []
+    first = text.partition("\n")[0]
+    delimiter = next((sign for sign in ";\t" if sign in first), ",")
+    table = [
+        [cell.strip() for cell in row] for row in csv.reader(StringIO(text), delimiter=delimiter)
+    ]
+    header = table[0] if table else []
+    while header and not header[-1]:  # a delimiter at the end of each line
+        header = header[:-1]
     wrong = sorted({name for name in header if name not in COLUMNS or header.count(name) > 1})
     if wrong or "results" not in header:
         problems.append(
@@ -84,16 +94,18 @@ def _rows(file: Path, problems: list[str]) -> list[tuple[int, dict[str, str]]]:
             f"each once; found {', '.join(header) or 'nothing'}. Correct "
             f"{', '.join(map(repr, wrong)) or 'the header'}."
         )
-        return []
+        return None
     rows = []
     for line, cells in enumerate(table[1:], start=2):
-        if len(cells) > len(header):
+        if any(cells[len(header) :]):
             problems.append(
                 f"{file}, row {line}: expected {len(header)} cells, found {len(cells)}. Quote a "
                 "cell that holds a comma."
             )
-        elif any(cell.strip() for cell in cells):
-            rows.append((line, dict(zip(header, map(str.strip, cells), strict=False))))
+        elif any("\n" in cell for cell in cells):
+            problems.append(f"{file}, row {line}: a cell holds a line break. Remove it.")
+        elif any(cells):
+            rows.append((line, dict(zip(header, cells, strict=False))))
     return rows
 
 
@@ -104,11 +116,9 @@ def _condition(
     for name in _NUMBERS:
         if not (text := row.get(name, "")):
             continue
-        try:
-            number = float(text.replace(",", "."))
-        except ValueError:
-            number = float("nan")
-        if not isfinite(number) or (name == _NUMBERS[0] and number < 0.0):
+        is_number = _NUMBER.fullmatch(text) is not None
+        number = float(text.replace(",", ".")) if is_number else 0.0
+        if not is_number or (name == _NUMBERS[0] and number < 0.0):
             problems.append(
                 f"{where}, column {name}: expected a number such as 1.2; found {text!r}. Correct "
                 "it, or leave it empty."

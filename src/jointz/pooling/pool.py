@@ -66,7 +66,7 @@ def pool(
     OutputError
         If ``out`` exists or is one of the results folders.
     """
-    paths = [Path(path) for path in results]
+    paths = [Path(results)] if isinstance(results, str) else [Path(path) for path in results]
     if out is not None:
         check_out(Path(out), paths, overwrite=overwrite)
     conditions_file = None if conditions is None else Path(conditions)
@@ -86,8 +86,11 @@ def check_out(out: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
             "pool writes estimates.parquet with pyarrow, which is not installed. Install it: "
             'pip install "jointz[parquet]".'
         ) from exc
-    if out.resolve() in [path.resolve() for path in paths]:
-        raise OutputError(f"{out}: is one of the pooled folders and is kept. Name another folder.")
+    if any(out.resolve().is_relative_to(path.resolve()) for path in paths):
+        raise OutputError(
+            f"{out}: is one of the pooled folders, or inside one, which are kept. Name another "
+            "folder."
+        )
     check_free(out, marker=MARKER, overwrite=overwrite, made_by=POOL)
 
 
@@ -223,13 +226,24 @@ def _decided(mean: Row, status: str) -> str:
 
 def _notes(studies: pd.DataFrame, n_values: int) -> Iterator[str]:
     """Yield what a reader of the numbers should know."""
+    is_one = len(set(studies["study"])) == 1
+    if not is_one and len(studies) == len(studies.drop_duplicates(CELL)):
+        stated = {name: sorted(map(str, studies[name].dropna().unique())) for name in CELL[2:]}
+        differing = "; ".join(
+            f"{name}: {', '.join(texts)}" for name, texts in stated.items() if len(texts) > 1
+        )
+        yield (
+            "No two studies have the same timing point and condition, so that nothing was pooled. "
+            f"Correct what is only written differently ({differing})."
+        )
     columns = {"n_undecided": "undecided", "n_failed": "failed", "n_at_bound": "at their bound"}
     counts = {name: int(studies[column].sum()) for column, name in columns.items()}
     if text := ", ".join(f"{n} {name}" for name, n in counts.items() if n):
         yield (
-            f"Of {n_values} values of people: {text}. Undecided and failed values are counted, "
-            "not pooled: if they are many, a mean represents only people whose data are "
-            "informative. Values at their bound are used as they are."
+            f"Of {n_values} values (of a person, parameter and timing point each): {text}. "
+            "Undecided and failed values are counted, not pooled: if they are many, a mean "
+            "represents only people whose data are informative. Values at their bound are used as "
+            "they are."
         )
     for status, group in studies[studies["status"] != "ok"].groupby("status", sort=False):
         names = "; ".join(sorted(set(group["study"])))

@@ -9,7 +9,7 @@ import pandas as pd
 
 from jointz.pooling.conditions import CONDITION_COLUMNS
 from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
-from jointz.report.wording import ABSOLUTE, parameter_label, point_name
+from jointz.report.wording import ABSOLUTE, format_count, parameter_label, point_name
 from jointz.results.base import Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
 from jointz.results.figure_style import in_figure_style
@@ -106,16 +106,14 @@ class PooledStudies(Result):
         known = self._available
         for row in known[known["parameter"].isin(ABSOLUTE)].to_dict("records"):
             interval = f"{row['ci_low']:.4g} to {row['ci_high']:.4g}"
-            studies = "1 study" if row["n_studies"] == 1 else f"{row['n_studies']} studies"
+            studies = format_count(row["n_studies"], "study", "studies")
             lines.append(
                 f"{row['parameter']} {cell_text(row)}: {row['value']:.4g} {row['unit']}, "
                 f"{interval} ({studies}, {row['n_people']} people)"
             )
-        n_studies = self.studies["study"].nunique()
-        title = (
-            f"{n_studies} studies: {len(known)} of {len(self.table)} means are available (those of "
-            "K, B and J below)"
-        )
+        n_studies = format_count(self.studies["study"].nunique(), "study", "studies")
+        available = f"{len(known)} of {len(self.table)} means are available"
+        title = f"{n_studies}: {available} (those of K, B and J below)"
         return summary_text(title, lines, self.notes)
 
     @in_figure_style

@@ -7,7 +7,7 @@ from typing import Any, Final
 from jointz.core.gait_phases import circular_mean_pct, phase_difference
 from jointz.pooling.conditions import Condition
 from jointz.pooling.results_folders import ResultsFolder
-from jointz.report.wording import ABSOLUTE
+from jointz.report.wording import ABSOLUTE, format_count
 
 #: Largest distance of timing points of one name, % of the gait cycle.
 _SAME_POINT_PCT: Final = 2.0
@@ -102,8 +102,9 @@ def _repeats(folders: Sequence[ResultsFolder], conditions: Sequence[Condition]) 
         study: Any = a.provenance.get("study_sha256")
         if a.sha256["estimates.csv"] == b.sha256["estimates.csv"]:
             yield f"{both}: estimates.csv is the same byte for byte. Name one of them."
-        elif a.recordings and a.recordings == b.recordings:
-            yield f"{both}: analyses of the same recordings. Name one of them."
+        elif n_shared := len(a.recordings & b.recordings):
+            shared = format_count(n_shared, "recording is", "recordings are")
+            yield f"{both}: {shared} in both, whose people would count twice. Name one of them."
         elif study and study == b.provenance.get("study_sha256") and of_a.study != of_b.study:
             yield (
                 f"{both}: analyses of the same study.toml, as the studies {of_a.study} and "

@@ -15,6 +15,7 @@ from jointz.core.method_names import FORMER_NAMES
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_sha256
 from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.new_folder import ANALYSIS, CHECKSUMS
 from jointz.report.wording import ALL_PARAMETERS
 from jointz.results.estimates import ESTIMATE_COLUMNS
 
@@ -24,6 +25,7 @@ _UNIT = ("session", "side")
 _KEY: Final = ["participant", *_UNIT, "timing_point", "parameter"]
 AVAILABLE: Final = ("ok", "at_bound")
 _GAINS = ("torque_gain", "angle_gain")
+_STATUS: Final = r"ok|at_bound|undecided|failed:\w+"
 _AGAIN = "Run jointz analyze again."
 
 
@@ -49,9 +51,15 @@ class ResultsFolder:
         return settings
 
     @cached_property
-    def recordings(self) -> tuple[str, ...]:
-        """Hashes of the analysed recordings."""
-        return tuple(sorted(str(one.get("sha256")) for one in self.provenance.get("inputs", ())))
+    def recordings(self) -> frozenset[str]:
+        """Hashes of the analysed recordings with perturbations."""
+        names = {
+            one["file"]
+            for one in self.study["recordings"]
+            if one.get("condition") not in ("unperturbed", "no_device")
+        }
+        inputs = self.provenance.get("inputs", ())
+        return frozenset(str(one["sha256"]) for one in inputs if one.get("file") in names)
 
     @cached_property
     def calibrations(self) -> list[dict[str, Any]]:
@@ -101,21 +109,31 @@ def read_folder(path: Path, name: str) -> ResultsFolder:
                 f"{path}: {problem}; expected a results folder of jointz analyze. Correct the "
                 "name, or run jointz analyze first."
             )
+    provenance = _provenance(path)
     hashes = {file: file_sha256(path / file) for file in (_ESTIMATES, _PROVENANCE)}
-    return ResultsFolder(name, _estimates(path), _provenance(path), hashes)
+    written = (provenance.get(CHECKSUMS) or {}).get(_ESTIMATES, hashes[_ESTIMATES])
+    if written != hashes[_ESTIMATES]:
+        raise DataError(
+            f"{path / _ESTIMATES}: was changed after the analysis (its checksum in {_PROVENANCE} "
+            f"differs). {_AGAIN}"
+        )
+    return ResultsFolder(name, _estimates(path), provenance, hashes)
 
 
 def _provenance(path: Path) -> dict[str, Any]:
     error = DataError(
         f"{path / _PROVENANCE}: cannot be read as jointz analyze writes it, with study and "
-        f"settings. {_AGAIN}"
+        "settings. Name its results folders, or run jointz analyze again."
     )
     try:
         content = json.loads((path / _PROVENANCE).read_text(encoding="utf-8"))
         folder = ResultsFolder("", pd.DataFrame(), content, {})
         is_read = all(isinstance(folder.study[key], str) for key in ("joint", "kind", "positive"))
         is_read &= np.isfinite(folder.gain_sd) and isinstance(folder.groups, dict)
-        is_read &= isinstance(folder.settings, dict) and isinstance(folder.recordings, tuple)
+        window_s = folder.settings.get("window_s")
+        is_read &= window_s is None or bool(np.isfinite(window_s))
+        is_read &= isinstance(folder.recordings, frozenset)
+        is_read &= content.get("made_by", ANALYSIS) == ANALYSIS
     except (OSError, ValueError, KeyError, TypeError, AttributeError, ZeroDivisionError) as exc:
         raise error from exc
     if not is_read:
@@ -125,6 +143,14 @@ def _provenance(path: Path) -> dict[str, Any]:
 
 def _estimates(path: Path) -> pd.DataFrame:
     file = path / _ESTIMATES
+    try:
+        return _checked_estimates(file)
+    except DataError as exc:
+        text = str(exc).replace(_ESTIMATES, str(file), 1) if str(file) not in str(exc) else str(exc)
+        raise DataError(text if text.endswith(_AGAIN) else f"{text} {_AGAIN}") from exc
+
+
+def _checked_estimates(file: Path) -> pd.DataFrame:
     stated = list_columns(file, FilesSpec()) or ()
     units = [name for name in _UNIT if name in stated]  # older results have none
     numbers = [name for name in ESTIMATE_COLUMNS if name not in (*_LABELS, *_UNIT)]
@@ -135,11 +161,15 @@ def _estimates(path: Path) -> pd.DataFrame:
         **{name: "" for name in _UNIT if name not in stated}
     )
     table = table[list(ESTIMATE_COLUMNS)].replace({"method": FORMER_NAMES})
+    is_available = table["status"].isin(AVAILABLE)
+    is_ordered = (table["ci_low"] <= table["value"]) & (table["value"] <= table["ci_high"])
     problems = (
         (table.duplicated(_KEY), "a second row of the same estimate"),
-        (table["status"].isin(AVAILABLE) != table["value"].notna(), "status and value disagree"),
+        (~table["status"].str.fullmatch(_STATUS), "an unknown status"),
+        (is_available != table["value"].notna(), "status and value disagree"),
         (~table["parameter"].isin(ALL_PARAMETERS), "a parameter that jointz does not estimate"),
         (np.isinf(table[numbers]).any(axis=1), "an infinite number"),
+        (is_available & ~is_ordered, "a value without an interval around it"),
     )
     for is_wrong, what in problems:
         if is_wrong.any():

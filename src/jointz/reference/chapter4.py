@@ -22,9 +22,7 @@ NEARLY_ZERO: Final = 1e-3
 
 # --- 4.2: who walked -----------------------------------------------------------------------------
 
-AGE: Final = Printed(27.8, 5.12, "year", "4.2.2")
 MASS: Final = Printed(73.39, 9.72, "kg", "4.2.2")
-HEIGHT: Final = Printed(170.18, 12.19, "cm", "4.2.2")
 
 # --- tables 4.1 to 4.4: one value a participant and timing point ----------------------------------
 

@@ -72,8 +72,11 @@ def test_wrong_options_exit_2_with_json_where_it_is_wanted(jointz, arguments):
     assert wanted.json["message"]
 
 
-@pytest.mark.parametrize("name", _REPLACED)
-def test_a_replaced_command_names_its_replacement(jointz, name):
+@pytest.mark.parametrize(
+    ("name", "replacement"), [("collect", "jointz pool RESULTS"), ("reproduce", "make reproduce")]
+)
+def test_a_replaced_command_names_its_replacement(jointz, name, replacement):
+    assert replacement in _REPLACED[name]
     for arguments in ((name,), (name, "anything", "--here"), ("--debug", name, "--help")):
         outcome = jointz(*arguments)
         assert (outcome.code, outcome.out) == (2, "")

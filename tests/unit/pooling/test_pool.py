@@ -44,14 +44,19 @@ def folder(tmp_path):
         path.mkdir(parents=True)
         table.to_csv(path / "estimates.csv", index=False)
         people = [{"id": person} for person in table["participant"].unique()]
-        recordings = [{"participant": person["id"]} for person in people]
+        recordings = [
+            {"participant": person["id"], "condition": "perturbed", "file": f"{k}.csv"}
+            for k, person in enumerate(people)
+        ]
+        sums = inputs or [f"of {name}, {k}" for k in range(len(people))]
         content = {
             "jointz": "1.0",
             "study": STUDY | {"participants": people, "recordings": recordings,
                               "calibration": calibration or {}} | study,
             "study_sha256": sha256 or name,
             "settings": SETTINGS | (settings or {}),
-            "inputs": [{"sha256": sum_} for sum_ in inputs or (f"of {name}",)],
+            "inputs": [{"file": "exclusions.csv", "sha256": "always the same"}]
+            + [{"file": f"{k}.csv", "sha256": sha256} for k, sha256 in enumerate(sums)],
         }  # fmt: skip
         (path / "provenance.json").write_text(json.dumps(content))
         return path
@@ -219,6 +224,25 @@ def test_groups_of_the_study_file_are_kept_apart(folder):
     assert [of(pooled, group=g)["value"] for g in ("young", "old")] == pytest.approx([61, 71])
 
 
+def test_conditions_that_are_only_written_differently_are_named(labs, table_of):
+    file = table_of("results,surface\na,treadmill\nb,Treadmill\nc,belt\n")
+    pooled = jointz.pool(labs, conditions=file)
+    assert set(pooled.table["status"]) == {"one_study"}
+    assert any("surface: Treadmill, belt, treadmill" in note for note in pooled.notes)
+
+
+def test_tables_as_spreadsheets_write_them_are_read(labs, table_of):
+    for text in (
+        "results\tsurface\t\na\tx\t\nb\tx\t\nc\tx\t\n",
+        "results;surface;\na;x;\nb;x;\nc;x;\n",
+    ):
+        assert set(jointz.pool(labs, conditions=table_of(text)).table["surface"]) == {"x"}
+    message = refused(labs, conditions=table_of('results,study\na,"x\ny"\nb,1\nc,2\n'))
+    assert "row 2: a cell holds a line break" in message
+    message = refused(labs, conditions=table_of("results,walking_speed_m_s\na,1_0\nb,\nc,\n"))
+    assert "expected a number such as 1.2; found '1_0'" in message
+
+
 def test_all_problems_of_conditions_are_in_one_message(labs, table_of):
     file = table_of("results,slope_deg,walking_speed_m_s\na,steep,-1\na,0,1\nelsewhere,0,1\n\n")
     message = refused(labs, conditions=file)
@@ -281,13 +305,13 @@ def test_other_estimates_are_refused(folder, labs, words, columns):
 
 def test_the_same_results_twice_are_refused_with_all_reasons(folder, labs):
     again = folder("copy", estimates(PEOPLE["a"]))
-    same = folder("same", estimates((1, 2)), inputs=("of b",))
+    same = folder("same", estimates((1, 2)), inputs=("of b, 1", "another"))
     other = folder("other", estimates((61, 62)), sha256="c", joint="hip")
     message = refused([*labs, labs[0], again, same, other])
     assert message.startswith("pool: 5 problems\n")
     assert f"{labs[0]}: named twice" in message
     assert "a and copy: estimates.csv is the same byte for byte. Name one of them." in message
-    assert "b and same: analyses of the same recordings" in message
+    assert "b and same: 1 recording is in both, whose people would count twice." in message
     assert "c and other: analyses of the same study.toml, as the studies c and other" in message
     assert "joint: expected one" in message
 
@@ -298,17 +322,30 @@ def test_the_same_results_twice_are_refused_with_all_reasons(folder, labs):
         ("provenance.json", "{", "cannot be read as jointz analyze writes it"),
         ("provenance.json", '{"study": {}}', "cannot be read as jointz analyze writes it"),
         ("provenance.json", None, "contains no provenance.json"),
+        ("provenance.json", '{"made_by": "pool", "settings": {}}', "Name its results folders"),
         ("estimates.csv", "participant\nS1\n", "no column"),
+        ("estimates.csv", lambda t: t.assign(value=1e6), "a value without an interval around it"),
+        ("estimates.csv", lambda t: t.assign(ci_low=np.nan), "a value without an interval around"),
+        ("estimates.csv", lambda t: t.assign(status="banana"), "an unknown status"),
     ],
 )
 def test_a_folder_that_cannot_be_read_is_named(labs, file, text, words):
     if text is None:
         (labs[0] / file).unlink()
+    elif callable(text):
+        text(pd.read_csv(labs[0] / file)).to_csv(labs[0] / file, index=False)
     else:
         (labs[0] / file).write_text(text)
     message = refused([*labs, labs[0].parent / "nowhere"])
     assert words in message
     assert "nowhere: does not exist" in message
+
+
+def test_results_that_were_changed_after_the_analysis_are_refused(labs):
+    provenance = json.loads((labs[0] / "provenance.json").read_text())
+    provenance["sha256"] = {"estimates.csv": "0" * 64}
+    (labs[0] / "provenance.json").write_text(json.dumps(provenance))
+    assert "was changed after the analysis" in refused(labs)
 
 
 @pytest.mark.parametrize(
