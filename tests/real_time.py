@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 from _pytest.runner import runtestprotocol
 
-#: A process that only sleeps woke so late: no fault of ours that a loop at 1 kHz missed slots.
-_LATE_S = 0.001
-_ATTEMPTS = 10
+#: A process that only sleeps woke so late (0.1 ms on an idle machine): two slots of a loop at 1 kHz.
+_LATE_S = 0.002
+_ATTEMPTS = 5
 _WATCH = """
 import json, sys, threading, time
 late_s = 0.0
