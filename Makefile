@@ -13,7 +13,7 @@ demo: $(VENV)/.installed
 # JOINTZ_REQUIRE: a test that would skip for want of one of these fails. Tests that keep real time
 # run alone, the others as many at once as there are cores.
 REQUIRE := JOINTZ_REQUIRE="dask pyarrow nicegui"
-TESTED := tests benchmarks reproduction/tests --benchmark-disable -q
+TESTED := tests benchmarks reproduction/tests --benchmark-disable -q --durations=30
 test: $(VENV)/.installed-test browser
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist worksteal
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and alone" $(TESTED)

@@ -20,8 +20,11 @@ import hypothesis
 import pandas as pd
 import pytest
 
+from jointz.analysis.analyze import analyze as analyze_study
+from jointz.analysis.results_folder import write_results
 from jointz.cli.main import run
 from jointz.core.stop_signals import STOP_SIGNALS
+from jointz.results.study_analysis import StudyAnalysis
 
 # A pause of the machine within an example is no failure of it.
 hypothesis.settings.register_profile("jointz", deadline=None)
@@ -45,6 +48,20 @@ def small_study_source(
 ) -> Path:
     folder = tmp_path_factory.mktemp("source") / "study"
     csv_study(folder, people=2, strides=20, pulses=4, seed=7)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def small_analysis(small_study_source: Path) -> StudyAnalysis:
+    """The analysis of the small study in order; to read only."""
+    return analyze_study(small_study_source, resamples=20)
+
+
+@pytest.fixture(scope="session")
+def small_results(small_analysis: StudyAnalysis, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of the small study in order, without figures; to read only."""
+    folder = tmp_path_factory.mktemp("small") / "results"
+    write_results(small_analysis, folder, figures=False)
     return folder
 
 

@@ -22,8 +22,6 @@ from jointz.testing import (
 )
 from jointz.testing.scripted import SCRIPTED_ACTUATOR
 
-pytestmark = pytest.mark.alone
-
 MS = 1_000_000
 
 
@@ -45,6 +43,7 @@ class TestScriptedActuator(Scripted, ActuatorContract):
         return ScriptedActuator(clock, angle=lambda t: 0.3 + 0.1 * math.sin(6.0 * t))
 
 
+@pytest.mark.alone
 class TestScriptedActuatorInRealTime(TestScriptedActuator):
     watched_s = 0.1
     settle_s = 0.05

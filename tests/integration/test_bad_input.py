@@ -9,8 +9,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from jointz.analysis.analyze import analyze as analyze_study
-from jointz.analysis.results_folder import write_results
 from jointz.tasks.task_store import TaskStore
 
 PERTURBED = "S01_perturbed.csv"
@@ -25,22 +23,14 @@ def estimates(tmp_path: Path) -> pd.DataFrame:
     return pd.read_csv(tmp_path / "results" / "estimates.csv")
 
 
-@pytest.fixture(scope="module")
-def whole(small_study_source, tmp_path_factory):
-    """What comes of the study in order; to read only."""
-    folder = tmp_path_factory.mktemp("whole")
-    write_results(analyze_study(small_study_source, resamples=50), folder / "results")
-    return folder
-
-
-def onsets(whole: Path, point: str) -> list[float]:
+def onsets(results: Path, point: str) -> list[float]:
     """Return when the pulses of S01 at a timing point begin."""
-    pulses = pd.read_csv(whole / "results" / "pulses.csv")
+    pulses = pd.read_csv(results / "pulses.csv")
     return pulses.query("participant == 'S01' and timing_point == @point")["onset_s"].tolist()
 
 
-def test_a_study_in_order_is_analysed(whole):
-    table = estimates(whole)
+def test_a_study_in_order_is_analysed(small_results):
+    table = estimates(small_results.parent)
 
     assert list(table["timing_point"].unique()) == ["LRE", "MST", "TST", "PSW", "ISW", "MSW"]
     assert (table["n_used"] + table["n_excluded"] == 4).all()
@@ -100,10 +90,10 @@ def test_a_folder_that_jointz_did_not_make_is_never_replaced(small_study, analyz
 
 
 def test_a_results_folder_that_exists_is_kept_unless_overwrite(
-    small_study, analyze, tmp_path, whole
+    small_study, analyze, tmp_path, small_results
 ):
-    shutil.copytree(whole / "results", tmp_path / "results")
-    before = (whole / "results" / "report.html").read_bytes()
+    shutil.copytree(small_results, tmp_path / "results")
+    before = (small_results / "report.html").read_bytes()
 
     assert analyze(small_study).code == 2
     assert (tmp_path / "results" / "report.html").read_bytes() == before
@@ -136,8 +126,10 @@ def assert_counts_add_up(tmp_path: Path) -> None:
         assert cell["n_excluded"] == (rows["code"] != "").sum()
 
 
-def test_a_hole_excludes_the_pulse_that_it_touches(small_study, analyze, tmp_path, whole):
-    every = sorted(t for point in ("LRE", "MST", "TST", "PSW") for t in onsets(whole, point))
+def test_a_hole_excludes_the_pulse_that_it_touches(small_study, analyze, tmp_path, small_results):
+    every = sorted(
+        t for point in ("LRE", "MST", "TST", "PSW") for t in onsets(small_results, point)
+    )
     numbers, gap, strikes = every[2], every[7], every[12]
 
     def spoil(table):
@@ -158,8 +150,10 @@ def test_a_hole_excludes_the_pulse_that_it_touches(small_study, analyze, tmp_pat
     assert_counts_add_up(tmp_path)
 
 
-def test_one_pulse_at_a_timing_point_is_left_out_with_a_code(small_study, analyze, tmp_path, whole):
-    first, *others = onsets(whole, "MST")
+def test_one_pulse_at_a_timing_point_is_left_out_with_a_code(
+    small_study, analyze, tmp_path, small_results
+):
+    first, *others = onsets(small_results, "MST")
 
     def quiet(table):
         command = table["command"].to_numpy().copy()
@@ -169,7 +163,7 @@ def test_one_pulse_at_a_timing_point_is_left_out_with_a_code(small_study, analyz
 
     alone(small_study)
     small_study.edit_table(PERTURBED, quiet)
-    shutil.copytree(whole / "results", tmp_path / "results")
+    shutil.copytree(small_results, tmp_path / "results")
     outcome = analyze(small_study, "--overwrite", "--method", "dissertation")
 
     assert outcome.code == 0

@@ -17,7 +17,6 @@ from jointz.experiment.files.journal import read_journal
 from jointz.session.live.live_session import holder_of, is_held
 
 pytestmark = [
-    pytest.mark.alone,
     pytest.mark.usefixtures("terminal_signals"),
     pytest.mark.skipif(sys.platform != "linux", reason="the console is for Linux"),
 ]
@@ -78,22 +77,10 @@ def test_a_session_that_nobody_started_ends_with_its_page(tmp_path, presses):
     assert [event["event"] for event in events] == ["prompted", "stop_asked"]
 
 
-def test_a_session_that_runs_outlives_its_page_which_says_so(tmp_path, page_client):
-    study = tmp_path / "study"
-    with console(study, "walking", "--participants", "1", "--seed", "1") as page:
-        client = page_client(page.address).open()
-        start = json.dumps({"order": "start", "condition": "no_device"})
-        wait_for(lambda: client.request("POST", "/command", start)[0] == 200)
-        with console(study) as second:
-            assert f"goes on (process {holder_of(study)})" in ended(second)
-        words = ended(page)
-        assert words.count("\n") == 1
-        assert f"goes on (process {holder_of(study)})" in words
-        assert f"jointz console --out {study}" in words
-        assert is_held(study)
-
-
-def test_a_stop_that_a_hanging_session_does_not_confirm_is_no_success(tmp_path, page_client):
+@pytest.mark.alone
+def test_a_session_outlives_its_page_and_a_stop_that_it_does_not_confirm_is_no_success(
+    tmp_path, page_client
+):
     study = tmp_path / "study"
     journal = study / "sessions" / "S01" / "journal.jsonl"
 
@@ -105,14 +92,21 @@ def test_a_stop_that_a_hanging_session_does_not_confirm_is_no_success(tmp_path, 
         start = json.dumps({"order": "start", "condition": "no_device"})
         wait_for(lambda: client.request("POST", "/command", start)[0] == 200)
         wait_for(lambda: has("loop_started"))
-        session = holder_of(study)
-        os.kill(session, signal.SIGSTOP)
-        try:
-            began = time.monotonic()
-            status, text, _ = client.request("POST", "/stop")
-            took_s = time.monotonic() - began
-        finally:
-            os.kill(session, signal.SIGCONT)
+        with console(study) as second:
+            words = ended(page)
+            assert words.count("\n") == 1
+            assert f"goes on (process {holder_of(study)})" in words
+            assert f"jointz console --out {study}" in words
+            client = page_client(second.address).open()
+            session = holder_of(study)
+            os.kill(session, signal.SIGSTOP)
+            try:
+                began = time.monotonic()
+                status, text, _ = client.request("POST", "/stop")
+                took_s = time.monotonic() - began
+                assert f"goes on (process {session})" in ended(second)
+            finally:
+                os.kill(session, signal.SIGCONT)
         assert status == 504
         assert "emergency stop" in json.loads(text)["refused"]
         assert CONFIRMED_WITHIN_S <= took_s < CONFIRMED_WITHIN_S + 2

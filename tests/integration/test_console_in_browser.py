@@ -61,7 +61,7 @@ prompt = "Walk & keep <b>walking</b>."
 timing_points = { LRE = 7.0, ISW = 68.5 }
 count_per_point = 50
 gap_strides = [1, 1]
-warm_up_strides = 2
+warm_up_strides = 0
 """
 
 
@@ -448,7 +448,6 @@ def test_idle_connections_do_not_lock_the_operator_out(made, page, page_client):
 
 def test_a_lost_page_ends_its_session(made, page):
     run(page, made)
-    made.wait_for("pulse_started")
     page.provoked = "ERR_CONNECTION_REFUSED"
     made.process.kill()
     made.process.communicate()

@@ -8,52 +8,62 @@ import pytest
 
 import jointz as jointz_package
 from jointz.core.errors import DataError
+from jointz.demo import demo_study
 from jointz.demo.demo_study import truth_table
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("demo")
+from jointz.io.protocols import load_protocol
 
 
 def demo(jointz, out, *more):
     return jointz("demo", "--quick", "--out", out, *more)
 
 
-def test_the_demo_writes_study_results_truth_and_report(jointz, folder, one_core):
+def few_strides(name):
+    whole = load_protocol(name)
+    few = [c if c.perturbations else c.model_copy(update={"strides": 25}) for c in whole.conditions]
+    return whole.model_copy(update={"conditions": tuple(few)})
+
+
+@pytest.mark.parametrize("people", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_the_demo_writes_study_results_truth_and_report(
+    jointz, tmp_path, one_core, monkeypatch, people
+):
+    if people == 1:  # shorter than --quick, which the slow test runs as it is
+        monkeypatch.setattr(demo_study, "_QUICK", (1, 8, (3, 3)))
+        monkeypatch.setattr(demo_study, "load_protocol", few_strides)
+    made = tmp_path / "demo"
     with one_core():
-        outcome = demo(jointz, folder / "demo", "--json")
+        outcome = demo(jointz, made, "--json")
 
     assert outcome.code == 0
     found = outcome.json
-    assert found["report"] == str(folder / "demo" / "results" / "report.html")
-    assert found["n_standing"] >= 0.6 * 2 * 6 * 5
+    assert found["report"] == str(made / "results" / "report.html")
+    assert found["n_standing"] >= 0.6 * people * 6 * 5
     for name in ("results", "dissertation-results"):
-        page = (folder / "demo" / name / "report.html").read_text()
+        page = (made / name / "report.html").read_text()
         assert "<svg" in page
         assert "http://" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "")
         assert "one torque held, goniometer</td><td>Stiffness</td>" in page
-    held = " ".join((folder / "demo" / "dissertation-results" / "report.html").read_text().split())
+    held = " ".join((made / "dissertation-results" / "report.html").read_text().split())
     assert "Most frequent reason" in held
     assert "pulses that hold one torque do not decide K and B" in held
     assert "Use doublets of two shapes and sizes" in held
-    assert_doublets_decide_what_a_held_torque_does_not(found["accuracy"])
-    assert_same_people_walked_both(folder / "demo")
-    assert_truth_is_of_what_strapped_estimates(folder / "demo")
+    assert_doublets_decide_what_a_held_torque_does_not(found["accuracy"], people)
+    assert_same_people_walked_both(made)
+    assert_truth_is_of_what_strapped_estimates(made)
 
 
-def assert_doublets_decide_what_a_held_torque_does_not(accuracy):
+def assert_doublets_decide_what_a_held_torque_does_not(accuracy, people):
     rows = {(row["protocol"], row["parameter"]): row for row in accuracy}
     assert len(rows) == 2 * 3
     for name in ("stiffness", "damping"):
         doublets, held = rows["walking_doublets", name], rows["walking", name]
-        assert doublets["n_cells"] == held["n_cells"] == 2 * 6
-        assert doublets["n_decided"] >= 0.6 * 2 * 6
+        assert doublets["n_cells"] == held["n_cells"] == people * 6
+        assert doublets["n_decided"] >= 0.6 * people * 6
         assert doublets["coverage"] >= 0.7
         assert held["n_decided"] <= 1
         if not held["n_decided"]:
             assert held["rms_error_pct"] is held["coverage"] is None
-    assert rows["walking", "inertia"]["n_decided"] >= 0.6 * 2 * 6
+    assert rows["walking", "inertia"]["n_decided"] >= 0.6 * people * 6
 
 
 def assert_same_people_walked_both(made):
@@ -91,12 +101,12 @@ def assert_truth_is_of_what_strapped_estimates(made):
 
 
 @pytest.mark.slow
-def test_the_demo_replaces_its_own_folder(jointz, folder):
-    demo(jointz, folder / "demo")
-    assert (folder / "demo" / ".jointz-demo").is_file()
-    stale = folder / "demo" / "results" / "report.html"
+def test_the_demo_replaces_its_own_folder(jointz, tmp_path):
+    demo(jointz, tmp_path / "demo")
+    assert (tmp_path / "demo" / ".jointz-demo").is_file()
+    stale = tmp_path / "demo" / "results" / "report.html"
     stale.write_text("x")
-    outcome = demo(jointz, folder / "demo")
+    outcome = demo(jointz, tmp_path / "demo")
 
     assert outcome.code == 0
     assert "Report: " in outcome.out
@@ -104,7 +114,7 @@ def test_the_demo_replaces_its_own_folder(jointz, folder):
         r"holding one torque decides \d+ of 24 K and B; .* decide \d+ of 24", outcome.out
     )
     assert len(stale.read_text()) > 1000
-    assert [p.name for p in folder.iterdir()] == ["demo"]
+    assert [p.name for p in tmp_path.iterdir()] == ["demo"]
 
 
 def test_the_demo_refuses_a_folder_it_did_not_make(jointz, tmp_path):

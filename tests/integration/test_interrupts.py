@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 pytestmark = [
-    pytest.mark.alone,
     pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc"),
     pytest.mark.usefixtures("terminal_signals"),
 ]
@@ -131,8 +130,10 @@ def assert_whole(command, made):
         assert (made / last[command]).exists()
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5], ids=["at once", "later"])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    ("command", "share"),
+    [("run", 0.0), ("run", 0.5), ("analyze", 0.5), ("demo", 0.5)],
+)
 def test_ctrl_c_ends_a_command(arguments, tmp_path, command, share):
     after_s = share * min(COMMANDS[command], 5.0)
     assert interrupt(arguments(command), tmp_path / "out", after_s=after_s, group=True)
@@ -242,6 +243,7 @@ press()
 }
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("way", HANGING)
 def test_a_late_ctrl_c_ends_a_clean_up_that_hangs(program, way):
     code = f"from jointz.core import stop_signals\nstop_signals._AT_ONCE_S = 1.0\n{HANGING[way]}"

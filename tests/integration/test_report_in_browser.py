@@ -6,11 +6,8 @@ import numpy as np
 from PIL import Image
 
 
-def test_the_report_opens_offline_and_shows_text_and_figures(
-    small_study, analyze, tmp_path, browser, script_errors
-):
-    analyze(small_study)
-    report = (tmp_path / "results" / "report.html").as_uri()
+def test_the_report_opens_offline_and_shows_text_and_figures(small_results, browser, script_errors):
+    report = (small_results / "report.html").as_uri()
     context = browser.new_context(viewport={"width": 1200, "height": 4000}, offline=True)
     page = context.new_page()
     errors, asked = script_errors(page), []
@@ -40,12 +37,11 @@ def test_the_report_opens_offline_and_shows_text_and_figures(
 
 
 def test_a_link_opens_the_section_it_leads_to_and_print_opens_all(
-    small_study, analyze, tmp_path, browser, script_errors
+    small_results, browser, script_errors
 ):
-    analyze(small_study)
     page = browser.new_page(viewport={"width": 1200, "height": 1400})
     errors = script_errors(page)
-    page.goto((tmp_path / "results" / "report.html").as_uri())
+    page.goto((small_results / "report.html").as_uri())
     opened = "[...document.querySelectorAll('details.fold')].filter(d => d.open).length"
     assert page.evaluate(opened) == 0
 

@@ -75,7 +75,7 @@ def completed(out):
     return [e["pulse"] for e in events if e["event"] == "pulse_completed"]
 
 
-@pytest.mark.parametrize("times", [8, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("times", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path, times):
     out, rng = tmp_path / "study", np.random.default_rng(11)
     before = 0
@@ -120,7 +120,7 @@ def pulses_in_logs(session):
     return pulses, n_samples
 
 
-@pytest.mark.parametrize("kills", [4, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [3, pytest.param(10, marks=pytest.mark.slow)])
 def test_kills_in_pulses_of_several_shapes_keep_the_plan_balanced(short_walking, tmp_path, kills):
     protocol = short_walking(
         "walking_doublets",

@@ -18,7 +18,7 @@ from jointz.session.recordings_report import open_recordings
 from jointz.session.salvage import salvage_advice, salvage_recordings
 from jointz.session.session_check import missing_events, write_down_losses
 
-TRIES = pytest.mark.parametrize("tries", [8, pytest.param(100, marks=pytest.mark.slow)])
+TRIES = pytest.mark.parametrize("tries", [4, pytest.param(100, marks=pytest.mark.slow)])
 CONDITION = "perturbed"
 
 

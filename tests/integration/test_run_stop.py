@@ -12,7 +12,7 @@ import pytest
 
 from jointz.experiment.files.journal import read_journal
 
-pytestmark = [pytest.mark.alone, pytest.mark.usefixtures("terminal_signals")]
+pytestmark = pytest.mark.usefixtures("terminal_signals")
 
 STOPPED = 130
 #: For a machine that has other things to do, too.

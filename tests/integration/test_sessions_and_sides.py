@@ -15,6 +15,7 @@ from jointz.core.errors import StudyError
 from jointz.explorer.reestimation import ReestimationRequest, reestimate, with_new_estimates
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
+from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
@@ -51,60 +52,60 @@ def joined(halves, out, states):
 STATED = {
     "sides": {"one": 'side = "left"', "two": 'side = "right"'},
     "sessions": {"one": 'session = "day 1"', "two": 'session = "day 2"'},
+    "both": {
+        "one": 'session = "day 1"\nside = "left"',
+        "two": 'session = "day 2"\nside = "right"',
+    },
 }
-
-
-@pytest.fixture(scope="module", params=STATED)
-def analysed(request, halves, tmp_path_factory):
-    """The joint study, analysed, with the label column and its value in each half."""
-    out = joined(halves, tmp_path_factory.mktemp(request.param), STATED[request.param])
-    column = request.param.removesuffix("s")
-    of_half = {name: text.split('"')[1] for name, text in STATED[request.param].items()}
-    return out, analyze(out, resamples=RESAMPLES), column, of_half
+#: Session and side of each half.
+OF_HALF = {"one": ("day 1", "left"), "two": ("day 2", "right")}
 
 
 @pytest.fixture(scope="module")
-def alone(halves):
-    return {name: analyze(halves / name, resamples=RESAMPLES) for name in ("one", "two")}
+def analysed(halves, tmp_path_factory):
+    """The joint study, and its analysis."""
+    out = joined(halves, tmp_path_factory.mktemp("both"), STATED["both"])
+    return out, analyze(out, resamples=RESAMPLES)
 
 
-def test_each_session_and_side_has_the_estimates_of_a_study_of_its_own(analysed, alone):
-    _, both, column, of_half = analysed
-    frames = {"estimates": "to_frame", "comparison": "comparison_frame"}
-    for name, stated in of_half.items():
-        own = alone[name]
-        for frame in frames.values():
-            table = getattr(both, frame)()
-            mine = table[table[column] == stated].reset_index(drop=True)
-            pd.testing.assert_frame_equal(mine[VALUES], getattr(own, frame)()[VALUES])
-        strides = both.strides_frame()
-        assert (strides[column] == stated).sum() == len(own.strides)
-        models = models_frame(both)
-        mine = models.loc[models[column] == stated, "lag_s"]
-        assert mine.tolist() == models_frame(own)["lag_s"].tolist()
+def test_each_session_and_side_has_the_estimates_of_a_study_of_its_own(halves, analysed):
+    _, both = analysed
+    for name, (session, side) in OF_HALF.items():
+        own = analyze(halves / name, resamples=RESAMPLES)
+
+        def mine(table, stated=(session, side)):
+            own_rows = (table["session"] == stated[0]) & (table["side"] == stated[1])
+            return table[own_rows].reset_index(drop=True)
+
+        for frame in (StudyAnalysis.to_frame, StudyAnalysis.comparison_frame):
+            pd.testing.assert_frame_equal(mine(frame(both))[VALUES], frame(own)[VALUES])
+        assert len(mine(both.strides_frame())) == len(own.strides)
+        lags = mine(models_frame(both))["lag_s"]
+        assert lags.tolist() == models_frame(own)["lag_s"].tolist()
 
 
 def test_every_table_of_rows_per_person_names_session_and_side(analysed):
-    _, both, column, of_half = analysed
+    _, both = analysed
     for table in (
         both.to_frame(), both.comparison_frame(), both.pulses_frame(), both.strides_frame(),
         both.excluded_frame(), both.covariance_frame(), details_frame(both), models_frame(both),
     ):  # fmt: skip
         assert list(table.columns[-2:]) == ["session", "side"]
-        assert table.empty or set(table[column]) == set(of_half.values())
+        rows = set(zip(table["session"], table["side"], strict=True))
+        assert table.empty or rows == set(OF_HALF.values())
     assert not both.to_frame().empty
     assert not both.to_frame().duplicated([*KEYS, "timing_point", "parameter"]).any()
 
 
 def test_a_person_is_one_person_in_means(analysed):
-    _, both, _, _ = analysed
+    _, both = analysed
     people = {p.n_participants for p in both.population}
     assert max(people) == 2
 
 
 def test_report_and_tables_hold_every_row(analysed):
-    _, both, _, of_half = analysed
-    labels = [f"S01, {stated}" for stated in of_half.values()]
+    _, both = analysed
+    labels = ["S01, day 1, left", "S01, day 2, right"]
     page = render_report(both, {}, title="both")
     table = paper_tables(both)["estimates"].to_frame()
     for label in labels:
@@ -113,7 +114,7 @@ def test_report_and_tables_hold_every_row(analysed):
 
 
 def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
-    study, both, _, of_half = analysed
+    study, both = analysed
     write_results(both, tmp_path / "results", figures=False)
     made = compare_results([tmp_path / "results"])
     assert made.sources[0].participants == ("S01", "S02")
@@ -130,7 +131,9 @@ def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
             assert value.value == pytest.approx(rows["value"].mean())
 
     found = open_results(tmp_path / "results", study=study)
-    assert found.labels == tuple(f"S0{k}, {s}" for k in (1, 2) for s in of_half.values())
+    assert found.labels == tuple(
+        f"S0{k}, {', '.join(stated)}" for k in (1, 2) for stated in OF_HALF.values()
+    )
     again = reestimate(open_study(study), "S01", ReestimationRequest.of(found.analysed))
     assert len(again.traces) == sum(p.participant == "S01" for p in both.pulses)
     now = with_new_estimates(found.analysed, open_study(study), {"S01": again.result})

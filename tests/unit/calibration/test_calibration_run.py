@@ -155,17 +155,6 @@ def test_an_interrupted_leg_goes_on_where_it_was(tmp_path):
 
 
 @pytest.mark.slow
-def test_several_at_once_are_the_same_as_one_after_the_other(tmp_path):
-    protocol = shortened("torsion")
-    run(protocol, out=tmp_path / "one", participants=2, workers=1)
-    run(protocol, out=tmp_path / "two", participants=2, workers=2)
-    one, two = (recordings(tmp_path / study) for study in ("one", "two"))
-    assert {person for person, _ in one} == {"S01", "S02"}
-    for key, (_, recording) in one.items():
-        assert recording.drop_attrs().equals(two[key][1].drop_attrs())
-
-
-@pytest.mark.slow
 @pytest.mark.alone
 def test_it_runs_in_real_time_too(tmp_path):
     study = run(shortened("footswitch"), out=tmp_path / "study", participants=1, clock="real").study

@@ -2,10 +2,8 @@
 
 import errno
 import json
-import pickle
 import subprocess
 import sys
-from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
@@ -199,28 +197,6 @@ def test_help_imports_nothing_heavy():
     show = f"print([name for name in {heavy!r} if name in sys.modules])"
 
     assert run_in_python("--help", then=show) == "[]"
-
-
-class Planted:
-    """Runs code when it is unpickled: makes a file."""
-
-    def __init__(self, file):
-        self.file = file
-
-    def __reduce__(self):
-        return Path.touch, (self.file,)
-
-
-def test_a_planted_result_beside_the_data_does_not_run(jointz, small_study, tmp_path, monkeypatch):
-    out, ran = tmp_path / "out", tmp_path / "ran"
-    monkeypatch.setattr(participants, "_key", lambda _, person_id: person_id)
-    beside = tmp_path / ".out.tasks"
-    beside.mkdir()
-    for person_id in ("S01", "S02"):
-        (beside / f"{person_id}.result").write_bytes(pickle.dumps(Planted(ran)))
-
-    assert jointz("analyze", small_study.root, "--out", out, *FEW).code == 0
-    assert not ran.exists()
 
 
 def test_workers_import_nothing_from_the_working_folder(small_study, tmp_path):

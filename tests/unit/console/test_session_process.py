@@ -9,8 +9,6 @@ from jointz.console import session_process
 from jointz.console.session_process import SessionProcess
 from jointz.core.errors import DataError
 
-pytestmark = pytest.mark.alone
-
 
 class Fake:
     """A python that stands for ``python -m jointz run``."""

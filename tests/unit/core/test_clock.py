@@ -6,8 +6,6 @@ import pytest
 
 from jointz.core.clock import RealClock, VirtualClock
 
-pytestmark = pytest.mark.alone
-
 MS = 1_000_000
 
 
@@ -45,6 +43,7 @@ def test_a_real_deadline_that_has_passed_is_no_wait(monkeypatch):
     clock.wait_until_ns(clock.now_ns())
 
 
+@pytest.mark.alone
 def test_a_real_clock_sleeps_until_shortly_before_the_deadline(monkeypatch):
     slept = []
     monkeypatch.setattr(time, "sleep", slept.append)

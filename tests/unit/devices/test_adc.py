@@ -22,8 +22,6 @@ from jointz.testing import SensorContract
 
 from .fakes import HeldClock, arguments_of, begin, needs, wait
 
-pytestmark = pytest.mark.alone
-
 
 @dataclass
 class Chip:
@@ -106,6 +104,7 @@ class TestContractOfAGoniometer(SensorContract):
         wait(clock, 0.05)
 
 
+@pytest.mark.alone
 class TestContractWithTheSamplingThread(TestContractOfAGoniometer):
     def make_clock(self) -> Clock:
         return RealClock()

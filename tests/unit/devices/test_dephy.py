@@ -26,8 +26,6 @@ from jointz.testing.scripted import SCRIPTED_ACTUATOR
 
 from .fakes import HeldClock, arguments_of, begin, needs, wait
 
-pytestmark = pytest.mark.alone
-
 FIELDS = ["state_time", "mot_ang", "mot_vel", "mot_cur", "batt_volt", "temperature", "status_ex"]
 FIELDS += ["mot_volt", "batt_curr", "accelx"]
 NO_CURRENT, CURRENT = 4, 2
@@ -199,6 +197,7 @@ class TestContract(ActuatorContract):
         self.library.gone = True
 
 
+@pytest.mark.alone
 class TestContractWithTheThreadOfTheWatchdog(TestContract):
     def make_clock(self) -> Clock:
         return RealClock()
@@ -472,6 +471,7 @@ def test_an_activation_that_fails_leaves_it_inactive(made) -> None:
     assert device.state is Lifecycle.ACTIVE
 
 
+@pytest.mark.alone
 def test_zero_torque_does_not_wait_for_a_call_that_hangs(begun) -> None:
     device, library, clock = begun(command_timeout_s=0.05)
     device.command_torque(5.0)

@@ -21,8 +21,6 @@ from jointz.testing import SensorContract
 
 from .fakes import begin, needs, wait
 
-pytestmark = pytest.mark.alone
-
 FLOAT, STRING = 2, 3
 
 
@@ -261,9 +259,9 @@ def test_late_samples_for_a_second_are_a_lost_sensor(begun) -> None:
 def test_stamps_that_count_samples_may_run_away_slowly(begun) -> None:
     sensor, sender, clock = begun()
     sensor._inlet.time_correction = lambda _: -40.0
-    for _ in range(1000):
+    for _ in range(600):
         wait(clock, 1.0)
-        sender.ahead_s -= 2e-4  # 200 ppm; 0.2 s in all
+        sender.ahead_s -= 2e-4  # 200 ppm; 0.12 s in all
         assert len(sensor.read()) >= 499
 
 
@@ -317,6 +315,7 @@ def test_another_stream_than_described_is_refused(made, sender, keys, told) -> N
 
 
 @needs("pylsl")
+@pytest.mark.alone
 def test_what_a_real_outlet_sends_arrives_with_its_time_and_its_end_is_noticed() -> None:
     pylsl = importlib.import_module("pylsl")
     source = "jointz-test-sensor"

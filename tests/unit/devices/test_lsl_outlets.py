@@ -19,8 +19,6 @@ from jointz.devices.lsl_outlets import SessionOutlets
 
 from .fakes import needs
 
-pytestmark = pytest.mark.alone
-
 
 class FakeInfo:
     def __init__(self, *about: Any) -> None:
@@ -110,6 +108,7 @@ def test_a_missing_pylsl_is_named_with_its_command(monkeypatch) -> None:
 
 
 @needs("pylsl")
+@pytest.mark.alone
 def test_channels_and_markers_arrive_at_real_inlets() -> None:
     pylsl = importlib.import_module("pylsl")
     clock = RealClock()

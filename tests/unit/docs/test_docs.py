@@ -146,9 +146,10 @@ def ankle() -> pd.DataFrame:
 
 
 def python_blocks():
-    """Return the blocks of all pages; those of the certificate take minutes."""
+    """Return the blocks of all pages; those of the certificate take minutes, the plan's seconds."""
     for name, body in blocks("python").items():
-        marks = [pytest.mark.slow] if name.startswith("docs/certificate.md") else []
+        long = name.startswith(("docs/certificate.md", "docs/plan.md"))
+        marks = [pytest.mark.slow] if long else []
         yield pytest.param(body, id=name, marks=marks)
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-import jointz
 from jointz.results.study_analysis import StudyAnalysis
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -37,16 +36,10 @@ def awkward(estimates: pd.DataFrame) -> pd.DataFrame:
     return both
 
 
-@pytest.fixture(scope="module")
-def analysis(small_study_source) -> StudyAnalysis:
-    """Analyse a small study once."""
-    return jointz.analyze(small_study_source, resamples=50)
-
-
 @pytest.fixture(params=["as written", "awkward"])
-def results(request, analysis, tmp_path) -> Path:
+def results(request, small_results, tmp_path) -> Path:
     """A folder with the results of a small study in its folder ``results``."""
-    analysis.save(tmp_path / "results", figures=False)
+    shutil.copytree(small_results, tmp_path / "results")
     file = tmp_path / "results" / "estimates.csv"
     if request.param == "awkward":
         awkward(pd.read_csv(file)).to_csv(file, index=False)

@@ -17,8 +17,6 @@ from jointz.session.rigs.hardware_rig import HardwareRig, read_hardware
 
 from .laboratory import ACTUATOR, ANGLE, CONTACT
 
-pytestmark = pytest.mark.alone
-
 REST = """
 [calibration]
 angle_lag_s = { value = 0.0065, sd = 0.0005 }

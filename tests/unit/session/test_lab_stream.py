@@ -13,8 +13,6 @@ from jointz.experiment.files.recorder import Recorder
 from jointz.session.live import lab_stream as session_stream
 from jointz.session.live.lab_stream import Following, Sending, found_session, replay
 
-pytestmark = pytest.mark.alone
-
 START_NS = 100_000_000_000
 HEADER = {"participant": "S01", "condition": "EWP"}
 

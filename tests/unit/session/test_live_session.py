@@ -21,8 +21,6 @@ from jointz.session.live.live_progress import SessionProgress
 from jointz.session.live.live_session import LiveSession, holder_of, is_held
 from jointz.session.live.live_tail import JournalTail, LogTail
 
-pytestmark = pytest.mark.alone
-
 HEADER = {
     "condition": "perturbed",
     "segment": 0,

@@ -13,8 +13,6 @@ from jointz.session.command import Device, Preset
 
 from .laboratory import ACTUATOR, ANGLE, CONTACT
 
-pytestmark = pytest.mark.alone
-
 
 @pytest.fixture
 def config(tmp_path):

@@ -12,8 +12,6 @@ from jointz.core.session_log import WALKING
 from jointz.experiment.files.journal import Journal
 from jointz.experiment.files.recorder import Recorder
 
-pytestmark = pytest.mark.alone
-
 
 class Streams:
     """Keeps what is pushed, and is interrupted after so many."""
