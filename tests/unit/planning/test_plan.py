@@ -196,7 +196,9 @@ def test_the_nearest_half_width_is_kept(doublets, bare_plan):
     assert kept.protocol_text
 
 
-def test_noise_widens_and_what_would_be_undecided_is_no_nearest_half_width(doublets, made, bare_plan):
+def test_noise_widens_and_what_would_be_undecided_is_no_nearest_half_width(
+    doublets, made, bare_plan
+):
     noisy = bare_plan(doublets, half_width_pct=12.0, sensors={"goniometer": np.deg2rad(3.0)})
 
     assert (halves(noisy, "endless_pct") > halves(made, "endless_pct")).all()

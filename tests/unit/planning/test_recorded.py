@@ -90,7 +90,9 @@ def test_results_of_another_method_are_refused(results, study):
     analysis = load(results)
     other = study.parent / "other"
     cells = tuple(replace(cell, method="rigid") for cell in analysis.cells)
-    replace(analysis, cells=cells, settings={**analysis.settings, "method": "rigid"}).save(other, figures=False)
+    replace(analysis, cells=cells, settings={**analysis.settings, "method": "rigid"}).save(
+        other, figures=False
+    )
 
     with pytest.raises(DataError, match=r"method strapped, got rigid.*jointz analyze"):
         plan_recorded(other)

@@ -120,7 +120,7 @@ def analyzed(angle: np.ndarray, torque: np.ndarray, *, amplitude_nm: float = 6.0
         t, {"angle": angle, "torque": torque}, condition="perturbed", file="load.csv"
     )
     given = RecordingInput(recording, CalibrationSpec(), table)
-    asked = {"methods": ("full_record", "dissertation"), "n_resamples": 20} | settings
+    asked = {"methods": ("full_record",), "n_resamples": 20} | settings
     source = PerturbationsSpec(source="table", baseline=asked.pop("baseline", None))
     return analyze_participant(
         "rig", [given], ParticipantSettings(kind=BENCH, perturbations=source, **asked)

@@ -29,7 +29,7 @@ def segment_stiffness(fit: TimeVaryingFit) -> np.ndarray:
     return stiffness(np.array(fit.gait_pct)[:, np.newaxis] / 100.0 + reach).mean(axis=1)
 
 
-@njit
+@njit(cache=True)
 def displaced(k: np.ndarray, torque: np.ndarray, dt: float) -> np.ndarray:
     """Return the displacement of a joint about its path: Runge and Kutta, linear inputs."""
     out = np.zeros(torque.size)
