@@ -26,7 +26,7 @@ def study(tmp_path_factory):
     return simulate_study(
         tmp_path_factory.mktemp("sensors") / "study",
         preset="realistic",
-        plan=WalkPlan(per_point=8, timing_points={"MST": 21.5, "PSW": 56.0}, pulses=PULSES),
+        plan=WalkPlan(per_point=16, timing_points={"MST": 21.5, "PSW": 56.0}, pulses=PULSES),
         seed=3,
     )
 
