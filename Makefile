@@ -14,6 +14,8 @@ demo: $(VENV)/.installed
 # run alone, the others as many at once as there are cores.
 REQUIRE := JOINTZ_REQUIRE="dask pyarrow nicegui"
 TESTED := tests benchmarks reproduction/tests --benchmark-disable -q --durations=30
+# As many threads of BLAS as cores in each of as many processes wait for each other, for minutes.
+test quick test-slow: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/.installed-test browser
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and not alone" $(TESTED) --numprocesses auto --dist worksteal
 	$(REQUIRE) $(BIN)/python -m pytest -m "not slow and alone" $(TESTED)

@@ -12,6 +12,7 @@ from reproduction.reproduction_result import Reproduction
 
 from jointz.io.protocols import load_protocol
 
+pytestmark = pytest.mark.slow
 PEOPLE, STRIDES = 3, 10
 
 

@@ -151,6 +151,7 @@ def test_the_command_prints_tables_and_page(command, tmp_path):
     assert (code, told["error"]) == (2, "OutputError")
 
 
+@pytest.mark.slow
 def test_intrinsic_impedance_shows_what_least_squares_gives_though_a_lag_leaves_it_undecided(
     tmp_path,
 ):

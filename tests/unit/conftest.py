@@ -1,12 +1,16 @@
 """Synthetic analyses: nobody's data, but of the shape and size of a real study."""
 
+import shutil
+import time
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import jointz
 from jointz.analysis.page.details_tables import SOURCES
+from jointz.analysis.page.figure_files import draw_figures
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.results.estimates import CellEstimate, ParameterEstimate, PulseExample, Response
@@ -385,3 +389,38 @@ def failed():
 @pytest.fixture(scope="session")
 def truth(walking):
     return truth_of(walking)
+
+
+@pytest.fixture(scope="session")
+def walking_figures(walking):
+    """The figures of ten people, and the processor time that they took, s."""
+    start = time.process_time()
+    return draw_figures(walking), time.process_time() - start
+
+
+@pytest.fixture(scope="session")
+def rigid_analysis(small_study_source):
+    """The small study as the recommended method analyses it."""
+    return jointz.analyze(small_study_source, resamples=50, seed=3)
+
+
+@pytest.fixture(scope="session")
+def rigid_results(rigid_analysis, small_study_source, tmp_path_factory):
+    """A folder with the small study and its results; a test that changes them copies it."""
+    above = tmp_path_factory.mktemp("rigid")
+    shutil.copytree(small_study_source, above / "study")
+    rigid_analysis.save(above / "results", figures=False)
+    return above
+
+
+@pytest.fixture(scope="session")
+def strapped_results(small_study_source, tmp_path_factory):
+    """A folder with the first person of the small study and results of the method strapped."""
+    above = tmp_path_factory.mktemp("strapped")
+    shutil.copytree(small_study_source, above / "study")
+    file = above / "study" / "study.toml"
+    blocks = file.read_text().split("[[")
+    file.write_text("[[".join(block for block in blocks if '"S02"' not in block))
+    made = jointz.analyze(above / "study", method="strapped", resamples=20)
+    made.save(above / "results", figures=False)
+    return above

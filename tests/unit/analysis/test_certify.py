@@ -1,5 +1,7 @@
 """A certificate of a whole study: simulated people walk its protocol."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -21,9 +23,9 @@ DOUBLET = DoubletPulse(
 POINTS = {"early": 20.0, "late": 60.0}
 
 
-def doublet_study(folder, *, per_point=6, participants=1):
-    plan = WalkPlan(per_point=per_point, pulses=(DOUBLET,), timing_points=POINTS)
-    return simulate_study(folder, preset="realistic", participants=participants, plan=plan, seed=4)
+def doublet_study(folder):
+    plan = WalkPlan(per_point=4, pulses=(DOUBLET,), timing_points=POINTS)
+    return simulate_study(folder, preset="realistic", participants=1, plan=plan, seed=4)
 
 
 @pytest.fixture(scope="module")
@@ -34,27 +36,31 @@ def doublets(tmp_path_factory):
 @pytest.fixture(scope="module")
 def strapped(doublets):
     told = []
-    return certify(doublets, people=2, seed=3, progress=lambda *a: told.append(a)), told
+    return certify(doublets, people=1, seed=3, progress=lambda *a: told.append(a)), told
 
 
 def test_simulated_people_are_analysed_at_every_timing_point(strapped):
     found, told = strapped
 
-    assert (found.method, found.world, found.n_participants) == ("strapped", "realistic", 2)
+    assert (found.method, found.world, found.n_participants) == ("strapped", "realistic", 1)
     assert {(e.participant, e.timing_point) for e in found.estimates} == {
-        (who, point) for who in ("V01", "V02") for point in POINTS
+        ("V01", point) for point in POINTS
     }
     assert all(e.truth > 0.0 for e in found.estimates)
-    assert [t[:2] for t in told] == [(0, 3), (1, 3), (2, 3), (3, 3), (3, 3)]
+    assert [t[:2] for t in told] == [(0, 2), (1, 2), (2, 2), (2, 2)]
 
 
-def test_two_people_are_too_few_for_a_promise(strapped):
+def test_one_person_is_too_few_for_a_promise(strapped):
     assert strapped[0].status == "cannot_promise"
 
 
+def protocol_of(study):
+    analysis = analyze(study, method="least_squares", resamples=2, progress=False)
+    return study_protocol(open_study(study), analysis.pulses, analysis.strides)
+
+
 def test_the_protocol_is_that_of_the_study(doublets):
-    analysis = analyze(doublets, resamples=2, progress=False)
-    protocol = study_protocol(open_study(doublets), analysis.pulses, analysis.strides)
+    protocol = protocol_of(doublets)
 
     assert protocol.sensors == ("joint_encoder", "shank_velocity", "thigh_velocity")
     assert [p.direction for p in protocol.plan.pulses] == ["positive", "negative"]
@@ -66,32 +72,20 @@ def test_the_protocol_is_that_of_the_study(doublets):
 
 
 def test_without_a_command_the_measured_torque_shows_the_second_level(doublets, tmp_path):
-    study = doublet_study(tmp_path / "study")
+    study = shutil.copytree(doublets, tmp_path / "study")
     file = study / "study.toml"
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join(li for li in lines if not li.startswith("channels.command")))
-    analysis = analyze(study, resamples=2, progress=False)
-    protocol = study_protocol(open_study(study), analysis.pulses, analysis.strides)
 
-    for pulse in protocol.plan.pulses:
+    for pulse in protocol_of(study).plan.pulses:
         assert pulse.durations_s[0] == pytest.approx(0.039, abs=0.006)
         assert pulse.second_level == -1.0
 
 
-def test_a_rigid_device_is_certified_by_rigid(small_study_source):
-    found = certify(small_study_source, people=1)
-
-    assert (found.method, found.world) == ("rigid", "realistic, rigid coupling")
-    assert len(found.estimates) == 6 * 3
-
-
 def test_the_same_seed_gives_the_same_certificate(small_study_source):
-    first, again, other = (
-        certify(small_study_source, people=1, seed=seed).estimates for seed in (1, 1, 2)
-    )
+    first, again = (certify(small_study_source, people=1, seed=1).estimates for _ in range(2))
 
     assert first == again
-    assert first != other
 
 
 @pytest.mark.parametrize(
@@ -123,6 +117,7 @@ def people(rng, n, factor=1.0):
     ]
 
 
+@pytest.mark.slow
 def test_people_of_one_population_seldom_differ():
     rng = np.random.default_rng(1)
     differ = [

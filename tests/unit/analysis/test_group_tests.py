@@ -142,6 +142,7 @@ def test_a_session_of_two_people_takes_nobody_out_of_the_others():
     assert test["n_participants"] == 8
 
 
+@pytest.mark.slow
 def test_a_level_without_the_others_variance_needs_the_corrected_p():
     """Differences that vary unalike (no sphericity): chance findings stay near 5 %."""
     rng = np.random.default_rng(0)

@@ -15,8 +15,8 @@ from jointz.report.wording import DASH, format_estimate
 
 
 @pytest.fixture(scope="module")
-def html(walking, truth):
-    figures = draw_figures(walking) | {"truth": draw_truth_picture(truth).svg}
+def html(walking, walking_figures, truth):
+    figures = walking_figures[0] | {"truth": draw_truth_picture(truth).svg}
     return render_report(walking, figures, title="Knee study", truth=truth)
 
 
@@ -102,7 +102,7 @@ def test_what_protocols_decide_of_the_same_people_stands_beside_the_truth(walkin
     assert f"hold Stiffness 0 of 24 {DASH} {DASH}" in texts
 
 
-@pytest.mark.parametrize("text", ["<script>alert(1)</script>", 'a" onload="x', "&lt;", "$1_{"])
+@pytest.mark.parametrize("text", ["<script>alert(1)</script>$1_{", '&lt;a" onload="x'])
 def test_user_text_stays_text(bench, text):
     cells = tuple(replace(c, participant=text, timing_point=text) for c in bench.cells[:1])
     hostile = replace(bench, cells=cells, settings={"method": text, "study": text})

@@ -11,15 +11,15 @@ from jointz.analysis.saved_analysis import Analysis
 from jointz.core.errors import DataError, OutputError
 
 
-@pytest.fixture(scope="module")
-def analysis(small_study_source):
-    return jointz.analyze(small_study_source, resamples=20)
+@pytest.fixture
+def analysis(rigid_analysis):
+    return rigid_analysis
 
 
 @pytest.fixture(scope="module")
-def saved_once(analysis, tmp_path_factory):
+def saved_once(rigid_analysis, tmp_path_factory):
     out = tmp_path_factory.mktemp("saved") / "results"
-    report = analysis.save(out)
+    report = rigid_analysis.save(out)
     assert report.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     return out
 
@@ -32,6 +32,16 @@ def saved(saved_once, tmp_path):
 
 def test_a_saved_analysis_is_loaded_as_it_was(analysis, saved):
     assert jointz.load(saved).to_dict() == analysis.to_dict()
+
+
+def test_pdf_is_written_on_request_only(analysis, saved, tmp_path):
+    analysis.save(tmp_path / "both", pdf=True)
+
+    names = {f.name for f in (saved / "figures").iterdir()}
+    assert {"gait.svg", "pulse_example.svg"} <= names
+    assert {name.rpartition(".")[2] for name in names} == {"svg"}
+    both = {f.name for f in (tmp_path / "both" / "figures").iterdir()}
+    assert both == names | {name.replace(".svg", ".pdf") for name in names}
 
 
 def test_a_folder_of_results_is_kept_unless_it_may_be_replaced(analysis, saved):

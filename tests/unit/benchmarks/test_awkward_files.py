@@ -28,6 +28,7 @@ def _faults(walk: Walk) -> list[str]:
     return [fault.channel for fault in faults_of(reading, Truth((part(_walk()),)))]
 
 
+@pytest.mark.slow
 def test_three_files_have_a_verdict(tmp_path: Path) -> None:
     for name, truth in make(tmp_path, NAMES).items():
         row = judge(FILES[name], truth, tmp_path / name.replace(".", "_"))
@@ -35,6 +36,7 @@ def test_three_files_have_a_verdict(tmp_path: Path) -> None:
         assert row.sentence
 
 
+@pytest.mark.slow
 def test_files_are_the_same_for_the_same_seed(tmp_path: Path) -> None:
     assert len(FILES) == 30
     names = (*NAMES, "S16_pert.csv", "P13_perturbed.lvm")

@@ -1,6 +1,7 @@
-"""Second set of awkward files: reproducible files, and verdicts on folders."""
+"""Second and third set of awkward files: reproducible files, and verdicts on folders."""
 
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from benchmarks.awkward_files.folder_judge import folder_faults, readings_of
 from benchmarks.awkward_files.judge import VERDICTS, Draft, Question, judge_folder, verdict_of
 from benchmarks.awkward_files.second_set import ITEMS
 from benchmarks.awkward_files.study_edit import study_text
+from benchmarks.awkward_files.third_set import ITEMS as THIRD_SET
 from benchmarks.awkward_files.truth import (
     AwkwardFile,
     AwkwardFolder,
@@ -23,6 +25,7 @@ from benchmarks.awkward_files.truth import (
 )
 
 BINARY = (".xlsx", ".parquet", ".nc", ".c3d")
+CATEGORIES = ("encoding", "delimiter", "clock", "header", "unit", "language", "sampling")
 
 
 def _walk(phase: float = 0.0, *, pulses: bool = True) -> Walk:
@@ -47,15 +50,21 @@ def _folder(name: str) -> AwkwardFolder:
     return item
 
 
-def test_there_are_thirty_of_which_eight_are_folders_and_four_hopeless() -> None:
+def test_sets_hold_what_they_should() -> None:
     assert len(ITEMS) == 30
     assert sum(isinstance(item, AwkwardFolder) for item in ITEMS.values()) == 8
     assert sum("hopeless" in item.awkward for item in ITEMS.values()) == 4
+    counts = Counter(item.awkward.split(":")[0] for item in THIRD_SET.values())
+    assert counts == dict.fromkeys(CATEGORIES, 4) | {"hopeless": 2}
+    assert sum(isinstance(item, AwkwardFolder) for item in THIRD_SET.values()) == 8
 
 
-@pytest.mark.parametrize("name", list(ITEMS))
-def test_files_are_written_the_same_for_the_same_seed(tmp_path: Path, name: str) -> None:
-    item = ITEMS[name]
+@pytest.mark.slow
+@pytest.mark.parametrize(("items", "name"), [(s, n) for s in (ITEMS, THIRD_SET) for n in s])
+def test_files_are_written_the_same_for_the_same_seed(
+    tmp_path: Path, items: dict[str, AwkwardFile | AwkwardFolder], name: str
+) -> None:
+    item = items[name]
     for run in ("a", "b"):
         rng = np.random.default_rng(3)
         (tmp_path / run).mkdir()
@@ -66,9 +75,10 @@ def test_files_are_written_the_same_for_the_same_seed(tmp_path: Path, name: str)
             truths = item.write(_people(), tmp_path / run, rng)
             assert truths.hopeless == ("hopeless" in item.awkward)
             assert all((tmp_path / run / file).exists() for file in truths.recordings)
-    for path in (tmp_path / "a").iterdir():
+    for path in (tmp_path / "a").rglob("*.*"):
         if path.suffix not in BINARY:
-            assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+            other = tmp_path / "b" / path.relative_to(tmp_path / "a")
+            assert path.read_bytes() == other.read_bytes()
 
 
 def _written_study(folder: Path) -> FolderTruth:
@@ -145,6 +155,7 @@ def test_an_answer_to_a_question_about_the_second_recording_counts(tmp_path: Pat
     assert verdict_of(Draft(study=tomllib.loads(text)), faults, changed, "", tmp_path)[0] == "wrong"
 
 
+@pytest.mark.slow
 def test_a_folder_has_a_verdict(tmp_path: Path) -> None:
     item = _folder("folder_24")
     truth = item.write(_people(), tmp_path, np.random.default_rng(3))

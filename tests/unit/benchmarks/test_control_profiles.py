@@ -1,8 +1,10 @@
 """The benchmark of profiles runs, and finds what it should of one person."""
 
+import pytest
 from benchmarks.control_profiles import coverage, people, torque_errors
 
 
+@pytest.mark.slow
 def test_one_person_without_noise():
     (one,) = people("clean", 1, per_point=10, seed=5)
     rms, between = torque_errors(one)

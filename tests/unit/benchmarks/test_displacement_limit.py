@@ -6,7 +6,9 @@ from benchmarks.displacement_limit import protocol_of, session_of, summary
 LIMIT_RAD = 0.2
 
 
-@pytest.mark.parametrize("preset", ["nominal", "anthropometric"])
+@pytest.mark.parametrize(
+    "preset", ["nominal", pytest.param("anthropometric", marks=pytest.mark.slow)]
+)
 def test_pulses_on_a_leg_half_as_stiff_are_cut(preset):
     found = session_of(protocol_of(1), preset, 0, [LIMIT_RAD], seed=1)[LIMIT_RAD]
     assert "6 beyond it without the limit" in summary(LIMIT_RAD, found)

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.analysis.analyze import analyze
-from jointz.analysis.results_folder import write_results
 from jointz.explorer.estimate_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
 from jointz.explorer.exclusions import FILE, decide
 from jointz.explorer.explorer_app import Explorer
@@ -18,11 +16,8 @@ from jointz.explorer.view import View
 
 
 @pytest.fixture(scope="module")
-def made(small_study_source, tmp_path_factory):
-    above = tmp_path_factory.mktemp("explored")
-    shutil.copytree(small_study_source, above / "study")
-    write_results(analyze(above / "study", resamples=50), above / "results", figures=False)
-    return above
+def made(rigid_results, tmp_path_factory):
+    return shutil.copytree(rigid_results, tmp_path_factory.mktemp("explored") / "made")
 
 
 @pytest.fixture

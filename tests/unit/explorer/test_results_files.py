@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from jointz.analysis.analyze import analyze
-from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError, WriteError
 from jointz.explorer.exclusions import FILE, decide, is_excluded
 from jointz.explorer.reestimation import (
@@ -27,14 +26,9 @@ from jointz.results.log_posterior import LogPosterior
 RESAMPLES = 50
 
 
-@pytest.fixture(scope="module")
-def made(small_study_source, tmp_path_factory):
-    """A study with its results beside it."""
-    above = tmp_path_factory.mktemp("explored")
-    shutil.copytree(small_study_source, above / "study")
-    analysis = analyze(above / "study", resamples=RESAMPLES, seed=3)
-    write_results(analysis, above / "results", figures=False)
-    return above
+@pytest.fixture
+def made(rigid_results):
+    return rigid_results
 
 
 @pytest.fixture
@@ -46,8 +40,8 @@ def opened(made, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def again(made):
-    found = open_results(made / "results")
+def again(rigid_results):
+    found = open_results(rigid_results / "results")
     return found, reestimate(found.study, found.people[0], ReestimationRequest.of(found.analysed))
 
 
@@ -154,13 +148,13 @@ def test_residuals_are_responses_minus_the_fit(again):
         assert window.misfit == pytest.approx(np.sqrt(np.mean(window.residual**2)))
 
 
-def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened):
+def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives_and_comes_back(opened, again):
     pulse = first_pulse(opened)
     found = opened.with_study(decide(opened.study, pulse, "exclude", reason="stumbled"))
 
     assert found.stale() == (pulse.participant,)
     assert [PulseKey.of(p) for p in found.changed()] == [PulseKey.of(pulse)]
-    found, _ = renewed(found, pulse.participant)
+    found, made = renewed(found, pulse.participant)
     assert found.stale() == ()
 
     now, fresh = found.current(), analyze(found.study.root, resamples=RESAMPLES, seed=3)
@@ -173,11 +167,14 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives(opened):
     assert new.n_used == old.n_used - 1
     assert new.parameters != old.parameters
 
-
-def test_a_restored_pulse_brings_the_old_numbers_back(opened):
-    pulse = first_pulse(opened)
-    study = decide(opened.study, pulse, "exclude", reason="stumbled")
-    found, _ = renewed(opened.with_study(study), pulse.participant)
+    # It is shown as if it were restored.
+    before, trace = (m.traces[PulseKey.of(pulse)] for m in (again[1], made))
+    assert trace.if_restored
+    assert sum(t.if_restored for t in made.traces.values()) == 1
+    for method in ("rigid", "dissertation"):
+        np.testing.assert_allclose(
+            trace.windows[method].response_angle, before.windows[method].response_angle
+        )
 
     study = decide(found.study, pulse, "restore", reason="")
     assert not is_excluded(study, pulse)
@@ -185,24 +182,7 @@ def test_a_restored_pulse_brings_the_old_numbers_back(opened):
     assert found.stale() == (pulse.participant,)
     assert found.changed() == ()
     found, _ = renewed(found, pulse.participant)
-
     assert found.current().cells == opened.analysed.cells
-
-
-def test_an_excluded_pulse_is_shown_as_if_restored(opened, again):
-    pulse = first_pulse(opened)
-    study = decide(opened.study, pulse, "exclude", reason="stumbled")
-    _, made = renewed(opened.with_study(study), pulse.participant)
-    before = again[1].traces[PulseKey.of(pulse)]
-
-    now = made.traces[PulseKey.of(pulse)]
-
-    assert now.if_restored
-    assert sum(t.if_restored for t in made.traces.values()) == 1
-    for method in ("rigid", "dissertation"):
-        np.testing.assert_allclose(
-            now.windows[method].response_angle, before.windows[method].response_angle
-        )
 
 
 def test_changed_recordings_are_refused(opened):

@@ -16,12 +16,8 @@ METHOD = "strapped"
 
 
 @pytest.fixture(scope="module")
-def opened(small_study_source, tmp_path_factory):
-    """Results of a study, and new estimates of its first participant."""
-    above = tmp_path_factory.mktemp("strapped")
-    shutil.copytree(small_study_source, above / "study")
-    analyze(above / "study", method=METHOD, resamples=20).save(above / "results", figures=False)
-    return open_results(above / "results")
+def opened(strapped_results):
+    return open_results(strapped_results / "results")
 
 
 @pytest.fixture(scope="module")

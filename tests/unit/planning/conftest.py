@@ -66,6 +66,13 @@ def made(doublets: Protocol) -> Plan:
     return jointz.plan(doublets)
 
 
+@pytest.fixture
+def bare_plan(monkeypatch: pytest.MonkeyPatch, made: Plan) -> Callable[..., Plan]:
+    """Return what plans without comparing sensors: a third of the time."""
+    monkeypatch.setattr(Planner, "_measures", lambda *_: list(made.measures))
+    return jointz.plan
+
+
 @pytest.fixture(scope="session")
 def lab() -> Callable[..., Laboratory]:
     """Return what makes a lab without a pilot, with sensors beside the goniometer."""

@@ -11,6 +11,7 @@ from jointz.io.protocols import load_protocol
 from jointz.planning.page import write_plan
 from jointz.planning.plan_result import Plan
 
+pytestmark = pytest.mark.usefixtures("bare_plan")
 FILES = {"plan.html", "plan.csv", "plan.json", "half_widths.svg", "pulses.svg", "protocol.toml"}
 
 

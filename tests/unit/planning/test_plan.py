@@ -8,7 +8,6 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError
-from jointz.planning.plan_study import plan_recorded
 from jointz.planning.predicted_estimates import ENDLESS, typical_leg
 from jointz.planning.schedule import schedule_of_protocol
 
@@ -130,8 +129,8 @@ def test_a_hold_leaves_stiffness_and_damping_undecidable_and_says_so(small_proto
     assert "No number of pulses decides K at MST, B at MST." in held.summary()
 
 
-def test_a_plan_replaces_holds(small_protocol):
-    plan = jointz.plan(small_protocol(pulses=HOLDS))
+def test_a_plan_replaces_holds(small_protocol, bare_plan):
+    plan = bare_plan(small_protocol(pulses=HOLDS))
 
     own = plan.shapes[0]
     assert not own.chosen
@@ -139,18 +138,18 @@ def test_a_plan_replaces_holds(small_protocol):
     assert plan.undecidable == ()
 
 
-def test_own_pulses_stay_where_others_are_not_better(made, tmp_path):
+def test_own_pulses_stay_where_others_are_not_better(made, tmp_path, bare_plan):
     file = tmp_path / "planned.toml"
     file.write_text(made.protocol_text)
 
-    again = jointz.plan(file)
+    again = bare_plan(file)
 
     assert [s.name for s in again.shapes if s.chosen] == ["as in the protocol"]
     assert again.pulses == made.pulses
 
 
-def test_motion_is_limited(doublets):
-    plan = jointz.plan(doublets, motion_deg=6.0)
+def test_motion_is_limited(doublets, bare_plan):
+    plan = bare_plan(doublets, motion_deg=6.0)
 
     # The margin is that of rounded amplitudes.
     assert plan.peak_deg <= 1.1 * 6.0
@@ -158,15 +157,15 @@ def test_motion_is_limited(doublets):
         assert (shape.peak_deg > 6.6) == shape.why_not.startswith("moves the joint further than 6")
 
 
-def test_torque_is_limited(doublets):
-    plan = jointz.plan(doublets, torque_nm=9.0)
+def test_torque_is_limited(doublets, bare_plan):
+    plan = bare_plan(doublets, torque_nm=9.0)
 
     assert plan.shapes[0].why_not == "needs 17 N*m"
     assert max(size for course in plan.courses for size in course.amplitudes_nm) <= 9.0
 
 
-def test_a_slower_torque_widens(doublets, made):
-    slow = jointz.plan(doublets, bandwidth_hz=8.0)
+def test_a_slower_torque_widens(doublets, made, bare_plan):
+    slow = bare_plan(doublets, bandwidth_hz=8.0)
 
     assert (halves(slow) > halves(made)).all()
 
@@ -174,31 +173,33 @@ def test_a_slower_torque_widens(doublets, made):
 # --- wishes --------------------------------------------------------------------------------------
 
 
-def test_a_kept_half_width_takes_the_fewest_pulses(doublets, made):
+def test_a_kept_half_width_takes_the_fewest_pulses(doublets, made, bare_plan):
     wish = float(np.ceil(halves(made, "assured_pct")[2])) + 2.0
 
-    plan = jointz.plan(doublets, half_width_pct=wish, parameters=("inertia",))
+    plan = bare_plan(doublets, half_width_pct=wish, parameters=("inertia",))
 
     assert plan.refused == ()
     assert plan.estimates[0].pulses < 48
     assert halves(plan, "assured_pct")[2] <= 1.02 * wish
 
 
-def test_the_nearest_half_width_is_kept(doublets):
-    refused = jointz.plan(doublets, half_width_pct=6.0, parameters=("inertia",))
+def test_the_nearest_half_width_is_kept(doublets, bare_plan):
+    refused = bare_plan(doublets, half_width_pct=6.0, parameters=("inertia",))
 
     (text,) = refused.refused
     assert text.startswith("J to 6 % in 80 of 100 legs cannot be had with 240 pulses at MST")
     assert "nor with more pulses at any of them" in text
     assert refused.protocol_text == ""
     wish = nearest(refused, "--half-width")
-    kept = jointz.plan(doublets, half_width_pct=wish, parameters=("inertia",))
+    kept = bare_plan(doublets, half_width_pct=wish, parameters=("inertia",))
     assert kept.refused == ()
     assert kept.protocol_text
 
 
-def test_noise_widens_and_what_would_be_undecided_is_no_nearest_half_width(doublets, made):
-    noisy = jointz.plan(doublets, half_width_pct=12.0, sensors={"goniometer": np.deg2rad(3.0)})
+def test_noise_widens_and_what_would_be_undecided_is_no_nearest_half_width(
+    doublets, made, bare_plan
+):
+    noisy = bare_plan(doublets, half_width_pct=12.0, sensors={"goniometer": np.deg2rad(3.0)})
 
     assert (halves(noisy, "endless_pct") > halves(made, "endless_pct")).all()
     (text,) = noisy.refused
@@ -206,26 +207,26 @@ def test_noise_widens_and_what_would_be_undecided_is_no_nearest_half_width(doubl
     assert "Nearest: more --motion, --torque or sensors" in text
 
 
-def test_minutes_or_half_width_nearest_to_both_are_kept(doublets, made):
+def test_minutes_or_half_width_nearest_to_both_are_kept(doublets, made, bare_plan):
     wish = float(np.ceil(halves(made, "assured_pct")[2]))
     inertia = {"parameters": ("inertia",)}
-    both = jointz.plan(doublets, half_width_pct=wish, minutes=5.0, **inertia)
+    both = bare_plan(doublets, half_width_pct=wish, minutes=5.0, **inertia)
 
     minutes, width = nearest(both, "--minutes"), nearest(both, "--half-width")
 
-    longer = jointz.plan(doublets, half_width_pct=wish, minutes=minutes, **inertia)
+    longer = bare_plan(doublets, half_width_pct=wish, minutes=minutes, **inertia)
     assert longer.refused == ()
     assert longer.minutes <= minutes
-    wider = jointz.plan(doublets, half_width_pct=width, minutes=5.0, **inertia)
+    wider = bare_plan(doublets, half_width_pct=width, minutes=5.0, **inertia)
     assert wider.refused == ()
     assert wider.minutes <= 5.0
 
 
-def test_too_few_minutes_for_a_round_name_those_that_are_enough(doublets):
-    short = jointz.plan(doublets, minutes=1.0)
+def test_too_few_minutes_for_a_round_name_those_that_are_enough(doublets, bare_plan):
+    short = bare_plan(doublets, minutes=1.0)
 
     assert "1 min do not hold 8 pulses at 1 timing point" in short.refused[0]
-    enough = jointz.plan(doublets, minutes=nearest(short, "--minutes"))
+    enough = bare_plan(doublets, minutes=nearest(short, "--minutes"))
     assert enough.refused == ()
     assert enough.minutes <= nearest(short, "--minutes")
 
@@ -233,23 +234,23 @@ def test_too_few_minutes_for_a_round_name_those_that_are_enough(doublets):
 @pytest.mark.parametrize(
     ("wish", "option"), [("mean_pct", "--mean"), ("difference_pct", "--difference")]
 )
-def test_people_or_a_wish_nearest_are_kept(doublets, wish, option):
-    few = jointz.plan(doublets, participants=6, **{wish: 32.0})
+def test_people_or_a_wish_nearest_are_kept(doublets, wish, option, bare_plan):
+    few = bare_plan(doublets, participants=6, **{wish: 32.0})
 
     people, width = int(nearest(few, "--participants")), nearest(few, option)
 
     assert people > 6
-    assert jointz.plan(doublets, participants=6, **{wish: width}).refused == ()
-    free = jointz.plan(doublets, **{wish: 32.0})
+    assert bare_plan(doublets, participants=6, **{wish: width}).refused == ()
+    free = bare_plan(doublets, **{wish: 32.0})
     assert free.refused == ()
     assert free.participants == people
     assert any(p.participants == people for p in free.people)
 
 
-def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypatch):
+def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypatch, bare_plan):
     monkeypatch.setattr("jointz.planning.planner.MOST_PEOPLE", 12)
 
-    never = jointz.plan(doublets, mean_pct=2.0)
+    never = bare_plan(doublets, mean_pct=2.0)
 
     (text,) = never.refused
     assert text.startswith(
@@ -283,6 +284,11 @@ def test_a_mean_that_nobody_reaches_names_one_that_is_reached(doublets, monkeypa
         ({"bandwidth_hz": 0.0}, "bandwidth_hz: expected 1 to 200"),
         ({"torque_nm": -1.0}, "torque_nm: expected 0.5 to 300"),
         ({"mass_kg": 0.0}, "mass_kg: expected 10 to 300"),
+        ({"mass_kg": float("inf")}, "mass_kg: expected 10 to 300"),
+        ({"height_m": 175.0}, "height_m: "),
+        ({"sensors": {}}, "expected a goniometer"),
+        ({"participants": 2.5}, "participants: "),
+        ({"seed": -1}, "seed"),
         ({"height_m": -1.0, "mass_kg": -2.0}, "mass_kg: .*height_m: "),
     ],
     ids=str,
@@ -306,8 +312,3 @@ def test_another_joint_is_refused(doublets):
 def test_a_protocol_that_is_none_is_refused():
     with pytest.raises(DataError, match="no-such"):
         jointz.plan("no-such")
-
-
-def test_results_that_are_none_are_refused(tmp_path):
-    with pytest.raises(DataError, match="none"):
-        plan_recorded(tmp_path / "none")

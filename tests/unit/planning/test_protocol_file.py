@@ -15,6 +15,7 @@ from jointz.planning.protocol_file import protocol_text
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import StudyAnalysis
 
+pytestmark = pytest.mark.usefixtures("bare_plan")
 NAMES = ("stiffness", "damping", "inertia")
 
 

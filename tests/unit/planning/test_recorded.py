@@ -42,7 +42,7 @@ def study(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def results(study) -> Path:
     folder = study.parent / "results"
-    jointz.analyze(study, resamples=2).save(folder)
+    jointz.analyze(study, resamples=2).save(folder, figures=False)
     return folder
 
 
@@ -90,14 +90,16 @@ def test_results_of_another_method_are_refused(results, study):
     analysis = load(results)
     other = study.parent / "other"
     cells = tuple(replace(cell, method="rigid") for cell in analysis.cells)
-    replace(analysis, cells=cells, settings={**analysis.settings, "method": "rigid"}).save(other)
+    replace(analysis, cells=cells, settings={**analysis.settings, "method": "rigid"}).save(
+        other, figures=False
+    )
 
     with pytest.raises(DataError, match=r"method strapped, got rigid.*jointz analyze"):
         plan_recorded(other)
 
 
 def test_a_missing_study_is_named_with_its_option(results, study, tmp_path, monkeypatch):
-    load(results).save(tmp_path / "moved")
+    load(results).save(tmp_path / "moved", figures=False)
 
     with pytest.raises(DataError, match=r"not beside the results.*--study-folder"):
         plan_recorded(tmp_path / "moved")

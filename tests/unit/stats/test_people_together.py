@@ -47,7 +47,8 @@ def means_of(posteriors, names=NAMES, masses_kg=None):
     return {place: mean for place, mean in means.items() if mean}
 
 
-def test_intervals_hold_the_mean_of_the_population():
+@pytest.mark.parametrize("studies", [3, pytest.param(16, marks=pytest.mark.slow)])
+def test_intervals_hold_the_mean_of_the_population(studies):
     spread = 0.2**2 + 0.1**2
     expected = {
         (point, name): np.exp(TRUE[2 * i + k] + spread / 2)
@@ -55,13 +56,23 @@ def test_intervals_hold_the_mean_of_the_population():
         for k, point in enumerate(POINTS)
     }
     held, given = [], []
-    for seed in range(16):
+    for seed in range(studies):
         found = means_of(people(8, seed=seed), NAMES)
         assert set(found) == set(expected)
         held += [m.ci_low <= expected[key] <= m.ci_high for key, m in found.items() if m.decided]
         given += [m.decided for m in found.values()]
     assert np.mean(held) >= 0.9
     assert np.mean(given) >= 0.9
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return people(6)
+
+
+@pytest.fixture(scope="module")
+def sound_means(sound):
+    return means_of(sound)
 
 
 def test_the_prior_of_each_person_is_no_data():
@@ -79,43 +90,38 @@ def test_where_a_typical_person_decides_nothing_the_mean_is_not_decided():
     assert {mean.n_people for mean in found.values()} == {20}
 
 
-def test_a_person_whom_the_model_does_not_fit_counts_nowhere():
-    sound = people(6)
+def test_a_person_whom_the_model_does_not_fit_counts_nowhere(sound, sound_means):
     odd = replace(sound[0], participant="S9", mean=sound[0].mean + 2.0, doubted=(True,) * 6)
-    assert means_of([*sound, odd], NAMES) == means_of(sound, NAMES)
+    assert means_of([*sound, odd], NAMES) == sound_means
 
 
-def test_sessions_of_one_person_are_one_person():
-    sound = people(6)
+def test_sessions_of_one_person_are_one_person(sound, sound_means):
     twice = [replace(p, session=day) for p in sound for day in ("1", "2")]
-    assert means_of(twice, NAMES) == means_of(sound, NAMES)
+    assert means_of(twice, NAMES) == sound_means
 
 
-def test_a_session_that_is_mostly_doubted_does_not_take_the_others_values_away():
-    sound = people(6)
+def test_a_session_that_is_mostly_doubted_does_not_take_the_others_values_away(sound, sound_means):
     doubted = (True,) * 4 + (False,) * 2
     second = [replace(p, session="2", doubted=doubted, mean=p.mean + 0.1) for p in sound]
-    assert means_of([*sound, *second], NAMES) == means_of(sound, NAMES)
+    assert means_of([*sound, *second], NAMES) == sound_means
 
 
 PER_KG = ("stiffness_per_mass", "damping_per_mass")
 
 
-def test_values_per_kg_are_means_of_values_per_kg_and_the_device_is_taken_off():
-    sound = people(6)
+def test_values_per_kg_are_means_of_values_per_kg_and_the_device_is_taken_off(sound, sound_means):
     masses = {p.participant: 70.0 for p in sound}
-    whole, per_kg = means_of(sound, NAMES[:2]), means_of(sound, PER_KG, masses)
+    per_kg = means_of(sound, PER_KG, masses)
     assert per_kg["LRE", "stiffness_per_mass"].value == pytest.approx(
-        whole["LRE", "stiffness"].value / 70, rel=2e-2
+        sound_means["LRE", "stiffness"].value / 70, rel=2e-2
     )
     less = means_of([replace(p, intrinsic=(("inertia", 0.05),)) for p in sound], NAMES)
-    with_device = means_of(sound, NAMES)["LRE", "inertia"]
+    with_device = sound_means["LRE", "inertia"]
     assert less["LRE", "inertia"].value == pytest.approx(with_device.value - 0.05)
     assert less["LRE", "inertia"].sd == with_device.sd
 
 
-def test_the_device_is_taken_off_values_per_kg_by_each_person_s_mass():
-    sound = people(6)
+def test_the_device_is_taken_off_values_per_kg_by_each_person_s_mass(sound):
     worn = [replace(p, intrinsic=(("stiffness", 10.0),)) for p in sound]
     masses_kg = 50.0 + 10.0 * np.arange(6)
     masses = dict(zip([p.participant for p in sound], masses_kg, strict=True))
@@ -139,9 +145,9 @@ def test_where_mass_explains_the_people_the_spread_per_kg_is_smaller():
     assert per_kg.sd / per_kg.value < 0.12
 
 
-def test_a_mean_that_is_the_device_s_own_is_undecided():
+def test_a_mean_that_is_the_device_s_own_is_undecided(sound):
     """It is no mean of too few people."""
-    worn = [replace(p, intrinsic=(("stiffness", 150.0),)) for p in people(6)]
+    worn = [replace(p, intrinsic=(("stiffness", 150.0),)) for p in sound]
     mean = means_of(worn, NAMES)["LRE", "stiffness"]
     assert (mean.decided, mean.n_people) == (False, 6)
 

@@ -37,7 +37,7 @@ def discrete(K: float, B: float, J: float) -> tuple[np.ndarray, np.ndarray, np.n
     return e[:2, :2], e[:2, 2] - e[:2, 3], e[:2, 3]
 
 
-@njit
+@njit(cache=True)
 def move(phi, early, late, torque, load, step):
     """Slip by matrix exponential, stop within a step, stick until friction is overcome."""
     K, J, friction = load

@@ -72,16 +72,14 @@ def template(label, phase, shapes, n_pulses, rng, sensors=()):
     )
 
 
-def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=()):
+def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=(), labels=tuple(PHASES)):
     """Draw a leg from the priors and its responses; return model, priors and true logarithms."""
     rng = np.random.default_rng(seed)
     person = ParticipantSpec(id="S01", mass_kg=rng.uniform(55, 95), height_m=rng.uniform(1.6, 1.9))
     spec = PriorsSpec()
     body = body_of(person, "knee", spec)
     priors = LegPriors(spec, body, {})
-    points = [
-        template(label, phase, shapes, n_pulses, rng, sensors) for label, phase in PHASES.items()
-    ]
+    points = [template(label, PHASES[label], shapes, n_pulses, rng, sensors) for label in labels]
     model = LegModel(points, window_s=window_s, gravity_stiffness=body.gravity_stiffness)
     prior = priors.build(model, follows_cycle=CYCLE_SHARES[seed % len(CYCLE_SHARES)])
     theta = rng.multivariate_normal(prior.mean, prior.covariance)

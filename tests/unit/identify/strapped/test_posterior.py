@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.identify.strapped.prior_draws import (
     DOUBLET,
+    PHASES,
     PULSES,
     simulated_person,
     standardised_errors,
@@ -18,6 +19,7 @@ STUDIES = {
     "doublet": {"shapes": (DOUBLET,), "n_pulses": 30, "window_s": 0.2},
     "two sizes and signs": {"shapes": PULSES, "n_pulses": 8, "window_s": 0.15},
 }
+FEW = ("LRE", "TST", "MSW")
 THREE_SENSORS = {
     "shapes": (DOUBLET, tuple((0.7 * a, 0.6 * s) for a, s in DOUBLET)),
     "n_pulses": 12,
@@ -26,7 +28,7 @@ THREE_SENSORS = {
 }
 
 
-@pytest.mark.parametrize("study", [STUDIES["doublet"], THREE_SENSORS])
+@pytest.mark.parametrize("study", [STUDIES["doublet"], THREE_SENSORS | {"labels": FEW}])
 def test_a_leg_from_the_priors_lies_within_its_intervals(study):
     errors = standardised_errors(0, **study)
 
@@ -34,9 +36,16 @@ def test_a_leg_from_the_priors_lies_within_its_intervals(study):
     assert 0.3 < np.sqrt((errors[:3] ** 2).mean()) < 2.0
 
 
-@pytest.mark.parametrize(("given", "differs"), [(1.0, False), (0.6, True)])
-def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs):
-    model, priors, _ = simulated_person(2, **STUDIES["two sizes and signs"])
+@pytest.mark.parametrize(
+    ("given", "differs", "seed", "labels"),
+    [
+        (1.0, False, 4, FEW),
+        (0.4, True, 4, FEW),
+        pytest.param(0.6, True, 2, tuple(PHASES), marks=pytest.mark.slow),
+    ],
+)
+def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs, seed, labels):
+    model, priors, _ = simulated_person(seed, **STUDIES["two sizes and signs"], labels=labels)
     points = [
         replace(
             point,
