@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from _pytest.runner import runtestprotocol
 
-#: A process that only sleeps woke so late (0.1 ms on an idle machine): two slots of a loop at 1 kHz.
+#: A process that only sleeps (0.1 ms late on an idle machine) missed two slots of a loop at 1 kHz.
 _LATE_S = 0.002
 _ATTEMPTS = 5
 _WATCH = """
