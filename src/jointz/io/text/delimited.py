@@ -409,10 +409,9 @@ class _Hashed(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        block = self._file.read(len(buffer))
-        self._digest.update(block)
-        buffer[: len(block)] = block
-        return len(block)
+        count: int = self._file.readinto(buffer)  # type: ignore[attr-defined]
+        self._digest.update(buffer[:count])
+        return count
 
 
 # --- what is wrong, and where -----------------------------------------------------------------
