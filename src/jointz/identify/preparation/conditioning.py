@@ -211,7 +211,7 @@ def _stretch(
     is_even = is_uniform(time, step_s=1.0 / own_rate)
     for row, even in ((ANGLE, raw[0]), (TORQUE, raw[1])):
         if not is_even:
-            uniform, even = resample_stretch(time, even, step_s=1.0 / own_rate)  # noqa: PLW2901
+            uniform, even = resample_stretch(time, even, step_s=1.0 / own_rate)
         signals = signals if signals.shape[1] else np.empty((4, uniform.size))
         signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
     signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)

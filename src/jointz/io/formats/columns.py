@@ -77,7 +77,7 @@ def check_samples(path: Path, table: RawTable) -> None:
         if values.dtype.kind != "f" or not values.size:
             continue
         # NaN and numbers too large alike fail this comparison, which needs no array.
-        if -LARGEST_SAMPLE <= values.min() and values.max() <= LARGEST_SAMPLE:
+        if values.min() >= -LARGEST_SAMPLE and values.max() <= LARGEST_SAMPLE:
             continue
         absurd = np.isfinite(values) & (np.abs(values) > LARGEST_SAMPLE)
         if absurd.any():
