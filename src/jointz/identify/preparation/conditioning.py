@@ -75,8 +75,8 @@ class Conditioned:
             chosen = np.flatnonzero(stretch_of == index)
             stretch = self.stretches[index]
             columns = stretch.nearest(starts[chosen])[:, None] + offsets
-            for k, row in enumerate(stretch.signals[rows]):
-                windows[chosen, k] = row[columns]
+            for channel, row in enumerate(stretch.signals[rows]):
+                windows[chosen, channel] = row[columns]
         for k in np.flatnonzero(stretch_of < 0):
             codes[k] = self._exclusion(starts[k] - before_s, starts[k] + after_s)
         return windows, codes
