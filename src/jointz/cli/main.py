@@ -1,5 +1,6 @@
 """Entry of ``jointz``: listens for a stop first, and loads the command line then."""
 
+import gc
 import os
 import sys
 
@@ -17,6 +18,8 @@ def run() -> None:
     # Numba takes these from a file in the working folder otherwise, and unpickles what is there.
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
     os.environ.setdefault("NUMBA_CACHE_LOCATOR_CLASSES", "")
+    # Searches for cycles take a tenth of the time of an analysis, most of them while modules load.
+    gc.set_threshold(50_000)
     try:
         listen_for_stops()
         from jointz.cli.command_line import run_command_line  # loads typer: a signal can come

@@ -8,6 +8,7 @@ missing samples are no strikes.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -104,7 +105,7 @@ def is_unclean_switch(recording: xr.Dataset) -> bool:
     """
     if "contact" not in recording or recording.attrs.get("contact_kind") != "contact":
         return False
-    x = recording["contact"].to_numpy().astype(float)
+    x = np.asarray(recording["contact"].to_numpy(), dtype=float)
     x = _thinned(x[np.isfinite(x)])
     if np.unique(x).size <= _SWITCH_VALUES:
         return False
@@ -377,8 +378,8 @@ def _outside_refractory(
         if clean and apart >= wait_s:
             stands.append(k)
         elif len(stands) > 1 and apart < wait_s:
-            recent = np.diff(time_s[stands[-7:-1]])
-            usual = float(np.median(recent)) if recent.size == 5 else expected
+            recent = sorted(times[b] - times[a] for a, b in pairwise(stands[-7:-1]))
+            usual = recent[2] if len(recent) == 5 else expected
             before = times[stands[-2]]
             early = times[stands[-1]] - before < _EARLY * usual
             if early and _ON_TIME[0] <= (now - before) / usual <= _ON_TIME[1]:

@@ -86,9 +86,10 @@ def is_uniform(time: np.ndarray, *, step_s: float | None = None) -> bool:
         return True
     steps = np.diff(time)
     expected = float(np.median(steps)) if step_s is None else step_s
-    if np.any(np.abs(steps - expected) > _JITTER * expected):
+    if max(steps.max() - expected, expected - steps.min()) > _JITTER * expected:
         return False
-    late = time - time[0] - expected * np.arange(len(time))
+    late = expected * np.arange(len(time))
+    np.subtract(time - time[0], late, out=late)
     return bool(np.ptp(late) <= expected)
 
 

@@ -62,7 +62,8 @@ def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failur
     if failure := angle_failure(recording):
         return failure
     torque = recording["torque"].to_numpy()
-    torque = torque[np.isfinite(torque)]
+    finite = np.isfinite(torque)
+    torque = torque if finite.all() else torque[finite]
     if not torque.size:
         return Failure.CONSTANT_TORQUE
     if is_held(torque, rate_hz(recording["time"].to_numpy())):

@@ -315,10 +315,12 @@ def _time(
         # On the file's own clock, so that an onset of a pulse table falls into one piece.
         return np.arange(rows.start, rows.stop) / float(declared or 1.0)
     time = channels["time"][rows]
+    if not declared:
+        return time
     steps = np.diff(time)
     steps = steps[np.isfinite(steps)]
     step = float(np.median(steps)) if steps.size else 0.0
-    if declared and step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
+    if step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
         raise DataError(
             f"{entry.file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "
             f"{declared:.6g}. Correct the unit of time, or remove sample_rate_hz.",

@@ -1,5 +1,6 @@
 """Processes that work for this one, and end with it."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -104,6 +105,7 @@ def begin_worker(until: Connection) -> None:
     """Listen to the parent alone: a Ctrl-C reaches every process of a terminal."""
     # A process a core: threads besides would wait for each other. Read when numpy is imported.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    gc.set_threshold(50_000)  # as in the command itself, see jointz.cli.main
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     threading.Thread(target=_end_with_parent, args=(until,), daemon=True).start()

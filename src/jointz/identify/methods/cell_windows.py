@@ -44,10 +44,14 @@ class WindowCutter:
             (index, *self._of_source(index, [c for c in candidates if c.source == index]))
             for index in dict.fromkeys(order)
         ]
-        windows = np.concatenate([w for _, w, _ in parts])
-        baseline = _stacked([(self._home(index), b) for index, _, b in parts])
+        _, windows, baseline = parts[0]
+        if len(parts) > 1:
+            windows = np.concatenate([w for _, w, _ in parts])
+            baseline = _stacked([(self._home(index), b) for index, _, b in parts])
         if not self._settings.kind.drifts:
             baseline = replace(baseline, block=1)
+        if len(parts) == 1:
+            return windows, baseline
         # In the order of the candidates.
         by_source = [k for index, _, _ in parts for k, i in enumerate(order) if i == index]
         back = np.argsort(by_source)

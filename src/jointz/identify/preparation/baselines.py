@@ -74,6 +74,8 @@ class Baseline:
 
     def take(self, pulses: np.ndarray) -> "Baseline":
         """Return the baseline of some of the pulses."""
+        if pulses.dtype == bool and pulses.all():
+            return self
         return replace(
             self,
             windows=self.windows[pulses],
@@ -106,9 +108,10 @@ class StridePool:
             moments = (elapsed[:, None] + starts[None, :]).ravel()
             cut, _ = recording.cut(moments, before_s=0.0, after_s=window_s)
             parts.append(cut.reshape(elapsed.size, len(starts), *cut.shape[1:]))
-        windows = np.concatenate(parts, axis=1)
+        windows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         valid = ~np.isnan(windows[:, :, 0, 0]) & self.undisturbed(elapsed + window_s)
-        return np.where(valid[:, :, None, None], windows, 0.0), valid
+        windows[~valid] = 0.0
+        return windows, valid
 
     def undisturbed(self, until_s: np.ndarray) -> np.ndarray:
         """Return whether no pulse begins between a stride's start and a time after it."""
@@ -125,7 +128,7 @@ class StridePool:
 def unperturbed_mean(pool: StridePool, elapsed_s: Sequence[float], *, window_s: float) -> Baseline:
     """Return every unperturbed stride at the same time since heel strike."""
     windows, valid = pool.windows(elapsed_s, window_s=window_s)
-    sources = np.broadcast_to(np.arange(pool.size), valid.shape)
+    sources = np.tile(np.arange(pool.size), (len(valid), 1))
     return Baseline(windows, sources, valid, STRIDE_BLOCK)
 
 
@@ -161,7 +164,8 @@ def matched_strides(
     windows = windows[:, :, before.shape[1] :].reshape(*best.shape, 4, -1)
     valid = np.isfinite(windows[:, :, 0, 0]) & np.take_along_axis(undisturbed, best, axis=1)
     valid &= valid.sum(axis=1, keepdims=True) >= _FEWEST_MATCHES
-    return Baseline(np.where(valid[:, :, None, None], windows, 0.0), best, valid)
+    windows[~valid] = 0.0
+    return Baseline(windows, best, valid)
 
 
 def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:

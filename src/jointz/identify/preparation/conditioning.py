@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
-from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
+from jointz.gait.timestamps import find_gaps, is_uniform, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
@@ -75,7 +75,8 @@ class Conditioned:
             chosen = np.flatnonzero(stretch_of == index)
             stretch = self.stretches[index]
             columns = stretch.nearest(starts[chosen])[:, None] + offsets
-            windows[chosen] = stretch.signals[rows][:, columns].transpose(1, 0, 2)
+            for channel, row in enumerate(stretch.signals[rows]):
+                windows[chosen, channel] = row[columns]
         for k in np.flatnonzero(stretch_of < 0):
             codes[k] = self._exclusion(starts[k] - before_s, starts[k] + after_s)
         return windows, codes
@@ -207,8 +208,10 @@ def _stretch(
     own_rate, rate = rates_hz
     signals = np.empty((4, 0))
     uniform = time
-    for row, values in ((ANGLE, raw[0]), (TORQUE, raw[1])):
-        uniform, even = resample_stretch(time, values, step_s=1.0 / own_rate)
+    is_even = is_uniform(time, step_s=1.0 / own_rate)
+    for row, even in ((ANGLE, raw[0]), (TORQUE, raw[1])):
+        if not is_even:
+            uniform, even = resample_stretch(time, even, step_s=1.0 / own_rate)
         signals = signals if signals.shape[1] else np.empty((4, uniform.size))
         signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
     signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)

@@ -79,10 +79,13 @@ def measured_amplitude(recording: xr.Dataset, name: str, pulse: Pulse) -> float:
 
 def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
     """Return the runs in which the commanded torque is not zero."""
+    time, samples = recording["time"].to_numpy(), recording["command"].to_numpy()
+    if np.isfinite(samples).all():
+        return _runs(time, samples)
     command = recording["command"].to_series().where(np.isfinite)
     before, after = command.ffill().fillna(0.0), command.bfill().fillna(0.0)
     bridged = command.fillna(before.where(after != 0.0, 0.0))
-    return _runs(recording["time"].to_numpy(), bridged.to_numpy())
+    return _runs(time, bridged.to_numpy())
 
 
 def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tuple[Pulse, ...]:

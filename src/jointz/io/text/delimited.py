@@ -402,17 +402,16 @@ def _blocks(layout: _Layout, digest: Any) -> Iterator[bytes]:
 class _Hashed(io.RawIOBase):
     """A file that hashes what is read of it, once and in order."""
 
-    def __init__(self, file: IO[bytes], digest: Any) -> None:
+    def __init__(self, file: io.BufferedReader, digest: Any) -> None:
         self._file, self._digest = file, digest
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        block = self._file.read(len(buffer))
-        self._digest.update(block)
-        buffer[: len(block)] = block
-        return len(block)
+        count = self._file.readinto(buffer)
+        self._digest.update(buffer[:count])
+        return count
 
 
 # --- what is wrong, and where -----------------------------------------------------------------
