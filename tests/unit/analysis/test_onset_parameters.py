@@ -138,6 +138,7 @@ def test_figures_and_printed_tables_stay_as_they_are(plain, onset, figures):
 
 def test_results_with_and_without_them_are_compared_in_what_both_have(folders):
     both = compare_results([folders / "plain", folders / "onset"], paired=True)
+    alone = compare_results([folders / "onset"])
 
-    assert both.parameters == ("stiffness", "damping", "inertia")
+    assert both.parameters == alone.parameters == ("stiffness", "damping", "inertia")
     assert all(d.ci_low <= 0.0 <= d.ci_high for d in both.differences if d.available)

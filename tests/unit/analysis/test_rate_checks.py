@@ -48,7 +48,7 @@ def problem_of(study):
 
 @pytest.mark.parametrize(
     ("rate_hz", "stride"),
-    [(1000.0, "0.5"), (100.0, "5."), (700.0, "0.7"), (500.0, ""), (300.0, "")],
+    [(1000.0, "0.5"), (100.0, "5."), (250.0, "2.1"), (700.0, "0.7"), (500.0, ""), (300.0, "")],
 )
 def test_a_declared_rate_at_which_nobody_walks_is_refused_with_the_likely_one(
     small_study, rate_hz, stride
