@@ -43,9 +43,8 @@ def test_a_search_of_all_loads_finds_the_stored_growth(name):
     assert factor == pytest.approx(cycle.growth, abs=0.01)
 
 
-@pytest.mark.parametrize("name", CHOSEN[::3])
-def test_another_integrator_gives_the_stored_growth(name):
-    cycle = CYCLES[name]
+def test_another_integrator_gives_the_stored_growth():
+    cycle = CYCLES[CHOSEN[0]]
     factor = growth_by_solve_ivp(cycle.stiffness, cycle.damping, cycle.worst)
     assert factor == pytest.approx(cycle.growth, abs=1e-3)
 

@@ -10,9 +10,10 @@ def test_no_parameter_is_refused(jointz):
     assert jointz("plan", "walking", "--of", ",").code == 2
 
 
-def test_nearest_half_width_of_few_minutes_can_be_asked_for(doublets, bare_plan):
+@pytest.mark.parametrize("minutes", [3.2, 5.0, 8.0])
+def test_nearest_half_width_of_few_minutes_can_be_asked_for(doublets, bare_plan, minutes):
     noisy = {"goniometer": np.deg2rad(0.6)}
-    made = bare_plan(doublets, half_width_pct=50.0, minutes=3.2, sensors=noisy)
+    made = bare_plan(doublets, half_width_pct=50.0, minutes=minutes, sensors=noisy)
     for text in made.refused:
         if found := re.search(r"--half-width (\d+(?:\.\d+)?)", text):
             assert float(found[1]) <= 50.0, text
@@ -25,7 +26,7 @@ def test_nearest_difference_of_few_people_can_be_asked_for(doublets, bare_plan, 
         assert named is None or float(named[1]) <= 300.0
 
 
-@pytest.mark.parametrize("limit", [4.0, 12.0])
+@pytest.mark.parametrize("limit", [4.0, 6.0, 9.0, 12.0])
 def test_motion_is_not_exceeded(small_protocol, bare_plan, limit):
     plan = bare_plan(small_protocol(points={"MST": 21.5, "MSW": 81.0}), motion_deg=limit)
     assert plan.peak_deg <= limit * 1.02

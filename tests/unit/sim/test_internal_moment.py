@@ -105,7 +105,7 @@ def test_people_have_the_curve_of_able_bodied_adults_in_sizes_and_timings_of_the
 class TestMeasurement:
     @pytest.mark.parametrize(
         ("name", "noise_nm"),
-        [("clean", 0.0), ("hard", 2.0)],
+        [("clean", 0.0), ("nominal", 1.0), ("hard", 2.0), ("anthropometric", 1.0)],
     )
     def test_noise_is_as_large_as_the_preset_says_and_changes_nothing_else(self, name, noise_nm):
         noisy, exact = (
