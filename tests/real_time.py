@@ -96,7 +96,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 def _retried(terminalreporter: pytest.TerminalReporter) -> Iterator[str]:
     for kind in ("passed", "failed", "error"):
         for report in terminalreporter.getreports(kind):
-            if report.when == "call" or report.failed:
-                for name, why in report.user_properties:
+            if getattr(report, "when", "") == "call" or report.failed:
+                for name, why in getattr(report, "user_properties", ()):  # a module may not load
                     if name == _RETRIED:
                         yield f"{report.nodeid}: {why}"
