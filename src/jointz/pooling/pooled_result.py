@@ -89,7 +89,7 @@ class PooledStudies(Result):
 
     @property
     def available(self) -> bool:
-        """Whether at least one mean is decided."""
+        """True if at least one mean is decided."""
         return not self._available.empty
 
     @property
