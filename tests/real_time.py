@@ -59,8 +59,9 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """
     if item.get_closest_marker("alone") is None:
         return None
-    watch = item.config.stash.setdefault(_watch_key, None) or LatenessWatch()
-    item.config.stash[_watch_key] = watch
+    if _watch_key not in item.config.stash:
+        item.config.stash[_watch_key] = LatenessWatch()
+    watch = item.config.stash[_watch_key]
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for left in reversed(range(_ATTEMPTS)):
         watch.take()

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.codes import Failure, NotPooled
-from jointz.core.errors import DataError, OutputError
+from jointz.core.errors import DataError, OutputError, StudyError
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.core.provenance import now, software
 from jointz.io.formats.columns import file_sha256
@@ -61,8 +61,8 @@ def pool(
 
     Raises
     ------
-    DataError
-        If the studies cannot be pooled, with all reasons.
+    StudyError
+        If the studies cannot be pooled; a :class:`DataError` with all reasons.
     OutputError
         If ``out`` exists or is one of the results folders.
     """
@@ -101,11 +101,8 @@ def _read(
     if not paths:
         raise DataError("pool: expected one or more results folders, got none. Name them.")
     places = [path.resolve() for path in paths]
-    problems = [
-        f"{path}: named twice. Name each folder once."
-        for k, path in enumerate(paths)
-        if places[k] in places[:k]
-    ]
+    again = [path for k, path in enumerate(paths) if places[k] in places[:k]]
+    problems = [f"{path}: named twice. Name each folder once." for path in again]
     paths = [path for k, path in enumerate(paths) if places[k] not in places[:k]]
     names = folder_names(paths)
     conditions = [Condition(name) for name in names]
@@ -120,18 +117,16 @@ def _read(
             problems.append(str(exc))
     problems += refusals(read, of_read)
     if problems:
-        head = f"pool: {len(problems)} problem{'s' if len(problems) > 1 else ''}"
-        raise DataError("\n".join([head, *(f"  - {problem}" for problem in problems)]))
+        raise StudyError("pool", problems)
     return read, of_read
 
 
 def _pooled(
     folders: Sequence[ResultsFolder], conditions: Sequence[Condition], file: Path | None
 ) -> PooledStudies:
-    estimates = pd.concat(
-        [_joined(f, c) for f, c in zip(folders, conditions, strict=True)], ignore_index=True
-    )
-    ordered = _in_order(typed_table(estimates, COLUMNS["estimates"]))
+    joined = [_joined(f, c) for f, c in zip(folders, conditions, strict=True)]
+    estimates = typed_table(pd.concat(joined, ignore_index=True), COLUMNS["estimates"])
+    ordered = _in_order(estimates)
     people = people_of(ordered)
     method = " and ".join(sorted(set(ordered["method"])))
     level = float(ordered["ci_level"].iloc[0])
@@ -153,7 +148,7 @@ def _pooled(
     return PooledStudies(
         typed_table(rows, COLUMNS["table"]),
         studies,
-        typed_table(estimates, COLUMNS["estimates"]),
+        estimates,
         ci_level=level,
         notes=tuple(_notes(studies, len(people))),
         settings={
