@@ -76,7 +76,7 @@ def _key(request: EstimationRequest, person_id: str) -> str:
     """Return the key of a participant's outcome; workers call it, as it reads the files."""
     study = request.study
     entries = [e for e in study.spec.recordings if e.participant == person_id]
-    files = [file for e in entries for file in (e.file, e.perturbations) if file is not None]
+    files = [file for e in entries for file in (e.file, *e.other_files)]
     inputs = {"study.toml": study.sha256}
     for file in files:
         with suppress(OSError, DataError):  # reported when the file is read
@@ -218,8 +218,9 @@ def read_participant(
         except DataError as exc:
             problems.append(str(exc))
             continue
-        if entry.perturbations is not None:
-            inputs[entry.perturbations] = hashed(study, entry.perturbations)
+        for file in (entry.perturbations, entry.heel_strikes):
+            if file is not None:
+                inputs[file] = hashed(study, file)
         calibration = study.spec.calibration_of(entry)
         recordings += [
             RecordingInput(piece, calibration, table)

@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from jointz.core.channels import HEEL_STRIKES
 from jointz.core.errors import DataError
 from jointz.core.events import StrideRecord
 from jointz.core.study import RecordingSpec, Study
+from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.pulse_lengths import rate_of_lengths
 from jointz.gait.sample_rate import (
     LONGEST_S,
@@ -21,9 +23,12 @@ from jointz.gait.sample_rate import (
     told_rates,
     usual_strides_s,
 )
+from jointz.gait.strides import find_strides
 from jointz.gait.timestamps import rate_hz
 
 _MOST_BEYOND = 0.2  # share of onsets that may be beyond the end of a recording
+#: Most of stance, in which no knee flexes most, % of the cycle.
+_STANCE_PCT = (8.0, 45.0)
 _EXPECTED = f"people walk with {SHORTEST_S:g} to {LONGEST_S:g} s"
 
 
@@ -34,9 +39,11 @@ def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Datase
     only the study states; so the analysis stops and asks. Time stamps of the recorder are data,
     for which ``stride_warnings`` only warns.
     """
-    if study.spec.kind != "walking" or "time" in study.spec.channels:
-        return
     longest = max(pieces, key=lambda piece: piece.sizes["time"])
+    if study.spec.kind == "walking" and HEEL_STRIKES in longest:
+        check_listed_strikes(entry.heel_strikes or entry.file, longest)
+    if study.spec.kind != "walking" or _is_stamped(study):
+        return
     stride = median_stride_s(longest)
     shortest, most = usual_strides_s(study.spec.participant(entry.participant).height_m)
     if stride is None or shortest <= stride <= most:
@@ -50,6 +57,53 @@ def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Datase
         "give height_m.",
         path=entry.file,
     )
+
+
+def check_listed_strikes(file: str, recording: xr.Dataset) -> None:
+    """Refuse listed heel strikes that are those of both legs, or of the other leg.
+
+    A knee flexes most in swing, at about 72 % of the cycle from its own heel strike.
+    """
+    stride = median_stride_s(recording)
+    if stride is not None and stride < SHORTEST_S:
+        raise DataError(
+            f"{file}: its heel strikes are {stride:.3g} s apart (median); {_EXPECTED}. Are they of "
+            "both legs? List those of the leg with the device only.",
+            path=file,
+            channel=HEEL_STRIKES,
+        )
+    pct = _largest_flexion_pct(recording)
+    if (
+        recording.attrs["joint"] == "knee"
+        and pct is not None
+        and _STANCE_PCT[0] < pct < _STANCE_PCT[1]
+    ):
+        raise DataError(
+            f"{file}: the knee flexes most at {pct:.0f} % of the cycles that begin with its heel "
+            "strikes; in walking it does at about 72 %. List the heel strikes of the leg with the "
+            "device, or correct the angle's positive direction.",
+            path=file,
+            channel=HEEL_STRIKES,
+        )
+
+
+def _largest_flexion_pct(recording: xr.Dataset) -> float | None:
+    """Return the median time of the largest flexion, % of the cycle; None without strides."""
+    time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
+    angle = np.nan_to_num(angle if recording.attrs["positive"] == "flexion" else -angle)
+    strides = find_strides(find_heel_strikes(recording).time_s, np.empty((0, 2)))
+    edges = np.searchsorted(time, strides.strike_s)
+    shares = [
+        np.argmax(angle[a:b]) / (b - a)
+        for a, b, accepted in zip(edges[:-1], edges[1:], strides.accepted, strict=True)
+        if accepted and b > a
+    ]
+    return 100.0 * float(np.median(shares)) if shares else None
+
+
+def _is_stamped(study: Study) -> bool:
+    """Return whether the times are data: stamps, or the clock of a file that knows it."""
+    return "time" in study.spec.channels or study.spec.sample_rate_hz is None
 
 
 def stride_warnings(strides: Sequence[StrideRecord]) -> list[str]:
@@ -75,7 +129,7 @@ def check_onsets(
         return
     own_hz = rate_hz(perturbed[0]["time"].to_numpy())
     onset_s = table["onset_s"].to_numpy(dtype=float)
-    stamped = "time" in study.spec.channels
+    stamped = _is_stamped(study)
     scale = scale_of_onsets(perturbed[0], onset_s, rate_hz=own_hz, stamped=stamped)
     if scale is None:
         _check_ends(study, entry, perturbed[0], onset_s)
@@ -96,7 +150,7 @@ def check_lengths(
     study: Study, entry: RecordingSpec, pieces: Sequence[xr.Dataset], table: pd.DataFrame
 ) -> None:
     """Refuse a rate of the study at which pulses do not last as long as their table says."""
-    if "time" in study.spec.channels:
+    if _is_stamped(study):
         return
     for piece in pieces:
         if piece.attrs["condition"] != "perturbed":
@@ -122,7 +176,7 @@ def _check_ends(
     """Refuse many onsets beyond the end of a recording whose rate only the study states."""
     own_hz, end_s = study.spec.sample_rate_hz or 1.0, float(recording["time"][-1])
     beyond = onset_s > end_s
-    if "time" in study.spec.channels or beyond.sum() <= _MOST_BEYOND * beyond.size:
+    if _is_stamped(study) or beyond.sum() <= _MOST_BEYOND * beyond.size:
         return
     most_hz = own_hz * end_s / onset_s.max()
     likely = max((hz for hz in USUAL_HZ if hz <= most_hz), default=most_hz)

@@ -42,6 +42,9 @@ UNITLESS_RECORD_COLUMNS = ("contact", "direction")
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
 
+#: Channel of event times, no samples; in a recording it counts the heel strikes so far.
+HEEL_STRIKES = "heel_strikes"
+
 #: Channels whose sign turns with ``torque_acts_on = "device"``.
 DEVICE_SIDE_CHANNELS = ("torque", "sensor_torque")
 

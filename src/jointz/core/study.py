@@ -15,7 +15,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, model_validator
 
-from jointz.core.channels import CONDITIONS, LABEL_CHANNELS, OPPOSITE_DIRECTION
+from jointz.core.channels import (
+    CONDITIONS,
+    HEEL_STRIKES,
+    LABEL_CHANNELS,
+    OPPOSITE_DIRECTION,
+)
 from jointz.core.checked_model import STRICT
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.priors import PriorsSpec
@@ -126,14 +131,33 @@ class FilesSpec(_Model):
     missing: tuple[str, ...] = Field(default=(), strict=False)
 
 
+class ClockSpec(_Model):
+    """Clock of a channel: time stamps in a column, or a rate and the time of the first sample."""
+
+    column: Column | None = None
+    unit: str | None = None
+    rate_hz: float | None = Field(default=None, gt=0)
+    start_s: float = 0.0
+
+    @model_validator(mode="after")
+    def _is_stamps_or_rate(self) -> "ClockSpec":
+        if (self.column is None) == (self.rate_hz is None):
+            raise ValueError("expected either column, with time stamps, or rate_hz")
+        if self.rate_hz is not None and self.unit is not None:
+            raise ValueError("unit: belongs to time stamps; start_s is in s")
+        return self
+
+
 class ChannelChange(_Model):
     """Keys of a channel that differ in one recording.
 
-    ``unit`` is that of the file's numbers times ``scale``.
+    ``unit`` is that of the file's numbers times ``scale``. ``time`` is the channel's clock, where
+    it is not that of ``channels.time``.
     """
 
     column: Column | None = None
     unit: str | None = None
+    time: ClockSpec | None = None
     scale: Annotated[float, AfterValidator(_scale)] | None = None
     invert: bool = False
     kind: Literal["contact", "voltage", "pulse"] | None = None
@@ -320,9 +344,10 @@ class JoinedSpec(_Model):
             raise ValueError("events_s: expected different times of different events")
         if "time" not in self.channels or len(self.channels) < 2:
             raise ValueError("channels: expected time, and a channel or more to be joined")
-        unfit = {*LABEL_CHANNELS, "contact"} & set(self.channels)
-        if unfit:
-            raise ValueError(f"channels.{min(unfit)}: only what can be interpolated can be joined")
+        if unfit := {*LABEL_CHANNELS, HEEL_STRIKES} & set(self.channels):
+            raise ValueError(f"channels.{min(unfit)}: cannot be joined; only samples can")
+        if timed := [name for name, channel in self.channels.items() if channel.time]:
+            raise ValueError(f"channels.{timed[0]}.time: expected one clock; join the file twice")
         return self
 
 
@@ -340,6 +365,13 @@ class RecordingSpec(_Model):
     side: Literal["left", "right"] | None = None
     calibration: CalibrationSpec | None = None
     joined: tuple[JoinedSpec, ...] = Field(default=(), strict=False)
+    heel_strikes: FileName | None = None
+
+    @property
+    def other_files(self) -> tuple[str, ...]:
+        """Files beside that of the samples: joined ones, heel strikes, pulses."""
+        tables = (self.heel_strikes, self.perturbations)
+        return (*(one.file for one in self.joined), *filter(None, tables))
 
     @property
     def label(self) -> str:

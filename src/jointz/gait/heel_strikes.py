@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from scipy.ndimage import median_filter
 
+from jointz.core.channels import HEEL_STRIKES
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError, EstimationError
 from jointz.gait.timestamps import longest_step_s
@@ -61,7 +62,9 @@ class HeelStrikes:
     # upper threshold of the trigger, in the unit of the signal, at the middle of the drift of a
     # voltage; NaN for a stride counter or a signal that never switches
     high: float
-    method: str  # kind of the signal: ``contact``, ``voltage``, ``pulse``, ``force`` or ``cycle``
+    # kind of the signal: ``contact``, ``voltage``, ``pulse``, ``force``, ``cycle`` or, where they
+    # are listed, ``heel_strikes``
+    method: str
 
 
 def find_heel_strikes(
@@ -69,12 +72,14 @@ def find_heel_strikes(
 ) -> HeelStrikes:
     """Find the heel strikes of a recording.
 
-    The channel ``contact`` is used where it exists, else
+    Listed heel strikes are used where they exist, else the channel ``contact``, else
     ``ground_reaction_force``, else ``cycle``. A contact whose kind is not
     declared is read as ``contact`` where it has two values, else as ``voltage``.
     """
     where = recording.attrs.get("file") or "recording"
     time = recording["time"].to_numpy()
+    if HEEL_STRIKES in recording:
+        return strikes_from_count(time, recording[HEEL_STRIKES].to_numpy())
     if "contact" in recording:
         signal = recording["contact"].to_numpy()
         kind = recording.attrs.get("contact_kind") or _kind(signal)
@@ -90,8 +95,8 @@ def find_heel_strikes(
         return strikes_from_cycle(time, recording["cycle"].to_numpy())
     raise EstimationError(
         Exclusion.NO_HEEL_STRIKES.value,
-        f"{where}: heel strikes need a channel 'contact', 'ground_reaction_force' or 'cycle', "
-        f"found {', '.join(map(str, recording.data_vars)) or 'no channel'}. "
+        f"{where}: heel strikes need a channel 'heel_strikes', 'contact', 'ground_reaction_force' "
+        f"or 'cycle', found {', '.join(map(str, recording.data_vars)) or 'no channel'}. "
         "Declare one of them under [channels] in study.toml.",
     )
 
@@ -201,6 +206,15 @@ def strikes_from_cycle(time: np.ndarray, cycle: np.ndarray) -> HeelStrikes:
     seen = np.diff(t) <= _limit(t)
     at = np.flatnonzero((np.diff(x) != 0) & seen) + 1
     return HeelStrikes(t[at], np.empty(0), np.nan, np.nan, "cycle")
+
+
+def strikes_from_count(time: np.ndarray, count: np.ndarray) -> HeelStrikes:
+    """Find heel strikes where their listed number rises; those too soon after one are rejected."""
+    rises = np.diff(count)
+    time_s = np.repeat(time[1:], np.maximum(rises, 0).astype(int))
+    every = np.ones(time_s.size, dtype=bool)
+    strike, rejected = _select(time_s, every, seen=every)
+    return HeelStrikes(strike, rejected, np.nan, np.nan, HEEL_STRIKES)
 
 
 _INTERPOLATED = ("voltage", "force")

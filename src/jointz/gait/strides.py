@@ -1,7 +1,7 @@
 """Strides between heel strikes, accepted or rejected."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 
 import numpy as np
@@ -31,6 +31,8 @@ class Strides:
     # reason for exclusion, a code of :class:`jointz.core.codes.Exclusion`; "" if accepted
     code: tuple[str, ...]
     detail: tuple[str, ...]  # details of the code, and of holes in accepted strides
+    # listed heel strikes too soon after another, which bound no stride, s
+    spurious_s: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def strike_s(self) -> np.ndarray:

@@ -21,6 +21,7 @@ from jointz.identify.over_cycle.stride_curves import (
     mean_strides,
     stride_curves,
 )
+from jointz.identify.preparation.channel_clocks import clock_notes
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -138,7 +139,11 @@ def _analyze_group(
             source.given.file for source in new if is_unclean_switch(source.given.recording)
         ),
         units=() if unit is None else (unit,),
-        notes=(*estimates[chosen].notes, *notes),
+        notes=(
+            *estimates[chosen].notes,
+            *notes,
+            *clock_notes([(s.given.file, s.given.recording) for s in new]),
+        ),
     )
 
 
@@ -150,6 +155,13 @@ def _stride_records(
         return
     damage_s = damage_of(source.given.recording)
     session, side = unit_of(source.given) if settings.kind.by_side else ("", "")
+    recording = {
+        "participant": participant,
+        "recording": source.given.file,
+        "condition": source.given.condition,
+        "session": session,
+        "side": side,
+    }
     for k, (start, duration) in enumerate(zip(strides.start_s, strides.duration_s, strict=True)):
         start_s, duration_s = float(start), float(duration)
         code, detail = strides.code[k], strides.detail[k]
@@ -162,13 +174,14 @@ def _stride_records(
         ):
             code, detail = Exclusion.DAMAGED_LOG.value, damage
         yield StrideRecord(
-            participant=participant,
-            recording=source.given.file,
-            condition=source.given.condition,
-            start_s=start_s,
-            duration_s=duration_s,
-            code=code,
-            detail=detail,
-            session=session,
-            side=side,
+            start_s=start_s, duration_s=duration_s, code=code, detail=detail, **recording
+        )
+    for moment in strides.spurious_s.tolist():
+        following = strides.strike_s[strides.strike_s > moment]
+        yield StrideRecord(
+            start_s=moment,
+            duration_s=float(following[0]) - moment if following.size else float("nan"),
+            code=Exclusion.SPURIOUS_STRIKE.value,
+            detail="listed too soon after another heel strike; left out",
+            **recording,
         )

@@ -35,7 +35,7 @@ from jointz.inspection.study_draft import (
     condition_levels,
     usual_direction,
 )
-from jointz.io.pulse_tables import SAMPLE
+from jointz.io.study_files import SAMPLE
 
 _USUAL_JOINT = "knee"
 _UNLIKE = 50.0  # ratio of torques in different units

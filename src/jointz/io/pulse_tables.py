@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from jointz.core.errors import UnitError
+from jointz.core.errors import DataError, UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
@@ -20,7 +20,7 @@ from jointz.io.formats.registry import (
     read_acquisition,
     read_table,
 )
-from jointz.io.study_files import PART, named_as_written
+from jointz.io.study_files import PART, SAMPLE, named_as_written
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import (
@@ -30,7 +30,6 @@ from jointz.io.text.delimited import (
 from jointz.io.text.text_bytes import likely_encoding, not_decoded, stated_encoding
 from jointz.io.text.text_layout import DELIMITERS
 
-SAMPLE = "sample"
 #: What a column holds -> names that say so without [perturbations.columns].
 NAMES: Mapping[str, tuple[str, ...]] = {
     "onset": ("onset_s", "onset_ms", "onset_sample"),
@@ -190,7 +189,7 @@ def _find(
 
 def _agreed(path: Path, meaning: str, name: str, stated: str | None) -> str | None:
     """Return the unit of a column; refuse one that the column's name contradicts."""
-    named, si_unit = _unit_in(name), _NUMBERS.get(meaning)
+    named, si_unit = unit_in(name), _NUMBERS.get(meaning)
     if stated is None or named is None or si_unit is None:
         return stated or named
     try:
@@ -203,7 +202,7 @@ def _agreed(path: Path, meaning: str, name: str, stated: str | None) -> str | No
     return stated
 
 
-def _unit_in(name: str) -> str | None:
+def unit_in(name: str) -> str | None:
     """Return the unit that a column's name states in brackets or at its end."""
     lower = name.casefold()
     end = next((unit for end, unit in _UNIT_OF_END.items() if lower.endswith(end)), None)
@@ -333,23 +332,43 @@ def _times_of(
     table: _Table, name: str, samples: np.ndarray, spec: StudySpec, times: Times | None
 ) -> np.ndarray:
     """Return the times of samples, or the duration of as many."""
-    column, first = str(table.columns[name].column), spec.perturbations.first_sample
-    if name == "onset" and first is None:
-        raise file_error(
-            table.path,
-            "counts samples. Give [perturbations] first_sample: the number of the recording's "
-            "first sample, 1 in MATLAB and 0 in Python or C.",
-            channel=column,
-        )
+    column = str(table.columns[name].column)
+    if name == "onset" and spec.perturbations.first_sample is None:
+        raise _no_first_sample(table.path, column)
     if times is None:
         return np.full(samples.size, np.nan)
-    time_s = times()
     if name == "duration":
-        return np.asarray(samples * float(np.median(np.diff(time_s))))
-    index = samples - float(first or 0)
+        return np.asarray(samples * float(np.median(np.diff(times()))))
+    rows = table.cells.index.to_numpy()
+    return times_of_samples(table.path, column, samples, spec, times(), rows=rows)
+
+
+def times_of_samples(
+    path: Path,
+    column: str,
+    samples: np.ndarray,
+    spec: StudySpec,
+    time_s: np.ndarray,
+    *,
+    rows: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return the times of counted samples, s; ``rows`` are those of the table."""
+    first = spec.perturbations.first_sample
+    if first is None:
+        raise _no_first_sample(path, column)
+    index = samples - float(first)
     beyond = ~((index >= 0) & (index <= time_s.size - 1))
     if beyond.any():
-        row = int(table.cells.index[beyond][0])
+        row = None if rows is None else int(rows[beyond][0])
         message = f"there is no sample {samples[beyond][0]:g} in {time_s.size} samples. Correct it."
-        raise file_error(table.path, message, row=row, channel=column)
-    return np.interp(index, np.arange(time_s.size), time_s)
+        raise file_error(path, message, row=row, channel=column)
+    return np.asarray(np.interp(index, np.arange(time_s.size), time_s))
+
+
+def _no_first_sample(path: Path, column: str) -> DataError:
+    return file_error(
+        path,
+        "counts samples. Give [perturbations] first_sample: the number of the recording's first "
+        "sample, 1 in MATLAB and 0 in Python or C.",
+        channel=column,
+    )

@@ -1,6 +1,6 @@
 """Read the recordings of a study into SI, the study's direction and one condition each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -14,6 +14,7 @@ from jointz.core.channels import (
     CHANNEL_UNITS,
     CONDITIONS,
     DEVICE_SIDE_CHANNELS,
+    HEEL_STRIKES,
     LABEL_CHANNELS,
     MOTION_SENSORS,
     MOTOR_CHANNELS,
@@ -23,9 +24,10 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
+from jointz.io.clocks import ClockedSamples, ClockSource, clock_sources, on_one_clock
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import list_columns, read_table
-from jointz.io.joined_files import join_files
+from jointz.io.heel_strike_times import read_heel_strikes
 from jointz.io.pulse_tables import read_pulses
 from jointz.io.study_files import (
     OVER_MASS,
@@ -97,36 +99,69 @@ def read_recording(study: Study, entry: RecordingSpec) -> tuple[xr.Dataset, ...]
         When the file cannot be trusted; names file, row or channel.
     """
     study = study_of_recording(study, entry)
-    spec = study.spec
-    columns = {name: channel.column for name, channel in spec.channels.items()}
+    parts = [part for source in clock_sources(study, entry) for part in _samples(source, entry)]
+    if not parts:
+        raise DataError(f"{entry.file}: it has no channel of numbers. Name one under [channels].")
+    samples, steps = on_one_clock(parts)
+    strikes = read_heel_strikes(study, entry, samples.time_s)
+    if strikes is not None:
+        samples = replace(samples, channels={**samples.channels, HEEL_STRIKES: strikes})
+    pieces = _split(samples.labels, samples.time_s.size)
+    history = (*samples.table.history, *steps)
+    return tuple(_piece(study, entry, samples, rows, history=history) for rows in pieces)
+
+
+def _samples(source: ClockSource, entry: RecordingSpec) -> Iterator[ClockedSamples]:
+    """Read channels of a file; where the file itself knows of several clocks, by these."""
+    study, spec = source.study, source.study.spec
+    columns = {n: spec.channels[n].column for n in ("time", *source.names) if n in spec.channels}
     needed = needed_channels(columns, entry.condition, moments_only=spec.moments_only)
     labels = [name for name in LABEL_CHANNELS if name in needed]
-    numeric = [name for name in needed if name not in LABEL_CHANNELS]
+    numeric = [name for name in needed if name not in (*LABEL_CHANNELS, HEEL_STRIKES)]
     # A time of day is text in the file, and a number from here on.
     clocks = [n for n in numeric if n == "time" and spec.channels[n].unit == CLOCK_TEXT]
-    with named_as_written(study.root, entry.file) as path:
+    with named_as_written(study.root, source.file) as path:
         numeric = _without_absent_sensors(spec, path, numeric)
+        if not labels and set(numeric) <= {"time"}:
+            return
         table = read_table(
             path,
             numeric=[columns[n] for n in numeric if n not in clocks],
             labels=[columns[n] for n in (*labels, *clocks)],
             files=spec.files,
             from_zero=_counts_from_zero(spec),
+            several_clocks=True,
         )
         table = _with_clocks(table, [str(columns[n]) for n in clocks])
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
-    converted = {n: _in_si(study, entry, n, table) for n in numeric}
-    channels = {n: values for n, (values, _) in converted.items()}
-    units = {n: unit for n, (_, unit) in converted.items()}
-    if entry.joined:
-        time_s = _whole_time(spec, channels)
-        joined, joined_units, steps = join_files(study, entry, time_s, taken=(*channels, *labels))
-        channels, units = channels | joined, units | joined_units
-        table = replace(table, history=(*table.history, *steps))
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
-    pieces = _split(text, len(next(iter(channels.values()))))
-    return tuple(_piece(study, entry, table, (channels, units, text), rows=rows) for rows in pieces)
+    read = [n for n in numeric if str(columns[n]) in table.columns]
+    converted = {n: _in_si(study, entry, n, table) for n in read}
+    for names, own_s in _by_clock(table, {n: str(columns[n]) for n in (*read, *labels)}):
+        channels = {n: values for n, (values, _) in converted.items() if n in names}
+        time_s = _whole_time(spec, source.file, channels, own_s)
+        if (source.offset_s, source.rate) != (0.0, 1.0):
+            time_s = source.offset_s + source.rate * time_s
+        yield ClockedSamples(
+            source=source,
+            table=table,
+            time_s=time_s,
+            channels={n: values for n, values in channels.items() if n != "time"},
+            units={n: unit for n, (_, unit) in converted.items() if n in names},
+            labels={n: text[n] for n in labels if n in names},
+        )
+
+
+def _by_clock(
+    table: RawTable, columns: Mapping[str, str]
+) -> Iterator[tuple[list[str], np.ndarray | None]]:
+    """Yield the channels that share a clock, with its times where the file knows them."""
+    clocks = {name: table.clocks.get(column) for name, column in columns.items()}
+    for key in dict.fromkeys(map(id, clocks.values())):
+        names = [name for name, clock in clocks.items() if id(clock) == key]
+        if names != ["time"]:
+            yield names, clocks[names[0]]
 
 
 def _with_clocks(table: RawTable, names: Sequence[str]) -> RawTable:
@@ -154,26 +189,13 @@ def read_pulse_table(study: Study, entry: RecordingSpec) -> pd.DataFrame | None:
     """Read the pulses of a recording from its pulse table, None where it has none."""
     if entry.perturbations is None:
         return None
-    study = study_of_recording(study, entry)
-    return read_pulses(study, entry, partial(_times_of_samples, study, entry))
+    times = partial(_times_of_samples, study, entry)
+    return read_pulses(study_of_recording(study, entry), entry, times)
 
 
 def _times_of_samples(study: Study, entry: RecordingSpec) -> np.ndarray:
-    """Return the times of all samples of a file, s."""
-    name = "time" if "time" in study.spec.channels else "angle"
-    column = study.spec.channels[name].column
-    is_text = study.spec.channels[name].unit == CLOCK_TEXT
-    with named_as_written(study.root, entry.file) as path:
-        table = read_table(
-            path,
-            numeric=[] if is_text else [column],
-            labels=[column] if is_text else [],
-            files=study.spec.files,
-            from_zero=_counts_from_zero(study.spec),
-        )
-    table = _with_clocks(table, [str(column)] if is_text else [])
-    values, _ = _in_si(study, entry, name, table)
-    return _whole_time(study.spec, {name: values})
+    """Return the times of all samples of a recording, s."""
+    return np.concatenate([piece["time"].to_numpy() for piece in read_recording(study, entry)])
 
 
 def _check_labels(
@@ -264,29 +286,28 @@ def _split(labels: Mapping[str, np.ndarray], n: int) -> list[slice]:
 def _piece(
     study: Study,
     entry: RecordingSpec,
-    table: RawTable,
-    content: tuple[Mapping[str, np.ndarray], Mapping[str, str], Mapping[str, np.ndarray]],
-    *,
+    samples: ClockedSamples,
     rows: slice,
+    *,
+    history: tuple[dict[str, object], ...],
 ) -> xr.Dataset:
-    spec = study.spec
-    channels, units, labels = content
-    data = {name: values[rows] for name, values in channels.items() if name != "time"}
+    spec, table = study.spec, samples.table
+    data = {name: values[rows] for name, values in samples.channels.items()}
+    labels = {name: texts[rows] for name, texts in samples.labels.items()}
     if "cycle" in labels:
-        data["cycle"] = pd.factorize(labels["cycle"][rows])[0].astype(float)
-    time = _time(spec, entry, channels, rows)
+        data["cycle"] = pd.factorize(labels["cycle"])[0].astype(float)
     contact, trial = spec.channels.get("contact"), ""
     if "trial" in labels:
-        value = str(labels["trial"][rows][0])
+        value = str(labels["trial"][0])
         trial = (spec.channels["trial"].values or {}).get(value, value)  # noqa: PD011 - a field
     recording = build_recording(
-        time,
+        samples.time_s[rows],
         data,
-        units={name: units[name] for name in data if name in units},
+        units={name: samples.units[name] for name in data if name in samples.units},
         first_row=table.first_row + rows.start,
-        history=(*table.history, _reading_step(study, entry, table, units)),
+        history=(*history, _reading_step(study, entry, table, samples.units)),
         participant=entry.participant,
-        condition=entry.condition or _condition(spec, entry, str(labels["condition"][rows][0])),
+        condition=entry.condition or _condition(spec, entry, str(labels["condition"][0])),
         file=entry.label,
         session=entry.session or "",
         trial=trial,
@@ -300,21 +321,17 @@ def _piece(
     return recording
 
 
-def _whole_time(spec: StudySpec, channels: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the times of all samples of a file, s."""
-    if "time" in channels:
-        return channels["time"]
-    return np.arange(len(next(iter(channels.values())))) / float(spec.sample_rate_hz or 1.0)
-
-
-def _time(
-    spec: StudySpec, entry: RecordingSpec, channels: Mapping[str, np.ndarray], rows: slice
+def _whole_time(
+    spec: StudySpec, file: str, channels: Mapping[str, np.ndarray], own_s: np.ndarray | None
 ) -> np.ndarray:
+    """Return the times of all samples of a clock, s: stamps, the clock of the file, or a rate."""
     declared = spec.sample_rate_hz
     if "time" not in channels:
+        if own_s is not None and not declared:
+            return own_s
         # On the file's own clock, so that an onset of a pulse table falls into one piece.
-        return np.arange(rows.start, rows.stop) / float(declared or 1.0)
-    time = channels["time"][rows]
+        return np.arange(len(next(iter(channels.values())))) / float(declared or 1.0)
+    time = channels["time"]
     if not declared:
         return time
     steps = np.diff(time)
@@ -322,9 +339,9 @@ def _time(
     step = float(np.median(steps)) if steps.size else 0.0
     if step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
         raise DataError(
-            f"{entry.file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "
+            f"{file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "
             f"{declared:.6g}. Correct the unit of time, or remove sample_rate_hz.",
-            path=entry.file,
+            path=file,
             channel="time",
         )
     return time
@@ -348,7 +365,7 @@ def _reading_step(
     study: Study, entry: RecordingSpec, table: RawTable, si_units: Mapping[str, str]
 ) -> dict[str, object]:
     joined = {name for one in entry.joined for name in one.channels if name != "time"}
-    channels = {n: study.spec.channels[n] for n in si_units if n not in joined}
+    channels = {n: c for n, c in study.spec.channels.items() if n in si_units and n not in joined}
     return {
         "step": "read",
         "file": entry.file,

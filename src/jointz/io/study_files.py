@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
+from jointz.core.channels import CHANNEL_UNITS, HEEL_STRIKES, LABEL_CHANNELS
 from jointz.core.errors import DataError, UnitError
 from jointz.core.study import ChannelSpec, RecordingSpec, Study, StudySpec
 from jointz.core.units import conversion, si_unit_of
@@ -18,11 +18,15 @@ from jointz.core.units import conversion, si_unit_of
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _ALWAYS_THERE = (
     *("time", "angle", "velocity", "joint_moment", "contact", "ground_reaction_force"),
+    HEEL_STRIKES,
     *LABEL_CHANNELS,
 )
 
 #: What stands in the name of a column for the key ``part`` of a recording.
 PART = "{part}"
+
+#: Unit of what is counted in samples.
+SAMPLE = "sample"
 
 #: Units of channels that may be given per body mass, and how that is written.
 PER_MASS, OVER_MASS = ("N*m", "N"), "/kg"
@@ -81,22 +85,20 @@ def needed_channels(
 
 
 def study_of_recording(study: Study, entry: RecordingSpec) -> Study:
-    """Return the study as it holds for one recording: its columns, its changes, its layout."""
+    """Return the study as it holds for one recording: its columns, its changes, its layout.
+
+    Channels of joined files are among its channels.
+    """
     changes = entry.channels or {}
-    if not changes and entry.part is None and entry.files is None:
+    if not changes and entry.part is None and entry.files is None and not entry.joined:
         return study
-    channels = {
-        name: _in_part(_changed(channel, changes.get(name)), entry.part)
-        for name, channel in study.spec.channels.items()
-    }
-    units = {
-        name: channel_unit(name, unit, kind=channels[name].kind)
-        for name, change in changes.items()
-        if (unit := change.unit) is not None
-    }
+    own = {n: _changed(channel, changes.get(n)) for n, channel in study.spec.channels.items()}
+    joined = {n: c for one in entry.joined for n, c in one.channels.items() if n != "time"}
+    channels = {n: in_part(channel, entry.part) for n, channel in {**own, **joined}.items()}
     files = _changed(study.spec.files, entry.files)
     spec = study.spec.model_copy(update={"channels": channels, "files": files})
-    return replace(study, spec=spec, units={**study.units, **units})
+    new = {n: unit_of_channel(n, channels[n]) for n in (*changes, *joined)}
+    return replace(study, spec=spec, units={**study.units, **new})
 
 
 def _changed(model: _Model, change: BaseModel | None) -> _Model:
@@ -106,10 +108,26 @@ def _changed(model: _Model, change: BaseModel | None) -> _Model:
     return model.model_copy(update={n: getattr(change, n) for n in change.model_fields_set})
 
 
-def _in_part(channel: ChannelSpec, part: str | None) -> ChannelSpec:
-    if part is None or not isinstance(channel.column, str):
+def in_part(channel: ChannelSpec, part: str | None) -> ChannelSpec:
+    """Return a channel with the recording's part in the names of its columns."""
+    if part is None:
         return channel
-    return channel.model_copy(update={"column": channel.column.replace(PART, part)})
+    clock = None if channel.time is None else _column_in_part(channel.time, part)
+    return _column_in_part(channel, part).model_copy(update={"time": clock})
+
+
+def _column_in_part(model: _Model, part: str) -> _Model:
+    column = getattr(model, "column", None)
+    if not isinstance(column, str):
+        return model
+    return model.model_copy(update={"column": column.replace(PART, part)})
+
+
+def unit_of_channel(name: str, channel: ChannelSpec) -> Unit:
+    """Return the SI unit of a channel as the study states it, with factor and offset to it."""
+    if channel.unit is None:
+        return (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
+    return channel_unit(name, channel.unit, kind=channel.kind)
 
 
 def check_scaled(file: str, name: str, channel: ChannelSpec, stated: str) -> None:
@@ -139,6 +157,8 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
     """Return the SI unit of a channel, with factor and offset to it."""
     if name in LABEL_CHANNELS:
         return ("1", 1.0, 0.0)
+    if name == HEEL_STRIKES:
+        return ("s", *((1.0, 0.0) if unit == SAMPLE else conversion(unit, "s")))
     contact = ("V",) if kind == "voltage" else ("1",)
     allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
     if allowed is not None and allowed[-1] in PER_MASS:

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from jointz.core.channels import (
     CHANNEL_UNITS,
     CONDITIONS,
+    HEEL_STRIKES,
     LABEL_CHANNELS,
     MOTION_SENSORS,
     OPPOSITE_DIRECTION,
@@ -32,7 +33,7 @@ from jointz.core.study import (
 )
 from jointz.core.units import conversion
 from jointz.io.file_kinds import special_kind
-from jointz.io.formats.registry import list_columns
+from jointz.io.formats.registry import CLOCK_SUFFIXES, list_columns
 from jointz.io.pulse_tables import read_pulses
 from jointz.io.recordings import StudyRecording, read_recording
 from jointz.io.study_files import (
@@ -163,7 +164,9 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
     units: dict[str, Unit] = {}
     problems: Problems = []
     for name, channel in _table(raw, "channels").items():
-        unit = channel.get("unit") if isinstance(channel, Mapping) else None
+        channel = channel if isinstance(channel, Mapping) else {}
+        problems += _clock_problems(name, _table(channel, "time").get("unit"))
+        unit = channel.get("unit")
         if unit is None or not isinstance(unit, str):
             units[name] = (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
             continue
@@ -182,13 +185,32 @@ def _units(raw: Mapping[str, Any]) -> tuple[dict[str, Unit], tuple[float, ...], 
     return units, edges, problems + edge_problems
 
 
+def _clock_problems(name: str, unit: Any) -> Iterator[str]:
+    """Yield a unit of a channel's own clock that is none of time."""
+    try:
+        if isinstance(unit, str):
+            channel_unit("time", unit)
+    except UnitError as exc:
+        yield f"channels.{name}.time.unit: {exc}"
+
+
 def _changed_channel(raw: Mapping[str, Any], entry: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return what a study and one of its recordings say about a channel."""
     channel = {**_table(_table(raw, "channels"), name), **_table(_table(entry, "channels"), name)}
-    column, part = channel.get("column"), entry.get("part")
-    if isinstance(column, str) and part is not None:
-        channel["column"] = column.replace(PART, str(part))
-    return channel
+    if (part := entry.get("part")) is None:
+        return channel
+    if isinstance(clock := channel.get("time"), Mapping):
+        channel["time"] = _in_part(clock, part)
+    return _in_part(channel, part)
+
+
+def _in_part(named: Mapping[str, Any], part: Any) -> dict[str, Any]:
+    column = named.get("column")
+    return (
+        {**named, "column": column.replace(PART, str(part))}
+        if isinstance(column, str)
+        else {**named}
+    )
 
 
 def _group_edges(
@@ -295,22 +317,28 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
     if isinstance(raw.get("channels"), Mapping):  # said already where it is no table
         yield from _missing_channels(raw, channels)
     for name, channel in channels.items():
-        if not isinstance(channel, Mapping):
-            continue
-        if "kind" in channel and name != "contact":
-            yield f"channels.{name}.kind: only channels.contact has a kind."
-        if name in LABEL_CHANNELS and {"scale", "invert"} & set(channel):
-            yield f"channels.{name}: labels have no scale and no sign. Remove scale and invert."
-        if "values" in channel and name not in ("condition", "trial"):
-            yield f"channels.{name}.values: only condition and trial have values."
-        if "positive" in channel:
-            yield from _direction_problems(name, channel["positive"], raw)
+        if isinstance(channel, Mapping):
+            yield from _key_problems(name, channel)
+            if "positive" in channel:
+                yield from _direction_problems(name, channel["positive"], raw)
     for value in _table(_table(channels, "condition"), "values").values():
         if str(value).lower() not in CONDITIONS:
             yield (
                 f"channels.condition.values: '{value}' is no condition; expected unperturbed, "
                 "perturbed or no_device."
             )
+
+
+def _key_problems(name: str, channel: Mapping[str, Any]) -> Iterator[str]:
+    """Yield keys that belong to other channels."""
+    if "kind" in channel and name != "contact":
+        yield f"channels.{name}.kind: only channels.contact has a kind."
+    if name in LABEL_CHANNELS and {"scale", "invert"} & set(channel):
+        yield f"channels.{name}: labels have no scale and no sign. Remove scale and invert."
+    if "values" in channel and name not in ("condition", "trial"):
+        yield f"channels.{name}.values: only condition and trial have values."
+    if "time" in channel and name in ("time", HEEL_STRIKES, *LABEL_CHANNELS):
+        yield f"channels.{name}.time: only samples have a clock of their own. Remove the key."
 
 
 def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
@@ -340,6 +368,7 @@ def _mass_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Itera
 
 
 def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    channels = {**channels, **_joined_everywhere(raw)}
     if "angle" not in channels:
         yield "channels.angle: missing; every study needs the joint's angle."
     conditions = [_condition_of(r) for r in _entries(raw, "recordings")]
@@ -351,9 +380,20 @@ def _missing_channels(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
         yield "channels.torque: missing; give it, or channels.current and [torque_model]."
 
 
+def _joined_everywhere(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the channels that joined files bring to every recording."""
+    joined = [
+        {name for one in _entries(entry, "joined") for name in _table(one, "channels")}
+        for entry in _entries(raw, "recordings")
+    ]
+    return dict.fromkeys(set.intersection(*joined) if joined else ())
+
+
 def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
     """Ask for a rate where there is no time; a line that only proposes one is named."""
     if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
+        return []
+    if _clocks_are_known(raw):
         return []
     line = next(
         (n for n, content in enumerate(text.splitlines(), 1) if _RATE_LINE.match(content)), None
@@ -365,9 +405,22 @@ def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
     ]
 
 
+def _clocks_are_known(raw: Mapping[str, Any]) -> bool:
+    """Return whether all samples have a clock: of their channels, or in files that know theirs."""
+    channels = [
+        channel
+        for name, channel in _table(raw, "channels").items()
+        if isinstance(channel, Mapping) and name != HEEL_STRIKES
+    ]
+    files = [str(entry.get("file")).lower() for entry in _entries(raw, "recordings")]
+    return all("time" in channel for channel in channels) or all(
+        file.endswith(CLOCK_SUFFIXES) for file in files
+    )
+
+
 def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:
     """Yield a direction that cannot be turned into the study's."""
-    if name in ("time", "contact", *LABEL_CHANNELS):
+    if name in ("time", "contact", HEEL_STRIKES, *LABEL_CHANNELS):
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
     study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
@@ -389,6 +442,7 @@ def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> It
 
 
 def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
+    channels = {**channels, **_joined_everywhere(raw)}
     settings = _table(raw, "perturbations")
     source = settings.get("source")
     perturbed = [
@@ -430,9 +484,11 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> tuple[set[str], Proble
         if files is None:
             continue  # reported already, and nothing can be read without it
         merged = {name: _changed_channel(raw, entry, name) for name in _table(raw, "channels")}
-        columns = {n: c["column"] for n, c in merged.items() if "column" in c}
+        # Heel strikes may be events, which are no columns.
+        merged |= {f"{n}.time": c["time"] for n, c in merged.items() if _table(c, "time")}
+        columns = {n: c["column"] for n, c in merged.items() if "column" in c and n != HEEL_STRIKES}
         needed = needed_channels(columns, _condition_of(entry) or None, moments_only=moments_only)
-        for key in ("file", "perturbations"):
+        for key in ("file", "perturbations", "heel_strikes"):
             name = entry.get(key)
             key_of_check = (str(name), *(str(columns[n]) for n in needed))
             if not isinstance(name, str) or key_of_check in checked:
@@ -448,7 +504,7 @@ def _file_problems(raw: Mapping[str, Any], root: Path) -> tuple[set[str], Proble
                 for n in (n for n in needed if n in MOTION_SENSORS):
                     lacks = _column_problems(place, root, name, {n: columns[n]}, files)
                     of_sensors.setdefault(n, []).append(lacks)
-        problems += _joined_problems(entry, root, f"recordings[{i}].joined")
+        problems += _joined_problems(entry, root, f"recordings[{i}].joined", columns, files)
         if len(problems) > n_before:
             faulty.add(str(entry.get("file")))
     # A recording may lack a sensor; if all of them do, its column is misspelt.
@@ -464,8 +520,17 @@ def _layout(raw: Mapping[str, Any]) -> FilesSpec | None:
         return None
 
 
-def _joined_problems(entry: Mapping[str, Any], root: Path, place: str) -> Problems:
+def _joined_problems(
+    entry: Mapping[str, Any],
+    root: Path,
+    place: str,
+    own: Mapping[str, str | int],
+    own_files: FilesSpec,
+) -> Problems:
     problems: Problems = []
+    taken = {
+        n: c for n, c in own.items() if _has_column(root, str(entry.get("file")), c, own_files)
+    }
     for k, joined in enumerate(_entries(entry, "joined"), start=1):
         name = joined.get("file")
         if not isinstance(name, str):
@@ -473,13 +538,29 @@ def _joined_problems(entry: Mapping[str, Any], root: Path, place: str) -> Proble
         if path_problem := _path_problem(root, name):
             problems.append(f"{place}[{k}].file: {path_problem}")
             continue
-        channels = _table(joined, "channels").items()
-        columns = {n: c["column"] for n, c in channels if isinstance(c, Mapping) and "column" in c}
+        part = {**joined, "part": entry["part"]} if "part" in entry else joined
+        channels = {n: _changed_channel(joined, part, n) for n in _table(joined, "channels")}
+        columns = {n: c["column"] for n, c in channels.items() if "column" in c}
         files = _layout(_table(joined, "files"))
         if files is not None:
             problems += _column_problems(f"{place}[{k}].file", root, name, columns, files)
         problems += [f"{place}[{k}].{problem}" for problem in _units(joined)[2]]
+        if twice := sorted((set(columns) & set(taken)) - {"time"}):
+            problems.append(
+                f"{place}[{k}].channels: {', '.join(twice)}: {entry.get('file')}, or another file "
+                "joined to it, has the channel too. Leave one of them out."
+            )
+        taken |= columns
     return problems
+
+
+def _has_column(root: Path, file: str, column: str | int, files: FilesSpec) -> bool:
+    """Return whether a file is known to have a column."""
+    try:
+        with named_as_written(root, file) as path:
+            return str(column) in map(str, list_columns(path, files) or ())
+    except DataError:
+        return False
 
 
 def _path_problem(root: Path, name: str) -> str:

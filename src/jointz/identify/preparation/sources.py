@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from jointz.core.channels import HEEL_STRIKES
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.method_names import RIGID
@@ -22,6 +23,7 @@ from jointz.core.study import (
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
+from jointz.identify.preparation.channel_clocks import with_clock_errors
 from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
 from jointz.identify.preparation.pulses import (
     Pulse,
@@ -33,7 +35,7 @@ from jointz.identify.preparation.pulses import (
 )
 from jointz.identify.study_kinds import StudyKind
 
-_STRIKE_CHANNELS = ("contact", "ground_reaction_force", "cycle")
+_STRIKE_CHANNELS = (HEEL_STRIKES, "contact", "ground_reaction_force", "cycle")
 #: Channel of the friction in a torque from current, a name that no channel of a user has.
 FRICTION_OF_MODEL = "friction of the torque model"
 #: A line of exclusions.csv refers to an event within this time.
@@ -134,7 +136,8 @@ def _source(
     *,
     target_hz: float,
 ) -> Source:
-    given = _from_true_zero(_with_torque(given, settings))
+    known = with_clock_errors(given.calibration, given.recording)
+    given = _from_true_zero(_with_torque(replace(given, calibration=known), settings))
     strides = _strides(given)
     pulses = _pulses(given, unperturbed, settings)
     signals = condition(
@@ -185,7 +188,9 @@ def _strides(given: RecordingInput) -> Strides | None:
     if not any(name in recording for name in _STRIKE_CHANNELS):
         return None
     strikes = find_heel_strikes(recording, levels_v=given.calibration.contact_levels_v)
-    return find_strides(strikes.time_s, find_gaps(recording["time"].to_numpy()))
+    spurious_s = strikes.rejected_s if strikes.method == HEEL_STRIKES else np.empty(0)
+    gaps = find_gaps(recording["time"].to_numpy())
+    return replace(find_strides(strikes.time_s, gaps), spurious_s=spurious_s)
 
 
 def _pulses(

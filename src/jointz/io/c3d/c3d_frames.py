@@ -107,7 +107,7 @@ def take_frames(file: Source) -> Frames:
     room = _room(file, start)
     n_values = file.n_channels * file.per_frame
     size = file.frame_bytes(file.n_points, n_values)
-    n_frames = _n_frames(file, size, room)
+    n_frames = _n_frames(file, start, size, room)
     _check_layout(file, room)
     _check_neighbours(file, start, n_frames * size, room)
     raw = file.content[start : start + n_frames * size]
@@ -193,8 +193,10 @@ def _room(file: Source, start: int) -> int:
     return end - start
 
 
-def _n_frames(file: Source, size: int, room: int) -> int:
+def _n_frames(file: Source, start: int, size: int, room: int) -> int:
     """Return how many frames there are; where the file says two numbers its length decides."""
+    if size and _stopped_counting(file):
+        return _frames_to_the_end(file, start, size, room)
     counts = list(dict.fromkeys(_said_frames(file)))
     if len(counts) > 1:
         statement = f"it states {' and '.join(map(str, counts))} frames"
@@ -208,6 +210,29 @@ def _n_frames(file: Source, size: int, room: int) -> int:
             _COPY,
         )
     return counts[0]
+
+
+def _stopped_counting(file: Source) -> bool:
+    """Return whether frames are counted up to the most that a word can, and nowhere beyond."""
+    beyond = file.parameters.count("POINT.LONG_FRAMES", 0) or _trial(file)
+    stated = file.parameters.count("POINT.FRAMES", 0)
+    return file.header.last_frame == SATURATED and not beyond and stated in (0, SATURATED)
+
+
+def _frames_to_the_end(file: Source, start: int, size: int, room: int) -> int:
+    """Return how many frames the file has room for, without the zeros that fill its last block."""
+    n_frames = room // size
+    if (start + room) % BLOCK == 0:
+        content = file.content
+        last_block = n_frames - BLOCK // size
+        while n_frames > last_block and not any(
+            content[start + (n_frames - 1) * size : start + n_frames * size]
+        ):
+            n_frames -= 1
+    file.notes["frames"] = (
+        f"It counts {SATURATED} frames, the most that it can; its length tells {n_frames}."
+    )
+    return n_frames
 
 
 def _fills(size: int, room: int) -> bool:
@@ -246,13 +271,6 @@ def _check_neighbours(file: Source, start: int, size: int, room: int) -> None:
     behind = room - size
     if not size or behind < BLOCK:
         return
-    long = file.parameters.count("POINT.LONG_FRAMES", 0)
-    if file.header.last_frame == SATURATED and not (long or _trial(file)):
-        raise file.refuse(
-            f"it counts frames up to {SATURATED}, the most that it can, and holds {behind} bytes "
-            "more; how many frames there are is not told. Export it in parts.",
-            "",
-        )
     file.notes["behind"] = f"{behind} bytes behind the frames are not read."
 
 
@@ -269,7 +287,9 @@ def _said_frames(file: Source) -> Iterator[int]:
     if stated and (stated != SATURATED or not (trial or long)):
         yield stated
     if header.last_frame != SATURATED or not (trial or long or stated):
-        yield max(header.last_frame - max(header.first_frame, 1) + 1, 0)
+        # A header that counts from 0 agrees with POINT:FRAMES.
+        from_zero = header.first_frame == 0 and header.last_frame + 1 == stated
+        yield stated if from_zero else max(header.last_frame - max(header.first_frame, 1) + 1, 0)
 
 
 def _trial(file: Source) -> tuple[int, int] | None:

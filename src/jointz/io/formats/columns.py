@@ -32,6 +32,8 @@ class TableRequest:
     # missing, and messages advise nothing about a study
     as_written: bool = False
     from_zero: bool = False  # whether column numbers count from 0, because one of the study's is 0
+    # whether columns may have clocks of their own, which the file knows
+    several_clocks: bool = False
 
     @property
     def columns(self) -> tuple[str | int, ...]:
@@ -52,6 +54,8 @@ class RawTable:
     first_row: int = 1
     # processing steps before, as stored in a recording of jointz
     history: tuple[dict[str, Any], ...] = ()
+    # column -> times of its samples, s, where the file knows them; the same array for one clock
+    clocks: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def make_table(
@@ -63,12 +67,13 @@ def make_table(
     labels: Callable[[str], np.ndarray] | None = None,
     as_written: bool = False,
     history: tuple[dict[str, Any], ...] = (),
+    clocks: Mapping[str, np.ndarray] | None = None,
 ) -> RawTable:
     """Return a table of typed columns, given the values and labels of a column by its name."""
     columns = {c: number_column(path, c, values(c)) for c in map(str, request.numeric)}
     for c in map(str, request.labels):
         columns[c] = label_column(path, c, (labels or values)(c), as_written=as_written)
-    return RawTable(columns, units, file_sha256(path), history=history)
+    return RawTable(columns, units, file_sha256(path), history=history, clocks=clocks or {})
 
 
 def check_samples(path: Path, table: RawTable) -> None:

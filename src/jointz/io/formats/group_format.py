@@ -4,6 +4,7 @@ import difflib
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,10 @@ class GroupFormat(ABC):
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested signals, which must have been sampled together."""
         content = self.read(path, request.files)
-        places = _places(path, content, [str(c) for c in request.columns])
+        several = request.several_clocks
+        places = _places(path, content, [str(c) for c in request.columns], several=several)
+        if TIME not in places:  # of one of several clocks, which the file knows
+            request = replace(request, numeric=tuple(c for c in request.numeric if c != TIME))
         units = {c: unit for c, place in places.items() if (unit := _unit(*place))}
         return make_table(
             path,
@@ -52,6 +56,7 @@ class GroupFormat(ABC):
             units,
             labels=lambda c: _labels(_values(*places[c])),
             as_written=request.as_written,
+            clocks=_clocks(places) if several else {},
         )
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:
@@ -109,8 +114,13 @@ def _columns(content: Acquisition) -> list[tuple[SignalGroup, str, Signal | None
     return columns
 
 
-def _places(path: Path, content: Acquisition, names: Sequence[str]) -> dict[str, Place]:
-    """Find the columns; ``time`` is the clock of the group that the others are in."""
+def _places(
+    path: Path, content: Acquisition, names: Sequence[str], *, several: bool = False
+) -> dict[str, Place]:
+    """Find the columns; ``time`` is the clock of the group that the others are in.
+
+    Where they may be of ``several`` clocks and are, it is none of them, and left out.
+    """
     short = _short_names(content)
     full = {**_clock_names(content), **_full_names(content)}
     known = {**full, **short}
@@ -123,10 +133,25 @@ def _places(path: Path, content: Acquisition, names: Sequence[str]) -> dict[str,
             n: place for n, place in clocks.items() if place and n in names and n not in places
         }
     missing = [name for name in names if name not in places]
+    if several and len(groups) > 1:
+        missing = [name for name in missing if name != TIME]
     if missing:
         raise _missing(path, missing, list(short), list(full))
-    _check_together(path, places)
+    if not several:
+        _check_together(path, places)
     return places
+
+
+def _clocks(places: Mapping[str, Place]) -> dict[str, np.ndarray]:
+    """Return the times of each column, s; groups with the same clock have the same array."""
+    known: list[tuple[SignalGroup, np.ndarray]] = []
+    clocks = {}
+    for column, (group, _) in places.items():
+        times = next((t for other, t in known if _same_clock(other, group)), group.times_s())
+        if times is not None:
+            known.append((group, times))
+            clocks[column] = times
+    return clocks
 
 
 def _check_together(path: Path, places: Mapping[str, Place]) -> None:
@@ -143,7 +168,7 @@ def _check_together(path: Path, places: Mapping[str, Place]) -> None:
     raise file_error(
         path,
         f"columns of one table must be sampled together, found {clocks}. Name columns of one "
-        "group, or bring them to one rate before: jointz interpolates nothing.",
+        "group; a study (study.toml) may have channels of several.",
     )
 
 

@@ -81,11 +81,32 @@ class MatlabFormat:
             content, has_objects = load_variables(path, None)
             hint = _OBJECT_HINT if has_objects else ""
             raise missing_columns(path, missing, list(series_names(content)), hint)
-        return make_table(path, request, lambda c: series_at(path, c, values[c]), {})
+        series = {name: series_at(path, name, value) for name, value in values.items()}
+        clocks = _clocks(content, series) if request.several_clocks else {}
+        return make_table(path, request, lambda c: series[c], {}, clocks=clocks)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
         """Return None: the names inside structs are known only after reading all."""
         return None
+
+
+def _clocks(content: Mapping[str, Any], series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the times of columns of different length: ``time`` of the struct that each is in."""
+    if len({len(values) for values in series.values()}) < 2:
+        return {}
+    structs = {name: name.rpartition(".")[0] for name in series}
+    stamps = {}
+    for name in series_names(content):
+        struct, _, last = name.rpartition(".")
+        if struct in structs.values() and is_time(last):
+            stamps[struct] = np.asarray(
+                series_at(Path(name), name, value_at(content, name.split(".")))
+            )
+    return {
+        name: stamps[struct]
+        for name, struct in structs.items()
+        if struct in stamps and len(stamps[struct]) == len(series[name])
+    }
 
 
 # --- the layout of jointz ---------------------------------------------------------------------

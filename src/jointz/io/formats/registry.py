@@ -24,6 +24,8 @@ TEXT_SUFFIXES = (
     *(".csv", ".csv.gz", ".tsv", ".tsv.gz", ".txt", ".txt.gz"),
     *(".dat", ".asc", ".lvm", ".prn"),
 )
+#: Endings of files that know the clock of their samples.
+CLOCK_SUFFIXES = (".c3d", ".mot", ".sto", ".xdf")
 #: Remedy where a format is only read.
 WRITE_INSTEAD = (
     "Write .csv, .tsv, .txt or .nc instead; a study becomes a BIDS folder with --to bids."
@@ -80,10 +82,13 @@ def read_table(
     files: FilesSpec,
     as_written: bool = False,
     from_zero: bool = False,
+    several_clocks: bool = False,
 ) -> RawTable:
     """Read columns of a file; the other arguments are the fields of :class:`TableRequest`."""
     file_format = _format_of_existing(path)
-    request = TableRequest(tuple(numeric), tuple(labels), files, as_written, from_zero)
+    request = TableRequest(
+        tuple(numeric), tuple(labels), files, as_written, from_zero, several_clocks
+    )
     both = {str(c) for c in numeric} & {str(c) for c in labels}
     if both:
         raise file_error(
@@ -96,7 +101,8 @@ def read_table(
     except OSError as exc:
         raise damaged(path, exc) from exc
     lengths = {name: len(values) for name, values in table.columns.items()}
-    if len(set(lengths.values())) > 1:
+    without_clock = {n for name, n in lengths.items() if name not in table.clocks}
+    if len(without_clock) > 1:
         raise file_error(
             path,
             f"columns differ in length: {lengths}. Choose columns that were sampled together.",
