@@ -217,4 +217,9 @@ torque_gain = { value = 0.99, sd = 0.002 }
             run(protocol, **options, calibration=file, operator=Leaves())
         with pytest.raises(DataError, match="calibration_sha256"):
             run(protocol, **options, resume=True)
+        # Of S01: the file says nothing of S01 alone.
+        self.file(tmp_path, self.TEXT.replace("1.01", "1.05"))
+        with pytest.raises(DataError, match="calibration_sha256"):
+            run(protocol, **options, calibration=file, resume=True)
+        self.file(tmp_path)
         run(protocol, **options, calibration=file, resume=True)

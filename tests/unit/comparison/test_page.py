@@ -1,7 +1,9 @@
 """The page, the figures and the text of a comparison."""
 
+from dataclasses import replace
+
 import pytest
-from tests.unit.report.pages import Page
+from tests.unit.report.pages import Page, words
 
 from jointz.comparison.compare import compare_results
 from jointz.comparison.comparison_result import Comparison
@@ -57,6 +59,16 @@ def test_names_of_folders_are_no_markup():
 
     assert "<b>patients</b>" not in page
     assert "&lt;b&gt;patients&lt;/b&gt;" in page
+
+
+def test_the_number_of_differences_at_the_top_is_by_the_adjusted_p():
+    made = two_groups()
+    (one,) = made.differences
+    made = replace(made, differences=(replace(one, p=0.03, p_adjusted=0.09),))
+
+    page = Page(render_comparison(made, draw_comparison(made)))
+
+    assert "0 of 1differences with p < 0.05" in words(page)
 
 
 def test_the_text_has_one_row_a_difference(published):

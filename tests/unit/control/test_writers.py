@@ -89,8 +89,11 @@ def test_c_compiled_and_run(profile, states, tmp_path, stem):
     )
 
 
-def test_names_cannot_end_a_comment(profile, tmp_path):
-    evil = replace(profile, subject='S*/ int main(void){} /*"\n#define x')
+@pytest.mark.parametrize(
+    "subject", ['S*/ int main(void){} /*"\n#define x', "S**// int x;", "S*\N{DEGREE SIGN}/ int x;"]
+)
+def test_names_cannot_end_a_comment(subject, profile, tmp_path):
+    evil = replace(profile, subject=subject)
     text = export_profile(evil, tmp_path / "knee.h").read_text()
     assert text.count("*/") == text.count("/*")
     assert all(line.startswith("/*") for line in text.splitlines() if "define x" in line)

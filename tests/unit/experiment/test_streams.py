@@ -94,6 +94,17 @@ def test_the_age_of_a_device_that_nobody_acts_on_does_not_count():
     assert bench.streams.newest_contact.value == pytest.approx(0.1)
 
 
+def test_a_tick_has_a_record_for_every_sample_also_of_a_device_that_nobody_acts_on():
+    bench, encoder = Bench(), Fake()
+    devices = Devices(angle=bench.angle, contact=bench.contact, joint_encoder=encoder)
+    bench.streams = Streams(devices, dispensable=("joint_encoder",))
+    encoder.queue = [SensorSample(at, at, 0.1) for at in range(3)]
+    bench.read("angle", "contact", samples=2)
+    assert bench.streams.parts == len(bench.streams.joint_encoder) == 3
+    bench.read("angle", "contact", samples=2)
+    assert bench.streams.parts == 2
+
+
 def test_without_the_device_its_age_does_not_count():
     bench = Bench(worn=False)
     assert bench.read("angle", "contact") == 0.0

@@ -392,6 +392,18 @@ def test_units_and_a_torque_that_opposes_its_command_speak_where_names_do_not(
     assert found.channel("angle").guess == "its unit and name"
 
 
+def test_a_command_is_not_turned_for_a_torque_that_counts_the_other_way(tmp_path):
+    frame = walking()
+    frame["Torque (Nm)"] = -frame["Torque (Nm)"] - frame["commanded torque (Nm)"]
+    frame = frame.rename(columns={"Torque (Nm)": "extension torque (Nm)"})
+
+    study, (recording,) = opened(tmp_path, inspected(tmp_path, frame))
+
+    assert study.spec.torque_acts_on == "joint"
+    assert float(recording["command"].max()) == 17.0
+    assert float((recording["command"] * recording["torque"]).mean()) > 0.0
+
+
 def test_what_only_the_reader_knows_stands_there_to_be_answered(tmp_path):
     found = inspected(tmp_path, walking())
 

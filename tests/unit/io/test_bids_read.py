@@ -72,6 +72,16 @@ def test_the_nearest_sidecar_stands_over_the_others(tmp_path):
     assert content.metadata["sidecar.TaskName"] == "w"
 
 
+def test_of_sidecars_in_one_folder_the_one_for_fewer_recordings_stands_over_the_others(tmp_path):
+    general = {"tracksys-imu_motion.json": '{"SamplingFrequency": 40, "Manufacturer": "m"}'}
+    root = changed(foreign(tmp_path, **general), "channels.tsv", "LATENCY", "MISC")
+
+    (content,) = read_bids(root).values()
+
+    assert content.groups[0].rate_hz == 100.0
+    assert content.metadata["sidecar.Manufacturer"] == "m"
+
+
 def reading(root: Path, key: str) -> tuple[float | None, str]:
     """The rate of the one recording, and what its reader noted under a key."""
     (content,) = read_bids(root).values()
