@@ -194,6 +194,7 @@ class Failure(FailureCode):
         "out_of_step",
         "motion precedes torque, or torque comes without command",
     )
+    CLOCKS_DRIFT = "clocks_drift", "the clocks of angle and torque drift apart"
     OUTSIDE_RANGE = (
         "outside_range",
         "K, B or J is impossible for a joint: wrong units, or no contact",

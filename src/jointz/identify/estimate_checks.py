@@ -10,6 +10,7 @@ from jointz.core.events import row_label
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
+from jointz.identify.prediction.clock_checks import clock_failure
 from jointz.identify.preparation.instrument_checks import (
     angle_failure,
     is_clipped,
@@ -41,6 +42,10 @@ def check_estimates(
         if (failure := _instrument_failure(source, settings)) is not None
     ]
     cells, notes = [], []
+    clocks = _clock_failure(estimates, sources, settings)
+    if clocks is not None:
+        failures.insert(0, (clocks[0], {(p.recording, p.onset_s) for p in estimates.pulses}))
+        notes.append(f"{clocks[0].value}: {clocks[0].meaning}: {clocks[1]}.")
     for cell in estimates.cells:
         used = {
             (p.recording, p.onset_s)
@@ -52,6 +57,15 @@ def check_estimates(
         notes += _notes(cell, failure, asked=settings.method_asked_for)
         cells.append(cell if settings.method_asked_for else checked)
     return tuple(cells), tuple(notes)
+
+
+def _clock_failure(
+    estimates: Estimates, sources: Sequence[Source], settings: ParticipantSettings
+) -> tuple[Failure, str] | None:
+    """Return why the clock of the angle is wrong, and by how much."""
+    if not estimates.cells:
+        return None
+    return clock_failure(estimates.cells[0].participant, sources, settings)
 
 
 def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failure | None:
