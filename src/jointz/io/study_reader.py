@@ -299,6 +299,7 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             continue
         if "kind" in channel and name != "contact":
             yield f"channels.{name}.kind: only channels.contact has a kind."
+        yield from _trigger_problems(name, channel)
         if name in LABEL_CHANNELS and {"scale", "invert"} & set(channel):
             yield f"channels.{name}: labels have no scale and no sign. Remove scale and invert."
         if "values" in channel and name not in ("condition", "trial"):
@@ -313,6 +314,14 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             )
 
 
+def _trigger_problems(name: str, channel: Mapping[str, Any]) -> Iterator[str]:
+    """Yield keys that only a trigger has, or has not."""
+    if "threshold" in channel and name != "trigger":
+        yield f"channels.{name}.threshold: only channels.trigger has a threshold."
+    if name == "trigger" and {"scale", "invert"} & set(channel):
+        yield "channels.trigger: either level may be the idle one. Remove scale and invert."
+
+
 def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
     """Yield changes in recordings of channels that the study does not have, or cannot turn."""
     for i, entry in enumerate(_entries(raw, "recordings"), start=1):
@@ -322,9 +331,11 @@ def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Ite
                     f"recordings[{i}].channels.{name}: the study has no channel '{name}'. A "
                     f"recording changes channels of the study: give [channels.{name}], too."
                 )
-            elif isinstance(change, Mapping) and "positive" in change:
-                for problem in _direction_problems(name, change["positive"], raw):
-                    yield f"recordings[{i}].{problem}"
+            elif isinstance(change, Mapping):
+                problems = [*_trigger_problems(name, change)]
+                if "positive" in change:
+                    problems += _direction_problems(name, change["positive"], raw)
+                yield from (f"recordings[{i}].{problem}" for problem in problems)
 
 
 def _mass_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
@@ -367,7 +378,7 @@ def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
 
 def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:
     """Yield a direction that cannot be turned into the study's."""
-    if name in ("time", "contact", *LABEL_CHANNELS):
+    if name in ("time", "contact", "trigger", *LABEL_CHANNELS):
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
     study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
@@ -396,16 +407,18 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
         for i, r in enumerate(_entries(raw, "recordings"), start=1)
         if "condition" not in r or _condition_of(r) == "perturbed"
     ]
-    if source in ("command", "reference") and source not in channels:
+    if source in ("command", "trigger", "reference") and source not in channels:
         yield f"perturbations.source: '{source}' needs [channels.{source}]."
     for i, entry in perturbed:
         if source == "table" and "perturbations" not in entry:
             yield f'recordings[{i}].perturbations: missing; perturbations.source is "table".'
-        has_command = {"command", "reference"} & set(channels) or "perturbations" in entry
+        has_command = {"command", "trigger", "reference"} & set(
+            channels
+        ) or "perturbations" in entry
         if source is None and not has_command:
             yield (
                 f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
-                'a table (perturbations = "FILE.csv"), or perturbations.source.'
+                '[channels.trigger], a table (perturbations = "FILE.csv"), or perturbations.source.'
             )
     channel = _table(settings, "group").get("channel")
     if isinstance(channel, str) and (channel not in channels or channel in LABEL_CHANNELS):

@@ -69,7 +69,7 @@ def test_a_recording_is_in_si_and_says_where_it_comes_from(study):
     assert attributes == {
         "participant": "S01", "condition": "unperturbed", "file": "S01_enp.csv", "session": "",
         "trial": "", "side": "", "joint": "knee", "positive": "flexion",
-        "contact_kind": "contact", "first_row": 2,
+        "contact_kind": "contact", "trigger_threshold": "", "first_row": 2,
     }  # fmt: skip
 
 
