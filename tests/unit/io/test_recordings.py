@@ -84,6 +84,16 @@ def test_the_unit_in_a_columns_name_holds_and_must_agree(study):
         study.read()
 
 
+@pytest.mark.parametrize("unit", ["mV", "V", "counts"])
+def test_a_trigger_keeps_the_numbers_of_the_file_and_its_threshold(study, unit):
+    study.channel("trigger", f'unit = "{unit}"', "threshold = 0.5", column="footswitch")
+
+    (recording,) = study.read()
+
+    np.testing.assert_array_equal(recording["trigger"], columns_of(study)["footswitch"])
+    assert recording.attrs["trigger_threshold"] == "0.5"
+
+
 @pytest.mark.parametrize(("line", "kind"), [('kind = "voltage"\n', "voltage"), ("", "contact")])
 def test_session_side_and_kind_of_contact_are_kept(study, line, kind):
     study.edit('condition = "unperturbed"', 'condition = "NPC"\nsession = 3\nside = "left"')
