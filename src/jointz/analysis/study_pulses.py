@@ -18,11 +18,20 @@ from jointz.identify.preparation.pulses import (
     pulses_from_table,
     with_measured_amplitudes,
 )
+from jointz.identify.preparation.triggers import pulses_from_trigger
 from jointz.io.recordings import read_pulse_table
 
 _MOST_SHOWN = 5
 #: Channels without a direction.
-_NO_DIRECTION = ("time", "ground_reaction_force", "contact", "condition", "trial", "cycle")
+_NO_DIRECTION = (
+    "time",
+    "ground_reaction_force",
+    "contact",
+    "trigger",
+    "condition",
+    "trial",
+    "cycle",
+)
 
 
 def pulse_tables(
@@ -52,6 +61,8 @@ def given_pulses(
         return pulses_from_command(recording), ""
     if condition != "perturbed":
         return (), ""
+    if "trigger" in recording and settings.source in (None, "trigger"):
+        return pulses_from_trigger(recording), ""
     if settings.source == "angle":
         return pulses_from_angle(recording, cutoff_hz=settings.cutoff_hz), ""
     return (), (

@@ -8,8 +8,8 @@ data variables : (n,) float64 each, SI, ``attrs["units"]`` one of
     :data:`jointz.core.channels.CHANNEL_UNITS`; a channel of the user's own
     keeps its name and the SI unit it was converted to. NaN is a missing sample.
 attributes : ``participant``, ``condition``, ``file``, ``session``, ``trial``,
-    ``side``, ``joint``, ``positive``, ``contact_kind`` (text, ``""`` where
-    unknown), ``first_row`` (row of the file that the first sample came from),
+    ``side``, ``joint``, ``positive``, ``contact_kind``, ``trigger_threshold``
+    (text, ``""`` where unknown), ``first_row`` (row of the file that the first sample came from),
     ``sha256`` of the file and ``history`` (JSON list, one entry a step).
 """
 
@@ -33,6 +33,7 @@ _TEXT_ATTRIBUTES = (
     "joint",
     "positive",
     "contact_kind",
+    "trigger_threshold",
     "sha256",
 )
 
@@ -62,7 +63,7 @@ def build_recording(
         What was done to the data so far.
     **attributes : str
         ``participant``, ``condition``, ``file``, ``session``, ``trial``,
-        ``side``, ``joint``, ``positive``, ``contact_kind``, ``sha256``.
+        ``side``, ``joint``, ``positive``, ``contact_kind``, ``trigger_threshold``, ``sha256``.
 
     Returns
     -------

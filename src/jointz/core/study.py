@@ -151,8 +151,8 @@ class ClockSpec(_Model):
 class ChannelChange(_Model):
     """Keys of a channel that differ in one recording.
 
-    ``unit`` is that of the file's numbers times ``scale``. ``time`` is the channel's clock, where
-    it is not that of ``channels.time``.
+    ``unit`` is that of the file's numbers times ``scale``; ``threshold`` of a trigger is in it.
+    ``time`` is the channel's clock, where it is not that of ``channels.time``.
     """
 
     column: Column | None = None
@@ -162,6 +162,7 @@ class ChannelChange(_Model):
     invert: bool = False
     kind: Literal["contact", "voltage", "pulse"] | None = None
     positive: Direction | None = None
+    threshold: float | None = Field(default=None, allow_inf_nan=False)
 
 
 class ChannelSpec(ChannelChange):
@@ -413,7 +414,7 @@ class PerturbationsSpec(_Model):
     )
     first_sample: Literal[0, 1] | None = None
     timing_points: dict[TableName, float] | None = None
-    source: Literal["command", "table", "reference", "angle"] | None = None
+    source: Literal["command", "table", "trigger", "reference", "angle"] | None = None
     baseline: Baseline | None = None
     window_s: float = Field(default=0.1, ge=0.001, le=10)
     cutoff_hz: float = Field(default=20.0, gt=0)

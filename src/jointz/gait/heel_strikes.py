@@ -18,7 +18,14 @@ from jointz.core.channels import HEEL_STRIKES
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError, EstimationError
 from jointz.gait.timestamps import longest_step_s
-from jointz.kernels.robust_spread import robust_sd
+from jointz.kernels.levels import (
+    block_count,
+    joined_runs,
+    level,
+    schmitt_states,
+    thinned,
+    two_levels,
+)
 
 #: Refractory time: at first, then as a share of the median interval.
 _REFRACTORY_S = 0.3
@@ -35,7 +42,6 @@ _BLIP_SHARE, _DROPOUT_SHARE, _BLIP_ALONE = 0.1, 0.3, 3.0
 
 #: Levels closer than this many standard deviations of the signal about them are one level.
 _SEPARATION = 4.0
-_LEVEL_SAMPLES = 50_000
 
 #: A switch rests: most of its samples lie no further from its two levels than this share of their
 #: distance. What has so few values is no voltage, but several switches on one channel.
@@ -111,7 +117,7 @@ def is_unclean_switch(recording: xr.Dataset) -> bool:
     if "contact" not in recording or recording.attrs.get("contact_kind") != "contact":
         return False
     x = np.asarray(recording["contact"].to_numpy(), dtype=float)
-    x = _thinned(x[np.isfinite(x)])
+    x = thinned(x[np.isfinite(x)])
     if np.unique(x).size <= _SWITCH_VALUES:
         return False
     above = x >= 0.5 * sum(_coarse_levels(x))
@@ -165,7 +171,7 @@ def strikes_from_pulse(time: np.ndarray, signal: np.ndarray) -> HeelStrikes:
     t, x = _finite(time, signal)
     if t.size < 2:
         return _none("pulse")
-    blocks = np.array_split(x, _block_count(t, 0.5 * _BLOCK_S))
+    blocks = np.array_split(x, block_count(t, 0.5 * _BLOCK_S))
     peak = float(np.percentile([block.max() for block in blocks], 90))
     return _from_levels(t, x, (float(np.median(x)), peak), method="pulse")
 
@@ -190,11 +196,11 @@ def strikes_from_force(time: np.ndarray, force: np.ndarray) -> HeelStrikes:
         )
     unloaded = x[x <= low + 0.1 * (high - low)]
     loaded = x[x >= 0.5 * (low + high)]
-    level, spread = _level(unloaded)
-    load = float(np.median(loaded)) - level
+    rest, spread = level(unloaded)
+    load = float(np.median(loaded)) - rest
     if load < max(_LOAD_N, _SEPARATION * spread):
         return _none("force")
-    thresholds = (level + _STRIKE_N, level + max(_CONTACT_N, _CONTACT_SHARE * load))
+    thresholds = (rest + _STRIKE_N, rest + max(_CONTACT_N, _CONTACT_SHARE * load))
     return _trigger(t, x, thresholds, method="force")
 
 
@@ -249,39 +255,21 @@ def _coarse_levels(x: np.ndarray) -> tuple[float, float]:
     return (float(low), float(high)) if high > low else (float(x.min()), float(x.max()))
 
 
-def _thinned(x: np.ndarray) -> np.ndarray:
-    """Return at most ``_LEVEL_SAMPLES`` samples, evenly spread."""
-    return x[:: 1 + x.size // _LEVEL_SAMPLES]
-
-
-def _level(x: np.ndarray) -> tuple[float, float]:
-    """Return the median and the standard deviation that its median deviation stands for."""
-    return float(np.median(x)), float(robust_sd(x))
-
-
 def _thresholds(x: np.ndarray, coarse: tuple[float, float]) -> tuple[float, float] | None:
     """Return stage two: thresholds between the two levels, or None where there is one level.
 
-    The level of stance may have steps of its own (heel, heel and toe, toe), so the
-    spread about it counts by half, and never less than that about the lower level.
+    The level of stance may have steps of its own (heel, heel and toe, toe).
     """
-    above = x >= 0.5 * (coarse[0] + coarse[1])
-    if above.all() or not above.any():
+    levels = two_levels(x, 0.5 * (coarse[0] + coarse[1]), separation=_SEPARATION)
+    if levels is None:
         return None
-    (low, low_spread), (high, high_spread) = _level(_thinned(x[~above])), _level(_thinned(x[above]))
-    spread = max(low_spread, 0.5 * (low_spread + high_spread))
-    if high - low <= _SEPARATION * spread:
-        return None
+    low, high = levels
     return low + 0.3 * (high - low), low + 0.7 * (high - low)
-
-
-def _block_count(t: np.ndarray, block_s: float) -> int:
-    return max(1, min(t.size, round(float(t[-1] - t[0]) / block_s)))
 
 
 def _without_drift(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Subtract the drift of the middle between the levels, keeping its median."""
-    blocks = _block_count(t, _BLOCK_S)
+    blocks = block_count(t, _BLOCK_S)
     ends = np.array([np.percentile(b, [5, 95]) for b in np.array_split(x, blocks)])
     centre = np.array([b.mean() for b in np.array_split(t, blocks)])
     swing = ends[:, 1] - ends[:, 0]
@@ -305,17 +293,12 @@ def _trigger(
 ) -> HeelStrikes:
     """Find the rises, when they crossed the lower threshold, and which are strikes."""
     low, high = thresholds
-    # -1 below, 0 between, 1 above: only where this changes can anything happen.
-    side = (x >= high).astype(np.int8) - (x < low)
-    start = np.append(0, np.flatnonzero(side[1:] != side[:-1]) + 1)
-    run = np.arange(start.size)
-    decided = np.maximum.accumulate(np.where(side[start] != 0, run, -1))
     # What stands between the thresholds at the very beginning may be a contact already.
-    state = (decided < 0) | (side[start][decided] > 0)
+    start, side, state = schmitt_states(x, low, high)
     rising = np.flatnonzero(~state[:-1] & state[1:]) + 1
     rise = start[rising]
     fall = start[np.flatnonzero(state[:-1] & ~state[1:]) + 1]
-    low_run = np.maximum.accumulate(np.where(side[start] < 0, run, -1))[rising - 1]
+    low_run = np.maximum.accumulate(np.where(side < 0, np.arange(start.size), -1))[rising - 1]
     below = np.append(start, t.size)[low_run + 1] - 1
     holes = np.flatnonzero(np.diff(t) > _limit(t))
     seen = np.searchsorted(holes, below) == np.searchsorted(holes, rise)
@@ -340,21 +323,15 @@ def _debounced(t: np.ndarray, rise: np.ndarray, fall: np.ndarray) -> np.ndarray:
         on = np.append(-np.inf, on)
     if off.size < on.size:
         off = np.append(off, np.inf)
-    on, off = _joined(on, off, _CHATTER_S)
+    on, off = joined_runs(on, off, _CHATTER_S)
     low = np.concatenate([[np.inf], on[1:] - off[:-1], [np.inf]])
     high = off - on
     alone = np.minimum(low[:-1], low[1:]) > _BLIP_ALONE * high
     blip = alone & (high < _BLIP_SHARE * _typical(high))
     on, off = on[~blip], off[~blip]
-    on, _ = _joined(on, off, _DROPOUT_SHARE * _typical(on[1:] - off[:-1]))
+    on, _ = joined_runs(on, off, _DROPOUT_SHARE * _typical(on[1:] - off[:-1]))
     kept: np.ndarray = np.isin(t[rise], on)
     return kept
-
-
-def _joined(on: np.ndarray, off: np.ndarray, shortest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Join contacts that are apart by less than ``shortest``."""
-    apart = on[1:] - off[:-1] >= shortest
-    return on[np.append(True, apart)[: on.size]], off[np.append(apart, True)[-off.size :]]
 
 
 def _typical(length: np.ndarray) -> float:

@@ -38,6 +38,7 @@ from jointz.io.study_files import (
     named_as_written,
     needed_channels,
     study_of_recording,
+    trigger_threshold,
 )
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
@@ -226,7 +227,7 @@ def _in_si(
     if stated and channel.scale is not None:
         check_scaled(entry.file, name, channel, stated)
         stated = ""
-    if stated and name != "contact":
+    if stated and name not in ("contact", "trigger"):
         si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
     values = np.asarray(table.columns[column], dtype=float)
     if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
@@ -315,6 +316,7 @@ def _piece(
         joint=spec.joint,
         positive=spec.positive,
         contact_kind=(contact.kind or "contact") if contact else "",
+        trigger_threshold=trigger_threshold(spec),
         sha256=table.sha256,
     )
     _check_angle(entry, recording, bench=spec.kind == "bench")

@@ -159,6 +159,8 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
         return ("1", 1.0, 0.0)
     if name == HEEL_STRIKES:
         return ("s", *((1.0, 0.0) if unit == SAMPLE else conversion(unit, "s")))
+    if name == "trigger":  # its levels are compared with a threshold in the same unit
+        return (unit, 1.0, 0.0)
     contact = ("V",) if kind == "voltage" else ("1",)
     allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
     if allowed is not None and allowed[-1] in PER_MASS:
@@ -173,7 +175,12 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
             failures.append(exc)
     if name == "command":
         raise UnitError(
-            f"{failures[0]} If the channel is a trigger and no torque, leave it out, and write the "
-            'onsets into a pulse table (perturbations = "FILE.csv" under [[recordings]]).'
+            f"{failures[0]} If the channel is a trigger and no torque, call it [channels.trigger]."
         )
     raise failures[0]
+
+
+def trigger_threshold(spec: StudySpec) -> str:
+    """Return the stated threshold of the trigger as text, "" without one."""
+    trigger = spec.channels.get("trigger")
+    return "" if trigger is None or trigger.threshold is None else repr(trigger.threshold)

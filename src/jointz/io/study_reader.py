@@ -318,9 +318,7 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
         yield from _missing_channels(raw, channels)
     for name, channel in channels.items():
         if isinstance(channel, Mapping):
-            yield from _key_problems(name, channel)
-            if "positive" in channel:
-                yield from _direction_problems(name, channel["positive"], raw)
+            yield from _key_problems(name, channel, raw)
     for value in _table(_table(channels, "condition"), "values").values():
         if str(value).lower() not in CONDITIONS:
             yield (
@@ -329,8 +327,10 @@ def _channel_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> It
             )
 
 
-def _key_problems(name: str, channel: Mapping[str, Any]) -> Iterator[str]:
-    """Yield keys that belong to other channels."""
+def _key_problems(name: str, channel: Mapping[str, Any], raw: Mapping[str, Any]) -> Iterator[str]:
+    """Yield keys that belong to other channels, and directions that cannot be turned."""
+    if "positive" in channel:
+        yield from _direction_problems(name, channel["positive"], raw)
     if "kind" in channel and name != "contact":
         yield f"channels.{name}.kind: only channels.contact has a kind."
     if name in LABEL_CHANNELS and {"scale", "invert"} & set(channel):
@@ -339,6 +339,10 @@ def _key_problems(name: str, channel: Mapping[str, Any]) -> Iterator[str]:
         yield f"channels.{name}.values: only condition and trial have values."
     if "time" in channel and name in ("time", HEEL_STRIKES, *LABEL_CHANNELS):
         yield f"channels.{name}.time: only samples have a clock of their own. Remove the key."
+    if "threshold" in channel and name != "trigger":
+        yield f"channels.{name}.threshold: only channels.trigger has a threshold."
+    if name == "trigger" and {"scale", "invert"} & set(channel):
+        yield "channels.trigger: either level may be the idle one. Remove scale and invert."
 
 
 def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
@@ -350,9 +354,10 @@ def _change_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Ite
                     f"recordings[{i}].channels.{name}: the study has no channel '{name}'. A "
                     f"recording changes channels of the study: give [channels.{name}], too."
                 )
-            elif isinstance(change, Mapping) and "positive" in change:
-                for problem in _direction_problems(name, change["positive"], raw):
-                    yield f"recordings[{i}].{problem}"
+            elif isinstance(change, Mapping):
+                yield from (
+                    f"recordings[{i}].{problem}" for problem in _key_problems(name, change, raw)
+                )
 
 
 def _mass_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) -> Iterator[str]:
@@ -420,7 +425,7 @@ def _clocks_are_known(raw: Mapping[str, Any]) -> bool:
 
 def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> Iterator[str]:
     """Yield a direction that cannot be turned into the study's."""
-    if name in ("time", "contact", HEEL_STRIKES, *LABEL_CHANNELS):
+    if name in ("time", "contact", "trigger", HEEL_STRIKES, *LABEL_CHANNELS):
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
     study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
@@ -450,16 +455,18 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
         for i, r in enumerate(_entries(raw, "recordings"), start=1)
         if "condition" not in r or _condition_of(r) == "perturbed"
     ]
-    if source in ("command", "reference") and source not in channels:
+    if source in ("command", "trigger", "reference") and source not in channels:
         yield f"perturbations.source: '{source}' needs [channels.{source}]."
     for i, entry in perturbed:
         if source == "table" and "perturbations" not in entry:
             yield f'recordings[{i}].perturbations: missing; perturbations.source is "table".'
-        has_command = {"command", "reference"} & set(channels) or "perturbations" in entry
+        has_command = {"command", "trigger", "reference"} & set(
+            channels
+        ) or "perturbations" in entry
         if source is None and not has_command:
             yield (
                 f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
-                'a table (perturbations = "FILE.csv"), or perturbations.source.'
+                '[channels.trigger], a table (perturbations = "FILE.csv"), or perturbations.source.'
             )
     channel = _table(settings, "group").get("channel")
     if isinstance(channel, str) and (channel not in channels or channel in LABEL_CHANNELS):

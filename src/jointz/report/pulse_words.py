@@ -47,4 +47,6 @@ def _source(analysis: StudyAnalysis) -> str:
         return str(source)
     table = any(r.get("perturbations") for r in study.get("recordings") or ())
     channels = study.get("channels") or {}
-    return usual_source(table=table, command="command" in channels or "reference" not in channels)
+    trigger = "trigger" in channels
+    command = "command" in channels or not (trigger or "reference" in channels)
+    return usual_source(table=table, command=command, trigger=trigger)

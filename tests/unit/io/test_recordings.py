@@ -69,7 +69,7 @@ def test_a_recording_is_in_si_and_says_where_it_comes_from(study):
     assert attributes == {
         "participant": "S01", "condition": "unperturbed", "file": "S01_enp.csv", "session": "",
         "trial": "", "side": "", "joint": "knee", "positive": "flexion",
-        "contact_kind": "contact", "first_row": 2,
+        "contact_kind": "contact", "trigger_threshold": "", "first_row": 2,
     }  # fmt: skip
 
 
@@ -82,6 +82,16 @@ def test_the_unit_in_a_columns_name_holds_and_must_agree(study):
     study.edit('column = "knee (deg)"', 'column = "knee (deg)"\nunit = "rad"')
     with pytest.raises(UnitError, match=r"'deg', .* 'rad'"):
         study.read()
+
+
+@pytest.mark.parametrize("unit", ["mV", "V", "counts"])
+def test_a_trigger_keeps_the_numbers_of_the_file_and_its_threshold(study, unit):
+    study.channel("trigger", f'unit = "{unit}"', "threshold = 0.5", column="footswitch")
+
+    (recording,) = study.read()
+
+    np.testing.assert_array_equal(recording["trigger"], columns_of(study)["footswitch"])
+    assert recording.attrs["trigger_threshold"] == "0.5"
 
 
 @pytest.mark.parametrize(("line", "kind"), [('kind = "voltage"\n', "voltage"), ("", "contact")])

@@ -1,5 +1,6 @@
 """Perturbation pulses of a recording."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,17 @@ from scipy.signal import find_peaks
 from jointz.gait.timestamps import rate_hz, stretches
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
+from jointz.kernels.levels import joined_runs, middle_of_levels
 
 #: A command above this share of its largest value is a pulse.
 _COMMAND_SHARE = 1e-3
+#: A noisy command is a pulse above the first number of standard deviations of its noise where it
+#: exceeds the second; it rests for at least this share of the record; longest gap in a pulse, s.
+_NOISE_SD, _PULSE_SD, _LEAST_REST, _COMMAND_GAP_S = 3.0, 6.0, 0.6, 0.02
+#: Moving mean by which ramps are found in noise, s, and the longest ramp in lengths of it.
+_AVERAGED_S, _LONGEST_RAMP = 0.01, 20
+#: Median size of normal numbers, in standard deviations.
+_MEDIAN_OF_SD = 0.6745
 #: Least speed of a step, as a share of the fastest steps.
 _SPEED_SHARE = 0.3
 #: A step begins when its speed first exceeds this share of its peak.
@@ -134,16 +143,74 @@ def _runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
     size = np.abs(command)
     if not size.any():
         return ()
+    idle = float(np.median(command))
+    noisy = _noisy_runs(time, command - idle) if np.mean(command == idle) <= 0.5 else ()
+    if noisy:
+        return noisy
     # Not the maximum: a single spike must not hide the pulses.
     largest = float(np.percentile(size[size > 0], 99))
-    active = np.concatenate([[False], size > _COMMAND_SHARE * largest, [False]])
-    edges = np.flatnonzero(active[1:] != active[:-1])
-    pulses = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        peak = first + int(np.argmax(size[first:last]))
-        end = time[last] if last < time.size else time[-1]
-        pulses.append(Pulse(float(time[first]), float(end - time[first]), float(command[peak])))
-    return tuple(pulses)
+    runs = runs_of(size > _COMMAND_SHARE * largest)
+    peaks = [a + int(np.argmax(size[a:b])) for a, b in runs]
+    return _pulses(time, runs, [float(command[peak]) for peak in peaks])
+
+
+def _noisy_runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
+    """Return the pulses of a command with noise about 0; none if it does not rest there."""
+    size = np.abs(command)
+    resting = size < middle_of_levels(size)
+    noise_sd = float(np.median(size[resting])) / _MEDIAN_OF_SD if resting.any() else np.inf
+    if resting.mean() < _LEAST_REST or np.median(size[~resting]) <= _PULSE_SD * noise_sd:
+        return ()
+    runs = runs_of(size > _NOISE_SD * noise_sd)
+    least = max(_PULSE_SD * noise_sd, _COMMAND_SHARE * float(np.percentile(size[~resting], 99)))
+    runs = runs[[bool(size[a:b].max() > least) for a, b in runs]]
+    runs = np.stack(joined_runs(runs[:, 0], runs[:, 1], _COMMAND_GAP_S * rate_hz(time)), axis=1)
+    long = np.diff(runs)[:, 0] > 1
+    runs = runs[long] if long.any() else runs
+    averaged = max(1, round(_AVERAGED_S * rate_hz(time)))
+    amplitudes: list[float] = []
+    for k, run in enumerate([command[a:b] for a, b in runs]):
+        half = 0.5 * np.abs(run).max()
+        sign = np.sign(run[np.argmax(np.abs(run) >= half)])  # of the first phase
+        amplitudes.append(float(np.median(run[sign * run >= half])))
+        first, last = runs[k]
+        top = abs(amplitudes[-1])
+        before = _ramp_before(size, first, top, averaged)
+        after = _ramp_before(size[::-1], size.size - last, top, averaged)
+        runs[k] += [-before, after]
+    return _pulses(time, runs, amplitudes)
+
+
+def _ramp_before(size: np.ndarray, first: int, top: float, averaged: int) -> int:
+    """Return how many samples a ramp to ``top`` begins before its first above the noise.
+
+    The ramp is a line through a quarter and three quarters of moving means; a step has none.
+    """
+    begin = max(0, first - _LONGEST_RAMP * averaged)
+    part = size[begin : first + (_LONGEST_RAMP + 1) * averaged]
+    means = np.convolve(part, np.full(averaged, 1.0 / (averaged * top)), mode="valid")
+    start = first - begin
+    near = max(0, start - averaged)
+    high = near + int(np.argmax(means[near:] >= 0.75))
+    low = np.flatnonzero(means[:high] < 0.25)
+    if not low.size or high - low[-1] <= 0.75 * averaged + 1.0:
+        return 0
+    foot = low[-1] - 0.5 * (high - low[-1]) + 0.5 * averaged
+    return int(np.clip(round(start - foot), 0, start))
+
+
+def runs_of(active: np.ndarray) -> np.ndarray:
+    """Return the first sample of each run and the first sample after it, (n, 2)."""
+    padded = np.concatenate([[False], active, [False]])
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+
+
+def _pulses(time: np.ndarray, runs: np.ndarray, amplitudes: Sequence[float]) -> tuple[Pulse, ...]:
+    ends = time[np.minimum(runs[:, 1], time.size - 1)]
+    return tuple(
+        Pulse(float(time[a]), float(end - time[a]), amplitude)
+        for a, end, amplitude in zip(runs[:, 0], ends, amplitudes, strict=True)
+    )
 
 
 def _steps(

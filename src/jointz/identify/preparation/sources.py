@@ -33,6 +33,7 @@ from jointz.identify.preparation.pulses import (
     pulses_from_table,
     with_measured_amplitudes,
 )
+from jointz.identify.preparation.triggers import pulses_from_trigger, triggers_of
 from jointz.identify.study_kinds import StudyKind
 
 _STRIKE_CHANNELS = (HEEL_STRIKES, "contact", "ground_reaction_force", "cycle")
@@ -199,10 +200,14 @@ def _pulses(
     if given.condition == "no_device":
         return ()
     source = settings.perturbations.source or usual_source(
-        table=given.pulse_table is not None, command="command" in given.recording
+        table=given.pulse_table is not None,
+        command="command" in given.recording,
+        trigger="trigger" in given.recording,
     )
     if given.condition == "unperturbed":
-        # A pulse in the unperturbed condition disturbs its stride; only a command shows it.
+        # A pulse in the unperturbed condition disturbs its stride; command or trigger show it.
+        if source == "trigger":
+            return triggers_of(given.recording, brief=False)
         return pulses_from_command(given.recording) if "command" in given.recording else ()
     if source == "table":
         if given.pulse_table is None:
@@ -217,6 +222,8 @@ def _pulses(
         pulses = pulses_from_command(given.recording)
         _refuse_continuous(pulses, given, settings)
         return pulses
+    if source == "trigger":
+        return pulses_from_trigger(given.recording)
     partners = most_alike(given, unperturbed, keys=("session", "side", "trial"))
     if not partners:
         raise DataError(
@@ -254,11 +261,11 @@ def _check_names(pulses: Sequence[Pulse], file: str, settings: ParticipantSettin
         )
 
 
-def usual_source(*, table: bool, command: bool) -> str:
+def usual_source(*, table: bool, command: bool, trigger: bool) -> str:
     """Return the default source of pulses."""
     if table:
         return "table"
-    return "command" if command else "reference"
+    return "command" if command else "trigger" if trigger else "reference"
 
 
 def most_alike(

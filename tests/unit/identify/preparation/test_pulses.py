@@ -70,6 +70,55 @@ def test_traces_of_a_filter_are_no_pulse():
     assert len(of_command(command)) == 1
 
 
+def noisy_command(noise, kind, *, rest=0.3):
+    """Pulses of 4, 8 and 12 N*m, both signs, in a command that rests with noise."""
+    t = np.arange(120_000) / 1000.0
+    onsets, sizes = 1.0 + 3.8 * np.arange(30), np.tile([4.0, -4.0, 8.0, -8.0, 12.0, -12.0], 5)
+    command = rest + noise * np.random.default_rng(0).standard_normal(t.size)
+    for onset, size in zip(onsets, sizes, strict=True):
+        since = t - onset + 1e-9
+        first, whole = (since >= 0) & (since < 0.05), (since >= 0) & (since < 0.1)
+        course = {
+            "step": 1.0 * whole,
+            "doublet": 2.0 * first - whole,
+            "ramp": trapezoid(t, onset, height=1.0),
+        }
+        command += size * course[kind]
+    return build_recording(t, {"command": command}), onsets, sizes
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.5])
+@pytest.mark.parametrize(("kind", "late_s"), [("step", 1e-3), ("doublet", 1e-3), ("ramp", 0.015)])
+def test_a_noisy_command_has_its_pulses_and_no_others(noise, kind, late_s):
+    recording, onsets, sizes = noisy_command(noise, kind)
+
+    pulses = pulses_from_command(recording)
+
+    assert len(pulses) == len(onsets)
+    np.testing.assert_allclose([p.onset_s for p in pulses], onsets, atol=late_s + 1e-6)
+    np.testing.assert_allclose([p.amplitude for p in pulses], sizes, atol=max(3 * noise, 0.2))
+    length_s = 0.25 if kind == "ramp" else 0.1
+    np.testing.assert_allclose([p.duration_s for p in pulses], length_s, atol=2.5 * late_s + 1e-6)
+
+
+@pytest.mark.parametrize("kind", ["step", "doublet", "ramp"])
+def test_a_command_without_noise_is_a_pulse_above_a_share_of_its_largest(kind):
+    recording, _, sizes = noisy_command(0.0, kind, rest=0.0)
+    command, time = recording["command"].to_numpy(), recording["time"].to_numpy()
+    largest = np.percentile(np.abs(command[command != 0]), 99)
+    rises = np.flatnonzero(np.diff(np.abs(command) > 1e-3 * largest, prepend=False))[::2]
+
+    pulses = pulses_from_command(recording)
+
+    assert [p.onset_s for p in pulses] == time[rises].tolist()
+    assert [p.amplitude for p in pulses] == pytest.approx(sizes, rel=1e-12)
+
+
+def test_a_random_command_that_never_rests_is_on_nearly_all_the_time():
+    command = np.random.default_rng(0).standard_normal(T.size)
+    assert sum(p.duration_s for p in of_command(command)) > 0.95 * T[-1]
+
+
 def test_a_table_is_put_in_the_order_of_time():
     table = pd.DataFrame(
         {

@@ -73,6 +73,24 @@ def test_all_recordings_come_to_the_rate_of_the_perturbed_one():
     assert [s.signals.rate_hz for s in sources] == pytest.approx([200.0, 200.0])
 
 
+@pytest.mark.parametrize("source", [None, "trigger"])
+def test_pulses_come_from_a_trigger_in_both_conditions(source):
+    at = [3.0, 7.5, 12.0, 16.0]
+    recordings = []
+    for condition in ("unperturbed", "perturbed"):
+        made = record(condition, pulses=at, drop=["reference"])
+        command = made.recording["command"].to_numpy()
+        channels = {"trigger": ("time", 5.0 * (command > 0)), "torque": ("time", -command)}
+        trigger = made.recording.assign(channels).drop_vars("command")
+        recordings.append(replace(made, recording=trigger))
+
+    perturbed, unperturbed = prepare_sources(recordings[::-1], settings(source=source))
+
+    assert onsets(perturbed) == onsets(unperturbed) == at
+    assert [p.amplitude for p in perturbed.pulses] == pytest.approx([-17.0] * 4)
+    assert np.isnan([p.amplitude for p in unperturbed.pulses]).all()
+
+
 def test_torque_comes_from_current_where_it_was_not_measured():
     (source,) = prepare_sources([record(drop=["torque"])], settings(torque_model=MODEL))
     assert source.given.recording["torque"].attrs["units"] == "N*m"
