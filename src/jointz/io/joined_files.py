@@ -5,18 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from jointz.core.channels import CHANNEL_UNITS, is_turned
+from jointz.core.channels import is_turned
 from jointz.core.errors import DataError
 from jointz.core.study import JoinedSpec, RecordingSpec, Study
+from jointz.io.column_units import unit_in_study
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import read_table
-from jointz.io.study_files import (
-    OVER_MASS,
-    channel_unit,
-    check_scaled,
-    mass_of,
-    named_as_written,
-)
+from jointz.io.study_files import named_as_written
 
 #: Nothing is filled over a hole of more than this many of a file's own sample periods.
 _HOLE_PERIODS = 1.5
@@ -117,22 +112,11 @@ def _in_si(
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     values, units = {}, {}
     for name, channel in joined.channels.items():
-        stated = channel.unit
-        if stated is None:
-            stated = table.units.get(str(channel.column), "")
-            if stated:
-                check_scaled(joined.file, name, channel, stated)
-            elif channel.scale is not None:
-                stated = CHANNEL_UNITS.get(name, ("1",))[0]
-        si_unit, factor, offset = channel_unit(name, stated)
-        if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
-            mass_kg = mass_of(study.spec, entry, name)
-            si_unit, factor = si_unit.removesuffix(OVER_MASS), factor * mass_kg
-        factor *= channel.factor
+        unit = unit_in_study(study.spec, entry, (name, channel), table.units, file=joined.file)
         sign = -1.0 if is_turned(channel.positive, study.spec.positive, on_device=False) else 1.0
         own = np.asarray(table.columns[str(channel.column)], dtype=float)
-        values[name] = sign * (factor * own + offset)
-        units[name] = si_unit
+        values[name] = sign * (unit.factor * own + unit.offset)
+        units[name] = unit.si_unit
     return values, units
 
 

@@ -10,10 +10,10 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
-from jointz.core.errors import DataError, UnitError
-from jointz.core.study import ChannelSpec, RecordingSpec, Study, StudySpec
-from jointz.core.units import conversion, si_unit_of
+from jointz.core.channels import LABEL_CHANNELS
+from jointz.core.errors import DataError
+from jointz.core.study import ChannelSpec, RecordingSpec, Study
+from jointz.io.column_units import channel_unit
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _ALWAYS_THERE = (
@@ -24,12 +24,7 @@ _ALWAYS_THERE = (
 #: What stands in the name of a column for the key ``part`` of a recording.
 PART = "{part}"
 
-#: Units of channels that may be given per body mass, and how that is written.
-PER_MASS, OVER_MASS = ("N*m", "N"), "/kg"
-
 _Model = TypeVar("_Model", bound=BaseModel)
-#: SI unit of a channel, with factor and offset to it: ``si = factor * value + offset``.
-Unit = tuple[str, float, float]
 
 
 def data_file(root: Path, file: str) -> Path:
@@ -110,50 +105,3 @@ def _in_part(channel: ChannelSpec, part: str | None) -> ChannelSpec:
     if part is None or not isinstance(channel.column, str):
         return channel
     return channel.model_copy(update={"column": channel.column.replace(PART, part)})
-
-
-def check_scaled(file: str, name: str, channel: ChannelSpec, stated: str) -> None:
-    """Refuse a scale without a unit where the file states one: that may be before or after it."""
-    if channel.scale is not None and channel.unit is None:
-        raise UnitError(
-            f"{file}, channel '{name}': the file says {stated!r}, and the channel has a scale. "
-            "Give unit: that of the numbers times scale.",
-            channel=name,
-        )
-
-
-def mass_of(spec: StudySpec, entry: RecordingSpec, name: str) -> float:
-    """Return the mass (kg) by which a channel per body mass is multiplied."""
-    mass_kg = spec.participant(entry.participant).mass_kg
-    if mass_kg is None:
-        raise DataError(
-            f"{entry.file}, channel '{name}': is per body mass. Give mass_kg of participant "
-            f"'{entry.participant}'.",
-            path=entry.file,
-            channel=name,
-        )
-    return mass_kg
-
-
-def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
-    """Return the SI unit of a channel, with factor and offset to it."""
-    if name in LABEL_CHANNELS:
-        return ("1", 1.0, 0.0)
-    contact = ("V",) if kind == "voltage" else ("1",)
-    allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
-    if allowed is not None and allowed[-1] in PER_MASS:
-        allowed = (*allowed, f"{allowed[-1]}{OVER_MASS}")
-    if allowed is None:
-        return si_unit_of(unit)
-    failures = []
-    for si_unit in allowed:
-        try:
-            return (si_unit, *conversion(unit, si_unit))
-        except UnitError as exc:
-            failures.append(exc)
-    if name == "command":
-        raise UnitError(
-            f"{failures[0]} If the channel is a trigger and no torque, leave it out, and write the "
-            'onsets into a pulse table (perturbations = "FILE.csv" under [[recordings]]).'
-        )
-    raise failures[0]

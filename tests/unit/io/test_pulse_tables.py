@@ -200,7 +200,7 @@ def test_a_unit_that_the_name_contradicts_is_refused(study, name, unit):
     study.edit(TABLE, f"{TABLE}{settings}\n")
     (study.root / "S01_pulses.csv").write_text(f"{name}\n21\n")
 
-    assert f"column '{name}': its name says" in study.sole_problem()
+    assert f"column '{name}': its name or unit says" in study.sole_problem()
 
 
 def test_variables_of_usual_names_are_found_in_a_matlab_file(study, tmp_path):
