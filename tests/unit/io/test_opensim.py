@@ -145,7 +145,7 @@ def test_decimal_commas_are_read_if_they_are_stated(tmp_path):
     file = tmp_path / "a.mot"
     head, table = MOTION.split("vy\n")
     file.write_text(f"{head}vy\n{table.replace('.', ',')}")
-    with pytest.raises(DataError, match="row 11: expected a number .*--decimal ,"):
+    with pytest.raises(DataError, match=r"row 12: expected a number .*--decimal ,"):
         read_acquisition(file)
     content = read_acquisition(file, FilesSpec(decimal=","))
     np.testing.assert_array_equal(signals(content)["knee_angle_r"].values, [-5.0, -6.0, -7.5])
@@ -161,7 +161,7 @@ def test_a_time_that_repeats_at_the_digits_printed_is_explained(tmp_path, row, m
     with pytest.raises(DataError, match=message):
         read(tmp_path, text)
     lines = text.replace("nRows=3", "nRows=2").splitlines(keepends=True)
-    del lines[10 + row]  # as the message advises
+    del lines[11 + row]  # as the message advises
     assert signals(read(tmp_path, "".join(lines)))["knee_angle_r"].values.size == 2
 
 
