@@ -28,7 +28,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_clock(proposal, clock),
         *_pulses(proposal),
         *_masses(proposal),
-        *_contradictory(proposal),
+        *_two_units(proposal),
         *_units(proposal),
         *_signs(proposal),
         *_people(proposal),
@@ -147,7 +147,7 @@ def _masses(proposal: Proposal) -> Iterator[Question]:
         )
 
 
-def _contradictory(proposal: Proposal) -> Iterator[Question]:
+def _two_units(proposal: Proposal) -> Iterator[Question]:
     for name, (inspected, assignment) in proposal.assigned.items():
         if EITHER in inspected.column.unit:
             units = {assignment.unit: None, **dict.fromkeys(inspected.column.unit.split(EITHER))}

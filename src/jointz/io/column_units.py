@@ -55,7 +55,7 @@ def unit_in_study(
             )
         stated = ""
     try:
-        unit = _settled(
+        unit = _settle(
             name,
             column.unit,
             stated,
@@ -80,7 +80,7 @@ def unit_in_record(name: str, column: Column, units: Mapping[str, str], *, file:
         return ColumnUnit("1", 1.0, 0.0, "1")
     stated = "" if column.factor is not None else stated_unit(name, column.name, units)
     try:
-        unit = _settled(
+        unit = _settle(
             name,
             column.unit or None,
             stated,
@@ -128,7 +128,7 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
     return ("1", 1.0, 0.0) if name in LABEL_CHANNELS else _in_si(name, unit, _allowed(name, kind))
 
 
-def _settled(
+def _settle(
     name: str,
     given: str | None,
     stated: str,

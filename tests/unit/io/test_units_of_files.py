@@ -129,7 +129,7 @@ def files(tmp_path_factory) -> Callable[[str], Path]:
     return file
 
 
-def found_columns(path: Path) -> dict[str, str]:
+def columns_of(path: Path) -> dict[str, str]:
     names = list_columns(path, FilesSpec()) or []
     found = {
         channel: next(n for n in names if n.rpartition("/")[2].startswith(column))
@@ -142,7 +142,7 @@ def found_columns(path: Path) -> dict[str, str]:
 
 def arguments(path: Path, given: Mapping[str, str]) -> dict[str, str]:
     units = {channel: f":{unit}" if unit else "" for channel, unit in given.items()}
-    return {c: f"{column}{units.get(c, '')}" for c, column in found_columns(path).items()}
+    return {c: f"{column}{units.get(c, '')}" for c, column in columns_of(path).items()}
 
 
 def identified(path: Path, given: Mapping[str, str], folder: Path) -> Any:
@@ -194,7 +194,7 @@ def opened(text: str, folder: Path) -> Any:
 
 
 def studied(path: Path, given: Mapping[str, str], folder: Path) -> Any:
-    columns = found_columns(path)
+    columns = columns_of(path)
     entries = {c: channel(columns[c], given.get(c, "")) for c in COLUMNS}
     return opened(STUDY.format(time=columns["time"], file=path, **entries), folder)
 
@@ -207,7 +207,7 @@ def joined(path: Path, given: Mapping[str, str], folder: Path) -> Any:
         header="t,q,tau",
         comments="",
     )
-    columns = found_columns(path)
+    columns = columns_of(path)
     own = {c: channel(n, "") for c, n in (("angle", "q"), ("torque", "tau"))}
     text = STUDY.format(time="t", file="main.csv", **own)
     entries = "\n".join(
