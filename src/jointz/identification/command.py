@@ -317,6 +317,9 @@ def joint(
 ) -> None:
     """Fit torque = K*angle + B*velocity + J*acceleration to one recording.
 
+    A column without a unit is in that of the file, or in SI if the file states none.
+    COL:FACTOR*unit reads numbers that are in the unit when multiplied by the factor.
+
     Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
     del debug

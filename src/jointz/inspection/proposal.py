@@ -35,7 +35,7 @@ from jointz.inspection.study_draft import (
     condition_levels,
     usual_direction,
 )
-from jointz.io.study_files import SAMPLE
+from jointz.io.column_units import SAMPLE
 
 _USUAL_JOINT = "knee"
 _UNLIKE = 50.0  # ratio of torques in different units

@@ -10,8 +10,8 @@ import numpy as np
 from jointz.core.units import conversion
 from jointz.inspection.guess import InspectedColumn
 from jointz.inspection.names import word_set
+from jointz.io.column_units import SAMPLE
 from jointz.io.pulse_tables import NAMES
-from jointz.io.study_files import SAMPLE
 from jointz.io.text.clock_times import CLOCK_TEXT
 
 _MOST_PULSES = 20_000

@@ -10,6 +10,7 @@ from jointz.inspection.inspection_result import Answer, Question, SeenClock
 from jointz.inspection.names import word_set
 from jointz.inspection.problems import likely_rates
 from jointz.inspection.study_draft import Proposal
+from jointz.io.text.column_names import EITHER
 
 _MOST_ANSWERS = 3
 _MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
@@ -27,6 +28,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_clock(proposal, clock),
         *_pulses(proposal),
         *_masses(proposal),
+        *_two_units(proposal),
         *_units(proposal),
         *_signs(proposal),
         *_people(proposal),
@@ -143,6 +145,17 @@ def _masses(proposal: Proposal) -> Iterator[Question]:
             (Answer(70.0, "an average: give the person's own"),),
             drafted=False,
         )
+
+
+def _two_units(proposal: Proposal) -> Iterator[Question]:
+    for name, (inspected, assignment) in proposal.assigned.items():
+        if EITHER in inspected.column.unit:
+            units = {assignment.unit: None, **dict.fromkeys(inspected.column.unit.split(EITHER))}
+            yield Question(
+                f"channels.{name}.unit",
+                f"The file states two units of '{inspected.title}'. Which is right?",
+                tuple(Answer(unit, "") for unit in units),
+            )
 
 
 def _units(proposal: Proposal) -> Iterator[Question]:

@@ -11,7 +11,7 @@ from scipy.interpolate import make_interp_spline
 from jointz.core.errors import DataError
 from jointz.core.study import ChannelSpec, ClockSpec, JoinedSpec, RecordingSpec, Study
 from jointz.io.formats.columns import RawTable
-from jointz.io.study_files import in_part, unit_of_channel
+from jointz.io.study_files import in_part
 
 #: Nothing is filled over a hole of more than this many of a clock's own sample periods.
 _HOLE_PERIODS = 1.5
@@ -77,11 +77,10 @@ def _timed_by(source: ClockSource, clock: ClockSpec) -> ClockSource:
 def _timed(study: Study, stamps: ChannelSpec | None, **spec: Any) -> Study:
     """Return the study with another channel of time, or with a rate in its place."""
     channels = {n: c for n, c in study.spec.channels.items() if n != "time"}
-    units = {n: unit for n, unit in study.units.items() if n != "time"}
     if stamps is not None:
-        channels["time"], units["time"] = stamps, unit_of_channel("time", stamps)
+        channels["time"] = stamps
     changes = {"channels": channels, "sample_rate_hz": None, **spec}
-    return replace(study, spec=study.spec.model_copy(update=changes), units=units)
+    return replace(study, spec=study.spec.model_copy(update=changes))
 
 
 def clock_of(joined: JoinedSpec) -> tuple[float, float]:

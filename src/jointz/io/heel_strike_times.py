@@ -9,10 +9,11 @@ from jointz.core.channels import HEEL_STRIKES
 from jointz.core.errors import UnitError
 from jointz.core.study import ChannelSpec, FilesSpec, RecordingSpec, Study
 from jointz.core.units import conversion
+from jointz.io.column_units import SAMPLE
 from jointz.io.formats.columns import file_error, missing_columns
 from jointz.io.formats.registry import list_columns, read_acquisition, read_table
 from jointz.io.pulse_tables import times_of_samples, unit_in
-from jointz.io.study_files import SAMPLE, named_as_written
+from jointz.io.study_files import named_as_written
 
 #: Beginnings of the name of a column of heel strikes.
 _NAMES = ("heelstrike", "strike", "time", "sample")

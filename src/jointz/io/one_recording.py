@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.channels import RECORD_UNITS, UNITLESS_RECORD_COLUMNS
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.core.units import conversion
+from jointz.io.column_units import unit_in_record
 from jointz.io.formats.columns import check_samples
 from jointz.io.formats.registry import list_columns, read_acquisition, read_table
 from jointz.io.text.column_arguments import Column, parse_column
@@ -39,9 +40,10 @@ def read(
     files : mapping, optional
         Layout of a text file: the keys of ``[files]`` in ``study.toml``.
     **channels : str
-        Channel = ``"COLUMN"`` or ``"COLUMN:UNIT"``, such as ``angle="knee:deg"``: only these
-        columns are read, and converted to SI. Those of ``contact`` and ``direction`` have no
-        unit.
+        Channel = ``"COLUMN"``, ``"COLUMN:UNIT"`` or ``"COLUMN:FACTOR*UNIT"``, such as
+        ``angle="knee:deg"``: only these columns are read, and converted to SI. Without a unit,
+        that of the file holds, or SI if it states none. Numbers times the factor have the unit,
+        whatever the file states. Those of ``contact`` and ``direction`` have no unit.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def read(
         If the file is missing or damaged, a column, a group or a key of ``files`` is unknown, or
         ``group`` is missing or given beside ``channels``.
     UnitError
-        If a unit is unknown or does not fit the channel.
+        If a unit is unknown, does not fit the channel or contradicts the file.
 
     Examples
     --------
@@ -98,10 +100,11 @@ def read_channels(
     check_samples(file, table)
     signals = {}
     for name, column in columns.items():
-        unit = RECORD_UNITS.get(name, "1")
-        factor, offset = conversion(column.unit, unit)
+        unit = unit_in_record(name, column, table.units, file=file.name)
         values = np.asarray(table.columns[str(keys[name])], dtype=float)
-        signals[name] = ("time", factor * values + offset, {"units": unit})
+        values = unit.factor * values + unit.offset
+        signals[name] = ("time", values, {"units": unit.si_unit})
+        columns[name] = replace(column, unit=unit.text)
     attributes = {"file": file.name, "first_row": table.first_row, "sha256": table.sha256}
     return xr.Dataset(signals, attrs=attributes), columns
 

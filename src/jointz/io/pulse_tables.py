@@ -13,6 +13,7 @@ import pandas as pd
 from jointz.core.errors import DataError, UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
 from jointz.core.units import conversion
+from jointz.io.column_units import SAMPLE, same_unit
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
 from jointz.io.formats.registry import (
     TEXT_SUFFIXES,
@@ -20,7 +21,7 @@ from jointz.io.formats.registry import (
     read_acquisition,
     read_table,
 )
-from jointz.io.study_files import PART, SAMPLE, named_as_written
+from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import (
@@ -85,6 +86,10 @@ def _read(path: Path, spec: StudySpec, entry: RecordingSpec) -> _Table:
     numeric = [c.column for name, c in columns.items() if name in _NUMBERS]
     labels = [c.column for name, c in columns.items() if name not in _NUMBERS]
     table = read_table(path, numeric=numeric, labels=labels, files=spec.files)
+    for meaning in [m for m in columns if m in _NUMBERS]:
+        name, given = columns[meaning].column, columns[meaning].unit
+        unit = _agreed(path, meaning, name, given, table.units.get(name))
+        columns[meaning] = PulseColumn(column=name, unit=unit)
     cells = {name: table.columns[str(c.column)] for name, c in columns.items()}
     frame = pd.DataFrame(cells)
     frame.index += table.first_row
@@ -187,19 +192,17 @@ def _find(
     return found
 
 
-def _agreed(path: Path, meaning: str, name: str, stated: str | None) -> str | None:
-    """Return the unit of a column; refuse one that the column's name contradicts."""
-    named, si_unit = unit_in(name), _NUMBERS.get(meaning)
-    if stated is None or named is None or si_unit is None:
-        return stated or named
-    try:
-        same = stated == named or conversion(stated, si_unit) == conversion(named, si_unit)
-    except UnitError:
-        same = False  # one of them counts samples, or is no such unit
-    if not same:
-        message = f"its name says {named!r}, study.toml says {stated!r}. Correct one of them."
-        raise file_error(path, message, channel=name)
-    return stated
+def _agreed(
+    path: Path, meaning: str, name: str, given: str | None, stated: str | None = None
+) -> str | None:
+    """Return the unit of a column; refuse one that the file, or the column's name, contradicts."""
+    stated, si_unit = stated or unit_in(name), _NUMBERS.get(meaning)
+    if given is None or stated is None or si_unit is None or given == stated:
+        return given or stated
+    if not same_unit(stated, given, si_unit):  # one of them may count samples
+        both = f"its name or unit says {stated!r}, its name or study.toml says {given!r}"
+        raise file_error(path, f"{both}. Correct one of them.", channel=name)
+    return given
 
 
 def unit_in(name: str) -> str | None:

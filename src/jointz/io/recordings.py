@@ -11,7 +11,6 @@ import pandas as pd
 import xarray as xr
 
 from jointz.core.channels import (
-    CHANNEL_UNITS,
     CONDITIONS,
     DEVICE_SIDE_CHANNELS,
     HEEL_STRIKES,
@@ -20,28 +19,22 @@ from jointz.core.channels import (
     MOTOR_CHANNELS,
     is_turned,
 )
-from jointz.core.errors import DataError, UnitError
+from jointz.core.errors import DataError
 from jointz.core.recording import build_recording, deflection
 from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
-from jointz.core.units import conversion
 from jointz.io.clocks import ClockedSamples, ClockSource, clock_sources, on_one_clock
+from jointz.io.column_units import stated_unit, unit_in_study
 from jointz.io.formats.columns import RawTable, check_samples
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.heel_strike_times import read_heel_strikes
 from jointz.io.pulse_tables import read_pulses
 from jointz.io.study_files import (
-    OVER_MASS,
-    Unit,
-    channel_unit,
-    check_scaled,
-    mass_of,
     named_as_written,
     needed_channels,
     study_of_recording,
     trigger_threshold,
 )
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
-from jointz.io.text.column_names import known_unit_in_name
 from jointz.io.text.delimited import is_number
 
 _FULL_TURN_RAD = 2 * np.pi
@@ -138,7 +131,7 @@ def _samples(source: ClockSource, entry: RecordingSpec) -> Iterator[ClockedSampl
         _check_labels(path, table, columns, labels)
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
     read = [n for n in numeric if str(columns[n]) in table.columns]
-    converted = {n: _in_si(study, entry, n, table) for n in read}
+    converted = {n: _in_si(source, entry, n, table) for n in read}
     for names, own_s in _by_clock(table, {n: str(columns[n]) for n in (*read, *labels)}):
         channels = {n: values for n, (values, _) in converted.items() if n in names}
         time_s = _whole_time(spec, source.file, channels, own_s)
@@ -216,52 +209,18 @@ def _check_name(path: Path, column: str, name: str) -> None:
 
 
 def _in_si(
-    study: Study, entry: RecordingSpec, name: str, table: RawTable
+    source: ClockSource, entry: RecordingSpec, name: str, table: RawTable
 ) -> tuple[np.ndarray, str]:
     """Convert one column to SI, the study's direction and torque on the joint."""
-    spec = study.spec
+    spec = source.study.spec
     channel = spec.channels[name]
-    column = str(channel.column)
-    si_unit, factor, offset = study.units[name]
-    stated = _unit_of_file(table, column)
-    if stated and channel.scale is not None:
-        check_scaled(entry.file, name, channel, stated)
-        stated = ""
-    if stated and name not in ("contact", "trigger"):
-        si_unit, factor, offset = _agreed(spec, entry, name, stated, declared=study.units[name])
-    values = np.asarray(table.columns[column], dtype=float)
-    if name in CHANNEL_UNITS and si_unit.endswith(OVER_MASS):
-        si_unit, factor = si_unit.removesuffix(OVER_MASS), factor * mass_of(spec, entry, name)
-    factor *= channel.factor
+    unit = unit_in_study(spec, entry, (name, channel), table.units, file=source.file)
+    factor, offset = unit.factor, unit.offset
+    values = np.asarray(table.columns[str(channel.column)], dtype=float)
     if _turned(name, spec):
         factor, offset = -factor, -offset
     same = (factor, offset) == (1.0, 0.0)
-    return (values if same else factor * values + offset), si_unit
-
-
-def _unit_of_file(table: RawTable, column: str) -> str:
-    """Return the unit that a file states for a column, also in brackets after its name."""
-    return table.units.get(column) or known_unit_in_name(column)
-
-
-def _agreed(
-    spec: StudySpec, entry: RecordingSpec, name: str, stated: str, *, declared: Unit
-) -> Unit:
-    """Settle the unit a file states against the one the study declares."""
-    declared_unit = spec.channels[name].unit
-    try:
-        if declared_unit is None:
-            return channel_unit(name, stated)
-        from_file = conversion(stated, declared[0])
-    except UnitError as exc:
-        raise UnitError(f"{entry.file}, channel '{name}': {exc}", channel=name) from exc
-    if not np.allclose(from_file, declared[1:], rtol=1e-9, atol=0.0):
-        raise UnitError(
-            f"{entry.file}, channel '{name}': the file says {stated!r}, study.toml says "
-            f"{declared_unit!r}. Correct one of them.",
-            channel=name,
-        )
-    return (declared[0], *from_file)
+    return (values if same else factor * values + offset), unit.si_unit
 
 
 def _turned(name: str, spec: StudySpec) -> bool:
@@ -373,7 +332,7 @@ def _reading_step(
         "file": entry.file,
         "sha256": table.sha256,
         "units": {
-            n: c.unit or _unit_of_file(table, str(c.column)) or si_units[n]
+            n: c.unit or stated_unit(n, str(c.column), table.units) or si_units[n]
             for n, c in channels.items()
         },
         "factors": {n: c.factor for n, c in channels.items() if c.factor != 1.0},

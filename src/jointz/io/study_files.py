@@ -10,10 +10,9 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from jointz.core.channels import CHANNEL_UNITS, HEEL_STRIKES, LABEL_CHANNELS
-from jointz.core.errors import DataError, UnitError
+from jointz.core.channels import HEEL_STRIKES, LABEL_CHANNELS
+from jointz.core.errors import DataError
 from jointz.core.study import ChannelSpec, RecordingSpec, Study, StudySpec
-from jointz.core.units import conversion, si_unit_of
 
 _VARIABLE = re.compile(r"\$\{(\w+)(?::-([^}]*))?\}|\$(\w+)")
 _ALWAYS_THERE = (
@@ -25,15 +24,7 @@ _ALWAYS_THERE = (
 #: What stands in the name of a column for the key ``part`` of a recording.
 PART = "{part}"
 
-#: Unit of what is counted in samples.
-SAMPLE = "sample"
-
-#: Units of channels that may be given per body mass, and how that is written.
-PER_MASS, OVER_MASS = ("N*m", "N"), "/kg"
-
 _Model = TypeVar("_Model", bound=BaseModel)
-#: SI unit of a channel, with factor and offset to it: ``si = factor * value + offset``.
-Unit = tuple[str, float, float]
 
 
 def data_file(root: Path, file: str) -> Path:
@@ -97,8 +88,7 @@ def study_of_recording(study: Study, entry: RecordingSpec) -> Study:
     channels = {n: in_part(channel, entry.part) for n, channel in {**own, **joined}.items()}
     files = _changed(study.spec.files, entry.files)
     spec = study.spec.model_copy(update={"channels": channels, "files": files})
-    new = {n: unit_of_channel(n, channels[n]) for n in (*changes, *joined)}
-    return replace(study, spec=spec, units={**study.units, **new})
+    return replace(study, spec=spec)
 
 
 def _changed(model: _Model, change: BaseModel | None) -> _Model:
@@ -121,63 +111,6 @@ def _column_in_part(model: _Model, part: str) -> _Model:
     if not isinstance(column, str):
         return model
     return model.model_copy(update={"column": column.replace(PART, part)})
-
-
-def unit_of_channel(name: str, channel: ChannelSpec) -> Unit:
-    """Return the SI unit of a channel as the study states it, with factor and offset to it."""
-    if channel.unit is None:
-        return (CHANNEL_UNITS.get(name, ("1",))[0], 1.0, 0.0)
-    return channel_unit(name, channel.unit, kind=channel.kind)
-
-
-def check_scaled(file: str, name: str, channel: ChannelSpec, stated: str) -> None:
-    """Refuse a scale without a unit where the file states one: that may be before or after it."""
-    if channel.scale is not None and channel.unit is None:
-        raise UnitError(
-            f"{file}, channel '{name}': the file says {stated!r}, and the channel has a scale. "
-            "Give unit: that of the numbers times scale.",
-            channel=name,
-        )
-
-
-def mass_of(spec: StudySpec, entry: RecordingSpec, name: str) -> float:
-    """Return the mass (kg) by which a channel per body mass is multiplied."""
-    mass_kg = spec.participant(entry.participant).mass_kg
-    if mass_kg is None:
-        raise DataError(
-            f"{entry.file}, channel '{name}': is per body mass. Give mass_kg of participant "
-            f"'{entry.participant}'.",
-            path=entry.file,
-            channel=name,
-        )
-    return mass_kg
-
-
-def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
-    """Return the SI unit of a channel, with factor and offset to it."""
-    if name in LABEL_CHANNELS:
-        return ("1", 1.0, 0.0)
-    if name == HEEL_STRIKES:
-        return ("s", *((1.0, 0.0) if unit == SAMPLE else conversion(unit, "s")))
-    if name == "trigger":  # its levels are compared with a threshold in the same unit
-        return (unit, 1.0, 0.0)
-    contact = ("V",) if kind == "voltage" else ("1",)
-    allowed = contact if name == "contact" else CHANNEL_UNITS.get(name)
-    if allowed is not None and allowed[-1] in PER_MASS:
-        allowed = (*allowed, f"{allowed[-1]}{OVER_MASS}")
-    if allowed is None:
-        return si_unit_of(unit)
-    failures = []
-    for si_unit in allowed:
-        try:
-            return (si_unit, *conversion(unit, si_unit))
-        except UnitError as exc:
-            failures.append(exc)
-    if name == "command":
-        raise UnitError(
-            f"{failures[0]} If the channel is a trigger and no torque, call it [channels.trigger]."
-        )
-    raise failures[0]
 
 
 def trigger_threshold(spec: StudySpec) -> str:

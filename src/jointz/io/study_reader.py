@@ -32,15 +32,13 @@ from jointz.core.study import (
     name_problem,
 )
 from jointz.core.units import conversion
+from jointz.io.column_units import OVER_MASS, Unit, channel_unit
 from jointz.io.file_kinds import special_kind
 from jointz.io.formats.registry import CLOCK_SUFFIXES, list_columns
 from jointz.io.pulse_tables import read_pulses
 from jointz.io.recordings import StudyRecording, read_recording
 from jointz.io.study_files import (
-    OVER_MASS,
     PART,
-    Unit,
-    channel_unit,
     data_file,
     named_as_written,
     needed_channels,

@@ -46,7 +46,9 @@ Encoding = Annotated[
 Delimiter = Annotated[
     str | None, typer.Option("--delimiter", help="Between the columns of a text file.")
 ]
-DecimalSign = Annotated[Decimal, typer.Option("--decimal", help="Sign in numbers.")]
+DecimalSign = Annotated[
+    Decimal, typer.Option("--decimal", help="Decimal sign in text and OpenSim files.")
+]
 SkipRows = Annotated[
     int, typer.Option("--skip-rows", min=0, help="Rows before the table of a text file.")
 ]

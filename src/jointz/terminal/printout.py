@@ -130,7 +130,10 @@ class Output:
 
 def file_origin(file: Path, columns: "Mapping[str, Column]") -> dict[str, Any]:
     """Return the file and its columns as they were understood."""
-    echoed = {n: {"column": c.name, "unit": c.unit} for n, c in columns.items()}
+    echoed: dict[str, dict[str, object]] = {
+        n: {"column": c.name, "unit": c.unit} | ({} if c.factor is None else {"factor": c.factor})
+        for n, c in columns.items()
+    }
     return {"file": str(file), "columns": echoed}
 
 

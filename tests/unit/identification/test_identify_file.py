@@ -19,7 +19,8 @@ from jointz.io.text.column_arguments import Column, parse_column, parse_quantity
     [
         ("knee:deg", "angle", Column("knee", "deg")),
         ("a:b:Nm", "torque", Column("a:b", "Nm")),
-        ("t", "time", Column("t", "s")),
+        ("t", "time", Column("t")),
+        ("load cell:12.5*N*m", "torque", Column("load cell", "N*m", 12.5)),
     ],
 )
 def test_a_column_is_a_name_and_perhaps_a_unit(text, channel, expected):
@@ -27,7 +28,7 @@ def test_a_column_is_a_name_and_perhaps_a_unit(text, channel, expected):
 
 
 def test_a_column_whose_name_holds_a_colon_is_understood():
-    assert parse_column("knee:deg", "angle", ["knee:deg"]) == Column("knee:deg", "deg")
+    assert parse_column("knee:deg", "angle", ["knee:deg"]) == Column("knee:deg")
 
 
 @pytest.mark.parametrize("unit", ["N*m", ""])

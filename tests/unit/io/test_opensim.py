@@ -7,6 +7,7 @@ import pytest
 
 from jointz.core.acquisition import Acquisition, Signal
 from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
 from jointz.io.formats.registry import read_acquisition
 
 MOTION = """\
@@ -118,6 +119,50 @@ def test_without_in_degrees_the_unit_of_an_angle_is_open(tmp_path):
     found = signals(read(tmp_path, MOTION.replace("inDegrees=yes\n", "")))
 
     assert found["knee_angle_r"].unit == ""
+
+
+SENTENCE = "Angles are in degrees."
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        (SENTENCE, "deg"),
+        ("Units are S.I. units. angles are in radians", "rad"),
+        (f"inDegrees=yes\n{SENTENCE}", "deg"),
+        (f"inDegrees=no\n{SENTENCE}", "rad or deg"),
+    ],
+)
+def test_the_sentence_in_the_header_states_the_unit_of_angles(tmp_path, header, unit):
+    text = MOTION.replace("inDegrees=yes", header)
+    found = signals(read(tmp_path, text))
+    units = found["knee_angle_r"].unit
+    assert sorted(units.split(" or ")) == sorted(unit.split(" or "))
+    assert found["hip_flexion_r_moment"].unit == ""
+
+
+def test_decimal_commas_are_read_if_they_are_stated(tmp_path):
+    file = tmp_path / "a.mot"
+    head, table = MOTION.split("vy\n")
+    file.write_text(f"{head}vy\n{table.replace('.', ',')}")
+    with pytest.raises(DataError, match=r"row 12: expected a number .*--decimal ,"):
+        read_acquisition(file)
+    content = read_acquisition(file, FilesSpec(decimal=","))
+    np.testing.assert_array_equal(signals(content)["knee_angle_r"].values, [-5.0, -6.0, -7.5])
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [(2, "the last time, 0.01000000 s, repeats .* write 2 there"), (1, "row above repeats")],
+)
+def test_a_time_that_repeats_at_the_digits_printed_is_explained(tmp_path, row, message):
+    stamps = ["0.00000000", "0.01000000", "0.02000000"]
+    text = MOTION.replace(f"{stamps[row]}\t ", f"{stamps[row - 1]}\t ")
+    with pytest.raises(DataError, match=message):
+        read(tmp_path, text)
+    lines = text.replace("nRows=3", "nRows=2").splitlines(keepends=True)
+    del lines[11 + row]  # as the message advises
+    assert signals(read(tmp_path, "".join(lines)))["knee_angle_r"].values.size == 2
 
 
 def test_an_old_file_with_blanks_is_read(tmp_path):

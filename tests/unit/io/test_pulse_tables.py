@@ -200,7 +200,7 @@ def test_a_unit_that_the_name_contradicts_is_refused(study, name, unit):
     study.edit(TABLE, f"{TABLE}{settings}\n")
     (study.root / "S01_pulses.csv").write_text(f"{name}\n21\n")
 
-    assert f"column '{name}': its name says" in study.sole_problem()
+    assert f"column '{name}': its name or unit says" in study.sole_problem()
 
 
 def test_variables_of_usual_names_are_found_in_a_matlab_file(study, tmp_path):
@@ -211,3 +211,17 @@ def test_variables_of_usual_names_are_found_in_a_matlab_file(study, tmp_path):
     table = read_pulse_table(opened, opened.spec.recordings[1])
 
     assert table["onset_s"].tolist() == [0.021, 0.03]
+
+
+def test_the_unit_that_a_file_states_for_its_onsets_holds(study, tmp_path):
+    onset = Signal("Beginn", np.array([21.0, 30.0]), "ms")
+    write_file(tmp_path / "pulses.parquet", SignalGroup("", (onset,)))
+    (study.root / "pulses.parquet").write_bytes((tmp_path / "pulses.parquet").read_bytes())
+    study.edit(TABLE, f'{TABLE}columns = {{ onset = "Beginn" }}\n')
+    study.edit('"S01_pulses.csv"', '"pulses.parquet"')
+    opened = study.open()
+    table = read_pulse_table(opened, opened.spec.recordings[1])
+    assert table["onset_s"].tolist() == pytest.approx([0.021, 0.03])
+
+    study.edit('onset = "Beginn"', 'onset = { column = "Beginn", unit = "s" }')
+    assert "says 'ms', its name or study.toml says 's'" in study.sole_problem()

@@ -1,9 +1,10 @@
 """OpenSim's motion and storage files, .mot and .sto: a header and a table with ``time``.
 
-The header says ``inDegrees`` once for the whole file, and it holds for rotational coordinates
-only: translations in the same table are in m, forces in N. So a unit of angle is stated for a
-column that is, by the name OpenSim gives it, a rotational coordinate or its speed; every other
-column has no unit, and its description says so.
+The header says ``inDegrees``, or "Angles are in degrees.", once for the whole file, and it holds
+for rotational coordinates only: translations in the same table are in m, forces in N. So a unit of
+angle is stated for a column that is, by the name OpenSim gives it, a rotational coordinate or its
+speed; every other column has no unit, and its description says so. A header that says both degrees
+and radians states both units.
 """
 
 import json
@@ -21,7 +22,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
 from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import NOTE
-from jointz.io.text.column_names import READING
+from jointz.io.text.column_names import EITHER, READING
 
 #: The words by which OpenSim names rotational coordinates. ``add`` and ``flex`` stand behind the
 #: joint there; at the beginning of a name they are muscles: ``add_long_r``.
@@ -33,6 +34,7 @@ _NO_COORDINATE = re.compile(
     r"moment|force|torque|reserve|activation|power|work|_[tpv][xyz](?:_|$)|acc"
 )
 _YES, _NO = ("yes", "y", "true", "1"), ("no", "n", "false", "0")
+_SENTENCE = re.compile(r"(?im)(?:^|\.)\s*angles are in (deg|rad)(?:rees|ians)\s*(?:\.|$)")
 #: What OpenSim's analysis of kinematics calls its files of what is no coordinate.
 _RATES_BY_NAME = {"speeds": "/s", "accelerations": "/s^2"}
 _DIGITS = re.compile(r"[+-]?\d*(?:\.(?P<decimals>\d*))?(?:[eE][+-]?(?P<exponent>\d+))?")
@@ -43,6 +45,8 @@ _EARLIER = "jointz"
 _LEFT_OUT = "names, descriptions, events and metadata of the line 'jointz=' are left out"
 _UNSTATED = NOTE + "OpenSim's header states a unit for rotational coordinates only"
 _UNSAID = NOTE + "the header has no inDegrees, so that the unit of a rotational coordinate is open"
+_CONTRADICTORY = NOTE + "inDegrees and the sentence in the header contradict each other"
+_DECIMAL = "If the file has decimal commas, give --decimal , ([files] decimal in study.toml)."
 _LONGEST_HEADER = 1000
 _PIECES = re.compile(r"(?:vec|quaternion|spatialvec|unitvec|rotation)\d*", re.IGNORECASE)
 
@@ -60,11 +64,11 @@ class OpenSimFormat(GroupFormat):
 
     name = "OpenSim .mot/.sto"
 
-    def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
+    def read(self, path: Path, files: FilesSpec) -> Acquisition:
         """Return the table; time stamps are its clock, the header its metadata."""
         lines = _lines(path)
         header = _header(path, lines)
-        names, samples, notes = _table(path, lines, header)
+        names, samples, notes = _table(path, lines, header, files.decimal)
         columns = {name: samples[:, k] for k, name in enumerate(names) if k > 0}
         units = [_unit_of(name, header.metadata) for name in columns]
         if header.units is not None:
@@ -139,7 +143,7 @@ def _count(path: Path, row: int, key: str, value: str) -> int:
 
 
 def _table(
-    path: Path, lines: list[str], header: _Header
+    path: Path, lines: list[str], header: _Header, decimal: str
 ) -> tuple[list[str], np.ndarray, dict[str, str]]:
     """Return names, samples, (n, columns), and notes; the first column is time."""
     at = header.n_lines
@@ -159,6 +163,8 @@ def _table(
             message = f"expected {len(labels)} values, found {len(cells)}."
             raise _bad(path, message, at + 2 + k)
     pieces = _PIECES.match(header.metadata.get("DataType", ""))
+    if pieces is None and decimal == ",":
+        rows = [[cell.replace(",", ".") for cell in cells] for cells in rows]
     if pieces is not None and rows:
         labels, rows = _taken_apart(path, labels, rows, at + 2)
     _check_labels(path, labels, at + 1)
@@ -247,8 +253,14 @@ def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -
     wrong[1:] |= ~(time[1:] > time[:-1])
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
-        message = f"expected time to increase, found {time[at]:.9g} s."
-        raise _bad(path, message, first + at, todo="Sort the rows.")
+        message, todo = f"expected time to increase, found {time[at]:.9g} s.", "Sort the rows."
+        if at and rows[at][0] == rows[at - 1][0]:
+            message = f"the time {rows[at][0]} s of the row above repeats at the digits printed."
+            todo = "Export more digits, or remove this row and correct the header's count."
+            if at == len(time) - 1:
+                message = f"the last time, {rows[at][0]} s, repeats at the digits printed."
+                todo = f"Remove this row; if the header counts rows, write {at} there."
+        raise _bad(path, message, first + at, todo=todo)
     return samples
 
 
@@ -262,7 +274,9 @@ def _first_bad_cell(path: Path, labels: list[str], rows: list[list[str]], first:
             try:
                 _number(cell)
             except ValueError:
-                return _bad(path, f"expected a number for '{label}', found '{cell}'.", first + k)
+                message = f"expected a number for '{label}', found '{cell}'."
+                commas = {"todo": _DECIMAL} if re.fullmatch(r"[+-]?\d*,\d+.*", cell) else {}
+                return _bad(path, message, first + k, **commas)
     return _bad(path, "it holds what is no number.")
 
 
@@ -276,11 +290,10 @@ def _unit_of(name: str, header: Mapping[str, str]) -> tuple[str, str]:
     per_second = _RATES_BY_NAME.get(header.get("name", "").lower(), "")
     if name.endswith(("/speed", "_u")):
         per_second = "/s"
-    if degrees in _YES:
-        return f"deg{per_second}", ""
-    if degrees in _NO:
-        return f"rad{per_second}", ""
-    return "", _UNSAID
+    units = {"deg": degrees in _YES, "rad": degrees in _NO}
+    units |= {unit.lower(): True for unit in _SENTENCE.findall(header.get("comment", ""))}
+    stated = [f"{unit}{per_second}" for unit, says_so in units.items() if says_so]
+    return EITHER.join(stated), ("" if len(stated) == 1 else _CONTRADICTORY if stated else _UNSAID)
 
 
 def _bad(

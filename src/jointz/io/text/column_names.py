@@ -9,6 +9,8 @@ from jointz.core.acquisition import Signal, SignalGroup
 from jointz.core.errors import UnitError
 from jointz.core.units import si_unit_of
 
+#: Stands between two units of one column where a file contradicts itself: ``deg or rad``.
+EITHER = " or "
 #: What jointz calls a column of time stamps where the content has no name for it.
 CLOCK_COLUMN = "time [s]"
 _CLOCK_NAMES = (CLOCK_COLUMN, "time_s", "time (s)", "Time [s]", "Time_s", "Time (s)")
@@ -45,7 +47,7 @@ def unit_in_name(name: str) -> str:
 def known_unit_in_name(name: str) -> str:
     """Return the unit in brackets at the end of a column's name, "" where it cannot be read."""
     unit = unit_in_name(name)
-    return unit if unit and _readable(unit) else ""
+    return unit if unit and all(map(_readable, unit.split(EITHER))) else ""
 
 
 def name_with_unit(signal: Signal) -> str:
