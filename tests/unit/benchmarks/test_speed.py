@@ -40,7 +40,7 @@ def test_cost_of_a_process_has_time_and_memory_of_its_own(tmp_path):
     )
 
     assert 0.0 < cost.cpu_s < 60.0
-    assert 190.0 < cost.peak_mb < 300.0
+    assert cost.peak_mb > 190.0  # not less than this process's
 
 
 def test_a_command_that_fails_ends_the_run_with_its_message(tmp_path):
