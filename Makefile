@@ -13,7 +13,7 @@ demo: $(VENV)/.installed
 # JOINTZ_REQUIRE: a test that would skip for want of one of these fails. Tests that keep real time
 # run alone, the others as many at once as there are cores.
 REQUIRE := JOINTZ_REQUIRE="dask pyarrow nicegui"
-TESTED := tests benchmarks reproduction/tests --benchmark-disable -q --durations=30
+TESTED := tests reproduction/tests -q --durations=30
 # As many threads of BLAS as cores in each of as many processes wait for each other, for minutes.
 test quick test-slow: export OPENBLAS_NUM_THREADS = 1
 test: $(VENV)/.installed-test browser
@@ -104,11 +104,11 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/python docs/check_site.py docs/_build/html
 	@echo "Pages: docs/_build/html/index.html"
 
-# All benchmarks beside the peers that can be had here, and docs/benchmarks.md. For hours: the
-# machine should do nothing else. ARGUMENTS=--keep goes on with what was measured.
-benchmark: .venv-peers/.installed-peers browser
+# The commands beside the peers that can be installed here, and docs/benchmarks.md. The machine
+# should do nothing else.
+benchmark: .venv-peers/.installed-peers
 	-$(MAKE) .venv-osl/.installed-osl
-	.venv-peers/bin/python -m benchmarks.gather $(ARGUMENTS)
+	.venv-peers/bin/python -m benchmarks.speed
 
 # Every method on simulated people whose truth is known; what is done is kept in .accuracy-cache.
 accuracy: $(VENV)/.installed
@@ -137,7 +137,7 @@ $(VENV)/.installed: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(CONSTRAINTS) | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-benchmark pytest-xdist playwright ezc3d
+	$(BIN)/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-cov pytest-timeout pytest-xdist playwright ezc3d
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-check: $(VENV)/.installed-test
@@ -157,7 +157,7 @@ $(VENV)/.installed-check: $(VENV)/.installed-test
 # spm1d is under the GPL. Who cannot be installed here is named on the page.
 .venv-peers/.installed-peers: pyproject.toml $(CONSTRAINTS)
 	test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]" pytest pytest-timeout pytest-benchmark playwright
+	.venv-peers/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) --editable ".[all]"
 	for peer in mujoco statsmodels spm1d; do \
 		.venv-peers/bin/python -m pip install --quiet --constraint $(CONSTRAINTS) $$peer || \
 		echo "benchmark: $$peer cannot be installed here, and is left out." >&2; \

@@ -5,40 +5,13 @@ import re
 from collections.abc import Callable, Generator
 from pathlib import Path
 
-import pandas as pd
 import pytest
+from benchmarks.speed.csv_copy import write_csv_copy
 
 import jointz
-from jointz.identify.preparation.conditioning import torque_from_current
-from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.protocols import load_protocol
-from jointz.io.study_reader import open_study
 
 pytest_plugins = ["tests.real_time"]
-
-_TOML = """jointz = 1
-joint = "knee"
-kind = "walking"
-coupling = "rigid"
-positive = "flexion"
-torque_acts_on = "joint"
-
-[channels.time]
-column = "time"
-unit = "s"
-[channels.angle]
-column = "angle"
-unit = "rad"
-[channels.torque]
-column = "torque"
-unit = "N*m"
-[channels.command]
-column = "command"
-unit = "N*m"
-[channels.contact]
-column = "contact"
-kind = "contact"
-"""
 
 
 def write_csv_study(
@@ -62,23 +35,7 @@ def write_csv_study(
         participants=people, seed=seed,
         workers=1 if people < 3 else 2,  # to start two takes longer than one person
     )  # fmt: skip
-    spec = open_study(made.study).spec
-    folder.mkdir(parents=True)
-    lines = [_TOML]
-    for person in spec.participants:
-        lines += ["[[participants]]", f'id = "{person.id}"', f"mass_kg = {person.mass_kg}"]
-        lines += [f"height_m = {person.height_m}"]
-    for entry in spec.recordings:
-        recording = read_recording(made.study / entry.file)
-        torque, _ = torque_from_current(recording, spec.torque_model, cutoff_hz=20.0)
-        recording = recording.assign(torque=("time", torque))
-        names = ("time", "angle", "torque", "command", "contact")
-        table = pd.DataFrame({name: recording[name].to_numpy() for name in names})
-        file = entry.file.replace(".nc", ".csv")
-        table.dropna().round(6).to_csv(folder / file, index=False)
-        lines += ["[[recordings]]", f'participant = "{entry.participant}"']
-        lines += [f'condition = "{entry.condition}"', f'file = "{file}"']
-    (folder / "study.toml").write_text("\n".join(lines) + "\n")
+    write_csv_copy(made.study, folder)
 
 
 #: Libraries, with blanks between: a test that would skip because one is absent fails.

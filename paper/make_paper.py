@@ -87,7 +87,6 @@ def _wrapped(part: str) -> str:
 
 def numbers() -> dict[str, Any]:
     """Return everything that the template can name."""
-    benchmarks = [row for row in table("benchmarks-figures.csv") if row["met"]]
     return {
         "authors": authors(),
         "date": paper_date(),
@@ -98,7 +97,6 @@ def numbers() -> dict[str, Any]:
         "counts": counts(),
         "matlab": matlab(),
         "validation": validation(),
-        "targets": {"met": count(benchmarks, met="True"), "all": len(benchmarks)},
         "unmet": unmet_targets(),
         "triple": triple,
         "ratio": ratio,
@@ -198,11 +196,6 @@ def _only(pattern: str, text: str) -> re.Match[str]:
     return found
 
 
-def count(rows: Sequence[Row], **wanted: str) -> int:
-    """Return how many rows have these values."""
-    return sum(all(row[key] == value for key, value in wanted.items()) for row in rows)
-
-
 # --- numbers in the text ----------------------------------------------------------------------
 
 
@@ -220,7 +213,7 @@ def triple(
 
 def ratio(quantity: str) -> str:
     """Return how many times as fast as the peer a benchmark is."""
-    (row,) = (r for r in table("benchmarks-figures.csv") if r["quantity"] == quantity)
+    (row,) = (r for r in table("benchmarks.csv") if r["quantity"] == quantity)
     return f"{float(row['ratio']):.0f}"
 
 
