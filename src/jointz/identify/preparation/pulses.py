@@ -18,8 +18,6 @@ _COMMAND_SHARE = 1e-3
 #: A noisy command is a pulse above the first number of standard deviations of its noise where it
 #: exceeds the second; it rests for at least this share of the record; longest gap in a pulse, s.
 _NOISE_SD, _PULSE_SD, _LEAST_REST, _COMMAND_GAP_S = 3.0, 6.0, 0.6, 0.02
-#: Moving mean by which ramps are found in noise, s, and the longest ramp in lengths of it.
-_AVERAGED_S, _LONGEST_RAMP = 0.01, 20
 #: Median size of normal numbers, in standard deviations.
 _MEDIAN_OF_SD = 0.6745
 #: Least speed of a step, as a share of the fastest steps.
@@ -167,36 +165,12 @@ def _noisy_runs(time: np.ndarray, command: np.ndarray) -> tuple[Pulse, ...]:
     runs = np.stack(joined_runs(runs[:, 0], runs[:, 1], _COMMAND_GAP_S * rate_hz(time)), axis=1)
     long = np.diff(runs)[:, 0] > 1
     runs = runs[long] if long.any() else runs
-    averaged = max(1, round(_AVERAGED_S * rate_hz(time)))
     amplitudes: list[float] = []
-    for k, run in enumerate([command[a:b] for a, b in runs]):
+    for run in (command[a:b] for a, b in runs):
         half = 0.5 * np.abs(run).max()
         sign = np.sign(run[np.argmax(np.abs(run) >= half)])  # of the first phase
         amplitudes.append(float(np.median(run[sign * run >= half])))
-        first, last = runs[k]
-        top = abs(amplitudes[-1])
-        before = _ramp_before(size, first, top, averaged)
-        after = _ramp_before(size[::-1], size.size - last, top, averaged)
-        runs[k] += [-before, after]
     return _pulses(time, runs, amplitudes)
-
-
-def _ramp_before(size: np.ndarray, first: int, top: float, averaged: int) -> int:
-    """Return how many samples a ramp to ``top`` begins before its first above the noise.
-
-    The ramp is a line through a quarter and three quarters of moving means; a step has none.
-    """
-    begin = max(0, first - _LONGEST_RAMP * averaged)
-    part = size[begin : first + (_LONGEST_RAMP + 1) * averaged]
-    means = np.convolve(part, np.full(averaged, 1.0 / (averaged * top)), mode="valid")
-    start = first - begin
-    near = max(0, start - averaged)
-    high = near + int(np.argmax(means[near:] >= 0.75))
-    low = np.flatnonzero(means[:high] < 0.25)
-    if not low.size or high - low[-1] <= 0.75 * averaged + 1.0:
-        return 0
-    foot = low[-1] - 0.5 * (high - low[-1]) + 0.5 * averaged
-    return int(np.clip(round(start - foot), 0, start))
 
 
 def runs_of(active: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def noisy_command(noise, kind, *, rest=0.3):
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.2, 0.5])
-@pytest.mark.parametrize(("kind", "late_s"), [("step", 1e-3), ("doublet", 1e-3), ("ramp", 0.015)])
+@pytest.mark.parametrize(("kind", "late_s"), [("step", 1e-3), ("doublet", 1e-3), ("ramp", 0.04)])
 def test_a_noisy_command_has_its_pulses_and_no_others(noise, kind, late_s):
     recording, onsets, sizes = noisy_command(noise, kind)
 
