@@ -171,7 +171,7 @@ def _time_problems(recording: xr.Dataset) -> list[str]:
     if not np.isfinite(time).all():
         row = first_row + int(np.flatnonzero(~np.isfinite(time))[0])
         return [f"row {row}: the time stamp is not a number. Repair or remove the row."]
-    bad = np.flatnonzero(np.diff(time) <= 0)
+    bad = np.flatnonzero(time[1:] <= time[:-1])
     if bad.size == 0:
         return []
     at = int(bad[0])

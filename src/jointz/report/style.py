@@ -160,7 +160,7 @@ def to_svg(figure: "Figure") -> str:
     text = buffer.getvalue().decode("utf-8")
     for pattern in (_PROLOGUE, _METADATA, _COMMENT):
         text = pattern.sub("", text)
-    return _LONG_NUMBER.sub(r"\1", text)
+    return _LONG_NUMBER.sub(lambda number: number[1], text)
 
 
 def to_pdf(figure: "Figure") -> bytes:

@@ -67,10 +67,10 @@ class Baseline:
 
         A draw without any of a pulse's strides uses all of them.
         """
-        weights = draws[:, self.sources] * self.valid
-        totals = weights.sum(axis=2, keepdims=True)
-        weights = np.where(totals > 0, weights, self.valid)
-        return np.asarray(weights / np.maximum(weights.sum(axis=2, keepdims=True), 1e-300))
+        weights: np.ndarray = draws[:, self.sources] * self.valid  # large: changed in place
+        np.copyto(weights, self.valid, where=~(weights.sum(axis=2, keepdims=True) > 0))
+        weights /= np.maximum(weights.sum(axis=2, keepdims=True), 1e-300)
+        return weights
 
     def take(self, pulses: np.ndarray) -> "Baseline":
         """Return the baseline of some of the pulses."""
