@@ -194,6 +194,11 @@ class Failure(FailureCode):
         "out_of_step",
         "motion precedes torque, or torque comes without command",
     )
+    SENSORS_DISAGREE = (
+        "sensors_disagree",
+        "goniometer and another sensor of the motion show walking with gains that differ by more "
+        "than 40 %, and no third one tells which is wrong",
+    )
     CLOCKS_DRIFT = "clocks_drift", "the clocks of angle and torque drift apart"
     OUTSIDE_RANGE = (
         "outside_range",
@@ -278,6 +283,11 @@ class Doubt(Code):
         "the responses need a sensor, strap or reflex more than 2.5 prior sds from the "
         "usual: a signal may be late or wrong, or the device is not strapped to soft "
         "tissue; K, B and J are undecided",
+    )
+    SENSORS_CONTRADICT = (
+        "sensors_contradict",
+        "one sensor of the motion contradicts the others, or the model of all sensors is unlikely "
+        "and that of fewer is not: values are those of the others, which agree; a note names it",
     )
     HELD_TORQUE = (
         "held_torque",

@@ -133,6 +133,8 @@ def channel_unit(name: str, unit: str, *, kind: str | None = None) -> Unit:
     """Return the SI unit of a channel, with factor and offset to it."""
     if name == HEEL_STRIKES:
         return ("s", *((1.0, 0.0) if unit == SAMPLE else conversion(unit, "s")))
+    if name == "trigger":
+        return (unit, 1.0, 0.0)
     return ("1", 1.0, 0.0) if name in LABEL_CHANNELS else _in_si(name, unit, _allowed(name, kind))
 
 

@@ -23,9 +23,9 @@ from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.raw_signals import (
     ENCODER,
     TORQUE_ROWS,
-    motion_sensors,
     raw_signals,
 )
+from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
@@ -134,7 +134,7 @@ def recorded_walking(
             f"{FEWEST_STRIDES} unperturbed strides, found none. Record three to five minutes."
         )
     source = max(sources, key=lambda s: quiet_strides(s).size)
-    sensors = motion_sensors([source])
+    sensors = choose_sensors([source]).used
     signals = raw_signals(source, sensors=sensors, strapped=True)
     predictor = UnperturbedPredictor(
         source, signals, window_s=data_length_s(window_s), sensors=sensors

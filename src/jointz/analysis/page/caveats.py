@@ -91,8 +91,9 @@ _STRAPPED: Final = (
     (
         "Intervals cover the modelled sources of error only.",
         "These are differences between strides, strap and tissue, friction, the lag, a reflex, "
-        "stiffness that falls with displacement, and the priors, which provenance.json lists. A "
-        "device that is coupled rigidly is not in the model.",
+        "stiffness that falls with displacement, and the priors, which provenance.json lists. Not "
+        "in the model are a device that is coupled rigidly, and a wrong gain of a goniometer that "
+        "is the only sensor of the motion: a joint encoder or gyroscopes would show it.",
     ),
     (
         "Undecided is a result.",

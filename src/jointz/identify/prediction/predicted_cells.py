@@ -25,10 +25,9 @@ from jointz.identify.preparation.raw_signals import (
     RAW_ANGLE,
     TORQUE_ROWS,
     common_rate_hz,
-    motion_sensors,
     raw_signals,
-    unused_sensors,
 )
+from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import ParticipantSettings, Source, most_alike
 from jointz.kernels.robust_spread import robust_moments, robust_sd
 from jointz.results.estimates import PulseExample
@@ -91,7 +90,8 @@ def recorded_pulse(
 class CellPredictor:
     """Predicts the pulses of a participant's timing points, with one predictor a recording.
 
-    For a ``strapped`` device, all sensors of its motion and the leg's are predicted.
+    For a ``strapped`` device, all ``sensors`` of its motion and the leg's are predicted; without
+    them, those that agree.
     """
 
     def __init__(
@@ -101,6 +101,7 @@ class CellPredictor:
         *,
         reach_s: float,
         strapped: bool = False,
+        sensors: Sequence[str] | None = None,
     ) -> None:
         self._sources = sources
         self._settings = settings
@@ -109,8 +110,8 @@ class CellPredictor:
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
         self._strapped = strapped
         needed = self._needed() if strapped else []
-        self.sensors = motion_sensors(needed)
-        self.unused_sensors = unused_sensors(needed, self.sensors)
+        self.choice = choose_sensors(needed)
+        self.sensors = self.choice.used if sensors is None else tuple(sensors)
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
 
     def predict(

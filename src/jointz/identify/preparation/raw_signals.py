@@ -21,15 +21,10 @@ RAW_ANGLE, DRIVING, FRICTION, COMMAND = range(4)
 TORQUE_ROWS, SENSOR_ROWS = slice(DRIVING, FRICTION + 1), COMMAND + 1
 #: Sensors of the joint's motion beside the goniometer; the velocity of the joint is the difference
 #: of both segments'.
-ENCODER, SHANK_VELOCITY, _THIGH_VELOCITY = MOTION_SENSORS
+ENCODER, SHANK_VELOCITY, THIGH_VELOCITY = MOTION_SENSORS
 JOINT_VELOCITY = "joint_velocity"
-#: A sensor that is silent for longer is not used, share of the recording.
-_LEAST_PRESENT = 0.95
 #: Holes of a further sensor up to this length are interpolated.
 _LONGEST_HOLE_S = 0.02
-#: Time over which sensors are averaged to be compared; usual gains over the goniometer, and sizes
-#: of the shank's velocity over the joint's.
-_COMPARED_S, _LIKE_GAINS, _SIZES = 0.02, (0.7, 1.4), (0.1, 5.0)
 #: Faster recordings are averaged down to about this rate, far above the band of a leg.
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
@@ -41,62 +36,6 @@ def common_rate_hz(sources: Sequence[Source]) -> float:
     perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
     rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
     return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
-
-
-def motion_sensors(sources: Sequence[Source]) -> tuple[str, ...]:
-    """Return the sensors beside the goniometer that all recordings have, and that follow it."""
-
-    def everywhere(channel: str) -> bool:
-        return bool(sources) and all(_measures(s.given.recording, channel) for s in sources)
-
-    sensors = [ENCODER] if everywhere(ENCODER) else []
-    if everywhere(SHANK_VELOCITY):
-        both = everywhere(_THIGH_VELOCITY)
-        sensors.append(JOINT_VELOCITY if both else SHANK_VELOCITY)
-    return tuple(name for name in sensors if all(_follows(s, name) for s in sources))
-
-
-def unused_sensors(sources: Sequence[Source], used: Sequence[str]) -> list[str]:
-    """Return channels of sensors that some recordings have and that are not used."""
-    both = {SHANK_VELOCITY, _THIGH_VELOCITY} if JOINT_VELOCITY in used else set()
-    taken = both | set(used)
-    left = [name for name in MOTION_SENSORS if name not in taken]
-    return [name for name in left if any(name in s.given.recording for s in sources)]
-
-
-def _measures(recording: xr.Dataset, channel: str) -> bool:
-    """Return whether a sensor was there and alive."""
-    if channel not in recording:
-        return False
-    values = recording[channel].to_numpy()
-    finite = np.isfinite(values)
-    return bool(finite.mean() >= _LEAST_PRESENT and np.ptp(values[finite]) > 0.0)
-
-
-def _follows(source: Source, name: str) -> bool:
-    """Return whether a sensor shows the motion of the goniometer: its unit and sign are right.
-
-    Walking moves the shank alone by another share of the joint's motion: only sizes are compared.
-    """
-    recording = source.given.recording
-    time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
-    if name == ENCODER and np.array_equal(recording[ENCODER].to_numpy(), angle, equal_nan=True):
-        return False  # the same sensor twice
-    every = max(1, round(_COMPARED_S * rate_hz(time)))
-    n = time.size // every
-    if n < 2:
-        return False
-    rows = np.stack([time, angle, _sensor(source, name)])[:, : n * every]
-    at, angle, shown = rows.reshape(3, n, every).mean(axis=2)
-    motion = angle if name == ENCODER else np.gradient(angle, at)
-    both = np.isfinite(motion) & np.isfinite(shown)
-    motion, shown = (v[both] - v[both].mean() for v in (motion, shown))
-    power = float(motion @ motion)
-    if name == SHANK_VELOCITY:
-        ratio, (low, high) = float(shown @ shown) / power, _SIZES
-        return low**2 <= ratio <= high**2
-    low, high = _LIKE_GAINS
-    return low <= float(shown @ motion) / power <= high
 
 
 def raw_signals(
@@ -115,7 +54,7 @@ def raw_signals(
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
     rows = np.stack(
-        [*_rows(source, strapped=strapped), *(_sensor(source, name) for name in sensors)]
+        [*_rows(source, strapped=strapped), *(sensor_signal(source, name) for name in sensors)]
     )
     new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
     every = max(1, round(rate / new_rate))
@@ -163,10 +102,11 @@ def _rows(source: Source, *, strapped: bool) -> np.ndarray:
     )
 
 
-def _sensor(source: Source, name: str) -> np.ndarray:
+def sensor_signal(source: Source, name: str) -> np.ndarray:
+    """Return what a sensor shows, its gain divided out, less its calibrated lag."""
     if name == JOINT_VELOCITY:
-        thigh = _sensor(source, _THIGH_VELOCITY)
-        return np.asarray(_sensor(source, SHANK_VELOCITY) - thigh)
+        thigh = sensor_signal(source, THIGH_VELOCITY)
+        return np.asarray(sensor_signal(source, SHANK_VELOCITY) - thigh)
     known, recording = source.given.calibration, source.given.recording
     time = recording["time"].to_numpy()
     values = _bridged(time, recording[name].to_numpy())

@@ -95,7 +95,7 @@ def doubts_of(posterior: LegPosterior, moments: LogMoments, body: Body) -> tuple
     inertias = np.array([moments.of("inertia", point)[0] for point in range(n_points)])
     off, prior_sd = inertias - np.log(body.inertia.median), body.inertia.log_sd
     of_person: set[Doubt] = set()
-    if _farthest_sd(posterior) > _FARTHEST_INSTRUMENT_SD:
+    if unlikely_instruments(posterior):
         of_person.add(Doubt.INSTRUMENTS_UNLIKELY)
     if body.known and abs(float(off.mean())) > _FARTHEST_BODY_SD * prior_sd:
         of_person.add(Doubt.INERTIA_UNLIKE_BODY)
@@ -124,14 +124,15 @@ def holds_one_torque(point: PointResponse) -> bool:
     return bool(held.all() and sizes.max() < _SAME_SIZE * sizes.min())
 
 
-def _farthest_sd(posterior: LegPosterior) -> float:
-    """Return how far any instrument, or the reflex, is from its prior's mean, in prior sds."""
+def unlikely_instruments(posterior: LegPosterior) -> list[str]:
+    """Return the parameters of instruments and reflex that are far from their prior's mean."""
     fit, layout = posterior.best, posterior.model.layout
     names = [name for name in layout.shared_names if name not in _NO_INSTRUMENTS]
     places = [layout.shared(name) for name in names]
     root = np.linalg.cholesky(fit.prior.covariance[np.ix_(places, places)])
     off = np.linalg.solve(root, (fit.theta - fit.prior.mean)[places])
-    return float(np.where(np.isin(names, _MAY_BE_ABSENT), off, np.abs(off)).max())
+    far = np.where(np.isin(names, _MAY_BE_ABSENT), off, np.abs(off)) > _FARTHEST_INSTRUMENT_SD
+    return [name for name, is_far in zip(names, far, strict=True) if is_far]
 
 
 def decided_rows(
@@ -147,7 +148,8 @@ def speaks_against(name: str, doubts: Collection[Doubt]) -> bool:
     """Return whether doubts leave an estimand without value and limits."""
     # Such an inertia or instrument shows that device or signals are not those of the model.
     against_all = not _AGAINST_ALL.isdisjoint(doubts)
-    return against_all or bool(set(doubts) - {Doubt.HELD_TORQUE} and name != "inertia")
+    others = set(doubts) - {Doubt.HELD_TORQUE, Doubt.SENSORS_CONTRADICT}
+    return against_all or bool(others and name != "inertia")
 
 
 def leaves_limits_only(name: str, doubts: Collection[Doubt]) -> bool:

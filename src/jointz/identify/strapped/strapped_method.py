@@ -5,8 +5,9 @@ B over the pulse, and a reflex answers. All timing points and shapes of pulse of
 explained together; data up to 0.2 s after the onset are used, whatever the window.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from jointz.identify.preparation.calibration import pooled_calibration
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.instrument_checks import angle_failure, torque_failure
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
+from jointz.identify.preparation.sensor_agreement import SensorChoice, with_goniometer_gain
 from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
@@ -40,6 +42,7 @@ from jointz.identify.strapped.decisions import (
     doubts_of,
     leaves_limits_only,
     speaks_against,
+    unlikely_instruments,
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
@@ -73,7 +76,17 @@ LONGEST_WINDOW_S = 0.25
 _MARGIN_S = 0.03
 #: A fit that explains less of the responses explains nothing.
 _LEAST_VAF_PCT = 50.0
-_NEEDS_SHANK = "; it goes with shank_velocity"
+#: Doubts that speak neither against sensors nor device.
+_HARMLESS = frozenset({Doubt.HELD_TORQUE, Doubt.SENSORS_CONTRADICT})
+#: Doubts that one sensor of several may cause.
+_OF_SENSOR_MODEL = frozenset({Doubt.INSTRUMENTS_UNLIKELY, Doubt.RESPONSES_MISFIT})
+#: Parameters that compare a sensor with the others.
+_OF_SENSORS = frozenset(
+    {
+        *("sensor_delay_s", "sensor_lag_s", "goniometer_gain", "encoder_delay_s", "encoder_gain"),
+        *("gyroscope_delay_s", "gyroscope_gain"),
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,9 +110,15 @@ class StrappedMethod:
         return PREDICTED
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
-        """Estimate every timing point."""
+        """Estimate every timing point; with fewer sensors where all of them are unlikely."""
         participant, pulses = _prepared(data, settings)
-        return participant.estimates(pulses)
+        estimates = participant.estimates(pulses)
+        for sensors in participant.fewer_sensors():
+            other, pulses = _prepared(data, settings, sensors=sensors)
+            fewer = other.estimates(pulses)
+            if other.is_likely:
+                return replace(fewer, notes=(*fewer.notes, participant.note_without(sensors)))
+        return estimates
 
     def fitted_shapes(
         self, data: ParticipantData, settings: ParticipantSettings, *, fit: bool = True
@@ -110,14 +129,23 @@ class StrappedMethod:
 
 
 def _prepared(
-    data: ParticipantData, settings: ParticipantSettings
+    data: ParticipantData,
+    settings: ParticipantSettings,
+    *,
+    sensors: tuple[str, ...] | None = None,
 ) -> tuple["_Participant", list[Candidate]]:
-    """Return the estimator of a participant, and the pulses by timing point."""
+    """Return the estimator of a participant, of all sensors or some, and the pulses by point."""
     longer = _with_all_data(settings)
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
-    predictor = CellPredictor(data.sources, longer, reach_s=reach_s, strapped=True)
-    return _Participant(data, settings, predictor), pulses
+    predict = partial(CellPredictor, settings=longer, reach_s=reach_s, strapped=True)
+    predictor = predict(data.sources, sensors=sensors)
+    choice = predictor.choice
+    if (gain := choice.goniometer_gain) is not None:
+        sources = [with_goniometer_gain(source, gain) for source in data.sources]
+        data = replace(data, sources=sources)
+        predictor = predict(sources, sensors=choice.used if sensors is None else sensors)
+    return _Participant(data, settings, predictor, choice), pulses
 
 
 def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
@@ -139,12 +167,15 @@ class _Explained:
     known: CalibrationSpec
     lag_unlikely: bool  # whether the responses contradict the calibrated lag
     fits: tuple[tuple[Response, float], ...]  # response with fit, and VAF (%), of each timing point
+    sensors_contradict: bool  # whether a sensor was left out, or trusted for less
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
         of_person = {Doubt.LAG_UNLIKELY} if self.lag_unlikely else set()
         if differs_with_size(self.posterior):
             of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
+        if self.sensors_contradict:
+            of_person.add(Doubt.SENSORS_CONTRADICT)
         return tuple(d | of_person for d in doubts_of(self.posterior, self.moments, self.body))
 
 
@@ -152,12 +183,52 @@ class _Participant:
     """Estimates one participant's timing points."""
 
     def __init__(
-        self, data: ParticipantData, settings: ParticipantSettings, predictor: CellPredictor
+        self,
+        data: ParticipantData,
+        settings: ParticipantSettings,
+        predictor: CellPredictor,
+        choice: SensorChoice,
     ) -> None:
         self._name = data.participant
         self._sources = data.sources
         self._settings = settings
         self._predictor = predictor
+        self._choice = choice
+        self._fitted: _Explained | None = None
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether nothing speaks against the model of the sensors."""
+        return self._fitted is not None and self._doubts() <= _HARMLESS
+
+    def _doubts(self) -> set[Doubt]:
+        return set().union(*self._fitted.doubts()) if self._fitted else set()
+
+    def fewer_sensors(self) -> Iterator[tuple[str, ...]]:
+        """Yield smaller sets of sensors to try where the model of all of them is unlikely.
+
+        The goniometer alone cannot show its own errors: it is tried only where the sensors agree.
+        """
+        sensors = self._predictor.sensors
+        against = self._doubts() - _HARMLESS
+        if not (sensors and self._fitted and against and against <= _OF_SENSOR_MODEL):
+            return
+        if len(sensors) > 1:
+            yield from ((name,) for name in sensors)
+        if self._choice.closely and _OF_SENSORS.isdisjoint(
+            unlikely_instruments(self._fitted.posterior)
+        ):
+            yield ()
+
+    def note_without(self, sensors: Sequence[str]) -> str:
+        """Return the note about estimates of fewer sensors."""
+        names = [name for name in self._predictor.sensors if name not in sensors]
+        unlikely = unlikely_instruments(self._fitted.posterior) if self._fitted else []
+        return (
+            f"{self._name}: the model of all sensors is unlikely "
+            f"({', '.join(unlikely) or 'misfit'})"
+            f"; without {' and '.join(names)} it is not, and values are from the others."
+        )
 
     def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
         """Return the estimates of all timing points, and all pulses with their final codes."""
@@ -165,7 +236,7 @@ class _Participant:
         failures = self._failures(predicted)
         remaining = [c for c in predicted.values() if not failures[c.label]]
         try:
-            explained = self._explained(remaining)
+            explained = self._fitted = self._explained(remaining)
         except np.linalg.LinAlgError:
             explained = None
             failures |= {c.label: Failure.ILL_CONDITIONED for c in remaining}
@@ -235,19 +306,15 @@ class _Participant:
 
     def _notes(self) -> tuple[str, ...]:
         """Name sensors that are not used."""
-        return tuple(
-            f"{self._name}: {name} was not used. It must be in all recordings with pulses (and in "
-            "those that unperturbed walking is learned from), alive for 95 % of each, and show the "
-            "motion of the angle: check its unit and its direction"
-            f"{_NEEDS_SHANK if name == 'thigh_velocity' else ''}."
-            for name in self._predictor.unused_sensors
-        )
+        return tuple(f"{self._name}: {note}" for note in self._choice.notes())
 
     # --- before the fit ------------------------------------------------------------------------
 
     def _failures(self, cells: Mapping[str, PredictedCell]) -> dict[str, Failure | None]:
         if self._settings.perturbations.window_s > LONGEST_WINDOW_S + 1e-9:
             return dict.fromkeys(cells, Failure.WINDOW_TOO_LONG)
+        if self._choice.disagree:
+            return dict.fromkeys(cells, Failure.SENSORS_DISAGREE)
         failures = {label: self._failure(cell) for label, cell in cells.items()}
         return common_failure(failures) if failures else {}
 
@@ -306,6 +373,9 @@ class _Participant:
             known=known,
             lag_unlikely=priors.lag is not None and _contradicts(posterior, priors),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
+            sensors_contradict=bool(self._choice.odd)
+            or self._choice.goniometer_gain is not None
+            or set(self._predictor.sensors) < set(self._choice.used),
         )
 
     # --- after the fit -------------------------------------------------------------------------

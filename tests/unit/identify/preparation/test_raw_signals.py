@@ -15,10 +15,9 @@ from jointz.identify.preparation.raw_signals import (
     SENSOR_ROWS,
     common_rate_hz,
     intrinsic_left_in,
-    motion_sensors,
     raw_signals,
-    unused_sensors,
 )
+from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
 from jointz.identify.study_kinds import WALKING
 
@@ -248,8 +247,62 @@ def dead(time):
 def test_sensors_are_used_that_all_recordings_have(recordings, used, unused):
     sources = [walked(**sensors) for sensors in recordings]
 
-    assert motion_sensors(sources) == used
-    assert unused_sensors(sources, used) == unused
+    choice = choose_sensors(sources)
+    assert (choice.used, choice.unused) == (used, tuple(unused))
+
+
+def scaled(sensor, gain):
+    return lambda time: gain * sensor(time)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "used", "odd", "goniometer_gain", "disagree"),
+    [
+        ({"joint_encoder": scaled(encoder, 1.6)}, (), {"joint_encoder": 1.63}, None, True),
+        (
+            {
+                "joint_encoder": scaled(encoder, 1.6),
+                "shank_velocity": shank,
+                "thigh_velocity": thigh,
+            },
+            ("joint_velocity",),
+            {"joint_encoder": 1.63},
+            None,
+            False,
+        ),
+        (
+            {
+                "joint_encoder": scaled(encoder, 1.6),
+                "shank_velocity": scaled(shank, 1.6),
+                "thigh_velocity": scaled(thigh, 1.6),
+            },
+            ("joint_encoder", "joint_velocity"),
+            {},
+            0.62,
+            False,
+        ),
+        (
+            {
+                "joint_encoder": scaled(encoder, 1.6),
+                "shank_velocity": scaled(shank, 0.5),
+                "thigh_velocity": scaled(thigh, 0.5),
+            },
+            (),
+            {"joint_encoder": 1.63, "joint_velocity": 0.5},
+            None,
+            True,
+        ),
+    ],
+    ids=["two camps", "encoder odd", "goniometer odd", "none agree"],
+)
+def test_sensors_judge_each_other_by_their_gains(sensors, used, odd, goniometer_gain, disagree):
+    choice = choose_sensors([walked(**sensors)])
+
+    assert (choice.used, choice.disagree) == (used, disagree)
+    assert choice.odd == pytest.approx(odd, abs=0.02)
+    assert choice.goniometer_gain == pytest.approx(goniometer_gain, abs=0.02)
+    assert any("was not used" in note for note in choice.notes()) == bool(odd)
+    assert any("gain was taken" in note for note in choice.notes()) == bool(goniometer_gain)
 
 
 def test_further_sensors_are_free_of_their_calibrated_gains_and_lags():
