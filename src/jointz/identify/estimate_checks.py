@@ -11,11 +11,12 @@ from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.prediction.clock_checks import clock_failure
+from jointz.identify.preparation.calibration import value_of
+from jointz.identify.preparation.command_slope import DOUBTED, REFUSED, pulse_slope
 from jointz.identify.preparation.instrument_checks import (
     angle_failure,
     is_clipped,
     is_held,
-    is_unlike_command,
     torque_failure,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source
@@ -36,12 +37,18 @@ def check_estimates(
     A method that was asked for by name keeps its values; the notes are its doubts.
     """
     # Trials and conditions of one file are sources of their own.
-    failures = [
-        (failure, {(source.given.file, pulse.onset_s) for pulse in source.pulses})
-        for source in sources
-        if (failure := _instrument_failure(source, settings)) is not None
-    ]
-    cells, notes = [], []
+    failures: list[tuple[Failure, set[tuple[str, float]]]] = []
+    cells: list[CellEstimate] = []
+    notes: list[str] = []
+    for source in sources:
+        failure, note = _instrument_failure(source, settings), ""
+        if failure is None:
+            failure, note = _command_failure(source, settings)
+        if failure is not None:
+            failures.append((failure, {(source.given.file, p.onset_s) for p in source.pulses}))
+        if note and estimates.cells:
+            label = row_label(estimates.cells[0].participant)
+            notes.append(f"{label}, {source.given.file}: {note}.")
     clocks = _clock_failure(estimates, sources, settings)
     if clocks is not None:
         failures.insert(0, (clocks[0], {(p.recording, p.onset_s) for p in estimates.pulses}))
@@ -84,13 +91,30 @@ def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failur
         return Failure.TORQUE_HELD
     if not settings.kind.by_gait and is_clipped(torque):
         return Failure.TORQUE_SATURATED
-    # Of steps of the angle and of a reference the amplitude is no torque.
-    by_torque = settings.perturbations.source not in ("angle", "reference")
-    if not by_torque:
-        return None
-    if not settings.kind.by_gait and is_unlike_command(recording, source.pulses):
-        return Failure.TORQUE_UNLIKE_COMMAND
-    return torque_failure(recording, source.pulses)
+    return torque_failure(recording, source.pulses) if _is_by_torque(settings) else None
+
+
+def _is_by_torque(settings: ParticipantSettings) -> bool:
+    """Return whether amplitudes are torques, not steps of the angle or of a reference."""
+    return settings.perturbations.source not in ("angle", "reference")
+
+
+def _command_failure(source: Source, settings: ParticipantSettings) -> tuple[Failure | None, str]:
+    """Return a failure if the torque of pulses is unlike its command, and a note with its size."""
+    perturbed = source.given.condition == "perturbed" and source.pulses
+    recorded = pulse_slope(source) if perturbed and _is_by_torque(settings) else None
+    if recorded is None:
+        return None, ""
+    gain = value_of(source.given.calibration.torque_gain, 1.0)
+    slope = recorded.divided(gain)
+    if not slope.exceeds(DOUBTED):
+        explained = f"{recorded}, which torque_gain {gain:g} of [calibration] explains"
+        return None, explained if recorded.exceeds(DOUBTED) else ""
+    cause = "check units and gains of both"
+    if not recorded.exceeds(DOUBTED):
+        cause = f"check torque_gain {gain:g} of [calibration], without which they agree"
+    failure = Failure.TORQUE_UNLIKE_COMMAND if slope.exceeds(REFUSED) else None
+    return failure, f"{slope}; {cause}"
 
 
 def _checked(
