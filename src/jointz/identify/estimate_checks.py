@@ -41,9 +41,7 @@ def check_estimates(
     cells: list[CellEstimate] = []
     notes: list[str] = []
     for source in sources:
-        failure, note = _instrument_failure(source, settings), ""
-        if failure is None:
-            failure, note = _command_failure(source, settings)
+        failure, note = _instrument_failure(source, settings)
         if failure is not None:
             failures.append((failure, {(source.given.file, p.onset_s) for p in source.pulses}))
         if note and estimates.cells:
@@ -75,38 +73,39 @@ def _clock_failure(
     return clock_failure(estimates.cells[0].participant, sources, settings)
 
 
-def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failure | None:
-    """Return why no method may use a perturbed recording, None if nothing speaks against it."""
+def _instrument_failure(
+    source: Source, settings: ParticipantSettings
+) -> tuple[Failure | None, str]:
+    """Return why no method may use a perturbed recording, if so, and a note about its torque."""
     recording = source.given.recording
     if source.given.condition != "perturbed" or not source.pulses:
-        return None
+        return None, ""
     if failure := angle_failure(recording):
-        return failure
+        return failure, ""
     torque = recording["torque"].to_numpy()
     finite = np.isfinite(torque)
     torque = torque if finite.all() else torque[finite]
     if not torque.size:
-        return Failure.CONSTANT_TORQUE
+        return Failure.CONSTANT_TORQUE, ""
     if is_held(torque, rate_hz(recording["time"].to_numpy())):
-        return Failure.TORQUE_HELD
+        return Failure.TORQUE_HELD, ""
     if not settings.kind.by_gait and is_clipped(torque):
-        return Failure.TORQUE_SATURATED
-    return torque_failure(recording, source.pulses) if _is_by_torque(settings) else None
-
-
-def _is_by_torque(settings: ParticipantSettings) -> bool:
-    """Return whether amplitudes are torques, not steps of the angle or of a reference."""
-    return settings.perturbations.source not in ("angle", "reference")
-
-
-def _command_failure(source: Source, settings: ParticipantSettings) -> tuple[Failure | None, str]:
-    """Return a failure if the torque of pulses is unlike its command, and a note with its size."""
-    perturbed = source.given.condition == "perturbed" and source.pulses
-    recorded = pulse_slope(source) if perturbed and _is_by_torque(settings) else None
-    if recorded is None:
+        return Failure.TORQUE_SATURATED, ""
+    # Of steps of the angle and of a reference the amplitude is no torque.
+    if settings.perturbations.source in ("angle", "reference"):
         return None, ""
+    if failure := torque_failure(recording, source.pulses):
+        return failure, ""
+    return _command_failure(source)
+
+
+def _command_failure(source: Source) -> tuple[Failure | None, str]:
+    """Return a failure if the torque of pulses is unlike its command, and a note with its size."""
     gain = value_of(source.given.calibration.torque_gain, 1.0)
-    slope = recorded.divided(gain)
+    recorded = pulse_slope(source)
+    slope = recorded if gain == 1.0 else pulse_slope(source, gain)
+    if recorded is None or slope is None:
+        return None, ""
     if not slope.exceeds(DOUBTED):
         explained = f"{recorded}, which torque_gain {gain:g} of [calibration] explains"
         return None, explained if recorded.exceeds(DOUBTED) else ""
@@ -123,7 +122,11 @@ def _checked(
     # Methods for walking have checks of their own, whose reasons stay, and so does the reason of a
     # load that is none.
     last = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
-    own = last and not any(p.available for p in cell.parameters)
+    # The limits of a parameter that is undecided are wrong by the same factor.
+    limited = failure is Failure.TORQUE_UNLIKE_COMMAND
+    own = last and not any(
+        p.available or (limited and p.status == "undecided") for p in cell.parameters
+    )
     if failure is None or own or not cell.n_used:
         parameters = withhold_impossible(cell.parameters)
         return cell if parameters == cell.parameters else replace(cell, parameters=parameters)
