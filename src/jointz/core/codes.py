@@ -215,8 +215,8 @@ class Failure(FailureCode):
     )
     TORQUE_UNLIKE_COMMAND = (
         "torque_unlike_command",
-        "on a bench or in a single record: the torque is more than three times its command, or on "
-        "a bench less than a third; check units and gain of the torque",
+        "over the pulses the torque is less than 0.7 or more than 1.4 times its command: check "
+        "units and gains of both",
     )
     NOT_ONE_LOAD = (
         "not_one_load",

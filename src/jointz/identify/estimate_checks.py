@@ -11,11 +11,12 @@ from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.prediction.clock_checks import clock_failure
+from jointz.identify.preparation.calibration import value_of
+from jointz.identify.preparation.command_slope import DOUBTED, REFUSED, pulse_slope
 from jointz.identify.preparation.instrument_checks import (
     angle_failure,
     is_clipped,
     is_held,
-    is_unlike_command,
     torque_failure,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source
@@ -36,12 +37,16 @@ def check_estimates(
     A method that was asked for by name keeps its values; the notes are its doubts.
     """
     # Trials and conditions of one file are sources of their own.
-    failures = [
-        (failure, {(source.given.file, pulse.onset_s) for pulse in source.pulses})
-        for source in sources
-        if (failure := _instrument_failure(source, settings)) is not None
-    ]
-    cells, notes = [], []
+    failures: list[tuple[Failure, set[tuple[str, float]]]] = []
+    cells: list[CellEstimate] = []
+    notes: list[str] = []
+    for source in sources:
+        failure, note = _instrument_failure(source, settings)
+        if failure is not None:
+            failures.append((failure, {(source.given.file, p.onset_s) for p in source.pulses}))
+        if note and estimates.cells:
+            label = row_label(estimates.cells[0].participant)
+            notes.append(f"{label}, {source.given.file}: {note}.")
     clocks = _clock_failure(estimates, sources, settings)
     if clocks is not None:
         failures.insert(0, (clocks[0], {(p.recording, p.onset_s) for p in estimates.pulses}))
@@ -68,29 +73,47 @@ def _clock_failure(
     return clock_failure(estimates.cells[0].participant, sources, settings)
 
 
-def _instrument_failure(source: Source, settings: ParticipantSettings) -> Failure | None:
-    """Return why no method may use a perturbed recording, None if nothing speaks against it."""
+def _instrument_failure(
+    source: Source, settings: ParticipantSettings
+) -> tuple[Failure | None, str]:
+    """Return why no method may use a perturbed recording, if so, and a note about its torque."""
     recording = source.given.recording
     if source.given.condition != "perturbed" or not source.pulses:
-        return None
+        return None, ""
     if failure := angle_failure(recording):
-        return failure
+        return failure, ""
     torque = recording["torque"].to_numpy()
     finite = np.isfinite(torque)
     torque = torque if finite.all() else torque[finite]
     if not torque.size:
-        return Failure.CONSTANT_TORQUE
+        return Failure.CONSTANT_TORQUE, ""
     if is_held(torque, rate_hz(recording["time"].to_numpy())):
-        return Failure.TORQUE_HELD
+        return Failure.TORQUE_HELD, ""
     if not settings.kind.by_gait and is_clipped(torque):
-        return Failure.TORQUE_SATURATED
+        return Failure.TORQUE_SATURATED, ""
     # Of steps of the angle and of a reference the amplitude is no torque.
-    by_torque = settings.perturbations.source not in ("angle", "reference")
-    if not by_torque:
-        return None
-    if not settings.kind.by_gait and is_unlike_command(recording, source.pulses):
-        return Failure.TORQUE_UNLIKE_COMMAND
-    return torque_failure(recording, source.pulses)
+    if settings.perturbations.source in ("angle", "reference"):
+        return None, ""
+    if failure := torque_failure(recording, source.pulses):
+        return failure, ""
+    return _command_failure(source)
+
+
+def _command_failure(source: Source) -> tuple[Failure | None, str]:
+    """Return a failure if the torque of pulses is unlike its command, and a note with its size."""
+    gain = value_of(source.given.calibration.torque_gain, 1.0)
+    recorded = pulse_slope(source)
+    slope = recorded if gain == 1.0 else pulse_slope(source, gain)
+    if recorded is None or slope is None:
+        return None, ""
+    if not slope.exceeds(DOUBTED):
+        explained = f"{recorded}, which torque_gain {gain:g} of [calibration] explains"
+        return None, explained if recorded.exceeds(DOUBTED) else ""
+    cause = "check units and gains of both"
+    if not recorded.exceeds(DOUBTED):
+        cause = f"check torque_gain {gain:g} of [calibration], without which they agree"
+    failure = Failure.TORQUE_UNLIKE_COMMAND if slope.exceeds(REFUSED) else None
+    return failure, f"{slope}; {cause}"
 
 
 def _checked(
@@ -99,7 +122,11 @@ def _checked(
     # Methods for walking have checks of their own, whose reasons stay, and so does the reason of a
     # load that is none.
     last = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
-    own = last and not any(p.available for p in cell.parameters)
+    # The limits of a parameter that is undecided are wrong by the same factor.
+    limited = failure is Failure.TORQUE_UNLIKE_COMMAND
+    own = last and not any(
+        p.available or (limited and p.status == "undecided") for p in cell.parameters
+    )
     if failure is None or own or not cell.n_used:
         parameters = withhold_impossible(cell.parameters)
         return cell if parameters == cell.parameters else replace(cell, parameters=parameters)

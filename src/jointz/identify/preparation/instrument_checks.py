@@ -7,7 +7,7 @@ import xarray as xr
 
 from jointz.core.codes import Failure
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.preparation.pulses import Pulse, measured_amplitude
+from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL
 
 #: Widest range of a joint (rad) and its largest speed (rad/s): a knee that kicks reaches 30 rad/s.
@@ -24,9 +24,6 @@ _CLIPPED_SHARES = (0.2, 0.95)
 _AT_END, _IN_RUNS, _REPEATED = 0.01, 0.7, 0.05
 #: Share of samples at which the curvature of a noisy record turns its sign: of white noise 2/3.
 _NOISY = 0.3
-#: A torque follows its command, if not exactly; so many pulses and standard errors tell that.
-_FEWEST_PULSES, _CERTAIN = 4, 3.0
-LARGEST_GAIN = 3.0
 #: A held torque keeps its values for one time, and takes many.
 _LONGEST_HOLD_S, _FEWEST_STEPS, _REGULAR, _DISTINCT = 0.01, 20, 0.9, 0.5
 
@@ -92,24 +89,6 @@ def torque_failure(recording: xr.Dataset, pulses: Sequence[Pulse]) -> Failure | 
     # Smaller pulses do not reach the limit.
     larger = np.abs([p.amplitude for p in pulses]) > np.median(levels) / _CLIPPED_SHARES[1]
     return Failure.TORQUE_SATURATED if len(levels) > larger.sum() / 2 else None
-
-
-def is_unlike_command(recording: xr.Dataset, pulses: Sequence[Pulse]) -> bool:
-    """Return whether the pulses of the torque are far larger or smaller than their commands.
-
-    A load that moves by itself adds torque of its own, which scatters about the pulses.
-    """
-    amplitude = np.array([p.amplitude for p in pulses])
-    measured = np.array([measured_amplitude(recording, "torque", p) for p in pulses])
-    known = np.isfinite(amplitude) & np.isfinite(measured)
-    amplitude, measured = amplitude[known], measured[known]
-    power = float(amplitude @ amplitude)
-    if amplitude.size < _FEWEST_PULSES or power == 0.0:
-        return False
-    gain = float(amplitude @ measured) / power
-    left = measured - gain * amplitude
-    error = _CERTAIN * float(np.sqrt(left @ left / (amplitude.size - 1) / power))
-    return abs(gain) - error > LARGEST_GAIN or abs(gain) + error < 1.0 / LARGEST_GAIN
 
 
 def is_clipped(torque: np.ndarray) -> bool:

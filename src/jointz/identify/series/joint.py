@@ -1,7 +1,7 @@
 """One time series of any joint to stiffness, damping and inertia."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -12,7 +12,13 @@ from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.preparation.instrument_checks import LARGEST_GAIN, is_clipped, is_held
+from jointz.identify.preparation.command_slope import (
+    DOUBTED,
+    REFUSED,
+    CommandSlope,
+    record_slope,
+)
+from jointz.identify.preparation.instrument_checks import is_clipped, is_held
 from jointz.identify.series.block_regression import fitted_sandwich
 from jointz.identify.series.frequency_response import fit_frequency_response
 from jointz.identify.series.impulse_response import fit_impulse_response
@@ -197,36 +203,42 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         cutoff_hz=cutoff_hz,
         ci_level=ci_level,
     )
-    _refuse_torque(request.record)
+    slope = _slope_on_command(request)
+    _refuse_torque(request.record, slope)
     _refuse_opposite_sign(request)
+    fit: JointFit | ImpulseResponseFit | FrequencyResponseFit | ReflexFit
     if model == "irf":
-        return fit_impulse_response(request, length_s)
-    if model == "frf":
-        return fit_frequency_response(request)
-    if model == "reflex":
-        return fit_reflex(request)
-    return _fit_second_order(request, estimator)
+        fit = fit_impulse_response(request, length_s)
+    elif model == "frf":
+        fit = fit_frequency_response(request)
+    elif model == "reflex":
+        fit = fit_reflex(request)
+    else:
+        fit = _fit_second_order(request, estimator)
+    if slope is None or not slope.exceeds(DOUBTED):
+        return fit
+    return replace(fit, warnings=(*fit.warnings, f"{slope}: check units and gains of both"))
 
 
-def _refuse_torque(record: JointRecord) -> None:
-    """Refuse a torque that is clipped, sampled too slowly, or far larger than its command."""
+def _slope_on_command(request: JointRequest) -> CommandSlope | None:
+    """Return the slope of a perturbing torque on its command, None if there is none."""
+    record, command = request.record, request.record.channels.get("command")
+    if command is None or request.input != "torque":
+        return None
+    return record_slope(record.channels["torque"], command, record.rate_hz)
+
+
+def _refuse_torque(record: JointRecord, slope: CommandSlope | None) -> None:
+    """Refuse a torque that is clipped, sampled too slowly, or unlike its command."""
     torque = record.channels["torque"]
     for failure, found in (
         (Failure.TORQUE_SATURATED, is_clipped(torque)),
         (Failure.TORQUE_HELD, is_held(torque, record.rate_hz)),
-        (Failure.TORQUE_UNLIKE_COMMAND, _gain_of_command(record) > LARGEST_GAIN),
+        (Failure.TORQUE_UNLIKE_COMMAND, slope is not None and slope.exceeds(REFUSED)),
     ):
         if found:
-            raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}.")
-
-
-def _gain_of_command(record: JointRecord) -> float:
-    """Return how much of the torque follows its command, over the command; 0 without one."""
-    command = record.channels.get("command")
-    if command is None or not np.ptp(command):
-        return 0.0
-    centred = command - command.mean()
-    return float(abs(centred @ record.channels["torque"]) / (centred @ centred))
+            seen = f" ({slope})" if failure is Failure.TORQUE_UNLIKE_COMMAND else ""
+            raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}{seen}.")
 
 
 def _refuse_opposite_sign(request: JointRequest) -> None:
