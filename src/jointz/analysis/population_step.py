@@ -436,7 +436,7 @@ def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
     values: dict[str, list[tuple[float, float]]] = {}
     for cell in cells:
         p = cell.inertia
-        if p is not None and p.value and p.ci_low is not None and p.ci_high is not None:
+        if p and (p.value or 0.0) > 0.0 and p.ci_low is not None and p.ci_high is not None:
             sd = (p.ci_high - p.ci_low) / (2.0 * _Z * p.value)
             values.setdefault(cell.participant, []).append((float(np.log(p.value)), sd))
     if len(values) < _FEWEST:
