@@ -19,7 +19,7 @@ from jointz.identify.preparation.conditioning import torque_from_current
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.results.estimates import CellEstimate
+from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import run
@@ -241,10 +241,7 @@ def estimated(source: str, cells: Sequence[CellEstimate]) -> list[dict[str, Any]
             "timing_point": cell.timing_point,
             "onset_gait_pct": cell.onset_gait_pct,
             "parameter": p.name,
-            **{
-                key: getattr(p, key) if p.available else None
-                for key in ("value", "ci_low", "ci_high")
-            },
+            **_numbers(source, p),
             "status": p.status,
             "vaf_pct": cell.vaf_pct,
         }
@@ -252,6 +249,18 @@ def estimated(source: str, cells: Sequence[CellEstimate]) -> list[dict[str, Any]
         for p in cell.parameters
         if p.name in PARAMETER_NAMES
     ]
+
+
+def _numbers(source: str, p: ParameterEstimate) -> dict[str, float | None]:
+    """Return value and interval; as published, also where the interval reaches zero."""
+    published = source != "recommended" and p.status == "undecided"
+    kept = p.available or published
+    value = p.unbounded if published else p.value
+    return {
+        "value": value if kept else None,
+        "ci_low": p.ci_low if kept else None,
+        "ci_high": p.ci_high if kept else None,
+    }
 
 
 def true_values(study: Path, masses: Mapping[str, float | None]) -> list[dict[str, Any]]:

@@ -436,7 +436,9 @@ def inertias_out_of_line(cells: Sequence[CellEstimate]) -> Mapping[str, float]:
     values: dict[str, list[tuple[float, float]]] = {}
     for cell in cells:
         p = cell.inertia
-        if p is not None and p.value and p.ci_low is not None and p.ci_high is not None:
+        if p is None or p.value is None or p.ci_low is None or p.ci_high is None:
+            continue
+        if p.value > 0.0:
             sd = (p.ci_high - p.ci_low) / (2.0 * _Z * p.value)
             values.setdefault(cell.participant, []).append((float(np.log(p.value)), sd))
     if len(values) < _FEWEST:

@@ -9,10 +9,11 @@ from scipy.special import stdtrit
 
 from jointz.comparison.comparison_sources import Results
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS, phase_difference
 from jointz.report.wording import ABSOLUTE, PER_MASS
-from jointz.results.estimates import REACH_95
+from jointz.results.estimates import FEWEST_PEOPLE, REACH_95
 from jointz.results.statistics.comparison_labels import alike_labels, label_key
 from jointz.results.statistics.comparison_rows import GROUPS, PAIRED, PersonValue, SourceMean
 
@@ -155,7 +156,7 @@ def source_mean(values: PersonValues, place: Place) -> SourceMean:
     y = np.array(list(available(values).values()))
     n = y.size
     mean = sd = low = high = None
-    if n >= 2:
+    if n >= FEWEST_PEOPLE:
         mean, sd = float(y.mean()), float(y.std(ddof=1))
         half = float(stdtrit(n - 1, (1.0 + LEVEL) / 2.0)) * sd / float(np.sqrt(n))
         low, high = mean - half, mean + half
@@ -177,4 +178,5 @@ def source_mean(values: PersonValues, place: Place) -> SourceMean:
         ci_low=low,
         ci_high=high,
         error_sd=float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+        status=Failure.TOO_FEW_PARTICIPANTS.status if n < FEWEST_PEOPLE else "",
     )

@@ -16,6 +16,7 @@ from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.kernels.statistics.anova import holm
+from jointz.results.estimates import FEWEST_PEOPLE
 from jointz.results.statistics.comparison_rows import (
     GROUPS,
     PAIRED,
@@ -84,7 +85,7 @@ def _difference(
         mean_first=float(a.mean()) if a.size else None,
         mean_second=float(b.mean()) if b.size else None,
     )
-    if min(a.size, b.size) < 2:
+    if min(a.size, b.size) < FEWEST_PEOPLE:
         return replace(row, status=_TOO_FEW)
     try:
         test = paired_difference(a, b) if design == PAIRED else group_difference(a, b)

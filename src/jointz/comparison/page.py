@@ -26,7 +26,6 @@ from jointz.results.statistics.comparison_rows import (
     GROUPS,
     PAIRED,
     POOLED,
-    UNDECIDED,
     Difference,
     FactorTest,
     Repeatability,
@@ -206,7 +205,7 @@ def _mean(m: SourceMean) -> _Row:
     return {
         "point": point_name(m.timing_point),
         "source": m.source,
-        "mean": m.status if m.status == UNDECIDED else format_interval(m.mean, m.ci_low, m.ci_high),
+        "mean": m.status if m.mean is None else format_interval(m.mean, m.ci_low, m.ci_high),
         "sd": format_number(m.sd, like=m.mean),
         "share": DASH if share is None else f"{share:.0f} %",
         "n": m.n,

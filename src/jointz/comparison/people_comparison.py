@@ -53,7 +53,7 @@ class ComparedPeople:
         found = people.mean(0, place)
         row = replace(row, error_sd=None, mean=None, sd=None, ci_low=None, ci_high=None)
         if found is None:
-            return row
+            return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
         n = found.n_people
         row = replace(row, n=n, n_missing=row.n + row.n_missing - n, status=UNDECIDED)
         if not found.decided:

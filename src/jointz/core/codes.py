@@ -104,7 +104,7 @@ class Failure(FailureCode):
     NO_PULSES = "no_pulses", "no pulse at this timing point"
     TOO_FEW_PULSES = (
         "too_few_pulses",
-        "one pulse allows no interval",
+        "fewer than three pulses allow no interval",
     )
     ALL_PULSES_EXCLUDED = (
         "all_pulses_excluded",
@@ -158,7 +158,7 @@ class Failure(FailureCode):
     )
     TOO_FEW_PARTICIPANTS = (
         "too_few_participants",
-        "an interval over people needs at least two",
+        "a mean over people needs at least three",
     )
     TOO_FEW_STUDIES = (
         "too_few_studies",

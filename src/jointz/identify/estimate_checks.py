@@ -1,12 +1,13 @@
 """Checks that every method's estimates pass before they are reported."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.events import row_label
+from jointz.core.method_names import FULL_RECORD
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
@@ -20,12 +21,13 @@ from jointz.identify.preparation.instrument_checks import (
     torque_failure,
 )
 from jointz.identify.preparation.sources import ParticipantSettings, Source
-from jointz.results.estimates import CellEstimate
+from jointz.results.estimates import FEWEST_PULSES, CellEstimate
 from jointz.results.impedance_limits import (
     beyond_limits,
     reaches_zero,
     unit_question,
     withhold_impossible,
+    without_negative,
 )
 
 
@@ -34,7 +36,8 @@ def check_estimates(
 ) -> tuple[tuple[CellEstimate, ...], tuple[str, ...]]:
     """Return the cells without values that cannot be, and notes about them.
 
-    A method that was asked for by name keeps its values; the notes are its doubts.
+    A method that was asked for by name keeps its values, of which none that may be zero or
+    negative is ``ok``; the notes are its doubts.
     """
     # Trials and conditions of one file are sources of their own.
     failures: list[tuple[Failure, set[tuple[str, float]]]] = []
@@ -61,7 +64,24 @@ def check_estimates(
         checked = _checked(cell, failure, settings)
         notes += _notes(cell, failure, asked=settings.method_asked_for)
         cells.append(cell if settings.method_asked_for else checked)
-    return tuple(cells), tuple(notes)
+    return decided_cells(cells, settings), tuple(notes)
+
+
+def decided_cells(
+    cells: Iterable[CellEstimate], settings: ParticipantSettings
+) -> tuple[CellEstimate, ...]:
+    """Return the cells of any method, without values of too few pulses or that may be negative."""
+    return tuple(_decided(cell, settings) for cell in cells)
+
+
+def _decided(cell: CellEstimate, settings: ParticipantSettings) -> CellEstimate:
+    failed = all(p.status.startswith("failed:") for p in cell.parameters)
+    # Whole trials are one long record, in which pulses are not counted.
+    if not failed and cell.n_used < FEWEST_PULSES and cell.method != FULL_RECORD:
+        return _failed(cell, Failure.TOO_FEW_PULSES, settings)
+    parameters = tuple(map(without_negative, cell.parameters))
+    gravity = cell.gravity_corrected and without_negative(cell.gravity_corrected)
+    return replace(cell, parameters=parameters, gravity_corrected=gravity)
 
 
 def _clock_failure(
@@ -130,10 +150,14 @@ def _checked(
     if failure is None or own or not cell.n_used:
         parameters = withhold_impossible(cell.parameters)
         return cell if parameters == cell.parameters else replace(cell, parameters=parameters)
+    return _failed(cell, failure, settings)
+
+
+def _failed(cell: CellEstimate, failure: Failure, settings: ParticipantSettings) -> CellEstimate:
     empty = failed_parameters(
         failure, mass_kg=settings.mass_kg, wants_per_mass=settings.kind.per_mass
     )
-    return replace(cell, parameters=empty, covariance=None)
+    return replace(cell, parameters=empty, covariance=None, gravity_corrected=None)
 
 
 def _notes(cell: CellEstimate, failure: Failure | None, *, asked: bool) -> list[str]:
@@ -150,4 +174,4 @@ def _notes(cell: CellEstimate, failure: Failure | None, *, asked: bool) -> list[
     low = [p.name for p in cell.parameters if reaches_zero(p)]
     if not low:
         return []
-    return [f"{where}: {', '.join(low)} may be zero or negative, which no joint or load is.{kept}"]
+    return [f"{where}: {', '.join(low)} may be zero or negative, which no joint or load is."]

@@ -14,7 +14,7 @@ from jointz.core.events import (
 from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
-from jointz.identify.estimate_checks import check_estimates
+from jointz.identify.estimate_checks import check_estimates, decided_cells
 from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.over_cycle.stride_curves import (
     StrideCurves,
@@ -95,8 +95,11 @@ def _analyze_group(
     estimates = {name: METHODS[name].estimate(data, settings) for name in settings.methods}
     chosen = settings.methods[0]
     cells, notes = check_estimates(estimates[chosen], sources, settings)
-    # The methods that are compared keep what they gave.
-    estimates[chosen] = replace(estimates[chosen], cells=cells)
+    # The methods that are compared keep all that may be.
+    estimates = {
+        name: replace(e, cells=cells if name == chosen else decided_cells(e.cells, settings))
+        for name, e in estimates.items()
+    }
     session, side = unit or ("", "")
     models = [e.model for e in estimates.values() if e.model is not None]
     evidence = [e.evidence for e in estimates.values() if e.evidence is not None]

@@ -24,6 +24,7 @@ from jointz.pooling.results_folders import ResultsFolder, folder_names, read_fol
 from jointz.pooling.study_means import CELL, Row, people_of, study_means
 from jointz.report.wording import ALL_PARAMETERS, format_count
 from jointz.results.base import plain
+from jointz.results.estimates import FEWEST_PEOPLE
 from jointz.results.statistics.random_effects_fit import StudyMean
 from jointz.stats.random_effects import pool_studies
 
@@ -203,7 +204,7 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
         return row, np.nan
     if len(ok) == 1:
         mean = {name: float(ok[name].iloc[0]) for name in ("value", "ci_low", "ci_high")}
-        return row | mean | {"status": _decided(mean, ONE_STUDY)}, np.nan
+        return row | mean | {"status": _decided(row | mean, ONE_STUDY)}, np.nan
     columns = ok[["study", "value", "se", "n_people"]]
     means = [StudyMean(*study) for study in columns.itertuples(index=False, name=None)]
     f = pool_studies(means, parameter="", unit="", ci_level=level).fit
@@ -215,8 +216,8 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
 
 
 def _decided(mean: Row, status: str) -> str:
-    """Return the status of a mean: K, B and J are above zero, and so must be the interval."""
-    return status if mean["ci_low"] > 0.0 else UNDECIDED
+    """Return the status of a mean: of three people, and above zero with its interval."""
+    return status if mean["ci_low"] > 0.0 and mean["n_people"] >= FEWEST_PEOPLE else UNDECIDED
 
 
 def _notes(studies: pd.DataFrame, n_values: int) -> Iterator[str]:

@@ -16,6 +16,8 @@ REACH_95 = 1.959963984540054
 ONE_SIDED_95 = 1.6448536269514722
 #: An interval that reaches further from its value than this share of it decides nothing.
 WIDEST = 0.5
+#: Pulses without which nothing is estimated, and people without whom nothing is averaged.
+FEWEST_PULSES, FEWEST_PEOPLE = 3, 3
 #: Sources of an estimate's error that a fit tells of, in the order of tables and figures.
 FIT_SOURCES = (
     "noise",

@@ -12,7 +12,8 @@ from jointz.results.estimates import ParameterEstimate
 #: Largest stiffness (N*m/rad), damping (N*m*s/rad) and inertia (kg*m^2) of a joint or load.
 LARGEST_IMPEDANCE = (4900.0, 98.0, 5.0)
 _LARGEST = dict(zip(("stiffness", "damping", "inertia"), LARGEST_IMPEDANCE, strict=True))
-_POSITIVE = (*_LARGEST, *(f"{n}_{of}" for n in _LARGEST for of in ("per_mass", "onset")))
+_PARTS = ("per_mass", "onset", "gravity_corrected")
+_POSITIVE = (*_LARGEST, *(f"{n}_{of}" for n in _LARGEST for of in _PARTS))
 
 
 def withhold_impossible(estimates: Iterable[ParameterEstimate]) -> tuple[ParameterEstimate, ...]:
@@ -69,11 +70,19 @@ def unit_question(values: Mapping[str, float]) -> str:
 
 
 def without_negative(estimate: ParameterEstimate) -> ParameterEstimate:
-    """Return an estimate, without its value if that is K, B or J and may be zero or negative."""
-    if not reaches_zero(estimate):
+    """Return an estimate, without its value if that is K, B or J and may be zero or negative.
+
+    A value at its bound stays, at zero if a correction moved it below.
+    """
+    at_bound = estimate.name in _POSITIVE and estimate.status == "at_bound"
+    if not (at_bound or reaches_zero(estimate)):
         return estimate
-    if estimate.ci_high is not None and estimate.ci_high <= 0.0:
+    if estimate.ci_high is not None and estimate.ci_high <= 0.0 and estimate.value != 0.0:
         return _without_value(estimate, Failure.BELOW_ZERO.status)
+    if at_bound:
+        ends = (estimate.value, estimate.ci_low)
+        value, low = (end if end is None else max(end, 0.0) for end in ends)
+        return estimate if (value, low) == ends else replace(estimate, value=value, ci_low=low)
     return replace(estimate, value=None, status="undecided", unbounded=estimate.value)
 
 

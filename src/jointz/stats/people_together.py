@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.kernels.statistics.people_model import PeopleData, draw_people
-from jointz.results.estimates import REACH_95, decides
+from jointz.results.estimates import FEWEST_PEOPLE, REACH_95, decides
 from jointz.stats.people_likelihoods import (
     PER_MASS,
     PeopleLikelihoods,
@@ -28,7 +28,6 @@ _MASS_POWER_SD = 0.5
 #: legs of a simulator that shares nothing with the method, 8, 8 and 4 % of K, B and J had to be
 #: added to means, where a person's own sds were 17, 15 and 7 %.
 SHARED = 0.5
-_FEWEST = 2
 _TAILS = (2.5, 97.5)
 
 
@@ -140,7 +139,7 @@ class PeopleTogether:
         return np.asarray(whole * gain - fit.intrinsic[k])
 
     def mean(self, condition: int, place: Place) -> PeopleMean | None:
-        """Return the mean of a parameter at a timing point; None below two people.
+        """Return the mean of a parameter at a timing point; None below three people.
 
         Parameters
         ----------
@@ -159,7 +158,7 @@ class PeopleTogether:
             return None
         f, k = self._of[element]
         fit = self._fits[f]
-        if fit.n_people[k] < _FEWEST:
+        if fit.n_people[k] < FEWEST_PEOPLE:
             return None
         value = float(np.median(fit.whole[:, k])) - float(fit.intrinsic[k])
         low, high = np.percentile(self._draws(element), _TAILS).tolist()
@@ -182,7 +181,7 @@ class PeopleTogether:
         *,
         margin_share: float | None = None,
     ) -> PeopleDifference | None:
-        """Return first minus second; None below two people.
+        """Return first minus second; None below three people.
 
         Parameters
         ----------
@@ -199,7 +198,7 @@ class PeopleTogether:
         if first not in self._of or second not in self._of:
             return None
         counts = [int(self._fits[f].n_people[k]) for f, k in (self._of[first], self._of[second])]
-        if min(counts) < _FEWEST:
+        if min(counts) < FEWEST_PEOPLE:
             return None
         a, b = self._draws(first), self._draws(second)
         off = a - b

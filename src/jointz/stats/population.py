@@ -9,7 +9,7 @@ from scipy.special import stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import mean_phase
-from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate, decides
+from jointz.results.estimates import ESTIMATE_COLUMNS, FEWEST_PEOPLE, CellEstimate, decides
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import PopulationEstimate
@@ -17,7 +17,6 @@ from jointz.stats.people_likelihoods import PARAMETERS, PER_MASS, PeopleResults,
 from jointz.stats.people_together import PeopleMean, together
 
 _LEVEL = 0.95
-_FEWEST_PEOPLE = 2
 #: Parameters that are looked at together; K, B and J with the covariance of their levels.
 _TOGETHER = (
     PARAMETERS,
@@ -83,9 +82,9 @@ def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> Popul
         found = _of_people(row, means.get((row.timing_point, row.parameter)))
         undecided = int((rows["status"] == "undecided").sum())
         # Where nobody's data count, people are there: it is the data that do not decide.
-        nobody = found.status == row.status and undecided >= _FEWEST_PEOPLE
+        nobody = found.status == row.status and undecided >= FEWEST_PEOPLE
         return replace(found, status="undecided") if nobody else found
-    if n < _FEWEST_PEOPLE:
+    if n < FEWEST_PEOPLE:
         return row
     mean = decided_mean(values, level=_LEVEL)
     if mean is None:

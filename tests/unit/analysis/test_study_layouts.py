@@ -200,15 +200,16 @@ def test_loads_of_a_bench_have_no_mean_and_the_results_say_so(tmp_path):
 
 
 def test_walking_without_a_contact_uses_the_names_of_the_table(tmp_path):
-    pulses = pd.DataFrame({"onset_s": PULSES, "timing_point": ["LRE", "MSW", "LRE"]})
+    onsets = (*PULSES, 18.2)
+    pulses = pd.DataFrame({"onset_s": onsets, "timing_point": ["LRE", "MSW", "LRE", "LRE"]})
     toml = HEAD.format(kind="walking") + PERSON
     toml += entry("perturbed", "p.csv", perturbations="pulses.csv")
     toml += '[perturbations]\nbaseline = "pre_pulse"\n'
 
-    found = analyzed(tmp_path, toml, p=rows(moving=0.0, pulses=PULSES), pulses=pulses)
+    found = analyzed(tmp_path, toml, p=rows(moving=0.0, pulses=onsets), pulses=pulses)
 
     cells = {c.timing_point: c for c in found.cells}
-    assert_finds_the_joint(cells["LRE"], n_used=2)
+    assert_finds_the_joint(cells["LRE"], n_used=3)
     assert cells["MSW"].parameters[0].status == "failed:too_few_pulses"
     assert cells["MSW"].n_excluded == 1
 

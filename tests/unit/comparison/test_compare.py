@@ -205,6 +205,20 @@ def test_conditions_that_are_nearly_equal_are_shown_to_be(results):
     assert found.p_equivalence < 0.05 < found.p
 
 
+@pytest.mark.parametrize("paired", [True, False])
+def test_two_people_have_no_mean_and_are_not_shown_to_be_equal(results, paired):
+    folders = [results("a", "AB"), results("b", "AB", seed=1)]
+    made = compare_results(folders, paired=paired, margin_pct=1000.0)
+
+    assert not made.available
+    assert {(d.status, d.difference, d.p_equivalence) for d in made.differences} == {
+        ("failed:too_few_participants", None, None)
+    }
+    assert {(m.n, m.mean, m.status) for m in made.means} == {
+        (2, None, "failed:too_few_participants")
+    }
+
+
 @pytest.mark.parametrize("margin", [0.0, -5.0, float("nan")])
 def test_a_margin_is_above_zero(results, margin):
     with pytest.raises(DataError, match="margin above 0"):

@@ -87,7 +87,7 @@ def test_a_new_user_gets_what_the_page_says(jointz, tmp_path, monkeypatch):
         (62.496, "unusual_response")
     ]
     means = pd.read_csv("results/population.csv").query("parameter == 'inertia'")
-    assert set(means["status"]) == {"undecided"}
+    assert set(means["status"]) == {"failed:too_few_participants"}
 
     Path("my-study/exclusions.csv").write_text(blocks("csv")[0], encoding="utf-8")
     # The later participants stand where the earlier did, as the page tells the reader.

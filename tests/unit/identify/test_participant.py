@@ -54,7 +54,7 @@ def given(condition, *, pulses=(), lag_s=0.0, calibration=None, cut=None):
     return RecordingInput(made, calibration or CalibrationSpec())
 
 
-def analyzed(*recordings, methods=("dissertation",), exclusions=()):
+def analyzed(*recordings, methods=("dissertation",), exclusions=(), **options):
     settings = ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(),
@@ -62,6 +62,7 @@ def analyzed(*recordings, methods=("dissertation",), exclusions=()):
         n_resamples=300,
         mass_kg=70.0,
         user_exclusions=tuple(exclusions),
+        **options,
     )
     return analyze_participant("S01", recordings, settings)
 
@@ -126,3 +127,35 @@ def test_a_posterior_has_session_and_side_of_its_recordings(monkeypatch):
     result = analyzed(recording, methods=("mine",))
 
     assert result.log_posteriors == (replace(posterior, session="day 2", side="left"),)
+
+
+@pytest.mark.parametrize("asked", [False, True])
+@pytest.mark.parametrize("method", ["dissertation", "pre_pulse", "least_squares"])
+def test_two_pulses_give_no_estimate(method, asked):
+    def cell(n):
+        perturbed = given("perturbed", pulses=ONSETS[:n])
+        result = analyzed(
+            perturbed, given("unperturbed"), methods=(method,), method_asked_for=asked
+        )
+        return result.cells[method][0]
+
+    assert {p.status for p in cell(2).parameters} == {"failed:too_few_pulses"}
+    assert all(p.value is None for p in cell(2).parameters)
+    assert "failed:too_few_pulses" not in {p.status for p in cell(3).parameters}
+
+
+def test_compared_methods_need_three_pulses_too():
+    methods = ("dissertation", "matched_strides")
+    result = analyzed(given("perturbed", pulses=ONSETS[:2]), methods=methods)
+    assert {p.status for p in estimates(result, "matched_strides")} == {"failed:too_few_pulses"}
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_an_inertia_below_that_of_the_device_is_not_ok(asked):
+    device = CalibrationSpec(intrinsic_inertia={"value": 0.08, "sd": 0.001})
+    perturbed = given("perturbed", pulses=ONSETS, calibration=device)
+    result = analyzed(perturbed, given("unperturbed"), method_asked_for=asked)
+    stiffness, _, inertia, *_ = estimates(result)
+    assert (inertia.value, inertia.status) == (None, "failed:below_zero")
+    assert inertia.unbounded == pytest.approx(0.05 - 0.08, abs=0.003)
+    assert stiffness.status == "ok"

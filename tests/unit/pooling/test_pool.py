@@ -129,6 +129,12 @@ def test_one_study_has_the_t_interval_over_its_people(labs):
     assert row["ci_high"] - row["value"] == pytest.approx(3.182446305 * sd / 2.0)
 
 
+def test_one_study_of_two_people_is_undecided(folder):
+    row = of(jointz.pool([folder("two", estimates((20.0, 20.2)))]))
+    assert row["ci_low"] > 0.0
+    assert (row["n_people"], row["status"]) == (2, "undecided")
+
+
 def test_a_mean_whose_interval_reaches_zero_is_undecided_and_keeps_its_numbers(folder):
     soft, stiff = folder("soft", estimates((20, 21, 22))), folder("stiff", estimates((60, 61, 62)))
     pooled = jointz.pool([soft, stiff])

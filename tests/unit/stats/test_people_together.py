@@ -160,6 +160,14 @@ def test_what_all_people_share_does_not_average_out():
     assert shares[80] == pytest.approx(0.5 * 0.05, rel=0.15)
 
 
+def test_two_people_have_no_mean_and_no_difference():
+    pair = PeopleResults(people(2, error_sd=0.01, level_sd=0.01, point_sd=0.01), (), {})
+    both = together([pair, pair], NAMES, same_people=True)
+    first, second = ((k, ("LRE", "stiffness")) for k in (0, 1))
+    assert both.mean(*first) is None
+    assert both.difference(first, second, margin_share=10.0) is None
+
+
 def test_one_person_has_no_mean_over_people_and_missing_points_are_left_out():
     sound = people(3)
     assert means_of(sound[:1], NAMES) == {}

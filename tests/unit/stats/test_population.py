@@ -48,8 +48,8 @@ def test_a_mean_is_undecided_where_its_interval_reaches_further_than_half_of_it(
         assert (mean.value, mean.sd, mean.ci_low, mean.ci_high) == (None,) * 4
 
 
-@pytest.mark.parametrize("values", [[5.0], []])
-def test_fewer_than_two_people_are_no_population(values):
+@pytest.mark.parametrize("values", [[5.0, 5.1], [5.0], []])
+def test_fewer_than_three_people_are_no_population(values):
     cells = [cell(f"S{i}", v) for i, v in enumerate(values)]
     cells.append(cell("S9", None, status="failed:no_pulses"))
     (mean,) = population_means(cells)
@@ -78,7 +78,7 @@ def test_every_point_and_parameter_has_its_own_mean_in_their_order():
     cells = [
         cell(person, value, point=point, name=name)
         for point, name, value in [("TST", "damping", 1.0), ("LRE", "stiffness", 9.0)]
-        for person in ("S1", "S2")
+        for person in ("S1", "S2", "S3")
     ]
     means = population_means(cells)
     assert [(m.timing_point, m.parameter, m.value) for m in means] == [

@@ -17,9 +17,9 @@ from jointz.identify.series.block_regression import fitted_sandwich, t_factor
 from jointz.identify.series.joint_record import Samples, check_level
 from jointz.kernels.bounded_lsq import condition_numbers, least_squares, normal_equations
 from jointz.results.bench.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
+from jointz.results.estimates import FEWEST_PULSES
 
 _WHERE = "identify_paired_runs"
-_FEWEST_PULSES = 2
 _DUST_RAD = 1e-9
 _DUST_NM = 1e-9
 #: Share of noise in the acceleration above which a warning is given.
@@ -190,10 +190,10 @@ def _check_responses(responses: _Responses) -> None:
         raise EstimationError(
             Failure.NO_PULSES, f"{_WHERE}: no pulse. Give pulses, or look at the command."
         )
-    if len(responses.pulses) < _FEWEST_PULSES:
+    if len(responses.pulses) < FEWEST_PULSES:
         raise EstimationError(
             Failure.TOO_FEW_PULSES,
-            f"{_WHERE}: expected at least {_FEWEST_PULSES} pulses that both runs hold, got "
+            f"{_WHERE}: expected at least {FEWEST_PULSES} pulses that both runs hold, got "
             f"{len(responses.pulses)} ({'; '.join(responses.left_out)}). Record longer runs.",
         )
     for row, rounding, code in (

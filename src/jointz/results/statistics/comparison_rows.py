@@ -55,14 +55,15 @@ class SourceMean:
     n: int
     n_missing: int  # all others
     n_at_bound: int  # people whose value is at its bound
-    mean: float | None  # over people, in ``unit``; None below two people, or undecided
-    sd: float | None  # standard deviation between people, in ``unit``; None below two people
+    mean: float | None  # over people, in ``unit``; None below three people, or undecided
+    sd: float | None  # standard deviation between people, in ``unit``; None below three people
     ci_low: float | None  # lower end of the interval, in ``unit``
     ci_high: float | None  # upper end of the interval, in ``unit``
     # root mean square of the standard errors of the people's estimates, where their intervals are
     # two-sided, in ``unit``
     error_sd: float | None = None
-    # ``ok`` or ``undecided`` of people together; empty of a plain mean over values
+    # ``ok`` or ``undecided`` of people together; ``failed:too_few_participants`` below three
+    # people; empty of a plain mean over values
     status: str = ""
 
 
