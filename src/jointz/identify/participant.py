@@ -22,6 +22,7 @@ from jointz.identify.over_cycle.stride_curves import (
     stride_curves,
 )
 from jointz.identify.preparation.channel_clocks import clock_notes
+from jointz.identify.preparation.missing_samples import missing_notes
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -143,6 +144,7 @@ def _analyze_group(
             *estimates[chosen].notes,
             *notes,
             *clock_notes([(s.given.file, s.given.recording) for s in new]),
+            *missing_notes((s.given.file, s.given.recording) for s in new),
         ),
     )
 

@@ -25,6 +25,7 @@ from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.preparation.channel_clocks import with_clock_errors
 from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
+from jointz.identify.preparation.missing_samples import interpolate_missing
 from jointz.identify.preparation.pulses import (
     Pulse,
     pulses_from_angle,
@@ -138,9 +139,15 @@ def _source(
     target_hz: float,
 ) -> Source:
     known = with_clock_errors(given.calibration, given.recording)
-    given = _from_true_zero(_with_torque(replace(given, calibration=known), settings))
+    given = replace(given, calibration=known)
+    filled = interpolate_missing(given.recording)
+    prepared = _prepared(replace(given, recording=filled), settings)
+    pulses = _pulses(prepared, unperturbed, settings)
+    if filled is not given.recording and pulses:
+        filled = interpolate_missing(given.recording, [p.onset_s for p in pulses])
+        prepared = _prepared(replace(given, recording=filled), settings)
+    given = prepared
     strides = _strides(given)
-    pulses = _pulses(given, unperturbed, settings)
     signals = condition(
         given.recording,
         cutoff_hz=settings.perturbations.cutoff_hz,
@@ -149,6 +156,10 @@ def _source(
     )
     undisturbed = _undisturbed(given, strides, pulses, settings)
     return Source(given, strides, pulses, signals, undisturbed)
+
+
+def _prepared(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
+    return _from_true_zero(_with_torque(given, settings))
 
 
 def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
