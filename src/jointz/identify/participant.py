@@ -118,9 +118,10 @@ def _analyze_group(
         ),
         strides=tuple(r for source in new for r in _stride_records(participant, source, settings)),
         gaps=tuple(
-            GapRecord(participant, source.given.file, float(a), float(b - a))
-            for source in new
-            for a, b in find_gaps(source.given.recording["time"].to_numpy())
+            GapRecord(participant, given.file, float(a), float(b - a))
+            for given in recordings  # before short gaps were filled
+            if id(given) not in reported
+            for a, b in find_gaps(given.recording["time"].to_numpy())
         ),
         models=tuple(replace(m, session=session, side=side) for m in models),
         evidence=tuple(replace(e, session=session, side=side) for e in evidence),

@@ -23,7 +23,7 @@ def interpolate_missing(recording: xr.Dataset, onsets_s: Sequence[float] = ()) -
 
     Holes of more than 20 ms stay. Levels hold in missing rows. The history has the numbers.
     """
-    whole = _with_missing_rows(recording, np.asarray(onsets_s))
+    whole, unfilled = _with_missing_rows(recording)
     time = whole["time"].to_numpy()
     longest_s = _longest_s(time)
     allowed = np.ones(time.size, dtype=bool)
@@ -40,9 +40,11 @@ def interpolate_missing(recording: xr.Dataset, onsets_s: Sequence[float] = ()) -
         if at.size:
             channels[name] = whole[name].copy(data=filled)
             counts[name] = [at.size, 1 + int(np.count_nonzero(np.diff(at) > 1))]
+            unfilled[at] = False
     if not counts:
         return recording
-    return with_history(whole.assign(channels), "interpolated", samples=time.size, counts=counts)
+    whole = whole.assign(channels).isel(time=~unfilled)
+    return with_history(whole, "interpolated", counts=counts)
 
 
 def missing_notes(recordings: Iterable[tuple[str, xr.Dataset]]) -> Iterator[str]:
@@ -51,8 +53,9 @@ def missing_notes(recordings: Iterable[tuple[str, xr.Dataset]]) -> Iterator[str]
     numbers: dict[tuple[str, str], np.ndarray] = {}
     for file, recording in recordings:
         samples[file] += recording.sizes["time"]
-        for step in history_of(recording):
-            for name, counts in step.get("counts", {}).items():
+        steps = [s for s in history_of(recording) if s.get("step") == "interpolated"]
+        for step in steps:
+            for name, counts in step["counts"].items():
                 numbers[file, name] = numbers.get((file, name), 0) + np.array(counts)
     for (file, name), (missing, holes) in numbers.items():
         yield (
@@ -67,26 +70,25 @@ def _longest_s(time: np.ndarray) -> float:
     return _LONGEST_HOLE_S + 0.5 / rate_hz(time)
 
 
-def _with_missing_rows(recording: xr.Dataset, onsets_s: np.ndarray) -> xr.Dataset:
-    """Return the recording with a row for each that is missing in a short hole of the clock."""
+def _with_missing_rows(recording: xr.Dataset) -> tuple[xr.Dataset, np.ndarray]:
+    """Return the recording with rows for short holes of the clock, and which rows these are."""
     time = recording["time"].to_numpy()
     steps = np.diff(time)
     short = (steps > longest_step_s(time)) & (steps <= _longest_s(time))
-    first = np.searchsorted(onsets_s, time[:-1] - _NEAR_ONSET_S)
-    short &= first == np.searchsorted(onsets_s, time[1:] + _NEAR_ONSET_S, side="right")
     if not short.any():
-        return recording
+        return recording, np.zeros(time.size, dtype=bool)
     rows = np.where(short, np.maximum(np.round(steps * rate_hz(time)), 1.0), 1.0).astype(int)
     place = np.append(0, np.cumsum(rows))
     new = np.arange(place[-1] + 1)
     before = np.searchsorted(place, new, side="right") - 1
+    missing = place[before] != new
 
     def values(name: str) -> np.ndarray:
         own = recording[name].to_numpy()
         if name in _WITH_EDGES:
             return np.asarray(np.interp(new, place, own))
-        return np.where((name in _SIGNALS) & (place[before] != new), np.nan, own[before])
+        return np.where((name in _SIGNALS) & missing, np.nan, own[before])
 
     stamps = ("time", np.interp(new, place, time), recording["time"].attrs)
     channels = {str(n): ("time", values(str(n)), recording[n].attrs) for n in recording}
-    return xr.Dataset(channels, coords={"time": stamps}, attrs=recording.attrs)
+    return xr.Dataset(channels, coords={"time": stamps}, attrs=recording.attrs), missing
