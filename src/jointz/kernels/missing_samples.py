@@ -20,17 +20,15 @@ def fill_holes(
     long = np.diff(time[known]) > longest_s
     stretch = np.cumsum(np.append(False, long))
     for n in np.unique(missing[~long & (missing > 0)]).tolist():
-        beside = n + 2
         last = np.flatnonzero(~long & (missing == n))  # sample before the hole
-        last = last[(last + 1 >= beside) & (last + beside < known.size)]
-        last = last[stretch[last + 1 - beside] == stretch[last + beside]]
+        last = last[(last > n) & (last + n + 2 < known.size)]
+        last = last[stretch[last - n - 1] == stretch[last + n + 2]]
+        last = last[allowed[known[last, None] + np.arange(1, n + 1)].all(axis=1)]
         inside = known[last, None] + np.arange(1, n + 1)
-        usable = allowed[inside].all(axis=1)
-        inside, around = inside[usable], known[last[usable, None] + np.arange(1 - beside, n + 3)]
-        middle = time[inside].mean(axis=1, keepdims=True)
-        half_s = 0.5 * np.ptp(time[around], axis=1, keepdims=True)
+        around = known[last[:, None] + np.arange(-n - 1, n + 3)]
+        middle, half_s = time[inside].mean(axis=1), 0.5 * np.ptp(time[around], axis=1)
         near, hole = (
-            ((time[at] - middle) / half_s)[..., None] ** np.arange(_DEGREE + 1)
+            ((time[at].T - middle) / half_s).T[..., None] ** np.arange(_DEGREE + 1)
             for at in (around, inside)
         )
         filled[inside] = (hole @ np.linalg.pinv(near) @ values[around][..., None])[..., 0]

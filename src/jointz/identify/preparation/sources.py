@@ -138,15 +138,14 @@ def _source(
     *,
     target_hz: float,
 ) -> Source:
-    known = with_clock_errors(given.calibration, given.recording)
-    given = replace(given, calibration=known)
-    filled = interpolate_missing(given.recording)
-    prepared = _prepared(replace(given, recording=filled), settings)
-    pulses = _pulses(prepared, unperturbed, settings)
-    if filled is not given.recording and pulses:
-        filled = interpolate_missing(given.recording, [p.onset_s for p in pulses])
-        prepared = _prepared(replace(given, recording=filled), settings)
-    given = prepared
+    measured = given.recording
+    given = replace(given, calibration=with_clock_errors(given.calibration, measured))
+    filled = interpolate_missing(measured)
+    given = _prepared(given, filled, settings)
+    pulses = _pulses(given, unperturbed, settings)
+    if filled is not measured:
+        onsets_s = [p.onset_s for p in pulses]
+        given = _prepared(given, interpolate_missing(measured, onsets_s), settings)
     strides = _strides(given)
     signals = condition(
         given.recording,
@@ -158,8 +157,10 @@ def _source(
     return Source(given, strides, pulses, signals, undisturbed)
 
 
-def _prepared(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
-    return _from_true_zero(_with_torque(given, settings))
+def _prepared(
+    given: RecordingInput, recording: xr.Dataset, settings: ParticipantSettings
+) -> RecordingInput:
+    return _from_true_zero(_with_torque(replace(given, recording=recording), settings))
 
 
 def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:

@@ -15,7 +15,6 @@ def recorded(kept=slice(None), **changes):
     channels = {
         "angle": np.sin(5.0 * TIME_S),
         "torque": np.cos(5.0 * TIME_S),
-        "reference": TIME_S,
         "contact": TIME_S % 1.0 < 0.6,
     }
     channels = {n: v[kept] for n, v in (channels | changes).items()}
@@ -41,11 +40,10 @@ def test_missing_rows_come_back_and_long_gaps_stay():
     ]
     for name, course in (("angle", np.sin(5.0 * time)), ("torque", np.cos(5.0 * time))):
         assert made[name].to_numpy() == pytest.approx(course, abs=1e-6)
-    assert made["reference"].to_numpy() == pytest.approx(time)
     np.testing.assert_array_equal(made["contact"], made["contact"].to_numpy() > 0)
     # Levels hold.
     assert made["contact"].to_numpy()[300] == made["contact"].to_numpy()[299]
-    assert next(missing_notes([("walk.csv", made)])) == (
+    assert next(missing_notes("walk.csv", made)) == (
         "walk.csv: 0.15 % of the samples of angle (in 2 holes of at most 20 ms) are missing and "
         "were interpolated."
     )
