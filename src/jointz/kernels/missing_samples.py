@@ -26,9 +26,8 @@ def fill_holes(
         last = last[allowed[known[last, None] + np.arange(1, n + 1)].all(axis=1)]
         inside = known[last, None] + np.arange(1, n + 1)
         around = known[last[:, None] + np.arange(-n - 1, n + 3)]
-        middle, half_s = time[inside].mean(axis=1), 0.5 * np.ptp(time[around], axis=1)
         near, hole = (
-            ((time[at].T - middle) / half_s).T[..., None] ** np.arange(_DEGREE + 1)
+            ((time[at] - time[inside[:, :1]]) / longest_s)[..., None] ** np.arange(_DEGREE + 1)
             for at in (around, inside)
         )
         filled[inside] = (hole @ np.linalg.pinv(near) @ values[around][..., None])[..., 0]

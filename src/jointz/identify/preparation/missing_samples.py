@@ -12,8 +12,7 @@ from jointz.kernels.missing_samples import fill_holes
 
 #: Longest hole, between the samples beside it, and what lies this close to an onset has edges.
 _LONGEST_HOLE_S, _NEAR_ONSET_S = 0.02, 0.005
-_WITH_EDGES = {"time", "command", "reference", "ground_reaction_force"}
-_SIGNALS = {*CHANNEL_UNITS, "position"} - _WITH_EDGES
+_SIGNALS = {*CHANNEL_UNITS, "position"} - {"time", "command", "reference", "ground_reaction_force"}
 
 
 def interpolate_missing(recording: xr.Dataset, onsets_s: Sequence[float] = ()) -> xr.Dataset:
@@ -40,18 +39,17 @@ def interpolate_missing(recording: xr.Dataset, onsets_s: Sequence[float] = ()) -
     if not counts:
         return recording
     whole = whole.assign(channels).isel(time=~unfilled)
-    return with_history(whole, "interpolated", counts=counts)
+    return with_history(whole, "interpolated", filled=counts)
 
 
 def missing_notes(file: str, recording: xr.Dataset) -> Iterator[str]:
     """Yield a note about the interpolated samples of each channel of a recording."""
     for step in history_of(recording):
-        if step.get("step") == "interpolated":
-            for name, (share, holes) in step["counts"].items():
-                yield (
-                    f"{file}: {100.0 * share:.2g} % of the samples of {name} (in {holes} holes of "
-                    "at most 20 ms) are missing and were interpolated."
-                )
+        for name, (share, holes) in step.get("filled", {}).items():
+            yield (
+                f"{file}: {100.0 * share:.2g} % of the samples of {name} (in {holes} holes of at "
+                "most 20 ms) are missing and were interpolated."
+            )
 
 
 def _with_missing_rows(time: np.ndarray, longest_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -141,11 +141,11 @@ def _source(
     measured = given.recording
     given = replace(given, calibration=with_clock_errors(given.calibration, measured))
     filled = interpolate_missing(measured)
-    given = _prepared(given, filled, settings)
+    given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
     pulses = _pulses(given, unperturbed, settings)
     if filled is not measured:
-        onsets_s = [p.onset_s for p in pulses]
-        given = _prepared(given, interpolate_missing(measured, onsets_s), settings)
+        filled = interpolate_missing(measured, [p.onset_s for p in pulses])
+        given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
     strides = _strides(given)
     signals = condition(
         given.recording,
@@ -155,12 +155,6 @@ def _source(
     )
     undisturbed = _undisturbed(given, strides, pulses, settings)
     return Source(given, strides, pulses, signals, undisturbed)
-
-
-def _prepared(
-    given: RecordingInput, recording: xr.Dataset, settings: ParticipantSettings
-) -> RecordingInput:
-    return _from_true_zero(_with_torque(replace(given, recording=recording), settings))
 
 
 def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
