@@ -22,6 +22,7 @@ from jointz.identify.over_cycle.stride_curves import (
     stride_curves,
 )
 from jointz.identify.preparation.channel_clocks import clock_notes
+from jointz.identify.preparation.missing_samples import missing_notes
 from jointz.identify.preparation.recording_groups import Unit, recording_groups, unit_of
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -120,9 +121,10 @@ def _analyze_group(
         ),
         strides=tuple(r for source in new for r in _stride_records(participant, source, settings)),
         gaps=tuple(
-            GapRecord(participant, source.given.file, float(a), float(b - a))
-            for source in new
-            for a, b in find_gaps(source.given.recording["time"].to_numpy())
+            GapRecord(participant, given.file, float(a), float(b - a))
+            for given in recordings  # before short gaps were filled
+            if id(given) not in reported
+            for a, b in find_gaps(given.recording["time"].to_numpy())
         ),
         models=tuple(replace(m, session=session, side=side) for m in models),
         evidence=tuple(replace(e, session=session, side=side) for e in evidence),
@@ -146,6 +148,7 @@ def _analyze_group(
             *estimates[chosen].notes,
             *notes,
             *clock_notes([(s.given.file, s.given.recording) for s in new]),
+            *(note for s in new for note in missing_notes(s.given.file, s.given.recording)),
         ),
     )
 

@@ -23,8 +23,6 @@ TORQUE_ROWS, SENSOR_ROWS = slice(DRIVING, FRICTION + 1), COMMAND + 1
 #: of both segments'.
 ENCODER, SHANK_VELOCITY, THIGH_VELOCITY = MOTION_SENSORS
 JOINT_VELOCITY = "joint_velocity"
-#: Holes of a further sensor up to this length are interpolated.
-_LONGEST_HOLE_S = 0.02
 #: Faster recordings are averaged down to about this rate, far above the band of a leg.
 _RATE_HZ = 500.0
 _SAME_RATE = 1e-3
@@ -109,24 +107,9 @@ def sensor_signal(source: Source, name: str) -> np.ndarray:
         return np.asarray(sensor_signal(source, SHANK_VELOCITY) - thigh)
     known, recording = source.given.calibration, source.given.recording
     time = recording["time"].to_numpy()
-    values = _bridged(time, recording[name].to_numpy())
-    values = values / value_of(getattr(known, f"{name}_gain"), 1.0)
+    values = recording[name].to_numpy() / value_of(getattr(known, f"{name}_gain"), 1.0)
     lag_s = value_of(sensor_lag(known, name), 0.0)
     return np.asarray(values if lag_s == 0.0 else np.interp(time + lag_s, time, values))
-
-
-def _bridged(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Fill short holes by interpolation: a lost sample of one sensor must not cost a pulse."""
-    finite = np.isfinite(values)
-    if finite.all() or finite.sum() < 2:
-        return values
-    known_s = time[finite]
-    after = np.searchsorted(known_s, time)
-    inside = (after > 0) & (after < known_s.size)
-    hole_s = np.full(time.size, np.inf)
-    hole_s[inside] = known_s[after[inside]] - known_s[after[inside] - 1]
-    filled = np.interp(time, known_s, values[finite])
-    return np.where(finite | (hole_s <= _LONGEST_HOLE_S), filled, np.nan)
 
 
 def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:

@@ -25,6 +25,7 @@ from jointz.gait.strides import Strides, find_strides
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.preparation.channel_clocks import with_clock_errors
 from jointz.identify.preparation.conditioning import Conditioned, condition, torque_from_current
+from jointz.identify.preparation.missing_samples import interpolate_missing
 from jointz.identify.preparation.pulses import (
     Pulse,
     pulses_from_angle,
@@ -137,10 +138,15 @@ def _source(
     *,
     target_hz: float,
 ) -> Source:
-    known = with_clock_errors(given.calibration, given.recording)
-    given = _from_true_zero(_with_torque(replace(given, calibration=known), settings))
-    strides = _strides(given)
+    measured = given.recording
+    given = replace(given, calibration=with_clock_errors(given.calibration, measured))
+    filled = interpolate_missing(measured)
+    given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
     pulses = _pulses(given, unperturbed, settings)
+    if filled is not measured:
+        filled = interpolate_missing(measured, [p.onset_s for p in pulses])
+        given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
+    strides = _strides(given)
     signals = condition(
         given.recording,
         cutoff_hz=settings.perturbations.cutoff_hz,
