@@ -36,6 +36,7 @@ from jointz.identify.preparation.pulses import (
 )
 from jointz.identify.preparation.triggers import pulses_from_trigger, triggers_of
 from jointz.identify.study_kinds import StudyKind
+from jointz.kernels.robust_spread import robust_sd
 
 _STRIKE_CHANNELS = (HEEL_STRIKES, "contact", "ground_reaction_force", "cycle")
 #: Channel of the friction in a torque from current, a name that no channel of a user has.
@@ -44,6 +45,8 @@ FRICTION_OF_MODEL = "friction of the torque model"
 SAME_TIME_S = 2e-3
 #: Pulses are a small share of walking; a command that is on for more than this is no pulse.
 _CONTINUOUS_SHARE = 0.8
+#: Fewest steps of a platform in walking, and the largest spread of their sizes over the median.
+_FEWEST_STEPS, _UNLIKE_STEPS = 10, 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +226,9 @@ def _pulses(
         return pulses
     if source == "angle":
         cutoff_hz = settings.perturbations.cutoff_hz
-        return pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
+        pulses = pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
+        _check_steps(pulses, given.file, settings)
+        return pulses
     if source == "command":
         pulses = pulses_from_command(given.recording)
         _refuse_continuous(pulses, given, settings)
@@ -237,6 +242,23 @@ def _pulses(
             "an unperturbed recording of the same participant. Add it, or a pulse table."
         )
     return pulses_from_reference(given.recording, partners[0].recording)
+
+
+def _check_steps(steps: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
+    """Raise DataError for steps in walking that are few or unlike: those of the gait itself."""
+    sizes = np.array([abs(step.amplitude) for step in steps])
+    alike = sizes.size and robust_sd(sizes) <= _UNLIKE_STEPS * np.median(sizes)
+    if not settings.kind.by_gait or (sizes.size >= _FEWEST_STEPS and alike):
+        return
+    shown = ", ".join(f"{s.onset_s:.3f} s ({np.degrees(s.amplitude):+.2g} deg)" for s in steps[:5])
+    raise DataError(
+        f'{file}: perturbations.source is "angle", for a platform that moves the joint by many '
+        f"steps of one size. Expected {_FEWEST_STEPS} or more alike, found {sizes.size}"
+        f"{f', such as at {shown}' if shown else ''}. Give [channels.command], [channels.trigger] "
+        "or a pulse table.",
+        path=file,
+        channel="angle",
+    )
 
 
 def _refuse_continuous(

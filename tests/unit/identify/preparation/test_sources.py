@@ -125,11 +125,26 @@ def test_the_study_may_name_another_source():
     given = replace(record(pulses=[5.0]), pulse_table=table_of(6.0))
     assert onsets(prepare_sources([given], settings(source="command"))[0]) == [5.0]
     assert onsets(prepare_sources([given], settings(source="table"))[0]) == [6.0]
+
+
+def with_steps(given, moments_s, sizes_rad):
     t = given.recording["time"].to_numpy()
-    stepped = given.recording["angle"].copy(data=0.05 * np.clip((t - 8.0) / 0.02, 0, 1))
-    given = replace(given, recording=given.recording.assign(angle=stepped))
-    (onset,) = onsets(prepare_sources([given], settings(source="angle"))[0])
-    assert onset == pytest.approx(8.0, abs=0.02)
+    steps = [
+        size * np.clip((t - moment) / 0.02, 0, 1)
+        for moment, size in zip(moments_s, sizes_rad, strict=True)
+    ]
+    stepped = given.recording["angle"].copy(data=np.sum(steps, axis=0))
+    return replace(given, recording=given.recording.assign(angle=stepped))
+
+
+def test_steps_of_the_angle_are_those_of_a_platform_many_and_alike():
+    given, moments_s = record(pulses=[5.0]), 4.0 + 0.6 * np.arange(12)
+    platform = with_steps(given, moments_s, np.full(12, 0.05))
+    found = onsets(prepare_sources([platform], settings(source="angle"))[0])
+    np.testing.assert_allclose(found, moments_s, atol=0.02)
+    for few_or_unlike in (([8.0, 9.0], [0.05, 0.05]), (moments_s, 0.05 * 1.3 ** np.arange(12))):
+        with pytest.raises(DataError, match=r"or more alike, found \d+, such as at .* deg\)"):
+            prepare_sources([with_steps(given, *few_or_unlike)], settings(source="angle"))
 
 
 def test_a_source_that_is_not_there_is_refused():
