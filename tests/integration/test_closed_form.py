@@ -152,10 +152,10 @@ def test_motion_integrated_by_scipy_returns_the_joint(joint, rate_hz):
     The level before a pulse is baseline enough for a quiet record.
     """
     K, B, J = joint
-    n = round(3.0 * rate_hz)
+    n = round(4.25 * rate_hz)
     t = np.arange(n) / rate_hz
-    starts = np.array([0.5, 1.75])
-    signs = np.array([1.0, -1.0])
+    starts = np.array([0.5, 1.75, 3.0])
+    signs = np.array([1.0, -1.0, 1.0])
 
     def torque(s):
         z = (np.asarray(s)[..., None] - starts - 0.05) / 0.02

@@ -23,7 +23,7 @@ HOST_FIELDS = {"host_time_ns", "busy_us", "crc"}
 
 @pytest.fixture(scope="module")
 def made(short_walking, tmp_path_factory):
-    protocol = short_walking(strides=12, people=2, count_per_point=2)
+    protocol = short_walking(strides=12, people=2, count_per_point=3)
     return jointz.run(protocol, out=tmp_path_factory.mktemp("run") / "study", seed=3)
 
 
@@ -71,7 +71,7 @@ def test_both_clocks_write_the_same_log_but_for_host_time(short_walking, tmp_pat
 
 def test_the_plan_is_kept(made):
     table = made.report.to_frame()
-    assert set(table["completed"]) == set(table["planned"]) == {2}
+    assert set(table["completed"]) == set(table["planned"]) == {3}
     for row in made.report.gaps:
         assert row["fewest"] >= 3
         assert row["most"] <= 7 or row["longer_than_planned"] > 0
@@ -132,7 +132,7 @@ def test_the_pulse_table_and_the_command_agree(made):
 def test_the_report_survives_json_and_draws(made):
     again = RunReport.from_dict(json.loads(json.dumps(made.report.to_dict(), allow_nan=False)))
     assert again.to_dict() == made.report.to_dict()
-    assert "24 of 24 pulses" in made.report.summary()
+    assert "36 of 36 pulses" in made.report.summary()
     assert made.report.plot().get_xlabel().startswith("Planned onset")
 
 

@@ -196,8 +196,8 @@ class Failure(FailureCode):
     )
     SENSORS_DISAGREE = (
         "sensors_disagree",
-        "goniometer and another sensor of the motion show walking with gains that differ by more "
-        "than 40 %, and no third one tells which is wrong",
+        "the sensors of the motion show walking with gains that differ by more than 40 %, and "
+        "more than one is on either side",
     )
     CLOCKS_DRIFT = "clocks_drift", "the clocks of angle and torque drift apart"
     OUTSIDE_RANGE = (

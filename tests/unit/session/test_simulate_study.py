@@ -64,7 +64,7 @@ def test_the_lag_is_known_as_well_as_was_asked(study):
 
 def test_without_errors_the_estimates_are_the_truth(tmp_path):
     study = simulate_study(
-        tmp_path / "study", preset="clean", plan=WalkPlan(per_point=2), unperturbed_strides=25
+        tmp_path / "study", preset="clean", plan=WalkPlan(per_point=3), unperturbed_strides=25
     )
 
     table = truth_table(jointz.analyze(study, method="dissertation", resamples=2), study)

@@ -46,8 +46,9 @@ class CommandSlope(NamedTuple):
     flat: bool
 
     def exceeds(self, limits: tuple[float, float]) -> bool:
-        """Return whether the slope is surely outside of limits."""
-        return (self.high < limits[0] and self.flat) or self.low > limits[1]
+        """Return whether the slope is outside of limits, and surely not 1."""
+        low = self.value < limits[0] and self.high < 1.0 and self.flat
+        return low or (self.value > limits[1] and self.low > 1.0)
 
     def __str__(self) -> str:
         limits = f"{self.low:.2f} to {self.high:.2f}"

@@ -44,7 +44,7 @@ class SensorChoice:
     odd: Mapping[str, float] = field(default_factory=dict)
     # gain of a goniometer that the other sensors contradict and that agree with each other
     goniometer_gain: float | None = None
-    disagree: bool = False  # whether no two sensors agree
+    disagree: bool = False  # whether the sensors make two camps
     closely: bool = True  # whether the used ones show the goniometer's motion but for a sixth
 
     def notes(self) -> Iterator[str]:
@@ -79,11 +79,11 @@ def choose_sensors(sources: Sequence[Source]) -> SensorChoice:
         for name, values in gains.items()
         if name not in like and all(_between(v, _GAINS) for v in values)
     }
-    used, gain, disagree = tuple(n for n in present if n in like), None, False
-    if far and not used:
-        disagree = len(far) == 1 or max(far.values()) > _AGREEING * min(far.values())
-        if not disagree:
-            used, gain = tuple(far), 1.0 / float(np.mean(list(far.values())))
+    used, gain = tuple(n for n in present if n in like), None
+    # Two gyroscopes are as many as goniometer and encoder.
+    disagree = bool(far) and (not used or JOINT_VELOCITY in far)
+    if len(far) > 1 and max(far.values()) <= _AGREEING * min(far.values()):
+        used, gain, disagree = tuple(far), 1.0 / float(np.mean(list(far.values()))), False
     taken = {SHANK_VELOCITY, THIGH_VELOCITY} if JOINT_VELOCITY in used else set()
     left = [name for name in MOTION_SENSORS if name not in taken | set(used)]
     return SensorChoice(

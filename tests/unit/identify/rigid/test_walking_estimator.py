@@ -108,11 +108,12 @@ def test_values_are_near_the_truth_not_only_inside_wide_intervals(usual, estimat
             assert p.value == pytest.approx(truth, rel=0.25)
 
 
-def test_one_pulse_a_point_is_estimated_or_undecided_never_failed(walkers):
-    walker = walkers.Walker(counts={"A": 1, "B": 1}, between=20)
+def test_three_pulses_a_point_are_estimated_or_undecided_fewer_are_too_few(walkers):
+    few = walkers.analyze(walkers.Walker(counts={"A": 1, "B": 2}, between=20))
+    assert statuses(few) == {"failed:too_few_pulses"}
+    walker = walkers.Walker(counts={"A": 3, "B": 3}, between=10)
     result = walkers.analyze(walker)
     assert statuses(result) <= {"ok", "undecided", "at_bound"}
-    assert "undecided" in statuses(result)
     assert max(off(result, walker), default=0.0) < 1.7
     for p in (p for c in result.cells["rigid"] for p in c.parameters[:3]):
         if p.status == "undecided":
