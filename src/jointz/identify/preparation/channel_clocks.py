@@ -9,7 +9,7 @@ from jointz.core.recording import history_of
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import rate_hz
 
-#: Sd of a uniform error within one period: when in it a frame was taken is not known.
+#: Sd of a uniform error within one period: two clocks are aligned to a period of the faster one.
 _SD_OF_PERIOD = 1.0 / np.sqrt(12.0)
 
 
@@ -21,11 +21,11 @@ def sampled_hz(recording: xr.Dataset) -> dict[str, float]:
 
 def with_clock_errors(known: CalibrationSpec, recording: xr.Dataset) -> CalibrationSpec:
     """Return the calibration with the share that another clock has in the sds of its lags."""
-    wider = {}
+    wider, own_hz = {}, rate_hz(recording["time"].to_numpy())
     for channel, rate in sampled_hz(recording).items():
         lag = getattr(known, f"{channel}_lag_s", None)
         if isinstance(lag, Calibrated):
-            sd = float(np.hypot(lag.sd, _SD_OF_PERIOD / rate))
+            sd = float(np.hypot(lag.sd, _SD_OF_PERIOD / max(rate, own_hz)))
             wider[f"{channel}_lag_s"] = Calibrated(value=lag.value, sd=sd)
     return known.model_copy(update=wider) if wider else known
 
@@ -41,5 +41,5 @@ def clock_notes(recordings: Sequence[tuple[str, xr.Dataset]]) -> Iterator[str]:
             yield (
                 f"{file}: {', '.join(channels)} sampled at {rate:.4g} Hz by another clock, "
                 f"interpolated to the {own:.4g} Hz of the torque; a calibrated lag has "
-                f"{1e3 * _SD_OF_PERIOD / rate:.2g} ms more sd for it."
+                f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms more sd for it."
             )

@@ -50,7 +50,7 @@ def test_a_wrong_clock_is_found_by_the_responses(walkers, walk, error, code, tol
 
 def test_a_right_clock_is_noted_and_widens_a_calibrated_lag(walkers, walk):
     walker, _ = walk
-    known = replace(walker, known_lag_sd_s=0.0003)
+    known = replace(walker, known_lag_sd_s=0.0001)
     given = walkers.walk(known)
     one, two = (
         walkers.analyze(known, with_other_clock(given, joined=joined)) for joined in (False, True)
