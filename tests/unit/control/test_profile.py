@@ -249,6 +249,12 @@ def test_whole_file_with_impossible_numbers_is_refused(profile, name, value):
         profile_of(signed, "here")
 
 
+@pytest.mark.parametrize(("name", "value"), [("mass_kg", 0.0), ("covariance", np.array(1e-12))])
+def test_no_profile_is_made_of_impossible_numbers(published, name, value):
+    with pytest.raises(DataError, match=f"{name}: expected"):
+        replace(published, **{name: value})
+
+
 def test_onset_is_taken_of_both_or_of_none():
     cells = [
         replace(

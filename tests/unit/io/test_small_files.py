@@ -129,6 +129,15 @@ def test_damaged_files_are_read_or_refused(tmp_path, kind):
     assert refused > MUTANTS // 2
 
 
+@pytest.mark.parametrize("key", ["stiffness", "damping", "inertia"])
+def test_an_impossible_joint_is_refused(tmp_path, key):
+    content, file = plan(), tmp_path / "plan.toml"
+    content["expected_joint"][key] = 1e300
+    file.write_text(toml_file(content))
+    with pytest.raises(DataError, match=rf"expected_joint\.{key}: expected less than or equal to"):
+        load_protocol(file)
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
 @pytest.mark.parametrize("read", [read_profile, load_protocol, read_calibration, read_device_file])
 def test_devices_pipes_and_folders_are_refused_at_once(tmp_path, read):
