@@ -1,10 +1,10 @@
 """Coupling of device and leg, where a walking study does not state it."""
 
-import json
 from typing import Any
 
 from jointz.core.errors import DataError
 from jointz.core.study import Study
+from jointz.io.small_files import read_json
 
 _TRUTH_FILE = "ground_truth.json"
 
@@ -25,10 +25,10 @@ def ask_for_coupling(study: Study) -> None:
 def _rigid_preset(study: Study) -> str | None:
     """Return the name of a preset without strap; None where the study is of other people."""
     try:
-        truth: Any = json.loads((study.root / _TRUTH_FILE).read_text(encoding="utf-8"))
+        truth: Any = read_json(study.root / _TRUTH_FILE, "")
         conditions = [c for person in truth["participants"].values() for c in person.values()]
         bodies = [condition["settings"]["body"] for condition in conditions]
         preset = str(truth["preset"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None
     return preset if bodies and not any(bodies) else None

@@ -1,6 +1,5 @@
 """An analysis that can be saved as a folder of results and loaded from one."""
 
-import json
 import os
 import warnings
 from dataclasses import dataclass
@@ -13,8 +12,11 @@ from jointz.core.method_names import FORMER_NAMES
 from jointz.core.study import Study
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import CHECKSUMS, MARKER
+from jointz.io.small_files import LARGEST_RESULTS, read_json
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
+
+_AGAIN = "Analyse the study again: jointz analyze."
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -89,13 +91,11 @@ def load(folder: str | os.PathLike[str]) -> Analysis:
             "one.",
             path=str(place),
         )
+    content = read_json(file, _AGAIN, largest=LARGEST_RESULTS)
     try:
-        analysis = Analysis.from_dict(_renamed(json.loads(file.read_text(encoding="utf-8"))))
+        analysis = Analysis.from_dict(_renamed(content))
     except Exception as exc:  # the file may hold anything
-        raise DataError(
-            f"{file}: cannot be read ({exc}). Analyse the study again: jointz analyze.",
-            path=str(file),
-        ) from exc
+        raise DataError(f"{file}: cannot be read ({exc}). {_AGAIN}", path=str(file)) from exc
     changed = _changed_files(place)
     if file.name in changed:
         raise DataError(
@@ -127,8 +127,9 @@ def _renamed(content: Any) -> Any:
 def _changed_files(folder: Path) -> list[str]:
     """Return the files that differ from their checksums; none in folders without checksums."""
     marker = folder / MARKER
+    content = read_json(marker, f"Restore it from a copy. {_AGAIN}")
     try:
-        written = json.loads(marker.read_text(encoding="utf-8")).get(CHECKSUMS, {})
+        written = content.get(CHECKSUMS, {})
         files = {name: str(sha256) for name, sha256 in written.items()}
         present = {name for name in files if (folder / name).is_file()}
         return sorted(name for name in present if file_sha256(folder / name) != files[name])

@@ -1,6 +1,5 @@
 """Sources of a comparison: results folders and the published tables."""
 
-import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ from jointz.core.method_names import FORMER_NAMES
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.small_files import LARGEST_RESULTS, read_json
 from jointz.reference.chapter4 import NUMERICALLY_ZERO, participant_table
 from jointz.report.wording import PER_MASS
 from jointz.results.estimates import CellEstimate
@@ -214,8 +214,8 @@ def _people(
     file = folder / ANALYSIS_FILE
     if not file.is_file():
         return None
+    content = read_json(file, "Run jointz analyze again.", largest=LARGEST_RESULTS)
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
         posteriors = [LogPosterior.from_dict(p) for p in content.get("log_posteriors", ())]
         cells = [CellEstimate.from_dict(cell) for cell in content["cells"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
@@ -282,18 +282,7 @@ def _provenance(folder: Path) -> dict[str, Any]:
                 f"{folder}: {problem}. Expected a results folder of jointz analyze, or the word "
                 f"'{PUBLISHED}' for the dissertation's tables."
             )
-    file = folder / _PROVENANCE
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as exc:
-        raise DataError(
-            f"{file}: cannot be read ({exc}). Run jointz analyze again.", path=str(file)
-        ) from exc
-    if not isinstance(content, dict):
-        raise DataError(
-            f"{file}: expected a JSON object. Run jointz analyze again.", path=str(file)
-        )
-    return content
+    return read_json(folder / _PROVENANCE, "Run jointz analyze again.")
 
 
 def _joint(provenance: Mapping[str, Any], folder: Path) -> str:

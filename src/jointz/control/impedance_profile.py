@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from jointz.core.errors import DataError
 from jointz.results.base import Array, PlottedResult, summary_text
 from jointz.results.figure_style import BLUE, FAINT, INK, MUTED
 
@@ -141,6 +142,18 @@ class ImpedanceProfile(PlottedResult):
     warnings: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        problems = [
+            f"{name}: expected > 0, got {value:g}"
+            for name, value in (("mass_kg", self.mass_kg), ("stride_s", self.stride_s))
+            if not 0.0 < value < np.inf
+        ]
+        shape = np.shape(self.covariance)
+        if len(shape) != 2 or shape[0] != shape[1] or not np.isfinite(self.covariance).all():
+            problems.append(f"covariance: expected a square of finite numbers, got shape {shape}")
+        if problems:
+            raise DataError(f"profile of {self.subject}: {'; '.join(problems)}.")
+
     @property
     def velocity(self) -> np.ndarray:
         """Velocity of the mean stride, (n,), rad/s."""
@@ -186,11 +199,11 @@ class ImpedanceProfile(PlottedResult):
 
         Raises
         ------
-        ValueError
+        DataError
             If the profile belongs to one person, or the mass is not positive.
         """
-        if not self.scales_with_mass or not mass_kg > 0.0:
-            raise ValueError(f"profile of {self.subject}: no mass of {mass_kg:g} kg.")
+        if not self.scales_with_mass or not 0.0 < mass_kg < np.inf:
+            raise DataError(f"profile of {self.subject}: no mass of {mass_kg:g} kg.")
         ratio, data = mass_kg / self.mass_kg, self.to_dict()
         for name in _OF_MASS:
             data[name] = [ratio * value for value in data[name]]

@@ -27,6 +27,7 @@ from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_moti
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.recordings import read_recording
+from jointz.io.small_files import read_json
 from jointz.io.study_reader import open_study
 
 BIDS_VERSION = "1.10.0"
@@ -154,7 +155,7 @@ def _check_unchanged(folder: Path) -> None:
     """Refuse to replace a folder whose files were changed since jointz wrote them."""
     if not (folder / MARKER).is_file():
         return
-    written = json.loads((folder / MARKER).read_text(encoding="utf-8")).get(_HASHES, {})
+    written = read_json(folder / MARKER, "Name another folder.").get(_HASHES, {})
     hashes = _hashes(folder)
     changed = [name for name, sha256 in hashes.items() if written.get(name, sha256) != sha256]
     if changed:

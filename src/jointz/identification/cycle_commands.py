@@ -221,10 +221,11 @@ def _times(file: Path) -> "np.ndarray":
     import numpy as np
 
     from jointz.core.errors import DataError
+    from jointz.io.small_files import file_content
 
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as exc:
+        lines = file_content(file, absent="no such file").decode("utf-8-sig").splitlines()
+    except ValueError as exc:
         raise DataError(f"--heel-strikes {file}: cannot be read ({exc}).", path=str(file)) from exc
     times = []
     for row, line in enumerate(lines, 1):

@@ -15,7 +15,8 @@ from jointz.core.checked_model import CheckedModel
 from jointz.core.errors import DataError, StudyError, WriteError
 from jointz.core.study import CalibrationSpec, Name, SchemaVersion
 from jointz.core.whole_file import whole_file
-from jointz.io.toml_problems import parse_toml, shape_problems
+from jointz.io.small_files import file_content, parse_toml
+from jointz.io.toml_problems import shape_problems
 from jointz.io.toml_text import Statement, statements, written_table, written_text
 
 _PARTICIPANTS_HEADER = re.compile(r"\[\[\s*participants\s*\]\]")
@@ -51,12 +52,8 @@ class CalibrationFile:
 
 def read_calibration(path: str | os.PathLike[str]) -> CalibrationFile:
     """Read a calibration file."""
-    file = Path(path)
-    if not file.is_file():
-        raise DataError(
-            f"{file}: no such file. Give a file that jointz calibrate --out wrote.", path=str(file)
-        )
-    return _checked(str(file), file.read_bytes())
+    absent = f"{path}: no such file. Give a file that jointz calibrate --out wrote."
+    return _checked(os.fspath(path), file_content(path, absent=absent))
 
 
 def _checked(where: str, text: bytes) -> CalibrationFile:
@@ -126,8 +123,9 @@ def write_into_study(folder: Path, calibrations: Mapping[str, CalibrationSpec]) 
 def file_text(file: Path) -> str:
     """Return what a text file holds, its ends of lines as they are."""
     try:
-        return file.read_bytes().decode("utf-8")
-    except (OSError, UnicodeDecodeError) as exc:
+        absent = f"{file}: no such file; expected a text file in UTF-8."
+        return file_content(file, absent=absent).decode("utf-8")
+    except UnicodeDecodeError as exc:
         raise DataError(
             f"{file}: expected a text file in UTF-8 ({exc}). Give a file that can be read.",
             path=str(file),

@@ -9,6 +9,7 @@ from pathlib import Path
 from jointz.core.errors import OutputError, WriteError
 from jointz.core.stop_signals import signals_held
 from jointz.io.folder_place import FolderState, beside, check_name, take_place
+from jointz.io.small_files import read_json
 
 #: File that shows that jointz made a folder, and so may replace it.
 MARKER = "provenance.json"
@@ -74,15 +75,15 @@ def files_in(folder: Path) -> set[str]:
 def _listed_files(marker: Path) -> set[str] | None:
     """Return the files that a marker lists, None if jointz did not write it."""
     try:
-        listed = json.loads(marker.read_text(encoding="utf-8"))["files"]
+        listed = read_json(marker, "")["files"]
         return set(map(str, listed))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return None
 
 
 def _kind(marker: Path) -> str:
     """Return the kind of a folder, empty if its marker does not show it."""
-    content = json.loads(marker.read_text(encoding="utf-8"))
+    content = read_json(marker, "Name another folder.")
     if "made_by" in content:
         return str(content["made_by"])
     return next((kind for kind, name in _KIND_FILES if name in content["files"]), "")

@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from jointz.core.errors import ProtocolError
 from jointz.core.protocols.protocol import Protocol
-from jointz.io.toml_problems import all_problems, file_content, parse_toml
+from jointz.io.small_files import file_content, parse_toml
+from jointz.io.toml_problems import all_problems
 
 _SUFFIX = ".toml"
 #: Profile of a controller that comes with jointz; any other is a file.

@@ -37,6 +37,7 @@ from jointz.io.file_kinds import special_kind
 from jointz.io.formats.registry import CLOCK_SUFFIXES, list_columns
 from jointz.io.pulse_tables import read_pulses
 from jointz.io.recordings import StudyRecording, read_recording
+from jointz.io.small_files import file_content, parse_toml
 from jointz.io.study_files import (
     PART,
     data_file,
@@ -45,7 +46,7 @@ from jointz.io.study_files import (
     shown_file,
     study_of_recording,
 )
-from jointz.io.toml_problems import parse_toml, shape_problems
+from jointz.io.toml_problems import shape_problems
 
 _RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
 _EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
@@ -92,13 +93,11 @@ def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
     """
     file = Path(path)
     file = file / "study.toml" if os.path.isdir(file) else file
-    if not os.path.isfile(file):
-        raise DataError(
-            f"{file}: no study.toml found. Give the folder that holds study.toml "
-            "(docs/study-format.md shows one to start from).",
-            path=str(file),
-        )
-    text = file.read_bytes()
+    absent = (
+        f"{file}: no study.toml found. Give the folder that holds study.toml "
+        "(docs/study-format.md shows one to start from)."
+    )
+    text = file_content(file, absent=absent)
     raw = parse_toml(str(file), text, error=StudyError)
     spec, problems = None, []
     try:

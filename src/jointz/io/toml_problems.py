@@ -1,21 +1,18 @@
 """Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
-import os
-import tomllib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
 
 from jointz.core.checked_model import INCONSISTENT, CheckedModel, place_of
-from jointz.core.errors import DataError, DeviceFileError, ProtocolError, StudyError
+from jointz.core.errors import DeviceFileError
+from jointz.io.small_files import file_content, parse_toml
 
 Location = tuple[str | int, ...]
 _ModelT = TypeVar("_ModelT", bound=CheckedModel)
 
-_INTEGERS = range(-(2**63), 2**63)  # those of TOML
 _LONGEST_SHOWN = 80
 _VERSION_KEYS = ("jointz", "jointz_protocol")
 #: What pydantic calls by the names of Python, in the words of a file.
@@ -31,32 +28,6 @@ _EXPECTED = {
     "int_type": "a whole number",
     "bool_type": "true or false",
 }
-
-
-def file_content(name: str, *, absent: str) -> bytes:
-    """Return the bytes of a file; ``absent`` is the message where there is none."""
-    if not os.path.isfile(name):  # unlike Path.is_file it holds for names no system takes
-        raise DataError(absent, path=name)
-    try:
-        return Path(name).read_bytes()
-    except OSError as exc:
-        raise DataError(f"{name}: cannot be read ({exc.strerror}).", path=name) from exc
-
-
-def parse_toml(
-    where: str,
-    text: bytes,
-    *,
-    error: type[StudyError] | type[ProtocolError] | type[DeviceFileError],
-) -> dict[str, Any]:
-    """Parse a TOML file."""
-    try:
-        raw = tomllib.loads(text.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as exc:
-        raise error(where, [f"not valid TOML: {exc}"]) from exc
-    if _holds_huge_integer(raw):
-        raise error(where, ["not valid TOML: an integer has more than 64 bits."])
-    return raw
 
 
 def shape_problems(
@@ -85,14 +56,6 @@ def read_device_model(name: str, model: type[_ModelT], *, absent: str) -> _Model
         return model.model_validate(raw)
     except ValidationError as exc:
         raise DeviceFileError(name, all_problems(exc, model, raw)) from exc
-
-
-def _holds_huge_integer(value: Any) -> bool:
-    if isinstance(value, dict):
-        return any(map(_holds_huge_integer, value.values()))
-    if isinstance(value, list):
-        return any(map(_holds_huge_integer, value))
-    return isinstance(value, int) and value not in _INTEGERS
 
 
 def _follows_from_entries(error: Mapping[str, Any]) -> bool:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jointz.core.errors import DataError
+from jointz.io.small_files import file_content
 
 _NUMBER = re.compile(r"[+-]?[0-9]+([.,][0-9]+)?")
 _NUMBERS = ("walking_speed_m_s", "slope_deg")
@@ -73,8 +74,8 @@ def read_conditions(
 def _rows(file: Path, problems: list[str]) -> list[tuple[int, dict[str, str]]] | None:
     """Return the rows with their numbers; None if the columns are not as expected."""
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as exc:
+        text = file_content(file, absent=f"{file}: no such file.").decode("utf-8-sig")
+    except ValueError as exc:
         raise DataError(
             f"{file}: cannot be read ({exc}). Name a table with the columns {', '.join(COLUMNS)}.",
             path=str(file),

@@ -1,6 +1,5 @@
 """Results folders to pool: estimates, provenance, and what a study's people share."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +15,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_sha256
 from jointz.io.formats.registry import list_columns, read_table
 from jointz.io.new_folder import ANALYSIS, CHECKSUMS
+from jointz.io.small_files import read_json
 from jointz.report.wording import ALL_PARAMETERS
 from jointz.results.estimates import ESTIMATE_COLUMNS
 
@@ -126,7 +126,7 @@ def _provenance(path: Path) -> dict[str, Any]:
         "settings. Name its results folders, or run jointz analyze again."
     )
     try:
-        content = json.loads((path / _PROVENANCE).read_text(encoding="utf-8"))
+        content = read_json(path / _PROVENANCE, _AGAIN)
         folder = ResultsFolder("", pd.DataFrame(), content, {})
         is_read = all(isinstance(folder.study[key], str) for key in ("joint", "kind", "positive"))
         is_read &= np.isfinite(folder.gain_sd) and isinstance(folder.groups, dict)

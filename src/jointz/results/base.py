@@ -25,7 +25,10 @@ _SUMMARY_CHARACTERS = 300
 
 
 def _as_array(value: Any) -> Any:
-    return np.asarray(value, dtype=float) if isinstance(value, list) else value
+    try:
+        return np.asarray(value, dtype=float) if isinstance(value, list) else value
+    except (TypeError, OverflowError) as exc:  # a table in a list, an endless integer
+        raise ValueError(f"expected numbers ({exc})") from exc
 
 
 #: Type of a field with an array of numbers, which JSON holds as a list.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from jointz.core.errors import DataError
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.statistics.pooled_estimates import (
@@ -20,6 +21,8 @@ PER_MASS = "_per_mass"
 _ONSET = "_onset"
 #: Of the data over that of the prior; with less a person does not count.
 _LEAST_INFORMATION = 0.01
+#: Of a logarithm: nobody is known to 0.001 %, and equations of people become singular.
+_LEAST_VARIANCE = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,17 @@ class PeopleResults:
     posteriors: Sequence[LogPosterior] = ()
     cells: Sequence[CellEstimate] = ()
     masses_kg: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if wrong := [name for name, kg in self.masses_kg.items() if not 0.0 < kg < np.inf]:
+            raise DataError(f"masses_kg: expected more than 0 kg; correct {', '.join(wrong)}.")
+        for posterior in self.posteriors:
+            variances = np.diag(posterior.covariance)
+            if ((variances > 0.0) & (variances < _LEAST_VARIANCE)).any():
+                raise DataError(
+                    f"log posterior of {posterior.label}: expected variances of at least "
+                    f"{_LEAST_VARIANCE:g}, got {variances.min():.3g}. State the whole error."
+                )
 
     @property
     def have_errors(self) -> bool:

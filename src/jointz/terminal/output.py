@@ -19,6 +19,8 @@ def emit(text: str = "") -> None:
     """Print a line of results."""
     try:
         _write_line(text)
+    except BrokenPipeError:  # the reader, such as head, has enough
+        _discard_stdout()
     except OSError as exc:
         _discard_stdout()
         raise WriteError("stdout", exc, "Send it where it can go.") from exc

@@ -241,12 +241,18 @@ def test_other_files_are_refused(tmp_path, text):
     ],
 )
 def test_whole_file_with_impossible_numbers_is_refused(profile, name, value):
-    broken = replace(profile, **{name: value})
-    content = broken.to_dict() | {"law": LAW, "units": dict(PROFILE_UNITS)}
+    content = profile.to_dict() | {"law": LAW, "units": dict(PROFILE_UNITS)}
+    content[name] = np.asarray(value).tolist()
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     signed = content | {"sha256": hashlib.sha256(text.encode()).hexdigest()}
     with pytest.raises(DataError, match=name.partition("_")[0]):
         profile_of(signed, "here")
+
+
+@pytest.mark.parametrize(("name", "value"), [("mass_kg", 0.0), ("covariance", np.array(1e-12))])
+def test_no_profile_is_made_of_impossible_numbers(published, name, value):
+    with pytest.raises(DataError, match=f"{name}: expected"):
+        replace(published, **{name: value})
 
 
 def test_onset_is_taken_of_both_or_of_none():

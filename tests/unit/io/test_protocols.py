@@ -122,10 +122,10 @@ def test_a_protocol_that_is_not_there_is_told_with_those_that_are(name):
 def test_a_file_that_may_not_be_read_is_told(own, monkeypatch):
     file = own()
 
-    def refuse(path):
+    def refuse(path, mode):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "read_bytes", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(DataError, match=r"own\.toml: .*Permission denied"):
         load_protocol(file)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointz.core.errors import DataError
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.log_posterior import LogPosterior
 from jointz.stats.people_likelihoods import PeopleResults
@@ -104,6 +105,14 @@ def test_a_session_that_is_mostly_doubted_does_not_take_the_others_values_away(s
     doubted = (True,) * 4 + (False,) * 2
     second = [replace(p, session="2", doubted=doubted, mean=p.mean + 0.1) for p in sound]
     assert means_of([*sound, *second], NAMES) == sound_means
+
+
+def test_people_without_mass_or_known_too_well_are_refused(sound):
+    exact = replace(sound[0], covariance=1e-12 * np.eye(6))
+    with pytest.raises(DataError, match="S0: expected variances of at least 1e-10, got 1e-12"):
+        means_of([exact, *sound[1:]])
+    with pytest.raises(DataError, match="expected more than 0 kg; correct S1"):
+        means_of(sound, masses_kg={"S0": 70.0, "S1": 0.0})
 
 
 PER_KG = ("stiffness_per_mass", "damping_per_mass")

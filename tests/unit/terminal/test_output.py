@@ -1,6 +1,8 @@
 """Tables and progress on a terminal and elsewhere."""
 
 import io
+import os
+import subprocess
 import sys
 import time
 
@@ -106,3 +108,15 @@ def test_a_closed_stderr_shows_no_progress(monkeypatch):
 def test_json_refuses_what_is_not_json():
     with pytest.raises(ValueError, match="not JSON compliant"):
         emit_json({"value": float("nan")})
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="another error of the system")
+def test_a_reader_that_has_enough_ends_the_output_quietly():
+    code = "from jointz.terminal.output import emit\nfor _ in range(9000): emit('a line')"
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdout=writer, stderr=subprocess.PIPE, check=False
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b"")

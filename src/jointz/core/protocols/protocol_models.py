@@ -44,7 +44,7 @@ Strides = Annotated[int, Field(le=10_000)]
 ASSUMED_STRIDE_S = 1.1
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _LONGEST_NAME = 64
-#: Of a load that can be told from a locked output, SI units.
+#: Of a load that can be told from a locked output, and of any joint, SI units.
 _LARGEST = {"stiffness": 1e5, "damping": 1e3, "inertia": 1e3}
 
 
@@ -355,9 +355,9 @@ class LoadSpec(CheckedModel):
 class ExpectedJoint(CheckedModel):
     """Joint with the device on it that displacements are computed with before a session."""
 
-    stiffness: Positive
-    damping: NotNegative
-    inertia: Positive
+    stiffness: Annotated[float, Field(gt=0, le=_LARGEST["stiffness"])]
+    damping: Annotated[float, Field(ge=0, le=_LARGEST["damping"])]
+    inertia: Annotated[float, Field(gt=0, le=_LARGEST["inertia"])]
 
 
 class ProtocolFields(CheckedModel):

@@ -21,11 +21,11 @@ from jointz.io.bids.bids_tables import (
     cell_number,
     entities_of,
     number,
-    read_json,
     read_samples,
     read_tsv,
 )
 from jointz.io.formats.columns import file_error
+from jointz.io.small_files import read_json
 from jointz.io.text.column_names import READING
 
 DESCRIPTION = "dataset_description.json"
@@ -93,7 +93,7 @@ def read_bids(
             f"{root}: no {DESCRIPTION}; expected a BIDS folder. Give the folder that holds it.",
             path=str(root),
         )
-    read_json(root / DESCRIPTION)
+    _read_json(root / DESCRIPTION)
     files = sorted(root.glob("sub-*/**/motion/*_motion.tsv"))
     names = {file.name.removesuffix("_motion.tsv"): file for file in files}
     if recording is not None:
@@ -196,6 +196,10 @@ def _belonging(root: Path, file: Path, ending: str) -> list[Path]:
     return paths
 
 
+def _read_json(path: Path) -> dict[str, Any]:
+    return read_json(path, "Correct it, or copy it again.", finite=False)
+
+
 def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
     files = _belonging(root, file, "_motion.json")
     if not files:
@@ -204,9 +208,9 @@ def _sidecar(root: Path, file: Path) -> tuple[Path, dict[str, Any]]:
         )
     content: dict[str, Any] = {}
     for path in files:
-        content |= read_json(path)
+        content |= _read_json(path)
     for path in _belonging(root, file, "_channels.json"):
-        extra = read_json(path).get(OWN, {})
+        extra = _read_json(path).get(OWN, {})
         if not isinstance(extra, dict):
             raise file_error(path, f"key '{OWN}': expected an object, found {extra!r}. Correct it.")
         content |= extra

@@ -1,6 +1,5 @@
 """Names, tables and sidecars of BIDS folders, checked for damage."""
 
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -28,19 +27,6 @@ def entities_of(name: str) -> dict[str, str]:
     parts = name.split(".")[0].split("_")
     entities = [_ENTITY.fullmatch(part) for part in parts]
     return {match[1]: match[2] for match in entities if match}
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a sidecar."""
-    try:
-        content = json.loads(_text(path))
-    except (ValueError, RecursionError) as exc:
-        if isinstance(exc, DataError):
-            raise
-        raise _bad(path, f"not readable as JSON ({exc}). Correct it, or copy it again.") from exc
-    if not isinstance(content, dict):
-        raise _bad(path, f"expected an object {{...}}, found {type(content).__name__}. Correct it.")
-    return content
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from jointz.devices.config import DeviceFile, device_file, open_devices
 from jointz.devices.drivers import load_driver
 from jointz.devices.interface import Actuator, Devices, Wearer
 from jointz.io.calibration_file import CalibrationFile
-from jointz.io.toml_problems import file_content, parse_toml
+from jointz.io.small_files import file_content, parse_toml
 from jointz.session.participant_run import check_id
 
 UNTRIED = "No driver of jointz was ever tried on hardware."
