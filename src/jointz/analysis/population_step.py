@@ -61,7 +61,7 @@ def study_statistics(
         "notes": [
             *_exclusion_notes(study, pulses, strides),
             *_sign_notes(cells),
-            *(note for r in results for note in r.notes),
+            *dict.fromkeys(note for r in results for note in r.notes),
             *_method_notes(method, cells),
             *_model_notes(models),
             *_doubt_notes(models or [p for r in results for p in r.log_posteriors]),

@@ -147,7 +147,7 @@ def _analyze_group(
         notes=(
             *estimates[chosen].notes,
             *notes,
-            *clock_notes([(s.given.file, s.given.recording) for s in new]),
+            *clock_notes([s.given.recording for s in new]),
             *(note for s in new for note in missing_notes(s.given.file, s.given.recording)),
         ),
     )

@@ -30,16 +30,15 @@ def with_clock_errors(known: CalibrationSpec, recording: xr.Dataset) -> Calibrat
     return known.model_copy(update=wider) if wider else known
 
 
-def clock_notes(recordings: Sequence[tuple[str, xr.Dataset]]) -> Iterator[str]:
-    """Yield a note about each file with channels of another clock."""
-    for file, recording in recordings:
-        names: dict[float, list[str]] = {}
-        for name, rate in sampled_hz(recording).items():
-            names.setdefault(rate, []).append(name)
+def clock_notes(recordings: Sequence[xr.Dataset]) -> Iterator[str]:
+    """Yield a note about the channels of each clock beside the torque's."""
+    for recording in recordings:
         own = rate_hz(recording["time"].to_numpy())
-        for rate, channels in names.items():
+        channels = sampled_hz(recording)
+        for rate in dict.fromkeys(channels.values()):
+            names = ", ".join(name for name, other in channels.items() if other == rate)
             yield (
-                f"{file}: {', '.join(channels)} sampled at {rate:.4g} Hz by another clock, "
-                f"interpolated to the {own:.4g} Hz of the torque; a calibrated lag has "
-                f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms more sd for it."
+                f"{names}: sampled at {rate:.4g} Hz by another clock and interpolated to the "
+                f"{own:.4g} Hz of the torque; the sd of a calibrated lag includes "
+                f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms for it."
             )

@@ -56,7 +56,7 @@ def test_a_right_clock_is_noted_and_widens_a_calibrated_lag(walkers, walk):
         walkers.analyze(known, with_other_clock(given, joined=joined)) for joined in (False, True)
     )
     assert not any("another clock" in note for note in one.notes)
-    assert any("angle sampled at 240 Hz by another clock" in note for note in two.notes)
+    assert any("angle: sampled at 240 Hz by another clock" in note for note in two.notes)
     widths = [
         next(
             p.ci_high - p.ci_low for p in result.cells["rigid"][0].parameters if p.name == "damping"
