@@ -18,7 +18,7 @@ from jointz.analysis.paper.methods_fit import estimation_sentences, interval_sen
 from jointz.analysis.paper.methods_used import FULL_RECORD, used_methods, used_pulses
 from jointz.analysis.summary import pulse_counts
 from jointz.identify.over_cycle.stride_curves import NODES
-from jointz.report.subjects import nobody_perturbed, study_record, subjects
+from jointz.report.subjects import SIMULATED, nobody_perturbed, study_record, subjects
 from jointz.report.wording import (
     format_count,
     format_integer,
@@ -29,38 +29,42 @@ from jointz.report.wording import (
 from jointz.results.statistics.quasi_stiffness_fit import STEP_PCT, WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 
-_SIMULATED: Final = "All recordings are simulated: no person was measured."
 _HASH_DIGITS: Final = 12
 
 
-def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> list[str]:
+def methods_paragraphs(analysis: StudyAnalysis) -> list[str]:
     """Write a methods section, one text for each paragraph, ready to paste into a paper.
 
     It contains only what settings and data say.
     """
     paragraphs = [
-        [_SIMULATED] if simulated else [],
+        [SIMULATED] if subjects(analysis).simulated else [],
         people_sentences(analysis) + protocol_sentences(analysis),
         signal_sentences(analysis),
         *_estimation(analysis),
         quasi_stiffness_sentences(analysis),
-        [*exclusion_sentences(analysis), *_pulses_used(analysis), *_statuses(analysis)],
+        [
+            *_withdrawn(analysis),
+            *exclusion_sentences(analysis),
+            *_pulses_used(analysis),
+            *_statuses(analysis),
+        ],
         _software(analysis),
     ]
     return [" ".join(sentences) for sentences in paragraphs if sentences]
 
 
-def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
+def methods_text(analysis: StudyAnalysis) -> str:
     """Return the methods section and its references as plain text."""
-    paragraphs = methods_paragraphs(analysis, simulated=simulated)
+    paragraphs = methods_paragraphs(analysis)
     if references := cited(paragraphs):
         paragraphs.append("\n".join(("References", *references)))
     return "\n\n".join(paragraphs) + "\n"
 
 
-def methods_latex(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
+def methods_latex(analysis: StudyAnalysis) -> str:
     r"""Return the methods section and its references as LaTeX to ``\input``."""
-    paragraphs = methods_paragraphs(analysis, simulated=simulated)
+    paragraphs = methods_paragraphs(analysis)
     texts = list(map(to_latex, paragraphs))
     if references := cited(paragraphs):
         # Ragged, as LaTeX does not break long identifiers.
@@ -87,6 +91,11 @@ def _lead(analysis: StudyAnalysis) -> str:
         f"Mechanical impedance of {what} was estimated with jointz"
         f"{f' {version}' if version else ''} {cite('jointz')}{by}."
     )
+
+
+def _withdrawn(analysis: StudyAnalysis) -> list[str]:
+    text = analysis.run.withdrawn_text if analysis.run else ""
+    return [f"{text}."] if text else []
 
 
 def _pulses_used(analysis: StudyAnalysis) -> list[str]:
