@@ -2,71 +2,50 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from jointz.analysis.page.report_page import run_section
 from jointz.core.study import Study
 from jointz.results.run_report import RunReport
 
-_RUN_FILE, _REPORT_FILE, _TRUTH_FILE = "run.json", "run_report.json", "ground_truth.json"
+#: Device of ``run.json`` -> whether it is simulated; another device is if it knows a truth.
+_SIMULATED: Final = {"sim": True, "hardware": False}
+_FILES: Final = ("run.json", "ground_truth.json", "run_report.json")
 
 
 def run_record(study: Study) -> tuple[dict[str, Any], list[str]]:
-    """Return ``simulated`` and the ``report`` of the run, as far as known, and notes.
-
-    None of the files can stop an analysis: one that is damaged or of another program is noted.
-    """
+    """Return ``simulated`` and the ``report`` of the run, as far as known, and notes."""
+    people = {person.id for person in study.spec.participants}
     record: dict[str, Any] = {}
     notes = []
-    for name, read in _READERS.items():
-        file = study.root / name
+    for file in (study.root / name for name in _FILES):
         if not file.exists():
             continue
         try:
             content = json.loads(file.read_text(encoding="utf-8"))
-            record = read(content, study) | record  # run.json knows best who was measured
+            record = _entry(file.name, content, people) | record  # run.json knows best
         except Exception as exc:  # noqa: BLE001 - the file may hold anything
+            problem = f"{type(exc).__name__}: {str(exc).partition(chr(10))[0]}"
             notes.append(
-                f"{name}: not used, as it is damaged or not from jointz run ({_problem(exc)}). "
+                f"{file.name}: not used, as it is damaged or not from jointz run ({problem}). "
                 "Restore it from a copy, or remove it."
             )
-    if "report" in record and (text := RunReport.from_dict(record["report"]).withdrawn_text):
-        notes.append(f"{text}.")
     return record, notes
 
 
-def _problem(exc: Exception) -> str:
-    return f"{type(exc).__name__}: {str(exc).partition(chr(10))[0]}"
-
-
-def _run(content: Mapping[str, Any], study: Study) -> dict[str, Any]:
-    del study
-    names = {name: content[name] for name in ("protocol", "device", "preset")}
-    if not all(isinstance(value, str) for value in names.values()):
-        raise TypeError(f"expected text, got {names}")
-    known = {"sim": {"simulated": True}, "hardware": {"simulated": False}}
-    return known.get(names["device"], {})  # another rig is simulated if it knows a truth
-
-
-def _truth(content: Mapping[str, Any], study: Study) -> dict[str, Any]:
-    people = {p.id for p in study.spec.participants}
-    if not isinstance(content["preset"], str) or people.isdisjoint(content["participants"]):
+def _entry(name: str, content: Mapping[str, Any], people: set[str]) -> dict[str, Any]:
+    if name == "run.json":
+        device, _ = content["device"], content["protocol"]
+        return {"simulated": _SIMULATED[device]} if device in _SIMULATED else {}
+    if name == "ground_truth.json":
+        known = set(content["participants"]) & people and content["preset"]
+        entry: dict[str, Any] = {"simulated": True}
+    else:
+        parts = ("onsets", "gaps", "timing")
+        own = {p: [row for row in content[p] if row["participant"] in people] for p in parts}
+        report = RunReport.from_dict({**content, **own})
+        known = run_section(report) and own["timing"]  # raises what the page would
+        entry = {"report": report.to_dict()}
+    if not known:
         raise ValueError("names no participant of the study")
-    return {"simulated": True}
-
-
-def _report(content: Mapping[str, Any], study: Study) -> dict[str, Any]:
-    """Return the report as far as it is of participants of the study."""
-    people = {p.id for p in study.spec.participants}
-    own = {
-        part: [row for row in content[part] if row["participant"] in people]
-        for part in ("onsets", "gaps", "timing")
-    }
-    report = RunReport.from_dict({**content, **own})
-    if not (report.onsets or report.timing):
-        raise ValueError("names no participant of the study")
-    run_section(report)  # refuses what the page cannot show
-    return {"report": report.to_dict()}
-
-
-_READERS = {_RUN_FILE: _run, _TRUTH_FILE: _truth, _REPORT_FILE: _report}
+    return entry

@@ -31,7 +31,6 @@ class Subjects:
         return format_count(count, f"{lead}{self.one}", f"{lead}{self.many}")
 
 
-SIMULATED: Final = "All recordings are simulated: no person was measured."
 _PEOPLE: Final = Subjects()
 _PEOPLE_IN_CASES: Final = Subjects(point="case", points="cases", bench=True)
 _PEOPLE_IN_GROUPS: Final = Subjects(point="group", points="groups", bench=True)

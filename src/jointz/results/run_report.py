@@ -79,7 +79,13 @@ class RunReport(PlottedResult):
     @property
     def withdrawn_text(self) -> str:
         """How many pulses were withdrawn and why, "" for none."""
-        return _withdrawn_text(self.to_frame())
+        n = int(self.to_frame()["withdrawn"].sum())
+        if not n:
+            return ""
+        return (
+            f"{n} {'pulse was' if n == 1 else 'pulses were'} withdrawn, because pulses at the same "
+            "timing point moved a knee beyond safety.displacement_rad three times in a row."
+        )
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -159,11 +165,6 @@ class StudyRun(PlottedResult):
         """Return the onsets as a table, one row a participant, condition and timing point."""
         return self.report.to_frame()
 
-    @property
-    def withdrawn_text(self) -> str:
-        """How many pulses were withdrawn and why, "" for none."""
-        return _withdrawn_text(self.to_frame())
-
     def summary(self) -> str:
         """Return a few lines of text."""
         return f"{self.report.summary()}\nStudy: {self.study}"
@@ -171,13 +172,3 @@ class StudyRun(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw the figure of the report."""
         self.report._draw(axes)
-
-
-def _withdrawn_text(table: pd.DataFrame) -> str:
-    n = int(table["withdrawn"].sum())
-    if not n:
-        return ""
-    return (
-        f"{n} {'pulse was' if n == 1 else 'pulses were'} withdrawn, because pulses at the same "
-        "timing point moved a knee beyond safety.displacement_rad three times in a row"
-    )

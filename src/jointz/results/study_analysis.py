@@ -121,13 +121,18 @@ class StudyAnalysis(Result):
     @property
     def simulated(self) -> bool:
         """Whether the study is known to be simulated."""
-        return bool((self.provenance.get("run") or {}).get("simulated"))
+        return bool(self.provenance.get("run", {}).get("simulated"))
 
     @property
     def run(self) -> RunReport | None:
         """The report of ``jointz run``; None for studies without."""
-        report = (self.provenance.get("run") or {}).get("report")
-        return None if report is None else RunReport.from_dict(report)
+        report = self.provenance.get("run", {}).get("report")
+        return RunReport.from_dict(report) if report else None
+
+    @property
+    def withdrawn_text(self) -> str:
+        """How many pulses of the run were withdrawn and why, "" for none."""
+        return self.run.withdrawn_text if self.run else ""
 
     def to_frame(self) -> pd.DataFrame:
         """Return the estimates as a tidy table, one row an estimate."""

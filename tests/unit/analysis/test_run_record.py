@@ -88,7 +88,14 @@ def test_a_damaged_or_foreign_file_is_a_note(record, name, text):
 
 @pytest.mark.parametrize(
     "changed",
-    [{"planned": "x"}, {"planned_pct": "x"}, {"timing_point": []}, {"n": {}}, {"withdrawn": "x"}],
+    [
+        {"planned": "x"},
+        {"planned_pct": "x"},
+        {"timing_point": []},
+        {"n": {}},
+        {"withdrawn": "x"},
+        {"planned_pct": None, "planned": "x"},
+    ],
 )
 def test_a_report_that_the_page_cannot_show_is_a_note(record, changed):
     found, notes = record(run=SIM, run_report=report(onsets(**changed)))
@@ -97,9 +104,9 @@ def test_a_report_that_the_page_cannot_show_is_a_note(record, changed):
 
 
 def test_of_a_report_the_participants_of_the_study_count(record):
-    found, (withdrawn,) = record(run_report=report(onsets(), onsets("X99")))
+    found, notes = record(run_report=report(onsets(), onsets("X99")))
     assert [row["participant"] for row in found["report"]["onsets"]] == ["S01"]
-    assert withdrawn.startswith("2 pulses were withdrawn, because pulses at the same timing point")
+    assert notes == []
 
 
 def test_a_report_of_another_study_is_a_note(record):
@@ -118,7 +125,9 @@ def test_page_terminal_and_methods_say_that_people_are_simulated(recommended, ca
     lead = "estimated in the knee of 3 simulated" if simulated else "measured in the knee of 3"
     assert f"Impedance was {lead} participants" in methods_text(again)
     assert "2 pulses were withdrawn" in methods_text(again)
-    for text in (page, methods_text(again), capsys.readouterr().out, again.summary()):
+    printed = capsys.readouterr().out
+    assert "2 pulses were withdrawn, because pulses at the same timing point" in printed
+    for text in (page, methods_text(again), printed, again.summary()):
         assert bool(re.search("3 simulated participant", text)) == simulated
     for text in (page, methods_text(again)):
         assert ("All recordings are simulated" in text) == simulated

@@ -11,17 +11,12 @@ from jointz.analysis.page.details_tables import variance_shares
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
+from jointz.analysis.paper.methods_text import SIMULATED
 from jointz.analysis.summary import chosen_method, name_range, pulse_counts, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import RIGID, STRAPPED
-from jointz.report.subjects import (
-    SIMULATED,
-    shown_parameters,
-    study_record,
-    subjects,
-    timing_points,
-)
+from jointz.report.subjects import shown_parameters, study_record, subjects, timing_points
 from jointz.report.wording import (
     ABSOLUTE,
     AT_ONSET,
@@ -61,7 +56,7 @@ def first_page(analysis: StudyAnalysis) -> _Row:
     """Return what the first page shows besides title and figure."""
     warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
     return {
-        "done": [*_done(analysis), *([SIMULATED] if subjects(analysis).simulated else [])],
+        "done": [*_done(analysis), *([SIMULATED] if analysis.simulated else [])],
         "warnings": [_first_sentence(text) for text in warnings[:_MOST_WARNINGS]],
         "more_warnings": max(0, len(warnings) - _MOST_WARNINGS),
         "table": _table(analysis),

@@ -37,6 +37,7 @@ from jointz.report.wording import (
     DASH,
     PARAMETERS,
     exclusion_meaning,
+    format_count,
     format_estimate,
     format_integer,
     format_interval,
@@ -366,7 +367,8 @@ def _size(size_bytes: float | None) -> str:
 def run_section(run: RunReport) -> dict[str, Any]:
     """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
     rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
-    return {"rows": rows, "said": f"{_gaps(run)} {_timing(run)} {run.withdrawn_text}"}
+    planned = f"{format_count(run.n_planned, 'pulse was', 'pulses were')} planned."
+    return {"rows": rows, "said": f"{planned} {_gaps(run)} {_timing(run)} {run.withdrawn_text}"}
 
 
 def _gaps(run: RunReport) -> str:

@@ -97,8 +97,8 @@ def signal_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Count the excluded pulses and strides by code."""
-    sentences = []
+    """Count the withdrawn pulses, and the excluded pulses and strides by code."""
+    sentences = [analysis.withdrawn_text] if analysis.withdrawn_text else []
     for one, records in (("pulse", analysis.pulses), ("stride", analysis.strides)):
         counts = Counter(r.code for r in records if r.code)
         if not counts:

@@ -18,7 +18,7 @@ from jointz.analysis.paper.methods_fit import estimation_sentences, interval_sen
 from jointz.analysis.paper.methods_used import FULL_RECORD, used_methods, used_pulses
 from jointz.analysis.summary import pulse_counts
 from jointz.identify.over_cycle.stride_curves import NODES
-from jointz.report.subjects import SIMULATED, nobody_perturbed, study_record, subjects
+from jointz.report.subjects import nobody_perturbed, study_record, subjects
 from jointz.report.wording import (
     format_count,
     format_integer,
@@ -29,6 +29,7 @@ from jointz.report.wording import (
 from jointz.results.statistics.quasi_stiffness_fit import STEP_PCT, WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 
+SIMULATED: Final = "All recordings are simulated: no person was measured."
 _HASH_DIGITS: Final = 12
 
 
@@ -38,17 +39,12 @@ def methods_paragraphs(analysis: StudyAnalysis) -> list[str]:
     It contains only what settings and data say.
     """
     paragraphs = [
-        [SIMULATED] if subjects(analysis).simulated else [],
+        [SIMULATED] if analysis.simulated else [],
         people_sentences(analysis) + protocol_sentences(analysis),
         signal_sentences(analysis),
         *_estimation(analysis),
         quasi_stiffness_sentences(analysis),
-        [
-            *_withdrawn(analysis),
-            *exclusion_sentences(analysis),
-            *_pulses_used(analysis),
-            *_statuses(analysis),
-        ],
+        [*exclusion_sentences(analysis), *_pulses_used(analysis), *_statuses(analysis)],
         _software(analysis),
     ]
     return [" ".join(sentences) for sentences in paragraphs if sentences]
@@ -91,11 +87,6 @@ def _lead(analysis: StudyAnalysis) -> str:
         f"Mechanical impedance of {what} was estimated with jointz"
         f"{f' {version}' if version else ''} {cite('jointz')}{by}."
     )
-
-
-def _withdrawn(analysis: StudyAnalysis) -> list[str]:
-    text = analysis.run.withdrawn_text if analysis.run else ""
-    return [f"{text}."] if text else []
 
 
 def _pulses_used(analysis: StudyAnalysis) -> list[str]:
