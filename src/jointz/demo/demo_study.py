@@ -195,13 +195,8 @@ def _write(folder: Path, experiments: tuple[DemoExperiment, ...], engine: Engine
     accuracy = accuracy_of(experiments)
     accuracy["protocol"] = accuracy["protocol"].map(titles)
     for one in experiments:
-        write_results(
-            one.analysis,
-            folder / f"{one.protocol.folder_prefix}results",
-            truth=one.truth,
-            accuracy=accuracy,
-            engine=engine,
-        )
+        results = folder / f"{one.protocol.folder_prefix}results"
+        write_results(one.analysis, results, truth=one.truth, accuracy=accuracy, engine=engine)
 
 
 def truth_table(
