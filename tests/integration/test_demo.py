@@ -95,6 +95,10 @@ def assert_truth_is_of_what_strapped_estimates(made):
         beside = own["gravity_stiffness"] + own["inertial_stiffness"]
         # Less than that of small motion: the joint softens along the bone's motion.
         assert 0.9 * muscles < row.truth - beside < 1.05 * muscles
+    damping = truth.query("protocol == 'walking_doublets' and parameter == 'damping'")
+    for row in damping.itertuples():  # of the muscles, without inertia_rate
+        means = written["participants"][row.participant]["perturbed"]["timing_points"]
+        assert row.truth == pytest.approx(means[row.timing_point]["damping_window_mean"])
     analysis = jointz_package.load(made / "results")
     with pytest.raises(DataError, match="plan"):
         truth_table(analysis, made / "study")

@@ -210,4 +210,4 @@ def test_withdrawn_pulses_stay_so_when_a_session_is_resumed(
         [4, 0, 4],
         [4, 4, 0],
     ]
-    assert "4 pulses withdrawn: they moved" in report.summary()
+    assert "4 pulses were withdrawn, because" in report.summary()

@@ -22,6 +22,7 @@ from jointz.analysis.participant_jobs import (
 )
 from jointz.analysis.planned_half_widths import planned_beside_reached
 from jointz.analysis.population_step import damage_notes, study_statistics
+from jointz.analysis.run_record import run_record
 from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
@@ -258,7 +259,8 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
     posteriors = tuple(p for r in results.values() for p in r.log_posteriors)
     if planned := planned_beside_reached(study.spec.planned_half_width_pct, cells):
         statistics["planned_half_widths"] = planned
-    statistics["notes"][:0] = [*questions.values(), *mass_remarks(study, questions)]
+    run, run_notes = run_record(study)
+    statistics["notes"][:0] = [*run_notes, *questions.values(), *mass_remarks(study, questions)]
     statistics["notes"] += [*outputs.errors.values(), *damage_notes(inputs, pulses)]
     return Analysis(
         cells=tuple(cells),
@@ -288,6 +290,7 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             "inputs": inputs,
             "seed": request.seed,
             **_priors_record(study, {method, *methods}),
+            **({"run": run} if run else {}),
         },
     )
 

@@ -27,7 +27,7 @@ def print_analysis(analysis: StudyAnalysis, report: Path) -> None:
         _print_means(analysis)
     else:
         _print_cells(analysis)
-    emit(_counts(analysis))
+    emit(_counts(analysis).rstrip())
     _print_notes(analysis)
     emit(_availability(analysis))
     if planned := _planned(analysis):
@@ -86,7 +86,8 @@ def _counts(analysis: StudyAnalysis) -> str:
     methods = dict.fromkeys(c.method for c in analysis.cells)
     return (
         f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
-        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded."
+        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded. "
+        f"{analysis.withdrawn_text}"
     )
 
 

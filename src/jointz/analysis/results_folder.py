@@ -23,7 +23,6 @@ from jointz.io.new_folder import (
     write_marker,
 )
 from jointz.report.subjects import report_title
-from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.shared_memory import shared_out
@@ -41,7 +40,6 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
     before: FolderState | None = None,
     truth: pd.DataFrame | None = None,
     accuracy: pd.DataFrame | None = None,
-    run: RunReport | None = None,
     figures: bool = True,
     pdf: bool = False,
     engine: Engine | None = None,
@@ -64,8 +62,6 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
     accuracy : pandas.DataFrame, optional
         What several protocols decide of the same simulated people, for the report beside ``truth``:
         ``protocol, parameter, n_decided, n_cells, rms_error_pct, coverage``.
-    run : RunReport, optional
-        Report of the experiment, for the report.
     figures : bool
         Whether to draw figures, which takes as long as the estimates of a few people.
     pdf : bool
@@ -90,7 +86,7 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
         _write_tables(analysis, folder)
         write_json(folder / "statistics.json", dict(analysis.statistics))
         write_json(folder / "analysis.json", analysis.to_dict(), indent=None)
-        _write_paper(analysis, folder, simulated=truth is not None)
+        _write_paper(analysis, folder)
         drawn = {name: drawing() for name, drawing in drawings.items()}
         if truth is not None and figures:
             drawn["truth"] = draw_truth_picture(truth, pdf=pdf)
@@ -98,9 +94,7 @@ def write_results(  # noqa: PLR0913 - a public face, keywords only
         _write_figures(pictures, folder / "figures")
         title = report_title(analysis)
         drawn_svgs = {name: picture.svg for name, picture in pictures.items()}
-        page = render_report(
-            analysis, drawn_svgs, title=title, truth=truth, accuracy=accuracy, run=run
-        )
+        page = render_report(analysis, drawn_svgs, title=title, truth=truth, accuracy=accuracy)
         (folder / "report.html").write_text(page, encoding="utf-8")
         content = {
             "settings": dict(analysis.settings),
@@ -129,12 +123,11 @@ def _write_figures(pictures: Mapping[str, Picture], folder: Path) -> None:
             (folder / f"{name}.pdf").write_bytes(picture.pdf)
 
 
-def _write_paper(analysis: StudyAnalysis, folder: Path, *, simulated: bool) -> None:
+def _write_paper(analysis: StudyAnalysis, folder: Path) -> None:
     """Write the methods and the tables of a paper."""
     texts = {"txt": methods_text, "tex": methods_latex}
     for suffix, written in texts.items():
-        text = written(analysis, simulated=simulated)
-        (folder / f"methods.{suffix}").write_text(text, encoding="utf-8")
+        (folder / f"methods.{suffix}").write_text(written(analysis), encoding="utf-8")
     tables = paper_tables(analysis)
     (folder / "tables").mkdir()
     for name, table in tables.items():

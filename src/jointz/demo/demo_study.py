@@ -20,7 +20,6 @@ from jointz.core.protocols.protocol import Protocol
 from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.protocols import load_protocol
 from jointz.io.study_reader import open_study
-from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.session.run import TRUTH_FILE, run
 from jointz.sim.direct_walk import WALKING_PULSE, WalkPlan
@@ -71,7 +70,6 @@ class DemoExperiment:
 
     protocol: DemoProtocol
     analysis: StudyAnalysis
-    run: RunReport
     truth: pd.DataFrame  # made by truth_table
 
     def accuracy(self) -> pd.DataFrame:
@@ -161,7 +159,7 @@ def run_demo(
                 study = open_study(study_run.study)
                 analysis = analyze(study, seed=seed, engine=engine, progress=progress)
                 truth = truth_table(analysis, study_run.study, plan=protocol.plan, engine=engine)
-                experiments.append(DemoExperiment(protocol, analysis, study_run.report, truth))
+                experiments.append(DemoExperiment(protocol, analysis, truth))
             doublets, dissertation = experiments
             _write(folder, (doublets, dissertation), engine)
         write_marker(folder, MARKER, {"made_by": "jointz demo"})
@@ -197,14 +195,8 @@ def _write(folder: Path, experiments: tuple[DemoExperiment, ...], engine: Engine
     accuracy = accuracy_of(experiments)
     accuracy["protocol"] = accuracy["protocol"].map(titles)
     for one in experiments:
-        write_results(
-            one.analysis,
-            folder / f"{one.protocol.folder_prefix}results",
-            truth=one.truth,
-            accuracy=accuracy,
-            run=one.run,
-            engine=engine,
-        )
+        results = folder / f"{one.protocol.folder_prefix}results"
+        write_results(one.analysis, results, truth=one.truth, accuracy=accuracy, engine=engine)
 
 
 def truth_table(

@@ -1,7 +1,7 @@
 """Words for the participants of a study, and the order of their timing points."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -23,10 +23,12 @@ class Subjects:
     points: str = "timing points"
     bench: bool = False  # whether it is a bench, without a gait cycle
     loads: bool = False  # whether the participants are loads, without a joint
+    simulated: bool = False  # whether nobody and nothing was measured
 
     def counted(self, count: int) -> str:
         """Return a number of participants in words."""
-        return format_count(count, self.one, self.many)
+        lead = "simulated " if self.simulated else ""
+        return format_count(count, f"{lead}{self.one}", f"{lead}{self.many}")
 
 
 _PEOPLE: Final = Subjects()
@@ -43,6 +45,10 @@ def study_record(analysis: StudyAnalysis) -> Mapping[str, Any]:
 
 def subjects(analysis: StudyAnalysis) -> Subjects:
     """Return the words for a study."""
+    return replace(_words(analysis), simulated=analysis.simulated)
+
+
+def _words(analysis: StudyAnalysis) -> Subjects:
     if analysis.settings.get("kind") != "bench":
         return _PEOPLE
     study = study_record(analysis)

@@ -176,7 +176,7 @@ def format_signed(value: float, *, decimals: int) -> str:
 
 def pretty_unit(unit: str) -> str:
     """Write a unit with dots and superscripts."""
-    return unit.replace("*", "·").replace("^2", "²")
+    return unit.replace("*", "·").replace("^2", "²").replace("+-", "±")
 
 
 def method_name(method: str) -> str:

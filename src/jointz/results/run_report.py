@@ -72,9 +72,20 @@ class RunReport(PlottedResult):
         return Result.to_dict(self) | {"onsets": self.onset_rows()}
 
     @property
+    def n_planned(self) -> int:
+        """Number of planned pulses."""
+        return int(self.to_frame()["planned"].sum())
+
+    @property
     def withdrawn_text(self) -> str:
         """How many pulses were withdrawn and why, "" for none."""
-        return _withdrawn_text(self.to_frame())
+        n = int(self.to_frame()["withdrawn"].sum())
+        if not n:
+            return ""
+        return (
+            f"{n} {'pulse was' if n == 1 else 'pulses were'} withdrawn, because pulses at the same "
+            "timing point moved a knee beyond safety.displacement_rad three times in a row."
+        )
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -104,7 +115,7 @@ class RunReport(PlottedResult):
             centre = np.nansum(n * mean) / total if total else np.nan
             squares = np.nansum((n - 1.0) * sd**2) + np.nansum(n * (mean - centre) ** 2)
             pooled[name] = {
-                "planned_pct": rows["planned_pct"].iloc[0],
+                "planned_pct": float(rows["planned_pct"].iloc[0]),
                 **rows[list(_COUNTS)].sum().astype(int),
                 "error_mean_pct": centre,
                 "error_sd_pct": np.sqrt(squares / (total - 1.0)) if total > 1 else np.nan,
@@ -154,11 +165,6 @@ class StudyRun(PlottedResult):
         """Return the onsets as a table, one row a participant, condition and timing point."""
         return self.report.to_frame()
 
-    @property
-    def withdrawn_text(self) -> str:
-        """How many pulses were withdrawn and why, "" for none."""
-        return _withdrawn_text(self.to_frame())
-
     def summary(self) -> str:
         """Return a few lines of text."""
         return f"{self.report.summary()}\nStudy: {self.study}"
@@ -166,13 +172,3 @@ class StudyRun(PlottedResult):
     def _draw(self, axes: "Axes") -> None:
         """Draw the figure of the report."""
         self.report._draw(axes)
-
-
-def _withdrawn_text(table: pd.DataFrame) -> str:
-    n = int(table["withdrawn"].sum())
-    if not n:
-        return ""
-    return (
-        f"{n} pulse{'s' if n != 1 else ''} withdrawn: they moved a knee beyond "
-        "safety.displacement_rad, three times in a row at the same timing point"
-    )

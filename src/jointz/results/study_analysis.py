@@ -16,6 +16,7 @@ from jointz.results.figure_style import BLUE, FAINT, axes_or_new, in_figure_styl
 from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
 from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
+from jointz.results.run_report import RunReport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,6 +118,22 @@ class StudyAnalysis(Result):
         """Number of available estimates."""
         return sum(p.available for cell in self.cells for p in cell.parameters)
 
+    @property
+    def simulated(self) -> bool:
+        """Whether the study is known to be simulated."""
+        return bool(self.provenance.get("run", {}).get("simulated"))
+
+    @property
+    def run(self) -> RunReport | None:
+        """The report of ``jointz run``; None for studies without."""
+        report = self.provenance.get("run", {}).get("report")
+        return RunReport.from_dict(report) if report else None
+
+    @property
+    def withdrawn_text(self) -> str:
+        """How many pulses of the run were withdrawn and why, "" for none."""
+        return self.run.withdrawn_text if self.run else ""
+
     def to_frame(self) -> pd.DataFrame:
         """Return the estimates as a tidy table, one row an estimate."""
         return _frame(self.cells)
@@ -165,7 +182,8 @@ class StudyAnalysis(Result):
         used = sum(cell.n_used for cell in self.cells)
         left_out = sum(cell.n_excluded for cell in self.cells)
         title = (
-            f"{len(people)} participant(s), method {self.settings.get('method', '?')}: "
+            f"{len(people)} {'simulated ' * self.simulated}participant(s), method "
+            f"{self.settings.get('method', '?')}: "
             f"{available} of {estimates} estimates available, {used} pulses used, {left_out} "
             "excluded."
         )

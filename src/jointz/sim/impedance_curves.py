@@ -218,7 +218,8 @@ def impedance_over_cycle(
 class ChainTerms:
     """Stiffness and rate of inertia of the chain of thigh and leg, for small deviations.
 
-    An experiment measures B plus ``inertia_rate`` and K plus gravity plus ``stiffness``.
+    Estimates of K contain gravity and ``stiffness``; estimates of B do not contain
+    ``inertia_rate``, which belongs to d(J v)/dt.
     """
 
     inertia_rate: np.ndarray  # N*m*s/rad: change of the inertia, kg*m^2 per s

@@ -71,6 +71,28 @@ def test_a_calibration_is_given_with_its_sd_that_of_the_participant_before_that_
     assert "zero of the angle 0.0 ± 1.1 degrees" in text
 
 
+def test_calibrations_that_differ_are_one_range(recommended):
+    lags = [(0.00095, 5e-4), (-0.00019, 5e-4), (0.0003, 5e-4)]
+    people = [
+        {"id": f"S{k}", "calibration": {"angle_lag_s": {"value": value, "sd": sd}}}
+        for k, (value, sd) in enumerate(lags)
+    ]
+    worn = [{"participant": p["id"], "file": "a", "condition": "perturbed"} for p in people]
+    text = methods_text(with_study(recommended, participants=people, recordings=worn))
+    span = f"lag of the angle {MINUS}0.19 ± 0.50 ms to 0.95 ± 0.50 ms (3 calibrations)"
+    assert span in text
+    assert " ms or " not in text
+
+
+def test_no_text_of_a_paper_has_a_placeholder(recommended, walking, bench):
+    for analysis in (recommended, walking, bench, strapped_study(recommended)):
+        text = methods_text(analysis)
+        assert "to be added" not in text
+        assert "+-" not in text
+        assert not re.search(r"\[[^\d]", text)
+    assert not any("[" in entry.full for entry in CITATIONS.values())
+
+
 def pulse(amplitude=17.0, duration_s=0.25, code="", **more):
     return PulseRecord("S01", "a.csv", 1.0, duration_s, amplitude, "LRE", 7.0, 7.5, code, **more)
 

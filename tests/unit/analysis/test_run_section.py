@@ -28,4 +28,4 @@ def test_only_withdrawn_pulses_are_called_withdrawn():
     assert one_less.withdrawn_text == older.withdrawn_text == ""
     assert "withdrawn" not in one_less.summary() + older.summary()
     withdrawn = RunReport("walking", 1, (row | {"withdrawn": 1},), (), ())
-    assert "1 pulse withdrawn" in withdrawn.summary()
+    assert "1 pulse was withdrawn" in withdrawn.summary()

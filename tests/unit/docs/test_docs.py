@@ -340,3 +340,11 @@ def test_the_citation_names_the_version_of_the_package():
     version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
 
     assert f"version: {version}\n" in text("CITATION.cff")
+
+
+def test_the_docs_define_the_truth_of_an_estimated_b_as_damping_alone():
+    run, leg = (" ".join((DOCS / name).read_text().split()) for name in ("run.md", "leg-model.md"))
+    assert "of B with `damping` alone" in run
+    assert "that of B is `damping`" in leg
+    for text in (run, leg):
+        assert not re.search(r"damping`? (plus|\+) `?inertia_rate", text)

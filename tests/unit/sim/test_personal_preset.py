@@ -9,6 +9,7 @@ import pytest
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 from jointz.sim.impedance_curves import impedance_over_cycle, leg_of, thigh_share
+from jointz.sim.own_truth import cell_truth
 from jointz.sim.people import draw_instruments, draw_person, personal_preset
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
@@ -88,6 +89,12 @@ def test_truth_has_onset_mean_and_secant(tmp_path):
     assert by_point["ISW"]["inertial_stiffness"] < -1.0
     soft = [p["stiffness_secant"] / p["stiffness_window_mean"] for p in pulses]
     assert np.median(soft) < 0.98
+    # K of an estimate contains gravity and the chain, B does not contain dJ/dt (docs/run.md).
+    for point, own_values in cell_truth(truth["perturbed"]).items():
+        means = by_point[point]
+        around = means["gravity_stiffness"] + means["inertial_stiffness"]
+        assert own_values["stiffness"] == pytest.approx(means["stiffness"] + around)
+        assert own_values["damping"] == pytest.approx(means["damping"])
 
 
 def test_truth_of_rigid_people_has_no_softening(tmp_path):

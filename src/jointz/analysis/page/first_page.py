@@ -11,6 +11,7 @@ from jointz.analysis.page.details_tables import variance_shares
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
+from jointz.analysis.paper.methods_text import SIMULATED
 from jointz.analysis.summary import chosen_method, name_range, pulse_counts, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
@@ -34,7 +35,6 @@ from jointz.report.wording import (
     status_meaning,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 #: More rows than these would push the rest of the first page off it.
@@ -44,7 +44,6 @@ _COUPLINGS: Final = {
     "strap": "strapped to the leg",
     "rigid": "coupled rigidly to the bone",
 }
-_SIMULATED: Final = "All recordings are simulated: no person was measured."
 _WHAT_K_MEANS: Final = (
     "K and B apply along the measured motion in the window after the onset, not to small "
     "displacements at the onset"
@@ -53,11 +52,11 @@ _WHAT_K_MEANS: Final = (
 _Row = dict[str, Any]
 
 
-def first_page(analysis: StudyAnalysis, run: RunReport | None, *, simulated: bool) -> _Row:
+def first_page(analysis: StudyAnalysis) -> _Row:
     """Return what the first page shows besides title and figure."""
     warnings = [str(text) for text in analysis.statistics.get("warnings", ())]
     return {
-        "done": [*_done(analysis, run), *([_SIMULATED] if simulated else [])],
+        "done": [*_done(analysis), *([SIMULATED] if analysis.simulated else [])],
         "warnings": [_first_sentence(text) for text in warnings[:_MOST_WARNINGS]],
         "more_warnings": max(0, len(warnings) - _MOST_WARNINGS),
         "table": _table(analysis),
@@ -80,7 +79,7 @@ def _citation(analysis: StudyAnalysis) -> str:
 # --- what was done -------------------------------------------------------------------------------
 
 
-def _done(analysis: StudyAnalysis, run: RunReport | None) -> list[str]:
+def _done(analysis: StudyAnalysis) -> list[str]:
     people = list(dict.fromkeys(c.participant for c in analysis.cells))
     if not people:
         return ["The study has no participants and no pulses, so there is nothing to report."]
@@ -95,7 +94,7 @@ def _done(analysis: StudyAnalysis, run: RunReport | None) -> list[str]:
         _masses(analysis, people),
         _stride_times(analysis),
     ]
-    return [f"{', '.join(p for p in parts if p)}.", _pulses(analysis, run), _device(analysis)]
+    return [f"{', '.join(p for p in parts if p)}.", _pulses(analysis), _device(analysis)]
 
 
 def _masses(analysis: StudyAnalysis, people: Sequence[str]) -> str:
@@ -114,9 +113,9 @@ def _stride_times(analysis: StudyAnalysis) -> str:
     return f"stride time {format_span(means, '{:.2f}'.format)} s" if means else ""
 
 
-def _pulses(analysis: StudyAnalysis, run: RunReport | None) -> str:
+def _pulses(analysis: StudyAnalysis) -> str:
     used, excluded = pulse_counts(analysis)
-    planned = sum(int(row["planned"]) for row in run.onsets) if run else 0
+    planned = analysis.run.n_planned if analysis.run else 0
     plan = f"{format_count(planned, 'pulse was', 'pulses were')} planned; " if planned else ""
     codes = Counter(p.code for p in analysis.pulses if p.code)
     why = ""

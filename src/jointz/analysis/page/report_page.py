@@ -37,6 +37,7 @@ from jointz.report.wording import (
     DASH,
     PARAMETERS,
     exclusion_meaning,
+    format_count,
     format_estimate,
     format_integer,
     format_interval,
@@ -72,12 +73,11 @@ def render_report(
     title: str,
     truth: pd.DataFrame | None = None,
     accuracy: pd.DataFrame | None = None,
-    run: RunReport | None = None,
 ) -> str:
     """Write the report as one HTML page with its figures and styles inside."""
     parameters = _parameters(analysis)
     columns = [name for name in (*ABSOLUTE, *AT_ONSET) if name in parameters]
-    words = subjects(analysis)
+    words, run = subjects(analysis), analysis.run
     provenance, statistics = analysis.provenance, analysis.statistics
     inputs = _inputs(provenance)
     averaged = [p for p in parameters if f"{p}_per_mass" not in parameters]
@@ -90,7 +90,7 @@ def render_report(
         words=words,
         settings={k: v for k, v in analysis.settings.items() if v not in (None, "", {})},
         provenance=provenance,
-        first=first_page(analysis, run, simulated=truth is not None),
+        first=first_page(analysis),
         extremes=stiffness_extremes(analysis.population),
         no_means=NO_MEANS_ON_A_BENCH,
         heads=[{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in averaged],
@@ -109,7 +109,7 @@ def render_report(
         onsets=statistics.get("onset_accuracy", ()),
         recordings=recordings if len(recordings) <= _FIRST_ROWS else [],
         conditions=_conditions(recordings) if len(recordings) > _FIRST_ROWS else [],
-        methods=methods_text(analysis, simulated=truth is not None),
+        methods=methods_text(analysis),
         caveats=caveats(analysis),
         common_number=_common_number(analysis),
         mean_note=mean_over_people_note(analysis),
@@ -367,7 +367,8 @@ def _size(size_bytes: float | None) -> str:
 def run_section(run: RunReport) -> dict[str, Any]:
     """Return what the page shows of a run: pulses, onsets and timing of the control loop."""
     rows = [{**row, "name": name} for name, row in run.pooled_onsets().to_dict("index").items()]
-    return {"rows": rows, "gaps": _gaps(run), "timing": _timing(run)}
+    planned = f"{format_count(run.n_planned, 'pulse was', 'pulses were')} planned."
+    return {"rows": rows, "said": f"{planned} {_gaps(run)} {_timing(run)} {run.withdrawn_text}"}
 
 
 def _gaps(run: RunReport) -> str:

@@ -22,9 +22,8 @@ CITATIONS: Final = {
     ),
     "dissertation": Citation(
         "dissertation, 4.2",
-        # The copy that jointz is based on names neither author nor year.
         "Estimation of Knee Joint Impedance During Walking and its Implications for Robotic "
-        "Control and Beyond. Dissertation. [author, university and year to be added]",
+        "Control and Beyond. Dissertation, read in a copy without author, university and year.",
     ),
     "bootstrap": Citation(
         "Efron 1979",

@@ -105,12 +105,12 @@ def _in_intervals(key: str, used: Sequence[str]) -> bool:
 
 def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
     name, factor, unit = _CALIBRATED[key]
-    entries = (c[key] for c in calibrations if c.get(key))
-    values = dict.fromkeys(
-        format_with_sd(factor * e["value"], factor * e["sd"], unit) for e in entries
-    )
+    entries = sorted({(c[key]["value"], c[key]["sd"]) for c in calibrations if c.get(key)})
+    values = dict.fromkeys(format_with_sd(factor * x, factor * sd, unit) for x, sd in entries)
+    first, *others = values
+    last = f" to {others[-1]} ({len(values)} calibrations)" if others else ""
     some = "" if all(c.get(key) for c in calibrations) else " (not of all recordings)"
-    return f"{name} {' or '.join(values)}{some}"
+    return f"{name} {first}{last}{some}"
 
 
 def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:

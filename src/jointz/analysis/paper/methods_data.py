@@ -56,7 +56,8 @@ def people_sentences(analysis: StudyAnalysis) -> list[str]:
     words = subjects(analysis)
     joint = "" if words.loads else f"the {analysis.settings.get('joint', 'joint')} of "
     with_pulses = {c.participant for c in analysis.cells if c.n_used}
-    lead = "Impedance was measured in" if with_pulses == set(people) else "Recordings are of"
+    verb = "estimated" if words.simulated else "measured"
+    lead = f"Impedance was {verb} in" if with_pulses == set(people) else "Recordings are of"
     sentences = [f"{lead} {joint}{words.counted(len(people))} ({name_range(people)})."]
     separate = [key for key in ("session", "side") if any(getattr(c, key) for c in analysis.cells)]
     if separate:
@@ -96,8 +97,8 @@ def signal_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Count the excluded pulses and strides by code."""
-    sentences = []
+    """Count the withdrawn pulses, and the excluded pulses and strides by code."""
+    sentences = [analysis.withdrawn_text] if analysis.withdrawn_text else []
     for one, records in (("pulse", analysis.pulses), ("stride", analysis.strides)):
         counts = Counter(r.code for r in records if r.code)
         if not counts:

@@ -29,17 +29,17 @@ from jointz.report.wording import (
 from jointz.results.statistics.quasi_stiffness_fit import STEP_PCT, WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
 
-_SIMULATED: Final = "All recordings are simulated: no person was measured."
+SIMULATED: Final = "All recordings are simulated: no person was measured."
 _HASH_DIGITS: Final = 12
 
 
-def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> list[str]:
+def methods_paragraphs(analysis: StudyAnalysis) -> list[str]:
     """Write a methods section, one text for each paragraph, ready to paste into a paper.
 
     It contains only what settings and data say.
     """
     paragraphs = [
-        [_SIMULATED] if simulated else [],
+        [SIMULATED] if analysis.simulated else [],
         people_sentences(analysis) + protocol_sentences(analysis),
         signal_sentences(analysis),
         *_estimation(analysis),
@@ -50,17 +50,17 @@ def methods_paragraphs(analysis: StudyAnalysis, *, simulated: bool = False) -> l
     return [" ".join(sentences) for sentences in paragraphs if sentences]
 
 
-def methods_text(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
+def methods_text(analysis: StudyAnalysis) -> str:
     """Return the methods section and its references as plain text."""
-    paragraphs = methods_paragraphs(analysis, simulated=simulated)
+    paragraphs = methods_paragraphs(analysis)
     if references := cited(paragraphs):
         paragraphs.append("\n".join(("References", *references)))
     return "\n\n".join(paragraphs) + "\n"
 
 
-def methods_latex(analysis: StudyAnalysis, *, simulated: bool = False) -> str:
+def methods_latex(analysis: StudyAnalysis) -> str:
     r"""Return the methods section and its references as LaTeX to ``\input``."""
-    paragraphs = methods_paragraphs(analysis, simulated=simulated)
+    paragraphs = methods_paragraphs(analysis)
     texts = list(map(to_latex, paragraphs))
     if references := cited(paragraphs):
         # Ragged, as LaTeX does not break long identifiers.
