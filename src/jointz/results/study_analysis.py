@@ -51,7 +51,9 @@ class PopulationEstimate:
     parameter: str
     value: float | None  # mean over people, in ``unit``
     unit: str
-    sd: float | None  # standard deviation between people, in ``unit``
+    # standard deviation between people, in ``unit``; of people together that of the model, which
+    # has one relative SD for all timing points
+    sd: float | None
     ci_low: float | None  # lower end of Student's interval, in ``unit``
     ci_high: float | None  # upper end of Student's interval, in ``unit``
     n_participants: int  # people with a value
@@ -60,6 +62,8 @@ class PopulationEstimate:
     # value
     status: str
     ci_level: float = 0.95  # level of the interval
+    # standard deviation of the people's available estimates, in ``unit``, with their errors
+    sample_sd: float | None = None
 
 
 @dataclass(frozen=True, slots=True, repr=False)
