@@ -16,6 +16,7 @@ from jointz.results.figure_style import BLUE, FAINT, axes_or_new, in_figure_styl
 from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
 from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
+from jointz.results.study_counts import study_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -163,15 +164,11 @@ class StudyAnalysis(Result):
 
     def summary(self) -> str:
         """Return a short text: counts of people, cells and pulses, and the means."""
-        people = {cell.participant for cell in self.cells}
-        available = sum(p.available for cell in self.cells for p in cell.parameters)
-        estimates = sum(len(cell.parameters) for cell in self.cells)
-        used = sum(cell.n_used for cell in self.cells)
-        left_out = sum(cell.n_excluded for cell in self.cells)
+        counts = study_counts(self)
         title = (
-            f"{len(people)} participant(s), method {self.settings.get('method', '?')}: "
-            f"{available} of {estimates} estimates available, {used} pulses used, {left_out} "
-            "excluded."
+            f"{counts.people} participant(s), method {self.settings.get('method', '?')}: "
+            f"{counts.available} of {counts.statuses.total()} estimates of K, B and J available; "
+            f"pulses: {counts.pulses_text}."
         )
         lines = (
             f"{p.timing_point:>12} {p.parameter:<20} "
