@@ -194,7 +194,7 @@ def read_results(folder: Path, name: str) -> Results:
         for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
         if (folder / used).is_file()
     )
-    known, population = _analysed(folder, provenance, values, table)
+    known, means = _analysed(folder, provenance, values, table)
     return Results(
         Source(name, people, methods),
         values,
@@ -206,7 +206,7 @@ def read_results(folder: Path, name: str) -> Results:
         inputs=inputs,
         averaged=averaged,
         people=known,
-        population={(row.timing_point, row.parameter): row for row in population},
+        population={(row.timing_point, row.parameter): row for row in means},
     )
 
 

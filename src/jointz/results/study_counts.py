@@ -56,9 +56,8 @@ def study_counts(analysis: "StudyAnalysis") -> StudyCounts:
         cells = [c for c in analysis.cells if c.timing_point != ALL_POINTS]
         codes = Counter({"": sum(c.n_used for c in cells), "?": sum(c.n_excluded for c in cells)})
     used, aborted = codes.pop("", 0), codes.pop(Exclusion.ABORTED.value, 0)
-    rows: dict[str, list[bool]] = {}
-    for mean in analysis.population:
-        rows.setdefault(mean.parameter, []).append(mean.value is not None)
+    every = Counter(m.parameter for m in analysis.population)
+    decided = Counter(m.parameter for m in analysis.population if m.value is not None)
     return StudyCounts(
         people=len({c.participant for c in analysis.cells}),
         statuses=Counter(p.status for p in estimates),
@@ -66,5 +65,5 @@ def study_counts(analysis: "StudyAnalysis") -> StudyCounts:
         used=used,
         exclusions=codes,
         aborted=aborted,
-        means={name: (sum(decided), len(decided)) for name, decided in rows.items()},
+        means={name: (decided[name], n) for name, n in every.items()},
     )

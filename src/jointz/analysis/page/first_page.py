@@ -124,10 +124,8 @@ def _pulses(analysis: StudyAnalysis, run: RunReport | None) -> str:
     if analysis.pulses and counts.exclusions:
         code, count = counts.exclusions.most_common(1)[0]
         why = f" Most frequent reason ({format_integer(count)}): {exclusion_meaning(code)}."
-    again = ""
-    if counts.aborted:
-        were = format_count(counts.aborted, "more was", "more were")
-        again = f" {were} {Exclusion.ABORTED.meaning}."
+    more = format_count(counts.aborted, "more was", "more were")
+    again = f" {more} {Exclusion.ABORTED.meaning}." if counts.aborted else ""
     return (
         f"{plan}{format_count(counts.used, 'pulse was', 'pulses were')} used and "
         f"{format_integer(counts.excluded)} excluded.{why}{again}"

@@ -66,9 +66,7 @@ class SourceMean:
     # ``ok`` or ``undecided`` of people together; ``failed:too_few_participants`` below three
     # people; empty of a plain mean over values
     status: str = ""
-    sample_sd: float | None = (
-        None  # standard deviation of the values with their errors, in ``unit``
-    )
+    sample_sd: float | None = None  # SD of the values with their errors, in ``unit``
 
 
 @dataclass(frozen=True, slots=True)
