@@ -51,19 +51,11 @@ class ComparedPeople:
         found = self._populations[row.source].get((row.timing_point, row.parameter))
         if found is None:
             return row
-        n = found.n_participants
-        return replace(
-            row,
-            n=n,
-            n_missing=row.n + row.n_missing - n,
-            mean=found.value,
-            sd=found.sd,
-            ci_low=found.ci_low,
-            ci_high=found.ci_high,
-            error_sd=None if self._sources.get(row.source) else row.error_sd,
-            status=found.status,
-            sample_sd=found.sample_sd,
-        )
+        n, names = found.n_participants, ("sd", "ci_low", "ci_high", "status", "sample_sd")
+        numbers = {name: getattr(found, name) for name in names}
+        error_sd = None if self._sources.get(row.source) else row.error_sd
+        missing = row.n + row.n_missing - n
+        return replace(row, n=n, n_missing=missing, mean=found.value, error_sd=error_sd, **numbers)
 
     def _mean(self, source: str, model: PeopleTogether, element: _Element, n: int) -> float | None:
         """Return a mean as its folder has it; of some of its people only, that of their model."""
