@@ -99,7 +99,7 @@ def test_kills_lose_no_record_and_no_pulse_counts_twice(protocol, tmp_path, time
     n_left_out = len(pd.read_csv(left_out)) if left_out.exists() else 0
     assert len(table) - n_left_out == 18
     analysis = jointz.analyze(out, method="pre_pulse", resamples=2)
-    assert Counter(p.timing_point for p in analysis.pulses if p.code != "user") == dict.fromkeys(
+    assert Counter(p.timing_point for p in analysis.pulses if p.code != "aborted") == dict.fromkeys(
         ("LRE", "MST", "TST", "PSW", "ISW", "MSW"), 3
     )
 

@@ -193,6 +193,8 @@ def _has_broken(analysis: "StudyAnalysis") -> bool:
 
 
 def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
+    from jointz.results.study_counts import study_counts
+
     return {
         "status": "ok" if analysis.n_standing else "nothing_stands",
         "results": str(out),
@@ -201,7 +203,8 @@ def _as_json(analysis: "StudyAnalysis", out: Path) -> dict[str, Any]:
         "n_estimates": sum(len(c.parameters) for c in analysis.cells),
         "n_standing": analysis.n_standing,
         "n_pulses": len(analysis.pulses),
-        "n_excluded": sum(bool(p.code) for p in analysis.pulses),
+        "n_excluded": study_counts(analysis).excluded,
+        "n_aborted": study_counts(analysis).aborted,
         "estimates": [row for cell in analysis.cells for row in cell.rows()],
         "statistics": dict(analysis.statistics),
     }

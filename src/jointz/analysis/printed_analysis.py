@@ -1,16 +1,16 @@
 """Printed summary of an analysis: one table, the notes that matter most, the report's place."""
 
-from collections import Counter
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from statistics import median
 
-from jointz.analysis.summary import counted_people, pulse_counts
+from jointz.analysis.summary import counted_people
 from jointz.report.subjects import subjects
-from jointz.report.wording import ABSOLUTE, SYMBOLS, joined, onset_note
+from jointz.report.wording import ABSOLUTE, SYMBOLS, format_span, joined, onset_note
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 from jointz.terminal.output import emit, emit_table
 
 #: More are in the report.
@@ -38,7 +38,7 @@ def print_analysis(analysis: StudyAnalysis, report: Path) -> None:
 def _print_means(analysis: StudyAnalysis) -> None:
     means = [p for p in analysis.population if _is_shown(p.parameter)]
     points = dict.fromkeys(p.timing_point for p in means)
-    people = max(p.n_participants for p in means)
+    people = format_span([p.n_participants for p in means if p.value is not None], str)
     rows = {(p.timing_point, p.parameter): _written(p) for p in means}
     names = {p.parameter: p.unit for p in means}
     emit_table(
@@ -82,11 +82,10 @@ def _is_shown(parameter: str) -> bool:
 
 def _counts(analysis: StudyAnalysis) -> str:
     """Count participants, cells and pulses, and name the methods."""
-    used, excluded = pulse_counts(analysis)
     methods = dict.fromkeys(c.method for c in analysis.cells)
     return (
         f"{counted_people(analysis)}, {len(analysis.cells)} cells, method "
-        f"{' and '.join(methods) or '-'}: {used} pulses used, {excluded} excluded. "
+        f"{' and '.join(methods) or '-'}; pulses: {study_counts(analysis).pulses_text}. "
         f"{analysis.withdrawn_text}"
     )
 
@@ -120,11 +119,12 @@ def _planned(analysis: StudyAnalysis) -> str:
 
 def _availability(analysis: StudyAnalysis) -> str:
     """Say how many estimates are available and why the others are not; the exit status in words."""
-    rows = [p for c in analysis.cells for p in c.parameters if _is_shown(p.name)]
-    reasons = Counter(p.status for p in rows if not p.available)
-    why = joined([f"{n} {status}" for status, n in reasons.most_common()])
+    counts = study_counts(analysis)
+    why = joined([f"{n} {status}" for status, n in counts.missing.most_common()])
     if not analysis.n_standing:
         finding = f" ({why}): a finding about the data" if why else ""
         return f"No estimate is available{finding}, exit status 1."
-    available = len(rows) - reasons.total()
-    return f"{available} of {len(rows)} estimates are available" + (f"; {why}." if why else ".")
+    available = (
+        f"{counts.available} of {counts.statuses.total()} values of K, B and J are available"
+    )
+    return f"{available}{f'; {why}' if why else ''}."

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Final
 
-from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     format_count,
@@ -14,6 +13,7 @@ from jointz.report.wording import (
     pretty_unit,
 )
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 from jointz.stats.people_likelihoods import PeopleResults
 
 #: A count in the description of an interval; not the digits of a word.
@@ -56,24 +56,14 @@ def chosen_method(analysis: StudyAnalysis) -> str:
     return str(analysis.settings.get("method") or first)
 
 
-def pulse_counts(analysis: StudyAnalysis) -> tuple[int, int]:
-    """Return how many pulses were used and excluded, each counted once."""
-    if analysis.pulses:
-        used = sum(not p.code for p in analysis.pulses)
-        return used, len(analysis.pulses) - used
-    # The row of a shared value repeats the pulses of the timing points that share it.
-    cells = [c for c in analysis.cells if c.timing_point != ALL_POINTS]
-    return sum(c.n_used for c in cells), sum(c.n_excluded for c in cells)
-
-
 def counted_people(analysis: StudyAnalysis) -> str:
     """Return the number of participants in words."""
-    return subjects(analysis).counted(len({c.participant for c in analysis.cells}))
+    return subjects(analysis).counted(study_counts(analysis).people)
 
 
 def counted_people_and_pulses(analysis: StudyAnalysis) -> str:
     """Return the number of participants and of pulses used, in words."""
-    return f"{counted_people(analysis)}, {format_count(pulse_counts(analysis)[0], 'pulse')}"
+    return f"{counted_people(analysis)}, {format_count(study_counts(analysis).used, 'pulse')}"
 
 
 def fitted_signals(analysis: StudyAnalysis) -> str:
@@ -111,10 +101,12 @@ def mean_interval(analysis: StudyAnalysis, *, level: str = "") -> str:
 def mean_over_people_note(analysis: StudyAnalysis) -> str:
     """Explain mean, SD and n over participants."""
     if not means_of_people_together(analysis):
-        return "n: participants with an estimate."
+        return "SD: of the participants' estimates. n: participants with an estimate."
     return (
-        "Mean and SD between participants are from one model of all participants, in which each "
-        "counts by what the data say, without the participant's priors; body mass is a covariate. "
+        "Mean and SD are from one model of all participants, in which each counts by what the data "
+        "say, without the participant's priors; body mass is a covariate. The model has one "
+        "relative SD between participants for all timing points; the sample SD is that of the "
+        "available estimates, with their errors. "
         "The interval includes errors of calibration and method that all participants share. "
         "n: participants who count, undecided ones included."
     )

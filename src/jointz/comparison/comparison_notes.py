@@ -315,9 +315,9 @@ def _missing(comparison: Comparison) -> Iterator[str]:
                 "report."
             )
     values = [v for v in comparison.missing if v.source in with_values]
-    if values:
-        count = "1 value is" if len(values) == 1 else f"{len(values)} values are"
-        yield f"{count} missing; the other values of these people are used: {_named(values)}."
+    if n := sum(m.n_missing for m in comparison.means if m.source in with_values):
+        count = "1 value is" if n == 1 else f"{n} values are"
+        yield f"{count} missing and not in the means: {_named(values)}."
 
 
 def _at_bound(values: Sequence[PersonValue]) -> Iterator[str]:

@@ -97,13 +97,21 @@ class Comparison(Result):
 
         Undecided people count where all people are looked at together.
         """
-        together = {(m.source, m.parameter, m.timing_point) for m in self.means if m.status}
-        return tuple(
-            v
-            for v in self.values
-            if v.value is None
-            and not (v.status == UNDECIDED and (v.source, v.parameter, v.timing_point) in together)
-        )
+        own: dict[tuple[str, str, str], list[PersonValue]] = {}
+        for v in self.values:
+            if v.value is None:
+                own.setdefault((v.source, v.parameter, v.timing_point), []).append(v)
+        rows = []
+        for m in self.means:
+            without = own.get((m.source, m.parameter, m.timing_point), [])
+            failed = [v for v in without if v.status != UNDECIDED]
+            rows += failed if m.n_missing == len(failed) else without
+        return tuple(rows)
+
+    @property
+    def n_missing(self) -> int:
+        """Number of values that do not count, as the table of the means has them."""
+        return sum(m.n_missing for m in self.means)
 
     @property
     def at_bound(self) -> tuple[PersonValue, ...]:

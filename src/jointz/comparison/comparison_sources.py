@@ -24,7 +24,9 @@ from jointz.report.wording import PER_MASS
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.statistics.comparison_rows import PersonValue, Source
+from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.people_likelihoods import PeopleResults
+from jointz.stats.population import population_means
 
 #: Word for the dissertation's tables 4.1 to 4.3, instead of a results folder.
 PUBLISHED = "published"
@@ -58,6 +60,8 @@ class Results:
     averaged: tuple[str, ...] = ()
     # everybody's estimates with their errors; None where the folder does not hold them
     people: PeopleResults | None = None
+    # (timing point, parameter) -> mean over people, as ``population.csv`` has it
+    population: Mapping[tuple[str, str], PopulationEstimate] = field(default_factory=dict)
 
     @cached_property
     def points(self) -> tuple[str, ...]:
@@ -190,6 +194,7 @@ def read_results(folder: Path, name: str) -> Results:
         for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
         if (folder / used).is_file()
     )
+    known, means = _analysed(folder, provenance, values, table)
     return Results(
         Source(name, people, methods),
         values,
@@ -200,24 +205,28 @@ def read_results(folder: Path, name: str) -> Results:
         settings=provenance.get("settings", {}),
         inputs=inputs,
         averaged=averaged,
-        people=_people(folder, provenance, values, table),
+        people=known,
+        population={(row.timing_point, row.parameter): row for row in means},
     )
 
 
-def _people(
+def _analysed(
     folder: Path,
     provenance: Mapping[str, Any],
     values: Mapping[tuple[str, str, str], PersonValue],
     estimates: RawTable,
-) -> PeopleResults | None:
-    """Return everybody's estimates with their errors, if the folder holds them."""
+) -> tuple[PeopleResults | None, Sequence[PopulationEstimate]]:
+    """Return everybody's estimates with their errors, if the folder holds them, and the means."""
     file = folder / ANALYSIS_FILE
     if not file.is_file():
-        return None
+        return None, ()
     content = read_json(file, "Run jointz analyze again.", largest=LARGEST_RESULTS)
     try:
         posteriors = [LogPosterior.from_dict(p) for p in content.get("log_posteriors", ())]
         cells = [CellEstimate.from_dict(cell) for cell in content["cells"]]
+        means: Sequence[PopulationEstimate] = [
+            PopulationEstimate(**row) for row in content.get("population", ())
+        ]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
         raise DataError(
             f"{file}: cannot be read ({str(exc)[:200]}). Run jointz analyze again.", path=str(file)
@@ -230,7 +239,8 @@ def _people(
     }  # fmt: skip
     masses = {person: mass for person, mass in known.items() if person not in unknown}
     found = PeopleResults(posteriors, cells, masses)
-    return found if found.have_errors else None
+    means = means or population_means(cells, posteriors, masses)
+    return (found if found.have_errors else None), means
 
 
 def _check_agreement(file: Path, cells: Sequence[CellEstimate], table: RawTable) -> None:

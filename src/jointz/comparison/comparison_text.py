@@ -21,10 +21,10 @@ def comparison_tables(comparison: Comparison) -> list[TextTable]:
     tables = [
         (
             "Means over people",
-            ["results", "timing point", "parameter", "mean", level, "SD", "unit", "people",
-             "no value", "at bound"],
+            ["results", "timing point", "parameter", "mean", level, "SD", "sample SD", "unit",
+             "people", "no value", "at bound"],
             [[m.source, m.timing_point, m.parameter, _number(m.mean),
-              _interval(m.ci_low, m.ci_high), _number(m.sd), m.unit, str(m.n),
+              _interval(m.ci_low, m.ci_high), _number(m.sd), _number(m.sample_sd), m.unit, str(m.n),
               _count(m.n_missing), _count(m.n_at_bound)] for m in comparison.means],
         ),
         (

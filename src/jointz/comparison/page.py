@@ -155,7 +155,7 @@ def _facts(comparison: Comparison) -> list[tuple[str, str]]:
         )
     elif comparison.differences:
         facts.append(("0", "differences can be tested, see the notes"))
-    if n := len(comparison.missing):
+    if n := comparison.n_missing:
         facts.append((str(n), f"{'value' if n == 1 else 'values'} missing, listed in the notes"))
     return facts
 
@@ -202,11 +202,13 @@ def _by_parameter(rows: Sequence[Any], cells: Callable[[Any], _Row]) -> list[_Ro
 
 def _mean(m: SourceMean) -> _Row:
     share = None if not m.error_sd or not m.sd else 100.0 * (m.error_sd / m.sd) ** 2
+    own = m.sample_sd if m.mean is not None and m.sample_sd != m.sd else None
+    sample = "" if own is None else f" ({format_number(own, like=m.mean)})"
     return {
         "point": point_name(m.timing_point),
         "source": m.source,
         "mean": m.status if m.mean is None else format_interval(m.mean, m.ci_low, m.ci_high),
-        "sd": format_number(m.sd, like=m.mean),
+        "sd": format_number(m.sd, like=m.mean) + sample,
         "share": DASH if share is None else f"{share:.0f} %",
         "n": m.n,
         "missing": m.n_missing or "",

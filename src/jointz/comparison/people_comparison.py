@@ -15,7 +15,8 @@ from jointz.results.statistics.comparison_rows import (
     SourceMean,
 )
 from jointz.stats.people_likelihoods import PeopleResults
-from jointz.stats.people_together import PeopleDifference, PeopleTogether, together
+from jointz.stats.people_together import PeopleDifference, PeopleTogether
+from jointz.stats.population import people_models
 
 #: Timing point and parameter of a source, by its place among the compared ones.
 _Element = tuple[int, tuple[str, str]]
@@ -27,8 +28,9 @@ class ComparedPeople:
     def __init__(
         self, results: Sequence[Results], designs: Designs, parameters: Sequence[str]
     ) -> None:
+        self._populations = {result.source.name: result.population for result in results}
         self._sources = {
-            result.source.name: together([result.people], parameters, same_people=True)
+            result.source.name: people_models([result.people], parameters=parameters)
             for result in results
             if result.people is not None
         }
@@ -42,30 +44,26 @@ class ComparedPeople:
     @property
     def sources(self) -> tuple[str, ...]:
         """Names of the sources whose people are looked at together."""
-        return tuple(name for name, people in self._sources.items() if people is not None)
+        return tuple(name for name, models in self._sources.items() if models)
 
     def mean(self, row: SourceMean) -> SourceMean:
-        """Return the mean of a source; the given row where its errors are not stated."""
-        people = self._sources.get(row.source)
-        place = (row.timing_point, row.parameter)
-        if people is None or (0, place) not in people.elements:
-            return row
-        found = people.mean(0, place)
-        row = replace(row, error_sd=None, mean=None, sd=None, ci_low=None, ci_high=None)
+        """Return the mean of a source as its folder has it; the given row without one."""
+        found = self._populations[row.source].get((row.timing_point, row.parameter))
         if found is None:
-            return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
-        n = found.n_people
-        row = replace(row, n=n, n_missing=row.n + row.n_missing - n, status=UNDECIDED)
-        if not found.decided:
             return row
-        return replace(
-            row,
-            mean=found.value,
-            sd=found.sd,
-            ci_low=found.ci_low,
-            ci_high=found.ci_high,
-            status="ok",
-        )
+        n, names = found.n_participants, ("sd", "ci_low", "ci_high", "status", "sample_sd")
+        numbers = {name: getattr(found, name) for name in names}
+        error_sd = None if self._sources.get(row.source) else row.error_sd
+        missing = row.n + row.n_missing - n
+        return replace(row, n=n, n_missing=missing, mean=found.value, error_sd=error_sd, **numbers)
+
+    def _mean(self, source: str, model: PeopleTogether, element: _Element, n: int) -> float | None:
+        """Return a mean as its folder has it; of some of its people only, that of their model."""
+        found = self._populations[source].get(element[1])
+        if found is not None and found.n_participants == n:
+            return found.value
+        mean = model.mean(*element)
+        return mean.value if mean and mean.decided else None
 
     def between_sources(
         self,
@@ -78,7 +76,7 @@ class ComparedPeople:
     ) -> Difference | None:
         """Return a difference of two sources; None where errors are not stated."""
         names = tuple(next(iter(values.values())).source for values in (first, second))
-        people = self._pairs.get((names[0], names[1]))
+        people = self._pairs[names[0], names[1]].get(place[::-1])
         elements: tuple[_Element, _Element] = ((0, place[::-1]), (1, place[::-1]))
         if people is None or not set(elements) <= set(people.elements):
             return None
@@ -86,40 +84,70 @@ class ComparedPeople:
         found = people.difference(*elements, margin_share=share)
         row = _row(place, names, design, (first, second))
         effect = "d_z" if design == PAIRED else "d"
-        margin = None
-        if found is not None and found.decided and share is not None:
-            mean = people.mean(*elements[1])
-            margin = None if mean is None else share * abs(mean.value)
-        return replace(_filled(row, people, elements, found, effect), margin=margin)
+        row = self._filled(row, names, people, elements, found, effect)
+        mean = row.mean_second
+        return replace(row, margin=None if share is None or mean is None else share * abs(mean))
 
     def between_points(
         self, parameter: str, points: Sequence[str], cells: Mapping[Place, Sequence[PersonValues]]
     ) -> list[Difference] | None:
         """Return the differences of all pairs of timing points of one source."""
-        (people,) = self._sources.values() or (None,)
-        known = {place for _, place in people.elements} if people else set()
-        if people is None or not any((point, parameter) in known for point in points):
+        ((source, models),) = self._sources.items() or (("", {}),)
+        known = [point for point in points if (point, parameter) in models]
+        if not known:
             return None
+        people = models[known[0], parameter]
         rows = []
-        for a, b in combinations([p for p in points if (p, parameter) in known], 2):
+        for a, b in combinations(known, 2):
             elements: tuple[_Element, _Element] = ((0, (a, parameter)), (0, (b, parameter)))
             values = (cells[parameter, a][0], cells[parameter, b][0])
             row = _row((parameter, ""), (a, b), PAIRED, values)
-            rows.append(_filled(row, people, elements, people.difference(*elements), "d_z"))
+            found = people.difference(*elements)
+            rows.append(self._filled(row, (source, source), people, elements, found, "d_z"))
         return rows
 
+    def _filled(
+        self,
+        row: Difference,
+        sources: Sequence[str],
+        people: PeopleTogether,
+        elements: tuple[_Element, _Element],
+        found: PeopleDifference | None,
+        effect: str,
+    ) -> Difference:
+        """Return a row with what the model says; without a value where the data do not decide."""
+        if found is None:
+            return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
+        # An undecided difference keeps p: the adjustment must not count significant ones only.
+        row = replace(row, n_first=found.n_first, n_second=found.n_second, p=found.p)
+        if not found.decided:
+            return replace(row, status=UNDECIDED)
+        return replace(
+            row,
+            mean_first=self._mean(sources[0], people, elements[0], found.n_first),
+            mean_second=self._mean(sources[1], people, elements[1], found.n_second),
+            difference=found.value,
+            ci_low=found.ci_low,
+            ci_high=found.ci_high,
+            p_equivalence=found.p_equivalence,
+            effect=effect,
+            effect_size=found.effect,
+            effect_low=found.effect_low,
+            effect_high=found.effect_high,
+        )
 
-def _pair(a: Results, b: Results, parameters: Sequence[str], *, paired: bool) -> (
-    PeopleTogether | None
-):  # fmt: skip
-    """Return two sources as one model, if both were made by one method that states its errors."""
+
+def _pair(
+    a: Results, b: Results, parameters: Sequence[str], *, paired: bool
+) -> Mapping[tuple[str, str], PeopleTogether]:
+    """Return models of two sources, if both were made by one method that states its errors."""
     if a.people is None or b.people is None or a.source.methods != b.source.methods:
-        return None
+        return {}
     if not paired:
-        return together([a.people, b.people], parameters, same_people=False)
+        return people_models([a.people, b.people], same_people=False, parameters=parameters)
     shared = set(a.source.participants) & set(b.source.participants)
     both = [_only(one.people, shared) for one in (a, b) if one.people is not None]
-    return together(both, parameters, same_people=True)
+    return people_models(both, parameters=parameters)
 
 
 def _only(people: PeopleResults, names: set[str]) -> PeopleResults:
@@ -143,37 +171,4 @@ def _row(
         n_first=0,
         n_second=0,
         n_at_bound=sum(v.at_bound for own in values for v in own.values()),
-    )
-
-
-def _filled(
-    row: Difference,
-    people: PeopleTogether,
-    elements: tuple[_Element, _Element],
-    found: PeopleDifference | None,
-    effect: str,
-) -> Difference:
-    """Return a row with what the model says; without a value where the data do not decide."""
-    if found is None:
-        return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
-    # An undecided difference keeps p: the adjustment must not count significant ones only.
-    row = replace(row, n_first=found.n_first, n_second=found.n_second, p=found.p)
-    if not found.decided:
-        return replace(row, status=UNDECIDED)
-    first, second = (
-        mean.value if (mean := people.mean(*element)) and mean.decided else None
-        for element in elements
-    )
-    return replace(
-        row,
-        mean_first=first,
-        mean_second=second,
-        difference=found.value,
-        ci_low=found.ci_low,
-        ci_high=found.ci_high,
-        p_equivalence=found.p_equivalence,
-        effect=effect,
-        effect_size=found.effect,
-        effect_low=found.effect_low,
-        effect_high=found.effect_high,
     )

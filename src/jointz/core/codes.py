@@ -96,6 +96,12 @@ class Exclusion(Code):
         "user",
         "excluded by the study's exclusions.csv",
     )
+    # ``jointz run`` writes the meaning as the reason in ``exclusions.csv``, by which it is known.
+    ABORTED = "aborted", "broken off during the run and done again"
+
+
+#: Codes of the lines of ``exclusions.csv``.
+LISTED = (Exclusion.USER, Exclusion.ABORTED)
 
 
 class Failure(FailureCode):

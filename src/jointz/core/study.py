@@ -22,6 +22,7 @@ from jointz.core.channels import (
     OPPOSITE_DIRECTION,
 )
 from jointz.core.checked_model import STRICT
+from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.priors import PriorsSpec
 
@@ -504,6 +505,12 @@ class UserExclusion:
     onset_s: float  # onset of the pulse, or heel strike at the start of the stride
     action: str  # ``exclude`` or ``restore``
     reason: str  # in the user's own words
+
+    @property
+    def code(self) -> str:
+        """Code of what the line excludes: ``aborted`` if ``jointz run`` wrote it."""
+        aborted = self.reason == Exclusion.ABORTED.meaning
+        return (Exclusion.ABORTED if aborted else Exclusion.USER).value
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from jointz.core.codes import LISTED
 from jointz.explorer.exclusions import FILE, excluded, last_line
 from jointz.explorer.tab import Tab, table_columns
 from jointz.explorer.traces import PulseKey
@@ -47,7 +48,7 @@ class ExclusionsTab(Tab):
         results = self._view.explorer.results
         study, pulses = results.study, results.analysed.pulses
         changed = {PulseKey.of(p) for p in self._view.explorer.changed}
-        flags = [p.code == "user" for p in pulses] if study is None else excluded(study, pulses)
+        flags = [p.code in LISTED for p in pulses] if study is None else excluded(study, pulses)
         rows: list[dict[str, Any]] = []
         for pulse in (p for p, is_excluded in zip(pulses, flags, strict=True) if is_excluded):
             line = None if study is None else last_line(study, pulse)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
 from jointz.explorer.exclusions import is_excluded, last_line
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
@@ -160,7 +161,7 @@ class PulsesTab(Tab):
             reason = f": {line.reason}" if line is not None and line.reason else ""
             shown = "shown as if restored" if window is not None else "jointz excludes it too"
             return f"excluded by you{reason} ({shown})"
-        if pulse.code and pulse.code != "user":
+        if pulse.code and pulse.code not in LISTED:
             return f"excluded: {exclusion_meaning(pulse.code)}"
         return "used"
 
@@ -207,7 +208,7 @@ class PulsesTab(Tab):
 
 
 def _row(k: int, pulse: PulseRecord, window: Window | None, *, picked: bool) -> dict[str, Any]:
-    state = "excluded" if pulse.code == "user" else pulse.code.replace("_", " ") or "used"
+    state = "excluded" if pulse.code in LISTED else pulse.code.replace("_", " ") or "used"
     row = {
         "number": k + 1,
         "onset": f"{pulse.onset_s:.1f}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from jointz.analysis.saved_analysis import load, study_of
+from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
@@ -60,7 +61,7 @@ class Exploration:
             return ()
         pulses = self.analysed.pulses if pulses is None else pulses
         now = excluded(self.study, pulses)
-        return tuple(p for p, out in zip(pulses, now, strict=True) if (p.code == "user") != out)
+        return tuple(p for p, out in zip(pulses, now, strict=True) if (p.code in LISTED) != out)
 
     def with_study(self, study: Study) -> "Exploration":
         """Return results with the current study."""

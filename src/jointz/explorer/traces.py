@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
 from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
 from jointz.explorer.exclusions import is_about
@@ -183,7 +184,7 @@ def _predicted(
     original, lifted = settings
     rate = common_rate_hz(sources)
     signals = [raw_signals(source, target_hz=rate) for source in sources]
-    excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
+    excluded = {PulseKey.of(p) for p in result.pulses if p.code in LISTED}
     if excluded and lifted.user_exclusions != original.user_exclusions:
         single = replace(lifted, methods=(RIGID,))
         restored = analyze_participant(participant, recordings, single)
@@ -230,7 +231,7 @@ def _by_shape(
     data = ParticipantData(participant, sources)
     rate = common_rate_hz(sources)
     signals = [raw_signals(source, target_hz=rate, strapped=True) for source in sources]
-    excluded = {PulseKey.of(p) for p in result.pulses if p.code == "user"}
+    excluded = {PulseKey.of(p) for p in result.pulses if p.code in LISTED}
     if excluded and lifted.user_exclusions != original.user_exclusions:
         restored = StrappedMethod().fitted_shapes(data, lifted, fit=False)
         yield from (w for w in _of_shapes(restored, signals) if w[0] in excluded)
@@ -314,7 +315,7 @@ def _with_surroundings(
     for pulse in pulses:
         key = PulseKey.of(pulse)
         time_s, angle, torque = _around(pulse.onset_s, files.get(pulse.recording, []))
-        traces[key] = PulseTrace(time_s, angle, torque, windows[key], pulse.code == "user")
+        traces[key] = PulseTrace(time_s, angle, torque, windows[key], pulse.code in LISTED)
     return traces
 
 

@@ -172,7 +172,7 @@ def _stride_records(
         start_s, duration_s = float(start), float(duration)
         code, detail = strides.code[k], strides.detail[k]
         if not code and (line := settings.left_out_by(source.given.file, start_s)) is not None:
-            code, detail = Exclusion.USER.value, line.reason or detail
+            code, detail = line.code, line.reason or detail
         elif not code and source.given.condition == "unperturbed" and not source.undisturbed[k]:
             code = Exclusion.PULSE_IN_STRIDE.value
         elif code == Exclusion.GAP and (

@@ -105,6 +105,7 @@ class Response(Result):
     # torque of the fitted model, N*m; the measured one where the angle was fitted
     fitted_torque: Array
     fitted_angle: Array | None = None  # angle of the fitted model, rad, where the angle was fitted
+    n_pulses: int | None = None  # pulses averaged, where they are not all that the cell used
 
     def __eq__(self, other: object) -> bool:
         # The one of dataclasses compares tuples of arrays, which have no single truth.

@@ -17,6 +17,7 @@ from jointz.results.log_posterior import LOG_POSTERIOR_COLUMNS, LogPosterior
 from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.run_report import RunReport
+from jointz.results.study_counts import study_counts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +53,9 @@ class PopulationEstimate:
     parameter: str
     value: float | None  # mean over people, in ``unit``
     unit: str
-    sd: float | None  # standard deviation between people, in ``unit``
+    # standard deviation between people, in ``unit``; of people together that of the model, which
+    # has one relative SD for all timing points
+    sd: float | None
     ci_low: float | None  # lower end of Student's interval, in ``unit``
     ci_high: float | None  # upper end of Student's interval, in ``unit``
     n_participants: int  # people with a value
@@ -61,6 +64,8 @@ class PopulationEstimate:
     # value
     status: str
     ci_level: float = 0.95  # level of the interval
+    # standard deviation of the people's available estimates, in ``unit``, with their errors
+    sample_sd: float | None = None
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -176,16 +181,12 @@ class StudyAnalysis(Result):
 
     def summary(self) -> str:
         """Return a short text: counts of people, cells and pulses, and the means."""
-        people = {cell.participant for cell in self.cells}
-        available = sum(p.available for cell in self.cells for p in cell.parameters)
-        estimates = sum(len(cell.parameters) for cell in self.cells)
-        used = sum(cell.n_used for cell in self.cells)
-        left_out = sum(cell.n_excluded for cell in self.cells)
+        counts = study_counts(self)
         title = (
-            f"{len(people)} {'simulated ' * self.simulated}participant(s), method "
-            f"{self.settings.get('method', '?')}: "
-            f"{available} of {estimates} estimates available, {used} pulses used, {left_out} "
-            "excluded."
+            f"{counts.people} {'simulated ' * self.simulated}participant(s), method "
+            f"{self.settings.get('method', '?')}: {counts.available} of "
+            f"{counts.statuses.total()} estimates of K, B and J available; "
+            f"pulses: {counts.pulses_text}."
         )
         lines = (
             f"{p.timing_point:>12} {p.parameter:<20} "

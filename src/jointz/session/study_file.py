@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from jointz.core.channels import MOTION_SENSORS
+from jointz.core.codes import Exclusion
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
 from jointz.devices.interface import Wearer
@@ -106,7 +107,7 @@ def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
                 row["recording"],
                 f"{row['onset_s']:.9g}",
                 "exclude",
-                "broken off during the run and done again",
+                Exclusion.ABORTED.meaning,
                 time,
             ]
         )

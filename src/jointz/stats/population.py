@@ -1,6 +1,6 @@
 """Means over people, with intervals over people, never over replicates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from jointz.results.log_posterior import LogPosterior
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.people_likelihoods import PARAMETERS, PER_MASS, PeopleResults, Place
-from jointz.stats.people_together import PeopleMean, together
+from jointz.stats.people_together import PeopleMean, PeopleTogether, together
 
 _LEVEL = 0.95
 #: Parameters that are looked at together; K, B and J with the covariance of their levels.
@@ -37,26 +37,31 @@ def population_means(
     :func:`jointz.stats.people_together.together`, to which undecided people belong.
     """
     results = PeopleResults(posteriors, cells, masses_kg or {})
-    means = people_means(results) if results.have_errors else None
-    if not means and not posteriors:
-        means = None
+    models = people_models([results]) if results.have_errors else {}
+    means = {place: mean for place, model in models.items() if (mean := model.mean(0, place))}
     rows = pd.DataFrame(
         [row for cell in person_cells(cells) for row in cell.rows()],
         columns=list(ESTIMATE_COLUMNS),
     )
     groups = rows.groupby(["timing_point", "parameter"], sort=False)
-    return tuple(_mean(group, means) for _, group in groups)
+    # Posteriors of which none can be used leave no mean; cells without errors have plain means.
+    own = means if means or posteriors else None
+    return tuple(_mean(group, own) for _, group in groups)
 
 
-def people_means(results: PeopleResults) -> dict[Place, PeopleMean]:
-    """Return timing point and parameter -> mean, values per kg and at the onset included."""
-    found: dict[Place, PeopleMean] = {}
-    for parameters in _TOGETHER:
-        people = together([results], parameters, same_people=True)
-        for _, place in people.elements if people else ():
-            if people and (mean := people.mean(0, place)):
-                found[place] = mean
-    return found
+def people_models(
+    conditions: Sequence[PeopleResults],
+    *,
+    same_people: bool = True,
+    parameters: Collection[str] = (),
+) -> dict[Place, PeopleTogether]:
+    """Return timing point and parameter -> its model of all people, by default of all parameters.
+
+    Means over people and comparisons of them use these models, so that both give one number.
+    """
+    groups = [own for own in _TOGETHER if not parameters or not set(parameters).isdisjoint(own)]
+    models = [together(conditions, own, same_people=same_people) for own in groups]
+    return {place: model for model in models if model for _, place in model.elements}
 
 
 def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> PopulationEstimate:
@@ -77,6 +82,7 @@ def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> Popul
         method=str(first["method"]),
         status=Failure.TOO_FEW_PARTICIPANTS.status,
         ci_level=_LEVEL,
+        sample_sd=float(values.std(ddof=1)) if n >= FEWEST_PEOPLE else None,
     )
     if means is not None:
         found = _of_people(row, means.get((row.timing_point, row.parameter)))
@@ -90,8 +96,7 @@ def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> Popul
     if mean is None:
         return replace(row, status="undecided")
     value, low, high = mean
-    sd = float(values.std(ddof=1))
-    return replace(row, value=value, sd=sd, ci_low=low, ci_high=high, status="ok")
+    return replace(row, value=value, sd=row.sample_sd, ci_low=low, ci_high=high, status="ok")
 
 
 def _of_people(row: PopulationEstimate, mean: PeopleMean | None) -> PopulationEstimate:

@@ -187,3 +187,4 @@ def test_pulses_that_were_broken_off_are_left_out_by_the_study(tmp_path):
     (found,) = make(tmp_path, people=(Wearer(name),)).user_exclusions
     assert (found.participant, found.recording) == (name, file)
     assert found.onset_s == pytest.approx(1234.567891234, abs=1e-5)
+    assert found.code == "aborted"

@@ -12,8 +12,9 @@ from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
 from jointz.analysis.paper.methods_text import SIMULATED
-from jointz.analysis.summary import chosen_method, name_range, pulse_counts, stiffness_extremes
+from jointz.analysis.summary import chosen_method, name_range, stiffness_extremes
 from jointz.core.channels import PARAMETER_UNITS
+from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import RIGID, STRAPPED
 from jointz.report.subjects import shown_parameters, study_record, subjects, timing_points
@@ -36,6 +37,7 @@ from jointz.report.wording import (
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 
 #: More rows than these would push the rest of the first page off it.
 _MOST_ROWS: Final = 12
@@ -114,16 +116,18 @@ def _stride_times(analysis: StudyAnalysis) -> str:
 
 
 def _pulses(analysis: StudyAnalysis) -> str:
-    used, excluded = pulse_counts(analysis)
+    counts = study_counts(analysis)
     planned = analysis.run.n_planned if analysis.run else 0
     plan = f"{format_count(planned, 'pulse was', 'pulses were')} planned; " if planned else ""
-    codes = Counter(p.code for p in analysis.pulses if p.code)
     why = ""
-    if codes:
-        why = f" Most frequent reason: {exclusion_meaning(codes.most_common(1)[0][0])}."
+    if analysis.pulses and counts.exclusions:
+        code, count = counts.exclusions.most_common(1)[0]
+        why = f" Most frequent reason ({format_integer(count)}): {exclusion_meaning(code)}."
+    more = format_count(counts.aborted, "more was", "more were")
+    again = f" {more} {Exclusion.ABORTED.meaning}." if counts.aborted else ""
     return (
-        f"{plan}{format_count(used, 'pulse was', 'pulses were')} used and "
-        f"{format_integer(excluded)} excluded.{why}"
+        f"{plan}{format_count(counts.used, 'pulse was', 'pulses were')} used and "
+        f"{format_integer(counts.excluded)} excluded.{why}{again}"
     )
 
 
@@ -182,13 +186,9 @@ def _table_parameters(analysis: StudyAnalysis) -> list[str]:
 
 
 def _people_means(analysis: StudyAnalysis) -> list[PopulationEstimate]:
-    """Return means over several people, undecided ones too."""
+    """Return means over several people, those without a value too."""
     several = len({c.participant for c in analysis.cells}) > 1
-    return [
-        m
-        for m in analysis.population
-        if m.n_participants > 1 or (several and m.status == "undecided")
-    ]
+    return list(analysis.population) if several else []
 
 
 def _mean_rows(
@@ -246,18 +246,17 @@ def _said(analysis: StudyAnalysis) -> list[str]:
 def _decided(
     analysis: StudyAnalysis, estimates: Sequence[tuple[CellEstimate, ParameterEstimate]]
 ) -> str:
-    statuses = [p.status for _, p in estimates]
-    counts = {
-        "as an upper limit only": statuses.count("at_bound"),
-        "undecided": statuses.count("undecided"),
-        "failed": sum(s.startswith("failed") for s in statuses),
+    counts = study_counts(analysis)
+    kinds = {
+        "as an upper limit only": counts.statuses["at_bound"],
+        "undecided": counts.statuses["undecided"],
+        "failed": counts.failed,
     }
-    parts = ", ".join(f"{count} {words}" for words, count in counts.items() if count)
-    available = sum(p.available for _, p in estimates)
-    verb = "is" if available == 1 else "are"
+    parts = ", ".join(f"{count} {words}" for words, count in kinds.items() if count)
+    verb = "is" if counts.available == 1 else "are"
     reason = _reason(analysis, estimates)
     return (
-        f"{available} of {len(estimates)} values of K, B and J {verb} available"
+        f"{counts.available} of {counts.statuses.total()} values of K, B and J {verb} available"
         f"{f' ({parts})' if parts else ''}.{f' {reason}' if reason else ''}"
     )
 
@@ -273,7 +272,7 @@ def _reason(
     if not reasons:
         return ""
     reason, count = reasons.most_common(1)[0]
-    return f"Most frequent reason ({count}): {reason}."
+    return f"Most frequent reason ({count} of {study_counts(analysis).missing.total()}): {reason}."
 
 
 def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: ParameterEstimate) -> str:
@@ -294,18 +293,18 @@ def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: Paramete
 
 def _means(analysis: StudyAnalysis) -> str:
     """Say at how many timing points each mean is decided."""
-    means = _people_means(analysis)
-    own = {n: [m for m in means if m.parameter == n] for n in _table_parameters(analysis)}
-    counts = {n: (sum(m.value is not None for m in ms), len(ms)) for n, ms in own.items() if ms}
+    means = study_counts(analysis).means if _people_means(analysis) else {}
+    counts = {n: means[n] for n in _table_parameters(analysis) if n in means}
     many = subjects(analysis).many
     if not counts:
         return ""
     if not any(decided for decided, _ in counts.values()):
         return f"No mean over {many} is decided."
-    extremes = " ".join(["", *stiffness_extremes(analysis.population)])
+    shown = [m for m in analysis.population if m.parameter in counts]
+    extremes = " ".join(["", *stiffness_extremes(shown)])
     if all(decided == total for decided, total in counts.values()):
         return f"All means over {many} are decided.{extremes}"
-    texts = [f"{parameter_name(n).lower()} at {a} of {b}" for n, (a, b) in counts.items()]
+    texts = [f"{parameter_name(n).lower()} at {a or 'none'} of {b}" for n, (a, b) in counts.items()]
     return f"Means over {many} are decided: {joined(texts)} timing points.{extremes}"
 
 

@@ -20,6 +20,7 @@ from jointz.results.estimates import (
     relative_half_width,
 )
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 
 #: Source of uncertainty -> what to do about it.
 _MEASURES: Final[Mapping[str, str]] = {
@@ -75,7 +76,7 @@ def next_measures(analysis: StudyAnalysis) -> list[str]:
     if nobody_perturbed(analysis):
         return [_PERTURB]
     gains = [*_gains(analysis)]
-    sentences = _ranked(gains) if gains else []
+    sentences = _ranked(gains, study_counts(analysis).statuses["undecided"]) if gains else []
     if any(holds_one_torque(analysis, cell) for cell in analysis.cells):
         sentences = [_DOUBLETS]
     return [*sentences[:_MOST], *_after_failures(analysis), *_more_people(analysis)]
@@ -147,7 +148,7 @@ def _remaining(sd: float, part: float) -> float:
     return float(np.sqrt(max(sd**2 - part**2, 0.0)))
 
 
-def _ranked(gains: list[_Gain]) -> list[str]:
+def _ranked(gains: list[_Gain], undecided: int) -> list[str]:
     """Return a sentence for each measure that helps, the most useful one first."""
     decided = Counter(n for g in gains for n, left in g.left.items() if _decides(g, left))
     narrower = {
@@ -160,7 +161,7 @@ def _ranked(gains: list[_Gain]) -> list[str]:
         return [
             "No single measurement would make the intervals of the undecided values much narrower."
         ]
-    return [_sentence(n, decided[n], narrower[n], len(gains)) for n in worth]
+    return [_sentence(n, decided[n], narrower[n], undecided) for n in worth]
 
 
 def _decides(gain: _Gain, left: float) -> bool:
@@ -177,13 +178,10 @@ def _sentence(name: str, decided: int, narrower: float, total: int) -> str:
 
 def _after_failures(analysis: StudyAnalysis) -> list[str]:
     """Return what to look at if estimates failed and pulses were excluded."""
-    failed = any(
-        p.status.startswith("failed") for c in analysis.cells for p in c.parameters
-    )  # fmt: skip
-    codes = Counter(p.code for p in analysis.pulses if p.code)
-    if not failed or not codes:
+    counts = study_counts(analysis)
+    if not counts.failed or not counts.excluded or not analysis.pulses:
         return []
-    code, count = codes.most_common(1)[0]
+    code, count = counts.exclusions.most_common(1)[0]
     return [
         f"Check why pulses were excluded; most often ({format_count(count, 'pulse')}): "
         f"{exclusion_meaning(code)}."

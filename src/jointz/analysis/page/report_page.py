@@ -53,6 +53,7 @@ from jointz.report.wording import (
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH, PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 
 #: Longer tables are replaced by a summary and the name of the file with all rows.
 _FIRST_ROWS: Final = 6
@@ -189,6 +190,8 @@ def _mean_cell(mean: PopulationEstimate | None, *, with_n: bool) -> _Row:
         return {"text": DASH, "note": status_meaning(mean.status)}
     shown = (mean.value, mean.ci_low, mean.ci_high)
     sd = f"SD {format_spread(mean.sd, *shown)}" if mean.sd is not None else ""
+    if mean.sample_sd not in (None, mean.sd):
+        sd += f" (sample {format_spread(mean.sample_sd, *shown)})"
     n = f"n {mean.n_participants}" if with_n else ""
     return {"text": format_interval(*shown), "note": ", ".join(x for x in (sd, n) if x)}
 
@@ -277,10 +280,9 @@ def _badge(status: str) -> _Row:
 
 
 def _statuses(analysis: StudyAnalysis) -> list[_Row]:
-    counts = Counter(p.status for c in analysis.cells for p in c.parameters)
     return [
         {**_badge(status), "status": status, "count": count}
-        for status, count in sorted(counts.items(), key=lambda item: -item[1])
+        for status, count in study_counts(analysis).statuses.most_common()
     ]
 
 

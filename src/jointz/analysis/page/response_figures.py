@@ -49,8 +49,8 @@ _NAMES_IN_A_LINE: Final = 50
 _HEADROOM: Final = 0.30
 
 _MOST_FREQUENT: Final = (
-    " Of pulses of several shapes, sizes or signs, the most frequent kind is drawn; n and VAF are "
-    "those of all."
+    " Of pulses of several shapes, sizes or signs, the most frequent kind is drawn, with the "
+    "number of its pulses (n); VAF is that of all."
 )
 
 #: Participants from which on all responses are drawn on top of each other.
@@ -287,7 +287,7 @@ def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
     """Return the number of pulses above the angle, and VAF above the fitted signal."""
     if cell is None or cell.response is None:
         return DASH
-    texts = [f"n {cell.n_used}"] if quantity == "angle" else []
+    texts = [f"n {cell.response.n_pulses or cell.n_used}"] if quantity == "angle" else []
     if quantity == _fitted(cell.response):
         texts.append(DASH if cell.vaf_pct is None else f"{format_vaf(cell.vaf_pct)} %")
     return "\n".join(texts)

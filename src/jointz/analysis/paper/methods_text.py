@@ -16,7 +16,6 @@ from jointz.analysis.paper.methods_data import (
 )
 from jointz.analysis.paper.methods_fit import estimation_sentences, interval_sentences
 from jointz.analysis.paper.methods_used import FULL_RECORD, used_methods, used_pulses
-from jointz.analysis.summary import pulse_counts
 from jointz.identify.over_cycle.stride_curves import NODES
 from jointz.report.subjects import nobody_perturbed, study_record, subjects
 from jointz.report.wording import (
@@ -28,6 +27,7 @@ from jointz.report.wording import (
 )
 from jointz.results.statistics.quasi_stiffness_fit import STEP_PCT, WINDOW_PCT, QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.study_counts import study_counts
 
 SIMULATED: Final = "All recordings are simulated: no person was measured."
 _HASH_DIGITS: Final = 12
@@ -94,17 +94,18 @@ def _pulses_used(analysis: StudyAnalysis) -> list[str]:
         return ["Nobody was perturbed: no impedance was estimated."]
     if analysis.cells and not used_pulses(analysis):
         return ["No pulse could be used: no impedance was estimated."]
-    used, excluded = pulse_counts(analysis)
+    counts = study_counts(analysis)
+    found = counts.used + counts.excluded + counts.aborted
     trials = used_methods(analysis) == [FULL_RECORD]
     return [
-        f"Of {format_count(used + excluded, 'pulse')}, {format_integer(used)} "
+        f"Of {format_count(found, 'pulse')}, {format_integer(counts.used)} "
         f"{'are in the trials used' if trials else 'were used'}."
     ]
 
 
 def _statuses(analysis: StudyAnalysis) -> list[str]:
     """Say how many estimates have which status."""
-    statuses = Counter(p.status for c in analysis.cells for p in c.parameters)
+    statuses = study_counts(analysis).statuses
     total = statuses.total()
     if not total or nobody_perturbed(analysis):
         return []
@@ -114,7 +115,8 @@ def _statuses(analysis: StudyAnalysis) -> list[str]:
         if status != "ok"
     ]
     rest = f"; {'; '.join(others)}" if others else ""
-    return [f"Of {format_count(total, 'estimate')}, {format_integer(statuses['ok'])} ok{rest}."]
+    ok = format_integer(statuses["ok"])
+    return [f"Of {format_count(total, 'estimate')} of K, B and J, {ok} ok{rest}."]
 
 
 def _software(analysis: StudyAnalysis) -> list[str]:

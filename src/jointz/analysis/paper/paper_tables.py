@@ -15,7 +15,6 @@ from jointz.analysis.summary import (
     interval_methods,
     mean_interval,
     mean_over_people_note,
-    pulse_counts,
 )
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
@@ -39,6 +38,7 @@ from jointz.report.wording import (
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_counts import study_counts
 
 
 def paper_tables(analysis: StudyAnalysis) -> dict[str, Table]:
@@ -97,7 +97,7 @@ def _estimates(analysis: StudyAnalysis, names: Sequence[str]) -> Table:
         f"[{_level(analysis)} interval]. {f'Interval: {intervals}. ' if intervals else ''}"
         f"{_method_of(c.method for c in analysis.cells)} "
         f"n: {counted_people_and_pulses(analysis)} used and "
-        f"{format_integer(pulse_counts(analysis)[1])} excluded. "
+        f"{format_integer(study_counts(analysis).excluded)} excluded. "
         f"VAF: variance accounted for of the {fitted_signals(analysis)}, which is not accuracy."
     )
     return Table(caption, tuple(head), rows if present else (), tuple(_notes(marks)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointz.core.codes import Exclusion, Failure
+from jointz.core.codes import LISTED, Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.method_names import FULL_RECORD
@@ -144,9 +144,8 @@ class FullRecordEstimator:
         source = self._sources[index]
         recording = source.given.recording
         time = recording["time"].to_numpy()
-        user = Exclusion.USER.value
-        if any(c.source == index and c.record.code == user for c in candidates):
-            return user
+        if any(c.source == index and c.record.code in LISTED for c in candidates):
+            return Exclusion.USER.value
         if time.size < FEWEST_SAMPLES:
             return Exclusion.EDGE_OF_RECORD.value
         if damage_near(damage_of(recording), time[0], time[-1]):
@@ -175,7 +174,7 @@ class FullRecordEstimator:
 
         One that begins outside of the samples is no part of the trial.
         """
-        if candidate.record.code == Exclusion.USER.value:
+        if candidate.record.code in LISTED:
             return candidate.record.code
         onset_s = np.array([candidate.record.onset_s])
         outside = is_outside(onset_s, self._sources[candidate.source])[0]

@@ -124,7 +124,7 @@ def _candidates(
             timing_point=labels[k],
             target_pct=target_pct,
             measured_pct=_known(measured_pct[k]),
-            code=Exclusion.USER.value if user else code,
+            code=user.code if user else code,
             detail=user.reason if user else detail,
         )
         candidates.append(

@@ -5,7 +5,7 @@ from itertools import groupby
 
 import numpy as np
 
-from jointz.core.codes import Exclusion
+from jointz.core.codes import LISTED, Exclusion
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import circular_mean_pct, phase_difference
@@ -39,7 +39,7 @@ def check_labels(pulses: Sequence[_Labelled]) -> None:
     known = [
         row
         for row in pulses
-        if row[0].timing_point and row[1].code != Exclusion.USER.value and _phase(row) is not None
+        if row[0].timing_point and row[1].code not in LISTED and _phase(row) is not None
     ]
     files = [list(rows) for _, rows in groupby(known, key=lambda row: row[1].recording)]
     for rows in (*files, known):

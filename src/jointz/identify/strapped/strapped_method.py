@@ -536,6 +536,7 @@ def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
         torque=shape.torque[inside],
         fitted_torque=shape.torque[inside],
         fitted_angle=fits[most][inside],
+        n_pulses=int(shape.n_pulses),
     )
     return response, 100.0 * (1.0 - residual)
 

@@ -56,7 +56,8 @@ class SourceMean:
     n_missing: int  # all others
     n_at_bound: int  # people whose value is at its bound
     mean: float | None  # over people, in ``unit``; None below three people, or undecided
-    sd: float | None  # standard deviation between people, in ``unit``; None below three people
+    # standard deviation between people, in ``unit``, as in ``population.csv``; None below three
+    sd: float | None
     ci_low: float | None  # lower end of the interval, in ``unit``
     ci_high: float | None  # upper end of the interval, in ``unit``
     # root mean square of the standard errors of the people's estimates, where their intervals are
@@ -65,6 +66,7 @@ class SourceMean:
     # ``ok`` or ``undecided`` of people together; ``failed:too_few_participants`` below three
     # people; empty of a plain mean over values
     status: str = ""
+    sample_sd: float | None = None  # SD of the values with their errors, in ``unit``
 
 
 @dataclass(frozen=True, slots=True)
