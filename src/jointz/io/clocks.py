@@ -139,7 +139,8 @@ def on_one_clock(parts: Sequence[ClockedSamples]) -> tuple[ClockedSamples, list[
 
 def _step(part: ClockedSamples) -> dict[str, Any]:
     """Return what was done to the samples of a clock; its period is the grain of its lag."""
-    period_s = float(np.median(np.diff(part.time_s)))
+    steps = np.diff(part.time_s)
+    period_s = float(steps[steps <= _HOLE_PERIODS * np.median(steps)].mean())
     return {
         "step": "joined",
         "file": part.source.file,

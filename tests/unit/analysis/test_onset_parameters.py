@@ -133,7 +133,7 @@ def test_figures_and_printed_tables_stay_as_they_are(plain, onset, figures):
     assert {n: t.rows for n, t in paper_tables(onset).items()} == {
         n: t.rows for n, t in paper_tables(plain).items()
     }
-    assert f"Of {len(onset.to_frame())} estimates" in methods_text(onset)
+    assert f"Of {3 * len(onset.cells)} estimates" in methods_text(onset)
 
 
 def test_results_with_and_without_them_are_compared_in_what_both_have(folders):
