@@ -244,3 +244,11 @@ class TestHeelStrikes:
         study = write_study(tmp_path, MAT.format(time="", unit="s"), "S01.mat")
         with pytest.raises(DataError, match=r"found from 550 to .* Correct their unit"):
             read(study)
+
+    def test_a_unit_that_the_file_contradicts_is_refused(self, tmp_path):
+        write_mat(tmp_path)
+        np.savetxt(tmp_path / "strikes.csv", STRIKES_S, header="heel_strike_s", comments="")
+        more = 'heel_strikes = "strikes.csv"'
+        channels = MAT.format(time="", unit="ms").replace('"strikes"', '"heel_strike_s"')
+        with pytest.raises(DataError, match="says 's', its name or study.toml says 'ms'"):
+            read(write_study(tmp_path, channels, "S01.mat", more))

@@ -29,7 +29,7 @@ _SEARCHED_S, _SEARCHED_LENGTHS, _SEARCHED_SHARE = 0.4, 1.5, 0.4
 _SAME_LENGTH_S, _SAME_LENGTH = 0.02, 0.2
 #: Least torque after a trigger, in standard errors of its mean; fewest pulses for that test.
 _LEAST_TORQUE_SE, _FEWEST_TESTED = 4.0, 4
-#: Torque before an onset that is searched for steps, from and up to, s; length of a step, s; and the
+#: Torque before an onset searched for steps, from and up to, s; length of a step, s; and the
 #: shares of the largest step, and of the pulse, after the onset that make it the pulse's own step.
 #: Latest start of the torque after its trigger, s.
 _EARLY_S, _ON_TIME_S, _STEP_S, _LIKE_STEP, _LIKE_PULSE = 0.15, 0.005, 0.01, 0.7, 0.3
