@@ -1,4 +1,4 @@
-"""Sensors that contradict the angle, for methods that use the angle alone, and a dead goniometer."""
+"""Sensors that contradict the angle, for every method, and a dead goniometer."""
 
 from dataclasses import replace
 

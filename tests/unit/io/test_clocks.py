@@ -250,5 +250,5 @@ class TestHeelStrikes:
         np.savetxt(tmp_path / "strikes.csv", STRIKES_S, header="heel_strike_s", comments="")
         more = 'heel_strikes = "strikes.csv"'
         channels = MAT.format(time="", unit="ms").replace('"strikes"', '"heel_strike_s"')
-        with pytest.raises(DataError, match="says 's', its name or study.toml says 'ms'"):
+        with pytest.raises(DataError, match=r"says 's', its name or study\.toml says 'ms'"):
             read(write_study(tmp_path, channels, "S01.mat", more))

@@ -59,9 +59,10 @@ class SensorChoice:
                 f"{_NEEDS_SHANK if name == 'thigh_velocity' else ''}."
             )
         if self.goniometer_gain is not None:
+            others = " and ".join(map(_shown_name, self.used))
             yield (
                 f"the angle shows {self.goniometer_gain:.2f} of the motion that "
-                f"{' and '.join(map(_shown_name, self.used))} show, which agree with each other: its gain was taken "
+                f"{others} show, which agree with each other: its gain was taken "
                 "from them. Check the goniometer."
             )
 
