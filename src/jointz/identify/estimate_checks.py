@@ -72,7 +72,7 @@ def check_estimates(
 def _sensor_failures(
     estimates: Estimates, sources: Sequence[Source]
 ) -> list[tuple[Failure, set[tuple[str, float]]]]:
-    """Return a failure of all pulses if sensors contradict the angle; ``strapped`` judges itself."""
+    """Return a failure of all pulses if sensors contradict the angle; none for ``strapped``."""
     if not estimates.cells or estimates.cells[0].method == STRAPPED:
         return []
     choice = choose_sensors([s for s in sources if s.given.condition == "perturbed" and s.pulses])

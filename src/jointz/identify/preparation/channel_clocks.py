@@ -11,6 +11,8 @@ from jointz.gait.timestamps import rate_hz
 
 #: Sd of a uniform error within one period: when in it a frame was taken is not known.
 _SD_OF_PERIOD = 1.0 / np.sqrt(12.0)
+#: Levels, which hold until their next sample.
+_LEVELS = ("contact", "command", "trigger")
 
 
 def sampled_hz(recording: xr.Dataset) -> dict[str, float]:
@@ -38,8 +40,15 @@ def clock_notes(recordings: Sequence[tuple[str, xr.Dataset]]) -> Iterator[str]:
             names.setdefault(rate, []).append(name)
         own = rate_hz(recording["time"].to_numpy())
         for rate, channels in names.items():
-            yield (
-                f"{file}: {', '.join(channels)} sampled at {rate:.4g} Hz by another clock, "
-                f"interpolated to the {own:.4g} Hz of the torque; a calibrated lag has "
-                f"{1e3 * _SD_OF_PERIOD / rate:.2g} ms more sd for it."
-            )
+            levels = [name for name in channels if name in _LEVELS]
+            if levels:
+                yield (
+                    f"{file}: {', '.join(levels)} sampled at {rate:.4g} Hz by another clock: its "
+                    f"edges are up to {1e3 / rate:.2g} ms late."
+                )
+            if signals := [name for name in channels if name not in _LEVELS]:
+                yield (
+                    f"{file}: {', '.join(signals)} sampled at {rate:.4g} Hz by another clock, "
+                    f"interpolated to the {own:.4g} Hz of the torque; a calibrated lag has "
+                    f"{1e3 * _SD_OF_PERIOD / rate:.2g} ms more sd for it."
+                )
