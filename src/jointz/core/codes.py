@@ -202,8 +202,8 @@ class Failure(FailureCode):
     )
     SENSORS_DISAGREE = (
         "sensors_disagree",
-        "the sensors of the motion show walking with gains that differ by more than 40 %, and "
-        "more than one is on either side",
+        "the sensors of the motion show walking with gains that differ by more than 40 %; the "
+        "wrong one is unknown, or the angle itself",
     )
     CLOCKS_DRIFT = "clocks_drift", "the clocks of angle and torque drift apart"
     OUTSIDE_RANGE = (

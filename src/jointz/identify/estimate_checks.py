@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.events import row_label
-from jointz.core.method_names import FULL_RECORD
+from jointz.core.method_names import FULL_RECORD, STRAPPED
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
@@ -20,6 +20,7 @@ from jointz.identify.preparation.instrument_checks import (
     is_held,
     torque_failure,
 )
+from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.results.estimates import FEWEST_PULSES, CellEstimate
 from jointz.results.impedance_limits import (
@@ -54,6 +55,7 @@ def check_estimates(
     if clocks is not None:
         failures.insert(0, (clocks[0], {(p.recording, p.onset_s) for p in estimates.pulses}))
         notes.append(f"{clocks[0].value}: {clocks[0].meaning}: {clocks[1]}.")
+    failures += _sensor_failures(estimates, sources)
     for cell in estimates.cells:
         used = {
             (p.recording, p.onset_s)
@@ -65,6 +67,18 @@ def check_estimates(
         notes += _notes(cell, failure, asked=settings.method_asked_for)
         cells.append(cell if settings.method_asked_for else checked)
     return decided_cells(cells, settings), tuple(notes)
+
+
+def _sensor_failures(
+    estimates: Estimates, sources: Sequence[Source]
+) -> list[tuple[Failure, set[tuple[str, float]]]]:
+    """Return a failure of all pulses if sensors contradict the angle; none for ``strapped``."""
+    if not estimates.cells or estimates.cells[0].method == STRAPPED:
+        return []
+    choice = choose_sensors([s for s in sources if s.given.condition == "perturbed" and s.pulses])
+    if not choice.disagree and choice.goniometer_gain is None:
+        return []
+    return [(Failure.SENSORS_DISAGREE, {(p.recording, p.onset_s) for p in estimates.pulses})]
 
 
 def decided_cells(

@@ -25,6 +25,8 @@ _LEADING = ("torque", "current", "angle")
 _LEVELS, _WITH_EDGES = ("contact", "command", "trigger"), ("ground_reaction_force", "reference")
 #: Steps to which time stamps are printed, s.
 _PRINTED_S = (1e-2, 1e-3, 1e-4)
+#: Least rate of a signal; a lower one has times in another unit.
+_LEAST_RATE_HZ = 5.0
 _DEGREE = 5  # of a spline; it follows half of the band between 0 and the Nyquist frequency to .1 %
 _JITTER = 0.02  # of the steps; a spline overshoots where stamps jitter by more
 
@@ -121,6 +123,8 @@ def on_one_clock(parts: Sequence[ClockedSamples]) -> tuple[ClockedSamples, list[
     the ends of a clock there is no value. Samples that share the torque's clock are left as they
     are.
     """
+    if len(parts) > 1:
+        parts = [_without_padding(part) for part in parts]
     base = leading(parts)
     others = [part for part in parts if part is not base]
     channels, units, labels = dict(base.channels), dict(base.units), dict(base.labels)
@@ -135,6 +139,21 @@ def on_one_clock(parts: Sequence[ClockedSamples]) -> tuple[ClockedSamples, list[
         units |= part.units
         steps.append(_step(part))
     return replace(base, channels=channels, units=units, labels=labels), steps
+
+
+def _without_padding(part: ClockedSamples) -> ClockedSamples:
+    """Return samples without the empty rows that pad them to the length of other columns."""
+    n = part.time_s.size
+    there = np.isfinite([part.time_s, *part.channels.values()]).any(axis=0)
+    kept = int(np.flatnonzero(there)[-1]) + 1 if there.any() else n
+    if kept == n:
+        return part
+    return replace(
+        part,
+        time_s=part.time_s[:kept],
+        channels={name: values[:kept] for name, values in part.channels.items()},
+        labels={name: texts[:kept] for name, texts in part.labels.items()},
+    )
 
 
 def _step(part: ClockedSamples) -> dict[str, Any]:
@@ -168,6 +187,14 @@ def _check_order(base: ClockedSamples, part: ClockedSamples) -> None:
             f"{part.source.file}: {', '.join(part.channels)} lie at {own_s[0]:.6g} to "
             f"{own_s[-1]:.6g} s, {base.source.file} at {times[0]:.6g} to {times[-1]:.6g} s: they "
             f"do not overlap. Correct {remedy}.",
+            path=part.source.file,
+        )
+    rate_hz = 1.0 / float(np.median(np.diff(own_s)))
+    if rate_hz < _LEAST_RATE_HZ and not set(part.channels) <= {*_LEVELS}:
+        raise DataError(
+            f"{part.source.file}: {', '.join(part.channels)}: by its time it is sampled at "
+            f"{rate_hz:.3g} Hz, expected at least {_LEAST_RATE_HZ:g} Hz. Give the unit of its time "
+            "(ms taken for s?).",
             path=part.source.file,
         )
 

@@ -12,7 +12,7 @@ from jointz.core.units import conversion
 from jointz.io.column_units import SAMPLE
 from jointz.io.formats.columns import file_error, missing_columns
 from jointz.io.formats.registry import list_columns, read_acquisition, read_table
-from jointz.io.pulse_tables import times_of_samples, unit_in
+from jointz.io.pulse_tables import agreed_unit, times_of_samples, unit_in
 from jointz.io.study_files import named_as_written
 
 #: Beginnings of the name of a column of heel strikes.
@@ -59,8 +59,9 @@ def _listed(
         return _events(path, column, entry.side, names, files), "s"
     table = read_table(path, numeric=[column], files=files)
     values = np.asarray(table.columns[str(column)], dtype=float)
-    stated = channel.unit if channel is not None else None
-    unit = stated or table.units.get(str(column)) or unit_in(str(column)) or "s"
+    given = channel.unit if channel is not None else None
+    stated = table.units.get(str(column)) or unit_in(str(column))
+    unit = agreed_unit(path, str(column), given, stated, "s") or "s"
     return values[np.isfinite(values)], unit
 
 

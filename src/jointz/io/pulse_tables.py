@@ -195,9 +195,16 @@ def _find(
 def _agreed(
     path: Path, meaning: str, name: str, given: str | None, stated: str | None = None
 ) -> str | None:
-    """Return the unit of a column; refuse one that the file, or the column's name, contradicts."""
+    """Return the unit of a column; what has no unit of its own may have any."""
     stated, si_unit = stated or unit_in(name), _NUMBERS.get(meaning)
-    if given is None or stated is None or si_unit is None or given == stated:
+    return given or stated if si_unit is None else agreed_unit(path, name, given, stated, si_unit)
+
+
+def agreed_unit(
+    path: Path, name: str, given: str | None, stated: str | None, si_unit: str
+) -> str | None:
+    """Return the unit of a column; refuse one that the file, or the column's name, contradicts."""
+    if given is None or stated is None or given == stated:
         return given or stated
     if not same_unit(stated, given, si_unit):  # one of them may count samples
         both = f"its name or unit says {stated!r}, its name or study.toml says {given!r}"

@@ -132,9 +132,15 @@ def _samples(source: ClockSource, entry: RecordingSpec) -> Iterator[ClockedSampl
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
     read = [n for n in numeric if str(columns[n]) in table.columns]
     converted = {n: _in_si(source, entry, n, table) for n in read}
-    for names, own_s in _by_clock(table, {n: str(columns[n]) for n in (*read, *labels)}):
+    clocks_of_file = list(_by_clock(table, {n: str(columns[n]) for n in (*read, *labels)}))
+    several = len(clocks_of_file) > 1
+    for names, own_s in clocks_of_file:
         channels = {n: values for n, (values, _) in converted.items() if n in names}
-        time_s = _whole_time(spec, source.file, channels, own_s)
+        timed = own_s is not None or "time" in names or not (several or "time" in read)
+        if not (timed or ("time" not in read and _has_rate(spec, names))):
+            raise _without_clock(source.file, [str(columns[n]) for n in names])
+        n_samples = len(table.columns[str(columns[names[0]])])
+        time_s = _whole_time(spec, source.file, channels, own_s, n_samples, several=several)
         if (source.offset_s, source.rate) != (0.0, 1.0):
             time_s = source.offset_s + source.rate * time_s
         yield ClockedSamples(
@@ -282,30 +288,60 @@ def _piece(
     return recording
 
 
+def _has_rate(spec: StudySpec, names: Sequence[str]) -> bool:
+    """Return whether sample_rate_hz is that of channels beside others that the file times."""
+    return bool(spec.sample_rate_hz) and not {"torque", "current"}.isdisjoint(names)
+
+
+def _without_clock(file: str, columns: Sequence[str]) -> DataError:
+    names = ", ".join(columns)
+    return DataError(
+        f"{file}: {names}: expected one time stamp for each sample, found none or another number "
+        "of them. Give the channel a time of its own: a column of as many stamps, or rate_hz.",
+        path=file,
+        channel=columns[0],
+    )
+
+
 def _whole_time(
-    spec: StudySpec, file: str, channels: Mapping[str, np.ndarray], own_s: np.ndarray | None
+    spec: StudySpec,
+    file: str,
+    channels: Mapping[str, np.ndarray],
+    own_s: np.ndarray | None,
+    n_samples: int,
+    *,
+    several: bool,
 ) -> np.ndarray:
-    """Return the times of all samples of a clock, s: stamps, the clock of the file, or a rate."""
+    """Return the times of all samples of a clock, s: stamps, the clock of the file, or a rate.
+
+    A rate that is given is no file's of several clocks.
+    """
     declared = spec.sample_rate_hz
     if "time" not in channels:
-        if own_s is not None and not declared:
+        if own_s is not None and (several or not declared):
             return own_s
+        if own_s is not None and declared:
+            _check_rate(file, own_s, declared, "by its own clock it runs at", "Correct the rate")
         # On the file's own clock, so that an onset of a pulse table falls into one piece.
-        return np.arange(len(next(iter(channels.values())))) / float(declared or 1.0)
+        return np.arange(n_samples) / float(declared or 1.0)
     time = channels["time"]
-    if not declared:
-        return time
+    if declared:
+        _check_rate(file, time, declared, "the time column runs at", "Correct the unit of time")
+    return time
+
+
+def _check_rate(file: str, time: np.ndarray, declared: float, what: str, remedy: str) -> None:
+    """Refuse a rate that is not that of the stamps."""
     steps = np.diff(time)
     steps = steps[np.isfinite(steps)]
     step = float(np.median(steps)) if steps.size else 0.0
     if step > 0 and abs(step * declared - 1) > _RATE_TOLERANCE:
         raise DataError(
-            f"{file}: the time column runs at {1 / step:.6g} Hz, sample_rate_hz says "
-            f"{declared:.6g}. Correct the unit of time, or remove sample_rate_hz.",
+            f"{file}: {what} {1 / step:.6g} Hz, sample_rate_hz (or rate_hz) says {declared:.6g}. "
+            f"{remedy}, or remove the rate.",
             path=file,
             channel="time",
         )
-    return time
 
 
 def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:

@@ -338,6 +338,8 @@ def _key_problems(name: str, channel: Mapping[str, Any], raw: Mapping[str, Any])
         yield f"channels.{name}.time: only samples have a clock of their own. Remove the key."
     if "threshold" in channel and name != "trigger":
         yield f"channels.{name}.threshold: only channels.trigger has a threshold."
+    if name == HEEL_STRIKES and {"scale", "invert"} & set(channel):
+        yield f"channels.{name}: times have no scale and no sign. Remove scale and invert."
     if name == "trigger" and {"scale", "invert"} & set(channel):
         yield "channels.trigger: either level may be the idle one. Remove scale and invert."
 

@@ -188,3 +188,17 @@ def test_a_record_of_a_torque_somewhat_off_its_command_has_a_warning(shaken):
     fit = identify_joint(shaken | {"torque": 0.8 * shaken["torque"]}, rate_hz=RATE_HZ)
     assert fit.status == "ok"
     assert "the torque is 0.80 " in fit.warnings[-1]
+
+
+@pytest.mark.parametrize("duration_s", [np.nan, 0.0])
+def test_amplitudes_are_compared_where_durations_are_not_stated(walkers, walked, duration_s):
+    walker, given = walked
+    table = given.pulse_table.assign(duration_s=duration_s)
+    recording = given.recording.drop_vars("command")
+    right = walkers.analyze(walker, replace(given, recording=recording, pulse_table=table))
+    assert "ok" in statuses(right)
+    assert not notes_of(right)
+    twice = table.assign(amplitude_nm=2.0 * table["amplitude_nm"])
+    result = walkers.analyze(walker, replace(given, recording=recording, pulse_table=twice))
+    assert "ok" not in statuses(result)
+    assert "the torque is 0.50 " in notes_of(result)[0]

@@ -9,6 +9,8 @@ from scipy.io import savemat
 import jointz
 from jointz.core.errors import DataError, StudyError
 
+from .c3d_files import theirs
+
 HEAD = """jointz = 1
 joint = "knee"
 kind = "walking"
@@ -141,8 +143,84 @@ class TestClocks:
         with pytest.raises(DataError, match="do not overlap"):
             read(study)
 
+    @pytest.mark.parametrize("time", ["", MAT[: MAT.index("[channels.torque]")]])
+    def test_a_rate_of_the_study_is_not_that_of_other_clocks_in_a_file(self, tmp_path, time):
+        write_mat(tmp_path)
+        channels = MAT.format(time="", unit="s")
+        channels = time + channels[channels.index("[channels.torque]") :]
+        study = write_study(tmp_path, channels, "S01.mat")
+        text = (study / "study.toml").read_text()
+        (study / "study.toml").write_text(text.replace("[pert", "sample_rate_hz = 1000\n[pert", 1))
+        recording = read(study)
+        angle, at = recording["angle"].to_numpy(), recording["time"].to_numpy()
+        inside = (at >= 0.1) & (at <= mocap_time()[-1])
+        np.testing.assert_allclose(angle[inside], np.deg2rad(knee(at[inside])), atol=1e-5)
+
+    def test_a_rate_that_contradicts_the_clock_of_the_file_is_refused(self, tmp_path):
+        points = np.stack([knee(np.arange(0.0, 20.0, 0.01))] * 3)
+        file = theirs({"Knee": points}, np.sin(daq_time())[np.newaxis], ["torque"])
+        file.write(str(tmp_path / "S01.c3d"))
+        channels = (
+            '[channels]\ntorque = { column = "torque", unit = "N*m" }\n'
+            'angle = { column = "Knee.x", unit = "deg", time = { rate_hz = 240 } }\n'
+        )
+        with pytest.raises(DataError, match="by its own clock it runs at 100 Hz"):
+            read(write_study(tmp_path, channels, "S01.c3d"))
+
+    @pytest.mark.parametrize("clock", [CLOCKS["stamps"], CLOCKS["known by the file"]])
+    def test_stamps_in_another_unit_are_refused(self, tmp_path, clock):
+        mocap_s, daq_s = np.arange(0.0, 19.5, 1.0 / 240.0), daq_time()
+        mocap = {"time": 1e3 * mocap_s, "knee": knee(mocap_s)}
+        content = {"mocap": mocap, "daq": {"time": daq_s, "torque": daq_s}, "strikes": STRIKES_S}
+        savemat(tmp_path / "S01.mat", content)
+        study = write_study(tmp_path, MAT.format(time=clock, unit="s"), "S01.mat")
+        with pytest.raises(DataError, match=r"sampled at 0\.24 Hz"):
+            read(study)
+
+    @pytest.mark.parametrize("clock", [CLOCKS["stamps"], CLOCKS["known by the file"]])
+    def test_stamps_of_another_number_are_refused(self, tmp_path, clock):
+        mocap = {"time": mocap_time()[:-3], "knee": knee(mocap_time())}
+        daq = {"time": daq_time(), "torque": np.sin(daq_time())}
+        savemat(tmp_path / "S01.mat", {"mocap": mocap, "daq": daq, "strikes": STRIKES_S})
+        study = write_study(tmp_path, MAT.format(time=clock, unit="s"), "S01.mat")
+        with pytest.raises(DataError, match="one time stamp for each sample"):
+            read(study)
+
+    def test_labels_without_a_clock_are_refused(self, tmp_path):
+        mocap = {"time": mocap_time(), "knee": knee(mocap_time())}
+        daq = {"time": daq_time(), "torque": np.sin(daq_time())}
+        labels = np.array(["a"] * 20_000, dtype=object)
+        content = {"mocap": mocap, "daq": daq, "trial": labels, "strikes": STRIKES_S}
+        savemat(tmp_path / "S01.mat", content)
+        channels = MAT.format(time="", unit="s") + '[channels.trial]\ncolumn = "trial"\n'
+        with pytest.raises(DataError, match="trial: expected one time stamp"):
+            read(write_study(tmp_path, channels, "S01.mat"))
+
+    def test_columns_of_a_slower_clock_may_be_padded(self, tmp_path):
+        rows = np.full((daq_time().size, 4), np.nan)
+        rows[:, :2] = np.c_[daq_time(), np.sin(daq_time())]
+        rows[: mocap_time().size, 2:] = np.c_[mocap_time(), knee(mocap_time())]
+        lines = [",".join("" if np.isnan(v) else repr(float(v)) for v in row) for row in rows]
+        (tmp_path / "S01.csv").write_text("\n".join(["t,tau,t_mocap,knee", *lines]) + "\n")
+        channels = (
+            '[channels]\ntime = { column = "t" }\ntorque = { column = "tau" }\n'
+            'angle = { column = "knee", unit = "deg", time = { column = "t_mocap" } }\n'
+        )
+        recording = read(write_study(tmp_path, channels, "S01.csv"))
+        angle, at = recording["angle"].to_numpy(), recording["time"].to_numpy()
+        inside = (at >= 0.1) & (at <= mocap_time()[-1])
+        np.testing.assert_allclose(angle[inside], np.deg2rad(knee(at[inside])), atol=1e-5)
+
 
 class TestHeelStrikes:
+    def test_times_are_not_scaled(self, tmp_path):
+        write_mat(tmp_path)
+        for key in ("scale = 1000", "invert = true"):
+            channels = MAT.format(time="", unit="s") + f"{key}\n"
+            study = write_study(tmp_path, channels, "S01.mat")
+            with pytest.raises(StudyError, match="times have no scale and no sign"):
+                jointz.open_study(study)
+
     @pytest.mark.parametrize(
         ("unit", "factor", "first"), [("s", 1.0, 0.0), ("ms", 1e3, 0.0), ("sample", 1e3, 1.0)]
     )
@@ -166,3 +244,11 @@ class TestHeelStrikes:
         study = write_study(tmp_path, MAT.format(time="", unit="s"), "S01.mat")
         with pytest.raises(DataError, match=r"found from 550 to .* Correct their unit"):
             read(study)
+
+    def test_a_unit_that_the_file_contradicts_is_refused(self, tmp_path):
+        write_mat(tmp_path)
+        np.savetxt(tmp_path / "strikes.csv", STRIKES_S, header="heel_strike_s", comments="")
+        more = 'heel_strikes = "strikes.csv"'
+        channels = MAT.format(time="", unit="ms").replace('"strikes"', '"heel_strike_s"')
+        with pytest.raises(DataError, match=r"says 's', its name or study\.toml says 'ms'"):
+            read(write_study(tmp_path, channels, "S01.mat", more))

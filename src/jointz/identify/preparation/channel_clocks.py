@@ -11,6 +11,8 @@ from jointz.gait.timestamps import rate_hz
 
 #: Sd of a uniform error within one period: two clocks are aligned to a period of the faster one.
 _SD_OF_PERIOD = 1.0 / np.sqrt(12.0)
+#: Levels, which hold until their next sample.
+_LEVELS = ("contact", "command", "trigger")
 
 
 def sampled_hz(recording: xr.Dataset) -> dict[str, float]:
@@ -36,9 +38,15 @@ def clock_notes(recordings: Sequence[xr.Dataset]) -> Iterator[str]:
         own = rate_hz(recording["time"].to_numpy())
         channels = sampled_hz(recording)
         for rate in dict.fromkeys(channels.values()):
-            names = ", ".join(name for name, other in channels.items() if other == rate)
-            yield (
-                f"{names}: sampled at {rate:.4g} Hz by another clock and interpolated to the "
-                f"{own:.4g} Hz of the torque; the sd of a calibrated lag includes "
-                f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms for it."
-            )
+            names = [name for name, other in channels.items() if other == rate]
+            if levels := ", ".join(name for name in names if name in _LEVELS):
+                yield (
+                    f"{levels}: sampled at {rate:.4g} Hz by another clock: edges are up to "
+                    f"{1e3 / rate:.2g} ms late."
+                )
+            if signals := ", ".join(name for name in names if name not in _LEVELS):
+                yield (
+                    f"{signals}: sampled at {rate:.4g} Hz by another clock and interpolated to the "
+                    f"{own:.4g} Hz of the torque; the sd of a calibrated lag includes "
+                    f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms for it."
+                )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.preparation.pulses import pulses_from_table
+from jointz.identify.preparation.pulses import pulses_from_table, runs_of
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
 
@@ -22,6 +22,7 @@ _DELAYS_S, _TIMES_S = np.arange(0.0, 0.013, 3e-3), (1e-6, 4e-3, 8e-3, 12e-3, 18e
 #: A pulse is compared from before its onset to after its end, s, at no more than this rate; length
 #: of one that is not stated, and the longest. A record is compared below the last frequency.
 _BEFORE_S, _AFTER_S, _RATE_HZ, _USUAL_S, _LONGEST_S, _CUTOFF_HZ = 0.05, 0.06, 500.0, 0.1, 1.0, 20.0
+_LONGEST_UNSTATED_S = 0.6
 #: Largest misfit of a torque that follows its command, and that of other lags that may be right,
 #: relative to the best.
 _FLAT, _AMBIGUOUS, _TINY = 0.03, 3.0, 1e-300
@@ -74,7 +75,9 @@ def pulse_slope(source: Source, gain: float = 1.0) -> CommandSlope | None:
             continue
         rows = np.array([(p.onset_s, p.duration_s, p.amplitude) for p in pulses])
         onset, length, size = rows.T[:, :, None]
-        length = np.where(np.isfinite(length), length, _USUAL_S)
+        unstated = ~(length > 0.0)
+        if unstated.any():
+            length = np.where(unstated, _usual_length(source, torque, onset, size), length)
         since = np.arange(-_BEFORE_S, min(length.max(), _LONGEST_S) + _AFTER_S, step_s)
         if pulses is stated:
             inside = (since >= 0.0) & (since < length)
@@ -97,6 +100,19 @@ def record_slope(torque: np.ndarray, command: np.ndarray, rate_hz: float) -> Com
     blocks = both[:, : size * _BLOCKS].reshape(2, _BLOCKS, size)
     torque, command = blocks - blocks.mean(axis=2, keepdims=True)
     return _slope(torque, [command], 1.0 / rate_hz, alike=False)
+
+
+def _usual_length(source: Source, torque: np.ndarray, onset: np.ndarray, size: np.ndarray) -> float:
+    """Return the time for which the mean torque after onsets is first above half of its peak, s."""
+    step_s = 1.0 / _RATE_HZ
+    since = np.arange(-_BEFORE_S, _LONGEST_UNSTATED_S, step_s)
+    courses = np.sign(size) * _courses(source, torque, onset, since)
+    whole = np.isfinite(courses).all(axis=1)
+    if not whole.any():
+        return _USUAL_S
+    mean = np.abs(courses[whole].mean(axis=0))[since >= 0.0]
+    begin, end = runs_of(mean >= 0.5 * mean.max())[0]
+    return float(end - begin) * step_s
 
 
 def _courses(

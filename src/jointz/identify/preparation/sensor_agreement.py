@@ -59,9 +59,10 @@ class SensorChoice:
                 f"{_NEEDS_SHANK if name == 'thigh_velocity' else ''}."
             )
         if self.goniometer_gain is not None:
+            others = " and ".join(map(_shown_name, self.used))
             yield (
                 f"the angle shows {self.goniometer_gain:.2f} of the motion that "
-                f"{' and '.join(self.used)} show, which agree with each other: its gain was taken "
+                f"{others} show, which agree with each other: its gain was taken "
                 "from them. Check the goniometer."
             )
 
@@ -101,6 +102,10 @@ def with_goniometer_gain(source: Source, gain: float) -> Source:
     entry = Calibrated(value=gain, sd=_GAIN_SD * gain)
     known = source.given.calibration.model_copy(update={"angle_gain": entry})
     return replace(source, given=replace(source.given, calibration=known))
+
+
+def _shown_name(sensor: str) -> str:
+    return f"{SHANK_VELOCITY} minus {THIGH_VELOCITY}" if sensor == JOINT_VELOCITY else sensor
 
 
 def _between(value: float, limits: tuple[float, float]) -> bool:
@@ -148,6 +153,8 @@ def _gain(source: Source, name: str) -> float:
     both = np.isfinite(motion) & np.isfinite(shown)
     motion, shown = (v[both] - v[both].mean() for v in (motion, shown))
     power = float(motion @ motion)
+    if power == 0.0:
+        return 0.0  # of a goniometer that shows no motion, no gain is known
     if name == SHANK_VELOCITY:
         return 1.0 if _between(np.sqrt(float(shown @ shown) / power), _SIZES) else 0.0
     return float(shown @ motion) / power

@@ -29,6 +29,11 @@ _SEARCHED_S, _SEARCHED_LENGTHS, _SEARCHED_SHARE = 0.4, 1.5, 0.4
 _SAME_LENGTH_S, _SAME_LENGTH = 0.02, 0.2
 #: Least torque after a trigger, in standard errors of its mean; fewest pulses for that test.
 _LEAST_TORQUE_SE, _FEWEST_TESTED = 4.0, 4
+#: Torque before an onset searched for steps, from and up to, s; length of a step, s; and the
+#: shares of the largest step, and of the pulse, after the onset that make it the pulse's own step.
+#: Latest start of the torque after its trigger, s.
+_EARLY_S, _ON_TIME_S, _STEP_S, _LIKE_STEP, _LIKE_PULSE = 0.15, 0.005, 0.01, 0.7, 0.3
+_LATEST_S = 0.2
 #: Most samples of a window from which signs are found.
 _COARSE = 200
 
@@ -62,6 +67,8 @@ def triggers_of(recording: xr.Dataset, *, brief: bool = True) -> tuple[Pulse, ..
     start, _, state = levels.schmitt_states(*rise)
     runs = np.append(start, x.size - 1)[runs_of(state)]
     runs = runs[runs[:, 0] > 0]  # a run that the record begins in has no onset
+    if not runs.size:
+        return ()
     begin, end = time[runs].T
     on, off = levels.joined_runs(begin, end, _BOUNCE_S)
     long = off - on > 1.5 / rate_hz(time)
@@ -163,6 +170,7 @@ def _with_torque_shapes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tup
     before, after = _torque_around(pulses, recording)
     whole = np.isfinite(after).all(axis=1)
     _check_torque(before, after, recording)
+    _check_onsets(before, after, recording, rate)
     sign = np.ones(len(pulses))
     if whole.any():
         sign[whole] = _signs(after[whole])
@@ -173,6 +181,13 @@ def _with_torque_shapes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tup
         if known.size:
             mean = (sign[known, None] * after[known]).mean(axis=0)
             begin, first_low = runs_of(mean >= 0.5 * mean.max())[0]
+            if begin > _LATEST_S * rate:
+                raise _error(
+                    recording,
+                    f"the torque starts {begin / rate:.2g} s after its runs, expected at most "
+                    f"{_LATEST_S:g} s. Name the trigger that starts the pulses; threshold tells "
+                    "which level is the idle one.",
+                )
             # A torque that outlasts what is searched is at least as long as its trigger.
             end = first_low if first_low < mean.size else max(first_low, end)
         sizes = after[members, begin:end].mean(axis=1).tolist()
@@ -238,6 +253,32 @@ def _check_torque(before: np.ndarray, after: np.ndarray, recording: xr.Dataset) 
             f"expected a pulse of torque after each of its {larger.size} runs, found a mean torque "
             f"within {_LEAST_TORQUE_SE:g} standard errors of that before them. Check the columns "
             "of trigger and torque, and that they share one clock.",
+        )
+
+
+def _check_onsets(
+    before: np.ndarray, after: np.ndarray, recording: xr.Dataset, rate: float
+) -> None:
+    """Raise DataError if the torque steps before triggers about as far as after them."""
+    whole = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
+    if np.count_nonzero(whole) < _FEWEST_TESTED:
+        return
+    sign, n = _signs(after[whole])[:, None], max(1, round(_STEP_S * rate))
+    early = before[whole, -round(_EARLY_S * rate) : -max(1, round(_ON_TIME_S * rate))]
+    if early.shape[1] <= n or after.shape[1] <= n:
+        return
+    pulse = sign * after[whole]
+    steps, later = (x[:, n:] - x[:, :-n] for x in (sign * early, pulse))
+    mean = np.abs(steps.mean(axis=0))
+    error = steps.std(axis=0, ddof=1) / np.sqrt(len(steps))
+    step, size = (float(np.abs(x.mean(axis=0)).max()) for x in (later, pulse))
+    like = mean >= max(_LIKE_STEP * step, _LIKE_PULSE * size)
+    if (like & (mean > _LEAST_TORQUE_SE * error)).any():
+        lead_s = (mean.size - int(mean.argmax())) / rate + _ON_TIME_S + 0.5 * _STEP_S
+        raise _error(
+            recording,
+            f"the torque steps about {1e3 * lead_s:.2g} ms before its runs as far as after them. "
+            "Name the trigger that starts the pulses, or give a pulse table.",
         )
 
 

@@ -129,3 +129,23 @@ def test_triggers_without_torque_are_refused(motion):
     follows = NOISE + motion * np.sin(2 * np.pi * 0.9 * T)
     with pytest.raises(DataError, match="expected a pulse of torque after each of its 29 runs"):
         pulses_from_trigger(recording_of(trigger(), follows=follows))
+
+
+def test_a_threshold_at_the_idle_level_starts_no_pulse():
+    values = trigger(noise=0.0, drift=0.0, bounce=False, low=True)
+    assert triggers_of(recording_of(values, threshold="5.0")) == ()
+
+
+@pytest.mark.parametrize("late", [25, 50, 100])
+def test_a_trigger_that_comes_after_its_torque_is_refused(late):
+    values = np.roll(trigger(bounce=False), late)
+    with pytest.raises(DataError, match=r"steps about \d+ ms before its runs"):
+        pulses_from_trigger(recording_of(values))
+
+
+def test_a_level_taken_for_the_idle_one_is_refused():
+    values = np.zeros(T.size)
+    for first in FIRST:
+        values[first - 500 - 3000 : first - 500] = 5.0  # falls half a second before the torque
+    with pytest.raises(DataError, match=r"starts 0\.5.* s after its runs"):
+        pulses_from_trigger(recording_of(values))
