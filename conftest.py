@@ -6,7 +6,6 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
-from benchmarks.speed.csv_copy import write_csv_copy
 
 import jointz
 from jointz.io.protocols import load_protocol
@@ -18,6 +17,9 @@ def write_csv_study(
     folder: Path, *, people: int, strides: int, pulses: int, seed: int, rate_hz: float = 500.0
 ) -> None:
     """Run the walking protocol on simulated people; write what a lab's logger would: plain csv."""
+    # Packages beside opensourceleg have another ``benchmarks``.
+    from benchmarks.speed.csv_copy import write_csv_copy
+
     whole = load_protocol("walking")
     unperturbed, perturbed = whole.conditions[-2:]
     few = perturbed.perturbations.model_copy(update={"count_per_point": pulses})
