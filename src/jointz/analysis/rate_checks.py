@@ -72,12 +72,10 @@ def check_listed_strikes(file: str, recording: xr.Dataset) -> None:
             path=file,
             channel=HEEL_STRIKES,
         )
+    if recording.attrs["joint"] != "knee":
+        return
     pct = _largest_flexion_pct(recording)
-    if (
-        recording.attrs["joint"] == "knee"
-        and pct is not None
-        and _STANCE_PCT[0] < pct < _STANCE_PCT[1]
-    ):
+    if pct is not None and _STANCE_PCT[0] < pct < _STANCE_PCT[1]:
         raise DataError(
             f"{file}: the knee flexes most at {pct:.0f} % of the cycles that begin with its heel "
             "strikes; in walking it does at about 72 %. List the heel strikes of the leg with the "

@@ -1,11 +1,11 @@
 """Record of the run that wrote a study, from the files of ``jointz run`` beside ``study.toml``."""
 
-import json
 from collections.abc import Mapping
 from typing import Any, Final
 
 from jointz.analysis.page.report_page import run_section
 from jointz.core.study import Study
+from jointz.io.small_files import read_json
 from jointz.results.run_report import RunReport
 
 #: Device of ``run.json`` -> whether it is simulated; another device is if it knows a truth.
@@ -22,10 +22,11 @@ def run_record(study: Study) -> tuple[dict[str, Any], list[str]]:
         if not file.exists():
             continue
         try:
-            content = json.loads(file.read_text(encoding="utf-8"))
+            content = read_json(file, "", finite=False)
             record = _entry(file.name, content, people) | record  # run.json knows best
         except Exception as exc:  # noqa: BLE001 - the file may hold anything
-            problem = f"{type(exc).__name__}: {str(exc).partition(chr(10))[0]}"
+            text = str(exc).partition("\n")[0].removeprefix(f"{file}: ").rstrip(". ")
+            problem = f"{type(exc).__name__}: {text}"
             notes.append(
                 f"{file.name}: not used, as it is damaged or not from jointz run ({problem}). "
                 "Restore it from a copy, or remove it."

@@ -42,6 +42,9 @@ UNITLESS_RECORD_COLUMNS = ("contact", "direction")
 #: Channels that hold labels or switch states, not quantities with a unit.
 LABEL_CHANNELS = ("condition", "trial", "cycle")
 
+#: Channels of levels, which hold until their next sample.
+LEVEL_CHANNELS = ("contact", "command", "trigger")
+
 #: Channel of event times, no samples; in a recording it counts the heel strikes so far.
 HEEL_STRIKES = "heel_strikes"
 

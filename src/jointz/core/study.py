@@ -370,6 +370,11 @@ class RecordingSpec(_Model):
     heel_strikes: FileName | None = None
 
     @property
+    def joined_channels(self) -> dict[str, ChannelSpec]:
+        """Channels of samples that joined files bring."""
+        return {n: c for one in self.joined for n, c in one.channels.items() if n != "time"}
+
+    @property
     def other_files(self) -> tuple[str, ...]:
         """Files beside that of the samples: joined ones, heel strikes, pulses."""
         tables = (self.heel_strikes, self.perturbations)

@@ -51,11 +51,13 @@ def check_estimates(
         if note and estimates.cells:
             label = row_label(estimates.cells[0].participant)
             notes.append(f"{label}, {source.given.file}: {note}.")
+    every = {(p.recording, p.onset_s) for p in estimates.pulses}
     clocks = _clock_failure(estimates, sources, settings)
     if clocks is not None:
-        failures.insert(0, (clocks[0], {(p.recording, p.onset_s) for p in estimates.pulses}))
+        failures.insert(0, (clocks[0], every))
         notes.append(f"{clocks[0].value}: {clocks[0].meaning}: {clocks[1]}.")
-    failures += _sensor_failures(estimates, sources)
+    if _sensors_contradict_angle(estimates, sources):
+        failures.append((Failure.SENSORS_DISAGREE, every))
     for cell in estimates.cells:
         used = {
             (p.recording, p.onset_s)
@@ -69,16 +71,12 @@ def check_estimates(
     return decided_cells(cells, settings), tuple(notes)
 
 
-def _sensor_failures(
-    estimates: Estimates, sources: Sequence[Source]
-) -> list[tuple[Failure, set[tuple[str, float]]]]:
-    """Return a failure of all pulses if sensors contradict the angle; none for ``strapped``."""
+def _sensors_contradict_angle(estimates: Estimates, sources: Sequence[Source]) -> bool:
+    """Return whether sensors contradict the angle; ``strapped`` judges them by itself."""
     if not estimates.cells or estimates.cells[0].method == STRAPPED:
-        return []
+        return False
     choice = choose_sensors([s for s in sources if s.given.condition == "perturbed" and s.pulses])
-    if not choice.disagree and choice.goniometer_gain is None:
-        return []
-    return [(Failure.SENSORS_DISAGREE, {(p.recording, p.onset_s) for p in estimates.pulses})]
+    return choice.disagree or choice.goniometer_gain is not None
 
 
 def decided_cells(

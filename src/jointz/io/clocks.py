@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from jointz.core.channels import LEVEL_CHANNELS
 from jointz.core.errors import DataError
 from jointz.core.study import ChannelSpec, ClockSpec, JoinedSpec, RecordingSpec, Study
 from jointz.io.formats.columns import RawTable
@@ -21,8 +22,8 @@ _LARGEST_RESIDUAL_S = 0.01  # of an event; more is a mistake in it
 _LARGEST_DRIFT = 1e-3  # between two clocks; more is a mistake in the events
 #: The clock of the first of these channels is that of the recording.
 _LEADING = ("torque", "current", "angle")
-#: Levels, which hold until the next sample; and signals with edges, over which a spline rings.
-_LEVELS, _WITH_EDGES = ("contact", "command", "trigger"), ("ground_reaction_force", "reference")
+#: Signals with edges, over which a spline rings.
+_WITH_EDGES = ("ground_reaction_force", "reference")
 #: Steps to which time stamps are printed, s.
 _PRINTED_S = (1e-2, 1e-3, 1e-4)
 #: Least rate of a signal; a lower one has times in another unit.
@@ -56,7 +57,7 @@ class ClockedSamples:
 
 def clock_sources(study: Study, entry: RecordingSpec) -> Iterator[ClockSource]:
     """Yield the sources of a recording's channels by clock; ``study`` is that of the recording."""
-    joined = {name for one in entry.joined for name in one.channels} - {"time"}
+    joined = entry.joined_channels
     own = {n: c.time for n, c in study.spec.channels.items() if n not in joined}
     for clock in dict.fromkeys([None, *own.values()]):
         names = tuple(n for n, other in own.items() if other == clock)
@@ -110,7 +111,7 @@ def clock_of(joined: JoinedSpec) -> tuple[float, float]:
     return offset_s, rate
 
 
-def leading(parts: Sequence[ClockedSamples]) -> ClockedSamples:
+def _leading(parts: Sequence[ClockedSamples]) -> ClockedSamples:
     """Return the samples whose clock is that of the recording: those of the torque."""
     leads = (part for name in _LEADING for part in parts if name in part.channels)
     return next(leads, parts[0])
@@ -125,14 +126,14 @@ def on_one_clock(parts: Sequence[ClockedSamples]) -> tuple[ClockedSamples, list[
     """
     if len(parts) > 1:
         parts = [_without_padding(part) for part in parts]
-    base = leading(parts)
+    base = _leading(parts)
     others = [part for part in parts if part is not base]
     channels, units, labels = dict(base.channels), dict(base.units), dict(base.labels)
     steps: list[dict[str, Any]] = []
     for part in others:
         _check_order(base, part)
         for name, values in part.channels.items():
-            channels[name] = at_times(part.time_s, values, base.time_s, name)
+            channels[name] = _at_times(part.time_s, values, base.time_s, name)
         # Labels beyond the ends are those at the ends: they cut the recording, and time nothing.
         at = np.searchsorted(part.time_s, base.time_s, side="right") - 1
         labels |= {name: texts[np.maximum(at, 0)] for name, texts in part.labels.items()}
@@ -190,7 +191,7 @@ def _check_order(base: ClockedSamples, part: ClockedSamples) -> None:
             path=part.source.file,
         )
     rate_hz = 1.0 / float(np.median(np.diff(own_s)))
-    if rate_hz < _LEAST_RATE_HZ and not set(part.channels) <= {*_LEVELS}:
+    if rate_hz < _LEAST_RATE_HZ and not set(part.channels) <= {*LEVEL_CHANNELS}:
         raise DataError(
             f"{part.source.file}: {', '.join(part.channels)}: by its time it is sampled at "
             f"{rate_hz:.3g} Hz, expected at least {_LEAST_RATE_HZ:g} Hz. Give the unit of its time "
@@ -199,7 +200,7 @@ def _check_order(base: ClockedSamples, part: ClockedSamples) -> None:
         )
 
 
-def at_times(own_s: np.ndarray, values: np.ndarray, time_s: np.ndarray, name: str) -> np.ndarray:
+def _at_times(own_s: np.ndarray, values: np.ndarray, time_s: np.ndarray, name: str) -> np.ndarray:
     """Return a channel at other times, NaN where its own clock has a hole or no sample."""
     found = np.full(time_s.size, np.nan)
     for part in _stretches(own_s, np.isfinite(values)):
@@ -222,7 +223,7 @@ def _stretches(own_s: np.ndarray, finite: np.ndarray) -> Iterator[slice]:
 def _interpolated(
     own_s: np.ndarray, values: np.ndarray, wanted: np.ndarray, name: str
 ) -> np.ndarray:
-    if name in _LEVELS:
+    if name in LEVEL_CHANNELS:
         return np.asarray(values[np.searchsorted(own_s, wanted, side="right") - 1])
     even_s = _even(own_s)
     if name in _WITH_EDGES or even_s is None or own_s.size <= _DEGREE:

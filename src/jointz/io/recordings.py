@@ -318,9 +318,9 @@ def _whole_time(
     """
     declared = spec.sample_rate_hz
     if "time" not in channels:
-        if own_s is not None and (several or not declared):
-            return own_s
-        if own_s is not None and declared:
+        if own_s is not None:
+            if several or not declared:
+                return own_s
             _check_rate(file, own_s, declared, "by its own clock it runs at", "Correct the rate")
         # On the file's own clock, so that an onset of a pulse table falls into one piece.
         return np.arange(n_samples) / float(declared or 1.0)
@@ -361,8 +361,8 @@ def _condition(spec: StudySpec, entry: RecordingSpec, value: str) -> str:
 def _reading_step(
     study: Study, entry: RecordingSpec, table: RawTable, si_units: Mapping[str, str]
 ) -> dict[str, object]:
-    joined = {name for one in entry.joined for name in one.channels if name != "time"}
-    channels = {n: c for n, c in study.spec.channels.items() if n in si_units and n not in joined}
+    names = si_units.keys() - entry.joined_channels.keys()
+    channels = {n: c for n, c in study.spec.channels.items() if n in names}
     return {
         "step": "read",
         "file": entry.file,

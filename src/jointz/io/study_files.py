@@ -84,8 +84,8 @@ def study_of_recording(study: Study, entry: RecordingSpec) -> Study:
     if not changes and entry.part is None and entry.files is None and not entry.joined:
         return study
     own = {n: _changed(channel, changes.get(n)) for n, channel in study.spec.channels.items()}
-    joined = {n: c for one in entry.joined for n, c in one.channels.items() if n != "time"}
-    channels = {n: in_part(channel, entry.part) for n, channel in {**own, **joined}.items()}
+    merged = {**own, **entry.joined_channels}
+    channels = {n: in_part(channel, entry.part) for n, channel in merged.items()}
     files = _changed(study.spec.files, entry.files)
     spec = study.spec.model_copy(update={"channels": channels, "files": files})
     return replace(study, spec=spec)

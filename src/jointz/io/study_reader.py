@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 from pydantic import ValidationError
 
 from jointz.core.channels import (
@@ -28,8 +26,6 @@ from jointz.core.study import (
     RecordingSpec,
     Study,
     StudySpec,
-    UserExclusion,
-    name_problem,
 )
 from jointz.core.units import conversion
 from jointz.io.column_units import OVER_MASS, Unit, channel_unit
@@ -47,9 +43,9 @@ from jointz.io.study_files import (
     study_of_recording,
 )
 from jointz.io.toml_problems import shape_problems
+from jointz.io.user_exclusions import read_user_exclusions
 
 _RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
-_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action")
 
 Problems = list[str]
 
@@ -109,7 +105,7 @@ def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
     is_sound = spec is not None and not problems
     faulty_files, file_problems = _file_problems(raw, file.parent)
     problems += file_problems
-    exclusions, exclusion_problems = _user_exclusions(file.parent)
+    exclusions, exclusion_problems = read_user_exclusions(file.parent)
     problems += exclusion_problems
     if spec is None:
         raise StudyError(str(file), problems)
@@ -613,44 +609,3 @@ def _layout_hint(columns: list[str]) -> str:
         if len(columns) == 1 and mark in columns[0]:
             return f" The columns seem to be separated by {name}: set delimiter under [files]."
     return ""
-
-
-def _user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], Problems]:
-    """Read the user's own ``exclusions.csv``, where there is one."""
-    file = root / "exclusions.csv"
-    if not file.is_file():
-        return (), []
-    try:
-        table = pd.read_csv(file, encoding="utf-8-sig", dtype=str, keep_default_na=False)
-    except (OSError, ValueError) as exc:
-        return (), [f"exclusions.csv: not a readable table: {exc}."]
-    missing = [c for c in _EXCLUSION_COLUMNS if c not in table.columns]
-    if missing:
-        return (), [f"exclusions.csv: missing column(s) {', '.join(missing)}."]
-    if not isinstance(table.index, pd.RangeIndex):  # what pandas makes of rows too long
-        return (), ["exclusions.csv, row 2: more values than the header has columns."]
-    table = table.fillna("").assign(onset=pd.to_numeric(table["onset_s"], errors="coerce"))
-    problems = [
-        f"exclusions.csv, row {row}, column 'onset_s': expected a number, found '{text}'."
-        for row, (text, onset) in enumerate(zip(table["onset_s"], table["onset"], strict=True), 2)
-        if not np.isfinite(onset)
-    ]
-    bad = sorted(set(table["action"]) - {"exclude", "restore"})
-    problems += [f"exclusions.csv: action '{a}'; expected exclude or restore." for a in bad]
-    reasons = table["reason"].tolist() if "reason" in table.columns else []
-    problems += [
-        f"exclusions.csv, row {row}, column 'reason': {wrong}."
-        for row, text in enumerate(reasons, 2)
-        if (wrong := name_problem(" ".join(text.split())))  # a reason may have several lines
-    ]
-    rows = tuple(
-        UserExclusion(
-            participant=str(row["participant"]),
-            recording=str(row["recording"]),
-            onset_s=float(row["onset"]),
-            action=str(row["action"]),
-            reason=str(row.get("reason", "")),
-        )
-        for row in table.to_dict("records")
-    )
-    return rows, problems

@@ -125,7 +125,7 @@ class StudyAnalysis(Result):
 
     @property
     def simulated(self) -> bool:
-        """Whether the study is known to be simulated."""
+        """True if the study is known to be simulated."""
         return bool(self.provenance.get("run", {}).get("simulated"))
 
     @property

@@ -5,14 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from jointz.core.channels import LEVEL_CHANNELS
 from jointz.core.recording import history_of
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import rate_hz
 
 #: Sd of a uniform error within one period: two clocks are aligned to a period of the faster one.
 _SD_OF_PERIOD = 1.0 / np.sqrt(12.0)
-#: Levels, which hold until their next sample.
-_LEVELS = ("contact", "command", "trigger")
 
 
 def sampled_hz(recording: xr.Dataset) -> dict[str, float]:
@@ -39,12 +38,12 @@ def clock_notes(recordings: Sequence[xr.Dataset]) -> Iterator[str]:
         channels = sampled_hz(recording)
         for rate in dict.fromkeys(channels.values()):
             names = [name for name, other in channels.items() if other == rate]
-            if levels := ", ".join(name for name in names if name in _LEVELS):
+            if levels := ", ".join(name for name in names if name in LEVEL_CHANNELS):
                 yield (
                     f"{levels}: sampled at {rate:.4g} Hz by another clock: edges are up to "
                     f"{1e3 / rate:.2g} ms late."
                 )
-            if signals := ", ".join(name for name in names if name not in _LEVELS):
+            if signals := ", ".join(name for name in names if name not in LEVEL_CHANNELS):
                 yield (
                     f"{signals}: sampled at {rate:.4g} Hz by another clock and interpolated to the "
                     f"{own:.4g} Hz of the torque; the sd of a calibrated lag includes "

@@ -169,8 +169,10 @@ def _with_torque_shapes(pulses: tuple[Pulse, ...], recording: xr.Dataset) -> tup
     lengths = np.array([p.duration_s for p in pulses])
     before, after = _torque_around(pulses, recording)
     whole = np.isfinite(after).all(axis=1)
-    _check_torque(before, after, recording)
-    _check_onsets(before, after, recording, rate)
+    both = whole & np.isfinite(before).all(axis=1)
+    if np.count_nonzero(both) >= _FEWEST_TESTED:
+        _check_torque(before[both], after[both], recording)
+        _check_onsets(before[both], after[both], recording, rate)
     sign = np.ones(len(pulses))
     if whole.any():
         sign[whole] = _signs(after[whole])
@@ -238,10 +240,7 @@ def _check_torque(before: np.ndarray, after: np.ndarray, recording: xr.Dataset) 
 
     Both are projected on the main course after the other half of the triggers.
     """
-    whole = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
-    before, after = _coarse(before[whole]), _coarse(after[whole])
-    if len(after) < _FEWEST_TESTED:
-        return
+    before, after = _coarse(before), _coarse(after)
     larger = np.empty(len(after))
     for half in (0, 1):
         course = np.linalg.svd(after[1 - half :: 2], full_matrices=False)[2][0]
@@ -260,14 +259,11 @@ def _check_onsets(
     before: np.ndarray, after: np.ndarray, recording: xr.Dataset, rate: float
 ) -> None:
     """Raise DataError if the torque steps before triggers about as far as after them."""
-    whole = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
-    if np.count_nonzero(whole) < _FEWEST_TESTED:
-        return
-    sign, n = _signs(after[whole])[:, None], max(1, round(_STEP_S * rate))
-    early = before[whole, -round(_EARLY_S * rate) : -max(1, round(_ON_TIME_S * rate))]
+    sign, n = _signs(after)[:, None], max(1, round(_STEP_S * rate))
+    early = before[:, -round(_EARLY_S * rate) : -max(1, round(_ON_TIME_S * rate))]
     if early.shape[1] <= n or after.shape[1] <= n:
         return
-    pulse = sign * after[whole]
+    pulse = sign * after
     steps, later = (x[:, n:] - x[:, :-n] for x in (sign * early, pulse))
     mean = np.abs(steps.mean(axis=0))
     error = steps.std(axis=0, ddof=1) / np.sqrt(len(steps))

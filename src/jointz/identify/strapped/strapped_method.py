@@ -198,7 +198,7 @@ class _Participant:
 
     @property
     def is_likely(self) -> bool:
-        """Whether nothing speaks against the model of the sensors."""
+        """True if the fitted model raises no doubt about sensors or device."""
         return self._fitted is not None and self._doubts() <= _HARMLESS
 
     def _doubts(self) -> set[Doubt]:
