@@ -20,7 +20,7 @@ class View:
         self.picked: PulseKey | None = None
         self.method = str(analysis.settings["method"])
         self.quantity = "angle"
-        self.parameter = next(iter(shown_parameters(analysis)), "stiffness")
+        self.parameter = next(iter(shown_parameters(analysis.cells)), "stiffness")
 
     @property
     def participant(self) -> str:

@@ -71,9 +71,9 @@ def report_title(analysis: StudyAnalysis) -> str:
     return f"Impedance of the {analysis.settings.get('joint', 'joint')}"
 
 
-def shown_parameters(analysis: StudyAnalysis) -> list[str]:
+def shown_parameters(cells: Iterable[CellEstimate]) -> list[str]:
     """Return the parameters to draw: values per kg where there are any, else absolute."""
-    available = {p.name for cell in analysis.cells for p in cell.parameters if p.available}
+    available = {p.name for cell in cells for p in cell.parameters if p.available}
     choices = (("stiffness_per_mass", "stiffness"), ("damping_per_mass", "damping"), ("inertia",))
     first = (next((name for name in names if name in available), None) for names in choices)
     return [name for name in first if name]

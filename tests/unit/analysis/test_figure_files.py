@@ -222,6 +222,42 @@ def test_methods_are_not_compared_by_means_over_unlike_loads(bench):
     assert plot(draw_methods, replace(bench, comparison=one)) is not None
 
 
+def test_a_parameter_that_only_another_method_decides_is_drawn(walking):
+    def undecided(cell):
+        lost = tuple(
+            replace(p, value=None, status="undecided") if p.name.startswith("stiffness") else p
+            for p in cell.parameters
+        )
+        return replace(cell, parameters=lost)
+
+    cells = tuple(undecided(c) for c in walking.cells)
+    means = tuple(
+        replace(m, value=None, status="undecided") if m.parameter.startswith("stiffness") else m
+        for m in walking.population
+    )
+    figure = plot(draw_methods, replace(walking, cells=cells, population=means))
+    stiffness = figure.axes[0]
+    drawn = [line for line in stiffness.lines if line.get_marker() == "s"]
+    assert len(figure.axes) == 3
+    assert np.isfinite(drawn[0].get_ydata()).all()
+
+
+def test_estimates_are_drawn_where_their_mean_is_undecided(walking):
+    def apart(cell):
+        if cell.timing_point != "MST":
+            return cell
+        large = 10.0 ** (cell.participant == "S01")
+        return replace(cell, parameters=tuple(
+            replace(p, value=large) if p.name == "stiffness_per_mass" else p
+            for p in cell.parameters
+        ))  # fmt: skip
+
+    other = tuple(apart(c) for c in walking.comparison)
+    axes = plot(draw_methods, replace(walking, comparison=other)).axes[0]
+    dots = [line for line in axes.lines if line.get_marker() == "."]
+    assert [len(line.get_ydata()) for line in dots] == [10]
+
+
 def test_intervals_of_a_parameter_that_is_nothing_are_drawn_whole(bench):
     nothing = ParameterEstimate("damping", -0.004, -0.03, 0.02, "ok")
     cells = tuple(

@@ -154,3 +154,9 @@ def test_a_parameter_that_is_seldom_decided_has_no_coverage(certificate):
     assert "10 % in J" not in section["sentence"]
     assert "75 %" in section["sentence"]
     assert "coverage" not in section["rows"][0]["cells"][2]["more"]
+
+
+def test_published_inertias_are_called_smaller_than_a_leg(recommended, bench):
+    said = "The published values are a tenth of that"
+    assert said in render_report(recommended, {}, title="x")
+    assert said not in render_report(bench, {}, title="x")

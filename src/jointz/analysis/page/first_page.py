@@ -149,7 +149,7 @@ def _device(analysis: StudyAnalysis) -> str:
 def _table(analysis: StudyAnalysis) -> _Row | None:
     """Return means over people, or estimates if no mean is available."""
     parameters = _table_parameters(analysis)
-    if not shown_parameters(analysis):
+    if not shown_parameters(analysis.cells):
         return None
     heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
     means = [m for m in _people_means(analysis) if m.parameter in parameters]
@@ -174,7 +174,7 @@ def _table(analysis: StudyAnalysis) -> _Row | None:
 
 def _table_parameters(analysis: StudyAnalysis) -> list[str]:
     """Return K, B and J as the figure has them; those without any value too."""
-    shown = shown_parameters(analysis)
+    shown = shown_parameters(analysis.cells)
     present = {p.name for c in analysis.cells for p in c.parameters}
     pairs = (*zip(PER_MASS, ABSOLUTE, strict=False), ABSOLUTE[2:])
     first = (next((n for n in (*shown, *names) if n in names), "") for names in pairs)

@@ -104,7 +104,7 @@ def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
 
 def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     """Draw people and means over them in one row of panels, for the first page of a report."""
-    parameters = shown_parameters(analysis)
+    parameters = shown_parameters(analysis.cells)
     if not parameters:
         return None
     figure = new_figure(_THIRD.above_mm + _THIRD.panel_mm + _THIRD.below_mm)
@@ -128,7 +128,7 @@ def overview_caption(analysis: StudyAnalysis) -> str:
     text = f"Impedance {where}."
     if has_onsets(analysis):
         text += " Grey bands: gait phases."
-    if _means(analysis, shown_parameters(analysis)):
+    if _means(analysis, shown_parameters(analysis.cells)):
         text += " Figure 2 has the intervals of each participant."
     return text + _missing_panels(analysis)
 
@@ -175,7 +175,7 @@ def _missing_panels(analysis: StudyAnalysis) -> str:
 
 
 def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | None":
-    parameters = shown_parameters(analysis)
+    parameters = shown_parameters(analysis.cells)
     if not parameters:
         return None
     handles = _legend(analysis, parameters)

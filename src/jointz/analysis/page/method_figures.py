@@ -68,7 +68,7 @@ def draw_methods(analysis: StudyAnalysis) -> "Figure | None":
     The bars are t intervals over people, calculated alike for all methods from the available
     estimates; for one person they are the person's own. Means over unlike loads are not drawn.
     """
-    parameters = shown_parameters(analysis)
+    parameters = shown_parameters((*analysis.cells, *analysis.comparison))
     unlike_loads = subjects(analysis).loads and len({c.participant for c in analysis.cells}) > 1
     if not analysis.comparison or not parameters or unlike_loads:
         return None
@@ -88,7 +88,7 @@ def methods_caption(analysis: StudyAnalysis) -> str:
     words = subjects(analysis)
     other_means = (
         " Means of the chosen method are those of the table, from the model of all participants "
-        "together, and are not drawn where they are undecided."
+        "together."
         if means_of_people_together(analysis)
         else ""
     )
@@ -96,7 +96,8 @@ def methods_caption(analysis: StudyAnalysis) -> str:
         "The chosen method beside the others on the same recordings; each method excludes the "
         f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "
         f"t interval over {words.many}; with one {words.one}, the {words.one}'s own interval. An "
-        f"estimate at its bound counts with the value of the bound.{other_means} "
+        "estimate at its bound counts with the value of the bound. Dots: each estimate, where "
+        f"their mean is undecided.{other_means} "
         f"n: {counted_people(analysis)}."
     )
 
@@ -137,12 +138,16 @@ def _draw_method_panel(
     names += [ALL_POINTS] if any(c.timing_point == ALL_POINTS for c in cells) else []
     dodge = min(0.26, 0.6 / max(1, len(looks) - 1))
     for i, (method, (colour, marker)) in enumerate(looks.items()):
+        found = [available(by_method[method], parameter, name) for name in names]
         means = [
-            method_mean(analysis, method, available(by_method[method], parameter, name), name)
-            for name in names
+            method_mean(analysis, method, own, name) for own, name in zip(found, names, strict=True)
         ]
         at = np.arange(len(names)) + (i - 0.5 * (len(looks) - 1)) * dodge
         _draw_method(axes, at, np.array(means, dtype=float), colour=colour, marker=marker)
+        for place, own, mean in zip(at, found, means, strict=True):
+            if np.isnan(mean[0]):
+                values = [p.value for p in own]
+                axes.plot([place] * len(own), values, ".", markersize=3.0, color=colour, alpha=0.6)
     for edge in range(1, len(names)):
         axes.axvline(edge - 0.5, color=FAINT, linewidth=0.4, zorder=0)
     axes.set_xlim(-0.5, len(names) - 0.5)

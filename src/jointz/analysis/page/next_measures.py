@@ -192,7 +192,7 @@ def _more_people(analysis: StudyAnalysis) -> list[str]:
     """Return how many people a mean within 20 % needs, if people vary as these do."""
     means = [
         m
-        for name in shown_parameters(analysis)[:1]
+        for name in shown_parameters(analysis.cells)[:1]
         for m in analysis.population
         if m.parameter == name and m.status == "ok" and m.n_participants >= _FEWEST_PEOPLE
     ]

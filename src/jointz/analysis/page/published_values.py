@@ -36,6 +36,7 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
         return None
     return {
         "heads": [parameter_label(name) for name in names],
+        "inertia": "inertia" in names,
         "rows": [
             {"name": p, "cells": [_cell(name, p, values[name].get(p)) for name in names]}
             for p in points
