@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from tests.unit.inspection.answers import answered
 
 from jointz.analysis.analyze import analyze
 from jointz.core.errors import DataError
@@ -17,8 +18,8 @@ pytestmark = pytest.mark.real_data
 
 MOST_EDITS = 3
 TABLES = (".csv", ".csv.gz", ".txt", ".mat")
-ANGLE = re.compile(r"# \[channels\.angle\].*\n# column.*\n# unit.*\n")
-TORQUE = re.compile(r"# \[channels\.torque\].*\n# column.*\n# unit.*\n")
+ANGLE = re.compile(r"\[channels\.angle\]\ncolumn = \"\?\".*\n# unit.*\n")
+TORQUE = re.compile(r"\[channels\.torque\]\ncolumn = \"\?\".*\n# unit.*\n")
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ MOORE = ("time=time", "angle=RightKneeFlexionAngle", "torque=RightKneeFlexionMom
          "ground_reaction_force=RightGRF_y")  # fmt: skip
 UNNAMED = ("time=1", "command=2", "torque=3", "current=5", "motor_velocity=6")
 OF_MATRIX = (
-    ("# sample_rate_hz = 1000.0", "sample_rate_hz = 100.0"),
+    (re.compile(r'sample_rate_hz = "\?".*'), "sample_rate_hz = 100.0"),
     (ANGLE, '[channels.angle]\ncolumn = "refresults.2"\n'),
     (TORQUE, '[channels.torque]\ncolumn = "refresults.8"\n'),
 )
@@ -90,7 +91,7 @@ def proposed(real_data: Path, name: str, folder: Path):
         changed = old.sub(new, text) if isinstance(old, re.Pattern) else text.replace(old, new)
         assert changed != text
         text = changed
-    (folder / "study.toml").write_text(text)
+    (folder / "study.toml").write_text(answered(text))
     return found
 
 

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,7 @@ def _inspection(
     obstacles, todo = _verdict(main.in_group, main.assigned, main.clock, main.overflow)
     obstacles = (*_bad_name(main.file), *obstacles)
     proposal = proposal_of(sources, tables, obstacles)
+    proposal = replace(proposal, questions=questions_of(proposal, main.clock))
     walking = proposal.kind.value == "walking"
     return Inspection(
         file=plainly(main.file.name),
@@ -121,7 +123,7 @@ def _inspection(
         ),
         obstacles=obstacles,
         advice=todo or _advice(plainly(main.file.name), proposal),
-        questions=questions_of(proposal, main.clock),
+        questions=proposal.questions,
         recordings=tuple(
             sorted(
                 map(_seen_recording, sources, proposal.recordings),
@@ -186,6 +188,8 @@ def _verdict(
 def _advice(file: str, proposal: Proposal) -> tuple[str, ...]:
     """Return commands that take the file, if an analysis of pulses in walking cannot."""
     if proposal.kind.value == "walking" and not proposal.obstacles:
+        return ()
+    if proposal.question("torque_acts_on"):
         return ()
     acts_on = proposal.acts_on.value
     return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))

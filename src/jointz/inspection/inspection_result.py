@@ -131,7 +131,15 @@ class Question:
     about: str  # key of the study file
     text: str
     answers: tuple[Answer, ...] = ()
-    drafted: bool = True  # whether the proposed study has the first answer
+    drafted: bool = True  # whether the proposed study has the first answer; else it is open
+
+    def in_a_line(self) -> str:
+        """Return the question and its answers on one line."""
+        answers = (
+            f"{'(leave out)' if a.value is None else a.value}{f' ({a.why})' if a.why else ''}"
+            for a in self.answers
+        )
+        return " ".join([self.text, "; ".join(answers)]).strip()
 
     def lines(self) -> list[str]:
         """Return the question and its answers, a line each."""
@@ -228,7 +236,8 @@ class Inspection(Result):
         if self.questions:
             lines += [
                 "",
-                f"To decide ({len(self.questions)}); the proposed study has the answers with a *:",
+                f"To decide ({len(self.questions)}): the proposed study has the answers with a *, "
+                'and "?" where none has one.',
             ]
             lines += [line for question in self.questions for line in question.lines()]
         return "\n".join(lines)

@@ -33,6 +33,7 @@ _FEWEST_PULSES = 3
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
+_LATER_S = 0.05  # after an onset: the torque has risen
 _MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
 #: Numbers that programs write for a missing sample.
@@ -105,6 +106,27 @@ def _steps_of_feet(assigned: Assignments, time: np.ndarray) -> xr.Dataset | None
     units = {name: si_of(assigned[name][1])[0] for name in names if assigned[name][1].unit}
     channels = {name: _si(assigned, name) for name in names}
     return build_recording(time, channels, units=units, contact_kind=kind)
+
+
+def torque_over_command(assigned: Assignments, clock: SeenClock) -> float | None:
+    """Return the median change of torque over that of the command at onsets, None where unknown.
+
+    The unit of the command must be stated, and the torque must not be per body mass.
+    """
+    time = _time(assigned, clock)
+    if time is None or not {"command", "torque"} <= set(assigned):
+        return None
+    of_command, of_torque = assigned["command"][1], assigned["torque"][1]
+    if of_command.unit_why or of_torque.unit.endswith("/kg"):
+        return None
+    command, torque = np.nan_to_num(_si(assigned, "command")), _si(assigned, "torque")
+    begins = np.flatnonzero((command[1:] != 0) & (command[:-1] == 0)) + 1
+    late = np.searchsorted(time, time[begins] + _LATER_S)
+    begins, late = begins[late < time.size], late[late < time.size]
+    held = command[late] != 0
+    changes = (torque[late] - torque[begins - 1])[held] / command[late][held]
+    changes = changes[np.isfinite(changes)]
+    return float(np.median(changes)) if changes.size >= _FEWEST_PULSES else None
 
 
 def command_correlation(assigned: Assignments) -> float | None:

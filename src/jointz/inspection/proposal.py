@@ -7,21 +7,19 @@ from itertools import takewhile
 from typing import Any
 
 from jointz.core.channels import OPPOSITE_DIRECTION
-from jointz.gait.sample_rate import told_rates
 from jointz.inspection.file_labels import labels_of
 from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
     guessed_joint,
 )
-from jointz.inspection.inspection_result import SeenClock
-from jointz.inspection.names import GAIT_WORDS, Words
+from jointz.inspection.names import GAIT_WORDS, Words, channel_scores
 from jointz.inspection.problems import (
     Pulses,
     command_correlation,
-    likely_rates,
     pulse_response,
     pulses_of_table,
+    torque_over_command,
     torque_resistance,
 )
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
@@ -36,6 +34,7 @@ from jointz.inspection.study_draft import (
     usual_direction,
 )
 from jointz.io.column_units import SAMPLE
+from jointz.io.toml_problems import OPEN
 
 _USUAL_JOINT = "knee"
 _UNLIKE = 50.0  # ratio of torques in different units
@@ -77,7 +76,9 @@ def proposal_of(
         own = pulses_of_table(assigned, clock, table, rows)
     signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
     levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
-    recordings = [_draft(s, t, main, signs) for s, t in zip(sources, tables_of, strict=True)]
+    recordings = [
+        _draft(s, t, main, signs, len(sources)) for s, t in zip(sources, tables_of, strict=True)
+    ]
     recordings = [_as_in_tables(recording, tables) for recording in recordings]
     return Proposal(
         recordings=tuple(_distinct(recordings)),
@@ -95,12 +96,15 @@ def proposal_of(
         inverted=main.inverted,
         table_columns={} if shown_table is None else _table_columns(shown_table, own),
         in_samples=SAMPLE in (onset_unit, own.unit if own else ""),
-        is_onset_unit_open=shown_table is not None and not onset_unit,
+        is_onset_unit_open=shown_table is not None
+        and not onset_unit
+        and (own is None or not own.is_unit_clear),
+        is_leg_open=_is_leg_open(main),
+        torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
         files=main.content.files,
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
-        rate_guess=_rate_guess(assigned, clock),
         obstacles=tuple(obstacles),
         free=tuple(c for c in main.in_group if id(c) not in assignments_by_column(assigned)),
         levels=levels,
@@ -175,12 +179,12 @@ def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict
 
 
 def _draft(
-    source: Source, table: PulseColumns | None, main: Source, signs: _Signs
+    source: Source, table: PulseColumns | None, main: Source, signs: _Signs, n_sources: int
 ) -> RecordingDraft:
     labels = source.labels
     person = Guess(labels.participant, "its name, or that of the folder or part")
     if not person.value:
-        person = Guess("S01", "the file does not state it")
+        person = Guess(OPEN if n_sources > 1 else "S01", "the file does not state it")
     return RecordingDraft(
         file=source.shown,
         participant=person,
@@ -189,9 +193,6 @@ def _draft(
         part=source.part,
         session=labels.session,
         perturbations="" if table is None else table.file,
-        says_perturbed="perturbed" in (labels.condition, labels.folder_condition),
-        participant_known=bool(labels.participant),
-        is_unlike=_is_unlike(source, main),
         lacks=tuple(n for n in main.assigned if n not in source.assigned),
         mass_kg=source.content.mass_kg,
         changes=_changes(source, main, signs),
@@ -199,13 +200,18 @@ def _draft(
     )
 
 
-def _is_unlike(source: Source, main: Source) -> bool:
-    """Return whether a torque without a stated unit is far larger or smaller than the first."""
-    own, first = (one.assigned.get("torque") for one in (source, main))
-    if own is None or first is None or not own[1].unit_why:
-        return False
-    spans = [(c.course.high or 0.0) - (c.course.low or 0.0) for c, _ in (own, first)]
+def _is_unlike(own: InspectedColumn, first: InspectedColumn) -> bool:
+    """Return whether a torque is far larger or smaller than the first recording's."""
+    spans = [(c.course.high or 0.0) - (c.course.low or 0.0) for c in (own, first)]
     return max(spans) > _UNLIKE * min(spans)
+
+
+def _is_leg_open(main: Source) -> bool:
+    """Return whether a file has angles of both legs, and no torque or name that says which."""
+    angles = {c.words.side for c in main.in_group if "angle" in channel_scores(c.words)}
+    torque = main.assigned.get("torque", main.assigned.get("current"))
+    named = main.names.side or (torque and torque[0].words.side)
+    return {"left", "right"} <= angles and not named
 
 
 def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
@@ -233,6 +239,8 @@ def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str,
         guessed = is_alike and not (name == "angle" and signs.angle_by_range)
         if assignment.unit and assignment.unit != of_first.unit and not guessed:
             change["unit"] = assignment.unit
+        if name == "torque" and assignment.unit_why and _is_unlike(inspected, first):
+            change["unit"] = OPEN
         known = bool(source.angle_direction and signs.angle_by_range)
         if name == "angle" and known and source.angle_direction != signs.angle.value:
             change["positive"] = source.angle_direction
@@ -269,14 +277,6 @@ def _cell(recording: RecordingDraft) -> tuple[str, ...]:
         recording.session,
         recording.side.value,
     )
-
-
-def _rate_guess(assigned: Assignments, clock: SeenClock) -> Guess:
-    """Return a rate to ask about: the likely one if there are strides."""
-    likely = {} if clock.rate_hz is not None else likely_rates(assigned, clock)
-    if not likely:
-        return Guess("1000.0", "the file does not state the rate; give your own")
-    return Guess(repr(next(iter(likely))), f"by its strides: {told_rates(likely)}; give your own")
 
 
 def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Words) -> Guess:
@@ -370,8 +370,6 @@ def _condition(source: Source, table: PulseColumns | None) -> Guess:
     named = source.labels.condition or source.labels.folder_condition
     if named and not (named == "perturbed" and "command" not in source.assigned):
         return Guess(named, "its name, or that of the folder or part")
-    if named:  # perturbed by name, and nothing says when: the study would not open
-        return Guess(
-            "unperturbed", "its name says perturbed, but no channel or table has the pulses"
-        )
-    return Guess("unperturbed", source.pulses.why or "no pulses found")
+    if "command" in source.assigned:
+        return Guess("unperturbed", source.pulses.why)
+    return Guess(OPEN)

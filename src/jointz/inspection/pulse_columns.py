@@ -28,6 +28,7 @@ _WORDS: Mapping[str, frozenset[str]] = {
 _NUMBERS = ("onset", "duration", "amplitude")
 _UNITS_OF_NAMES = {"onset_s": "s", "onset_ms": "ms", "onset_sample": SAMPLE}
 _LATER_S = 0.05  # after an onset: the torque has risen
+_CLEARLY = 3.0  # times the rise with onsets in another unit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +74,7 @@ class OwnPulses:
 
     onsets_s: np.ndarray
     unit: str  # of the onsets as they are written
+    is_unit_clear: bool  # whether it is stated, or the torque rises there only
     first_sample: int | None = None  # None where nothing says it, or samples are not counted
 
 
@@ -136,9 +138,11 @@ def own_pulses(
     inside = {
         u: t for u, t in tried.items() if t.size and time_s[0] <= t.min() <= t.max() <= time_s[-1]
     }
-    unit = max(inside or tried, key=lambda u: _rise(tried[u], time_s, torque))
+    rises = {u: _rise(times, time_s, torque) for u, times in (inside or tried).items()}
+    unit, *others = sorted(rises, key=lambda u: -rises[u])
+    is_clear = bool(stated) or rises[unit] > _CLEARLY * max((rises[u] for u in others), default=0.0)
     first = _first_sample(values, command) if unit == SAMPLE and command is not None else None
-    return OwnPulses(tried[unit], unit, first)
+    return OwnPulses(tried[unit], unit, is_clear, first)
 
 
 def _in_seconds(values: np.ndarray, unit: str, time_s: np.ndarray) -> np.ndarray:

@@ -11,9 +11,14 @@ from jointz.inspection.names import word_set
 from jointz.inspection.problems import likely_rates
 from jointz.inspection.study_draft import Proposal
 from jointz.io.text.column_names import EITHER
+from jointz.io.toml_problems import OPEN
 
 _MOST_ANSWERS = 3
 _MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
+_ALIKE = 1.25  # times the command: beyond it a unit is not decided
+_MOST_FOLLOWED = 2.0  # times the command: beyond it a stated unit is doubted
+#: Size of 1 N*m in other units.
+_OTHER_UNITS = {"mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0}
 _LIKE = {
     "angle": word_set("knee angle gonio pos position"),
     "torque": word_set("load loadcell cell force moment sensor raw adc bridge strain"),
@@ -103,17 +108,17 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
                 f"'{inspected.title}' counts by 1 and states no unit. Milliseconds, or samples?",
                 (Answer(1.0, "milliseconds, 1 kHz"), Answer(2.0, "samples at 500 Hz"),
                  Answer(10.0, "samples at 100 Hz")),
+                drafted=False,
             )  # fmt: skip
 
 
 def _pulses(proposal: Proposal) -> Iterator[Question]:
     if proposal.is_onset_unit_open:
-        unit = proposal.table_columns["onset"]["unit"]
-        others = (other for other in ("s", "ms", "sample") if other != unit)
         yield Question(
             "perturbations.columns.onset.unit",
-            "In what unit are the onsets of the pulse table? It is not stated.",
-            (Answer(unit, "the torque rises there"), *(Answer(other, "") for other in others)),
+            "In what unit are the onsets of the pulse table?",
+            tuple(Answer(unit, "") for unit in ("s", "ms", "sample")),
+            drafted=False,
         )
     if proposal.table_columns and proposal.first_sample is None and proposal.in_samples:
         yield Question(
@@ -122,15 +127,14 @@ def _pulses(proposal: Proposal) -> Iterator[Question]:
             (Answer(1, "MATLAB, LabVIEW, spreadsheets"), Answer(0, "Python, C")),
             drafted=False,
         )
-    timed = "command" in proposal.assigned or proposal.pulses.source
-    unknown = [r for r in proposal.recordings if r.says_perturbed and not r.perturbations]
-    if unknown and not timed:
+    unknown = [r.file for r in proposal.recordings if r.condition.value == OPEN]
+    if unknown and "condition" not in proposal.assigned:
         yield Question(
-            "recordings.perturbations",
-            f"When are the pulses of {unknown[0].file}? Its name says perturbed, and neither a "
-            "command nor a pulse table says when.",
-            (Answer("PULSES.csv", "a table with a column onset_s"),
-             Answer(None, "there are none: the recording is unperturbed")),
+            "recordings.condition",
+            f"No pulses were found in {', '.join(unknown[:_MOST_ANSWERS])}. Were there any?",
+            (Answer("unperturbed", "there are none"),
+             Answer("perturbed", "name the command, or a table: perturbations"),
+             Answer("no_device", "walking without the device")),
             drafted=False,
         )  # fmt: skip
 
@@ -155,41 +159,59 @@ def _two_units(proposal: Proposal) -> Iterator[Question]:
                 f"channels.{name}.unit",
                 f"The file states two units of '{inspected.title}'. Which is right?",
                 tuple(Answer(unit, "") for unit in units),
+                drafted=False,
             )
 
 
 def _units(proposal: Proposal) -> Iterator[Question]:
     if "torque" not in proposal.assigned:
         return
-    if unlike := [r.file for r in proposal.recordings if r.is_unlike]:
+    unlike = [
+        r.file for r in proposal.recordings if r.changes.get("torque", {}).get("unit") == OPEN
+    ]
+    if unlike:
         yield Question(
             "recordings.channels.torque.unit",
             f"In what unit is the torque of {', '.join(unlike[:_MOST_ANSWERS])}? It is of another "
             "size than the first's.",
-            (Answer(None, "as in the others"), Answer("mN*m", ""), Answer("N*m", "")),
+            (Answer("N*m", ""), Answer("mN*m", "")),
+            drafted=False,
         )
     inspected, assignment = proposal.assigned["torque"]
-    if not assignment.unit_why:
-        if si_of(assignment)[0] == "V":
-            yield _scale(inspected)
+    if si_of(assignment)[0] == "V":
+        yield Question(
+            "channels.torque.scale",
+            f"How many N*m is 1 V of '{inspected.title}'? Give the sensor's calibration.",
+            drafted=False,
+        )
+    ratio = proposal.torque_over_command
+    stated = not assignment.unit_why or bool(inspected.column.unit_why)
+    if stated if ratio is None else _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE):
         return
     largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
-    options = [Answer("N*m", "the usual unit")]
+    text = f"In what unit is the torque '{inspected.title}', up to {largest:.3g}?"
+    if ratio is not None:
+        text += f" In pulses it changes by {ratio:.3g} times the command."
+    yield Question("channels.torque.unit", text, _torque_units(largest, ratio), drafted=False)
+
+
+def _torque_units(largest: float, ratio: float | None) -> tuple[Answer, ...]:
+    """Return the units in which a torque may be, the likely one first."""
+    if ratio is not None:
+        likely = [unit for unit, size in _OTHER_UNITS.items() if _is_like(ratio, size)]
+        return tuple(Answer(unit, "as the command then") for unit in likely) or (
+            Answer("N*m", "then the motor did not follow"),
+        )
+    options = [Answer("N*m", "the usual one")]
     if largest <= _MOST_PER_MASS:
-        options.append(Answer("N*m/kg", f"at most {largest:.3g}: inverse dynamics gives it so"))
+        options.append(Answer("N*m/kg", "as inverse dynamics gives it"))
     if largest >= _LEAST_MILLI:
-        options.append(Answer("mN*m", f"up to {largest:.4g}"))
-        yield _scale(inspected)
-    yield Question("channels.torque.unit", "In what unit is the torque? It is not stated.",
-                   tuple(options))  # fmt: skip
+        options.append(Answer("mN*m", "counts of a sensor need scale"))
+    return tuple(options)
 
 
-def _scale(inspected: InspectedColumn) -> Question:
-    return Question(
-        "channels.torque.scale",
-        f"How many N*m is 1 of '{inspected.title}'? Give the sensor's calibration as scale.",
-        (Answer(1.0, "it is in N*m"),),
-    )
+def _is_like(ratio: float, size: float, factor: float = _ALIKE) -> bool:
+    return bool(size / factor <= abs(ratio) <= size * factor)
 
 
 def _signs(proposal: Proposal) -> Iterator[Question]:
@@ -203,6 +225,7 @@ def _signs(proposal: Proposal) -> Iterator[Question]:
             f"In which direction does the angle grow?{seen}",
             (Answer(positive, "the usual one"), Answer(OPPOSITE_DIRECTION[positive], "if worn "
              "the other way round")),
+            drafted=False,
         )  # fmt: skip
     if "torque" in proposal.assigned and proposal.acts_on_open:
         yield Question(
@@ -210,22 +233,25 @@ def _signs(proposal: Proposal) -> Iterator[Question]:
             "Is the torque that of the device on the joint, or of the leg on the device?",
             (Answer("joint", "a positive torque pushes towards the positive angle; the default"),
              Answer("device", "a sensor that measures what the leg does, or inverse dynamics")),
+            drafted=False,
         )  # fmt: skip
         if "command" in proposal.assigned and proposal.angle.value not in ("", positive):
             yield Question(
                 "channels.command.positive",
                 "The angle grows in the opposite direction. In which does the command?",
                 (Answer(positive, ""), Answer(OPPOSITE_DIRECTION[positive], "as the angle")),
+                drafted=False,
             )
 
 
 def _people(proposal: Proposal) -> Iterator[Question]:
-    unknown = [r for r in proposal.recordings if not r.participant_known]
-    if unknown and len(proposal.recordings) > 1:
+    unknown = [r.file for r in proposal.recordings if r.participant.value == OPEN]
+    if unknown:
         yield Question(
             "recordings.participant",
-            f"Who is in {', '.join(r.file for r in unknown[:_MOST_ANSWERS])}?",
-            (Answer("S01", "no name of a file or folder says it"),),
+            f"Who is in {', '.join(unknown[:_MOST_ANSWERS])}? No name of a file or folder says it.",
+            (Answer("S01", ""),),
+            drafted=False,
         )
 
 
@@ -257,4 +283,11 @@ def _gait(proposal: Proposal) -> Iterator[Question]:
             "recordings.side",
             f"Which leg was measured ({len(unknown)} recording(s))? It matters where both were.",
             (Answer(None, "unknown, or the same in all"), Answer("right", ""), Answer("left", "")),
+        )
+    if proposal.is_leg_open:
+        yield Question(
+            "recordings.side",
+            "Which leg wears the device? The file has columns of both.",
+            (Answer("right", "as drafted"), Answer("left", "name its columns in [channels]")),
+            drafted=False,
         )

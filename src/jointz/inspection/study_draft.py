@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTION
+from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
 from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, guessed_condition
+from jointz.inspection.inspection_result import Question
 from jointz.inspection.problems import Pulses
+from jointz.io.toml_problems import OPEN
 from jointz.io.toml_text import written_comment, written_key, written_text
 
 _POSITIVE = {"ankle": "dorsiflexion"}
@@ -37,9 +39,6 @@ class RecordingDraft:
     session: str = ""
     session_why: str = ""  # "" if the name says it
     perturbations: str = ""  # pulse table
-    says_perturbed: bool = False  # by its name
-    participant_known: bool = True
-    is_unlike: bool = False  # whether its torque, of no stated unit, is of another size
     lacks: tuple[str, ...] = ()  # channels of the study that the file does not have
     mass_kg: float | None = None  # of the participant, where the file states it
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
@@ -67,22 +66,28 @@ class Proposal:
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     in_samples: bool = False  # whether pulse tables count samples
     is_onset_unit_open: bool = False
+    is_leg_open: bool = False
+    torque_over_command: float | None = None  # median ratio of their changes in pulses
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
     files: FilesSpec | None = None  # layout of a text file; None for other formats
     rate_hz: float | None = None  # rate stated by the file; None if not stated
-    # Hz, as text: proposed rate if the file states none; not used by an analysis
-    rate_guess: Guess = Guess("1000.0")
     obstacles: tuple[str, ...] = ()  # reasons why the file cannot be analysed
     free: tuple[InspectedColumn, ...] = ()  # columns without a channel
     # level of the column of conditions -> condition
     levels: Mapping[str, str] = field(default_factory=dict)
+    questions: tuple[Question, ...] = ()
+
+    def question(self, about: str) -> Question | None:
+        """Return what is asked about a key and has no answer yet."""
+        return next((q for q in self.questions if q.about == about and not q.drafted), None)
 
 
 def study_text(proposal: Proposal) -> str:
     """Return the text."""
     lines = [
         f"# Proposed by jointz inspect for {written_comment(_first_file(proposal))}.",
+        f'# A value "{OPEN}" is open: no file says it. Answer each before an analysis.',
         "# Lines marked 'guess' are guesses: check each, correct it, and remove the mark.",
         "# Lines behind '#' are off: if one applies, fill in what you know and remove its '#'.",
         *(
@@ -91,9 +96,9 @@ def study_text(proposal: Proposal) -> str:
         ),
         "jointz = 1",
         _line("joint", proposal.joint),
-        _line("kind", proposal.kind),
+        _key(proposal, "kind", proposal.kind),
         _line("positive", proposal.positive),
-        _line("torque_acts_on", proposal.acts_on),
+        _key(proposal, "torque_acts_on", proposal.acts_on),
         *_coupling(proposal),
         *_rate(proposal),
     ]
@@ -139,6 +144,14 @@ def _line(key: str, guess: Guess, *, raw: bool = False) -> str:
     return f"{key} = {value}{mark}"
 
 
+def _key(proposal: Proposal, about: str, guess: Guess) -> str:
+    """Return a key with its value, or open with the question and its answers."""
+    key = about.rpartition(".")[2]
+    if (question := proposal.question(about)) is None:
+        return _line(key, guess)
+    return f"{key} = {written_text(OPEN)}  # {written_comment(question.in_a_line())}"
+
+
 def usual_direction(joint: str) -> Guess:
     """Return the direction in which results of a joint are usually positive."""
     return Guess(_POSITIVE.get(joint, "flexion"), "the usual one")
@@ -153,9 +166,8 @@ def _coupling(proposal: Proposal) -> list[str]:
 def _rate(proposal: Proposal) -> list[str]:
     if "time" in proposal.assigned:
         return []
-    if proposal.rate_hz is not None:
-        return [f"sample_rate_hz = {proposal.rate_hz!r}"]
-    return [f"# {_line('sample_rate_hz', proposal.rate_guess, raw=True)}"]
+    return [_key(proposal, "sample_rate_hz", Guess("")) if proposal.rate_hz is None
+            else f"sample_rate_hz = {proposal.rate_hz!r}"]  # fmt: skip
 
 
 def _channel(proposal: Proposal, name: str) -> list[str]:
@@ -169,7 +181,13 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         why = "more than two levels" if volts else "two levels"
         lines.append(_line("kind", Guess("voltage" if volts else "contact", why)))
     if assignment.unit:
-        lines.append(_line("unit", Guess(assignment.unit, assignment.unit_why)))
+        unit = Guess(assignment.unit, assignment.unit_why)
+        lines.append(_key(proposal, f"channels.{name}.unit", unit))
+    lines += [
+        _key(proposal, about, Guess(""))
+        for key in ("scale", "positive")
+        if proposal.question(about := f"channels.{name}.{key}")
+    ]
     if name in proposal.inverted and name == "contact":
         lines.append(
             "invert = true  # guess: the knee is bent where it rises: it is low on the ground"
@@ -184,8 +202,6 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     turned = directions.get(name, Guess(""))
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
-    if name == "angle" and proposal.angle_sign_open:
-        lines.append(f"# {_line('positive', _turned(proposal))}")
     if name == "condition" and proposal.levels:
         levels = ", ".join(
             f"{written_text(level)} = {written_text(condition)}"
@@ -196,20 +212,16 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     return lines
 
 
-def _turned(proposal: Proposal) -> Guess:
-    inspected, assignment = proposal.assigned["angle"]
-    low, high = inspected.course.low, inspected.course.high
-    reach = "" if low is None or high is None else f", {low:.4g} to {high:.4g} {assignment.unit},"
-    why = f"usually off; is the angle{reach} positive in this direction?"
-    return Guess(OPPOSITE_DIRECTION[proposal.positive.value], why)
-
-
 def _missing(proposal: Proposal) -> list[str]:
     lines = []
-    for name, unit in (("angle", "rad"), ("torque", "N*m")):
-        if name not in proposal.assigned:
-            lines += ["", f"# [channels.{name}]  # not found in the file; name its column"]
-            lines += ['# column = "?"', f'# unit = "{unit}"']
+    for name, unit in (("angle", "deg"), ("torque", "N*m")):
+        if proposal.question(about := f"channels.{name}.column"):
+            lines += ["", f"[channels.{name}]", _key(proposal, about, Guess(""))]
+            lines += [f"# unit = {written_text(unit)}"]
+    if proposal.question("torque_model"):
+        lines += ["", "[torque_model]  # in the data sheet, or by: jointz identify actuator"]
+        lines += [f"gear_ratio = {written_text(OPEN)}  # turns of the motor a turn of the joint"]
+        lines += [f"torque_constant = {written_text(OPEN)}  # N*m/A at the motor's shaft"]
     return lines
 
 
@@ -234,6 +246,8 @@ def _people(proposal: Proposal) -> list[str]:
     lines = []
     for own in (people[person] for person in sorted(people)):
         mass = "# mass_kg = 70.0  # only for values per kg"
+        if proposal.question("participants.mass_kg"):
+            mass = _key(proposal, "participants.mass_kg", Guess(""))
         if own.mass_kg is not None:
             mass = _line("mass_kg", Guess(repr(own.mass_kg), "the file states it"), raw=True)
         lines += ["", "[[participants]]", _line("id", own.participant), mass]
@@ -255,13 +269,17 @@ def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
     person = recording.participant.value
     lines = ["", "[[recordings]]", f"participant = {written_text(person)}"]
     if "condition" not in proposal.assigned:
-        lines.append(_line("condition", recording.condition))
+        is_open = recording.condition.value == OPEN
+        condition = _key(proposal, "recordings.condition", recording.condition)
+        lines.append(condition if is_open else _line("condition", recording.condition))
     lines.append(f"file = {written_text(recording.file)}")
     if recording.part:
         lines.append(f"part = {written_text(recording.part)}")
     if recording.session:
         lines.append(_line("session", Guess(recording.session, recording.session_why)))
-    if recording.side.value:
+    if proposal.question("recordings.side"):
+        lines.append(_key(proposal, "recordings.side", recording.side))
+    elif recording.side.value:
         lines.append(_line("side", recording.side))
     else:
         lines.append('# side = "right"  # which one?')
@@ -270,14 +288,10 @@ def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
     if recording.files is not None:
         own = recording.files.model_dump(exclude_none=True)
         lines.append(f"files = {_inline({'encoding': 'utf-8', **own})}")
-    needs = recording.condition.value == "perturbed" or "condition" in proposal.assigned
+    needs = recording.condition.value in ("perturbed", OPEN) or "condition" in proposal.assigned
     if recording.perturbations:
         lines.append(f"perturbations = {written_text(recording.perturbations)}")
-    elif (
-        (needs or recording.says_perturbed)
-        and not proposal.pulses.source
-        and "command" not in proposal.assigned
-    ):
+    elif needs and not proposal.pulses.source and "command" not in proposal.assigned:
         lines.append(
             '# perturbations = "PULSES.csv"  # a table with onset_s: the times of the pulses'
         )
@@ -297,18 +311,16 @@ def _perturbations(proposal: Proposal) -> list[str]:
     if proposal.table_columns:
         lines.append(f"columns = {_inline(proposal.table_columns)}  # guess: by their names")
     asked = []
-    if proposal.in_samples:
-        first = proposal.first_sample
-        why = "pulses of the command begin there"
-        line = _line("first_sample", Guess(str(1 if first is None else first), why), raw=True)
-        lines += [line] if first is not None else []
-        asked += ["# first_sample = 1  # or 0?"] if first is None else []
+    if proposal.question("perturbations.first_sample"):
+        lines.append(_key(proposal, "perturbations.first_sample", Guess("")))
+    elif proposal.in_samples:
+        first = Guess(str(proposal.first_sample), "pulses of the command begin there")
+        lines.append(_line("first_sample", first, raw=True))
     if (proposal.pulses.source or "perturbed" in conditions) and proposal.kind.value == "walking":
         asked += ["# timing_points = { name = % }  # of the cycle: the planned times of the pulses"]
     if not lines and not asked:
         return []
-    is_off = not lines and proposal.first_sample is None and not proposal.in_samples
-    return ["", "# [perturbations]" if is_off else "[perturbations]", *lines, *asked]
+    return ["", "[perturbations]" if lines else "# [perturbations]", *lines, *asked]
 
 
 def _files(files: FilesSpec | None) -> list[str]:

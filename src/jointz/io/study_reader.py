@@ -3,7 +3,6 @@
 import difflib
 import hashlib
 import os
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -42,10 +41,8 @@ from jointz.io.study_files import (
     shown_file,
     study_of_recording,
 )
-from jointz.io.toml_problems import shape_problems
+from jointz.io.toml_problems import open_questions, shape_problems
 from jointz.io.user_exclusions import read_user_exclusions
-
-_RATE_LINE = re.compile(rb"\s*#\s*sample_rate_hz\s*=")
 
 Problems = list[str]
 
@@ -95,13 +92,15 @@ def open_study(path: str | os.PathLike[str]) -> OpenedStudy:
     )
     text = file_content(file, absent=absent)
     raw = parse_toml(str(file), text, error=StudyError)
+    if asked := open_questions(raw):
+        raise StudyError(str(file), asked)
     spec, problems = None, []
     try:
         spec = StudySpec.model_validate(raw)
     except ValidationError as exc:
         problems = shape_problems(exc, StudySpec, raw)
     units, edges, unit_problems = _units(raw)
-    problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw, text)
+    problems += unit_problems + list(_reference_problems(raw)) + _rate_problems(raw)
     is_sound = spec is not None and not problems
     faulty_files, file_problems = _file_problems(raw, file.parent)
     problems += file_problems
@@ -389,19 +388,15 @@ def _joined_everywhere(raw: Mapping[str, Any]) -> dict[str, Any]:
     return dict.fromkeys(set.intersection(*joined) if joined else ())
 
 
-def _rate_problems(raw: Mapping[str, Any], text: bytes) -> Problems:
-    """Ask for a rate where there is no time; a line that only proposes one is named."""
+def _rate_problems(raw: Mapping[str, Any]) -> Problems:
+    """Ask for a rate where there is no time."""
     if "time" in _table(raw, "channels") or "sample_rate_hz" in raw or "channels" not in raw:
         return []
     if _clocks_are_known(raw):
         return []
-    line = next(
-        (n for n, content in enumerate(text.splitlines(), 1) if _RATE_LINE.match(content)), None
-    )
-    todo = f"correct line {line} and take its '#' away" if line else "give it"
     return [
-        "channels.time: missing; without a time column sample_rate_hz is needed: "
-        f"{todo} (the rate of your recorder, no guess: it scales K, B and J)."
+        "channels.time: missing; without a time column sample_rate_hz is needed: give it (the rate "
+        "of your recorder, no guess: it scales K, B and J)."
     ]
 
 

@@ -13,6 +13,9 @@ from jointz.io.small_files import file_content, parse_toml
 Location = tuple[str | int, ...]
 _ModelT = TypeVar("_ModelT", bound=CheckedModel)
 
+#: Value in a draft that the files do not decide.
+OPEN = "?"
+
 _LONGEST_SHOWN = 80
 _VERSION_KEYS = ("jointz", "jointz_protocol")
 #: What pydantic calls by the names of Python, in the words of a file.
@@ -47,6 +50,17 @@ def all_problems(
     """Return what pydantic refused and every inconsistency among what can be read."""
     problems = _inconsistencies(_draft(model, raw), ())
     return [*shape_problems(error, model, raw), *dict.fromkeys(problems)]
+
+
+def open_questions(raw: Any, place: Location = ()) -> list[str]:
+    """Return a sentence for each value that is still open, as jointz inspect drafts it."""
+    if raw == OPEN:
+        return [
+            f'{place_of(place)}: open. Replace "?" by an answer; its line says which there are.'
+        ]
+    entries = raw.items() if isinstance(raw, Mapping) else ()
+    entries = enumerate(raw) if isinstance(raw, list) else entries
+    return [text for key, value in entries for text in open_questions(value, (*place, key))]
 
 
 def read_device_model(name: str, model: type[_ModelT], *, absent: str) -> _ModelT:

@@ -11,6 +11,8 @@ import pytest
 from jointz.inspection.inspection_result import Inspection
 from jointz.io.study_reader import open_study
 
+from .answers import answered
+
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
@@ -43,6 +45,8 @@ def test_the_study_is_written_once_and_opens(recording, jointz, tmp_path):
 
     assert again.code == 2
     assert jointz("inspect", recording, "--toml", folder, "--overwrite").code == 0
+    draft = folder / "study.toml"
+    draft.write_text(answered(draft.read_text()))
     (entry,) = open_study(folder).spec.recordings
     assert entry.file == "../S01.csv"
 

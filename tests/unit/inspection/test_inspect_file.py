@@ -14,6 +14,8 @@ from jointz.io.formats.registry import write_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 
+from .answers import answered, open_keys
+
 RATE_HZ = 200.0
 
 
@@ -40,7 +42,7 @@ def inspected(folder: Path, frame: pd.DataFrame, name="S07_walk.csv", **options)
 
 
 def opened(folder: Path, found):
-    (folder / "study.toml").write_text(found.toml)
+    (folder / "study.toml").write_text(answered(found.toml))
     study = open_study(folder)
     return study, [r for e in study.spec.recordings for r in read_recording(study, e)]
 
@@ -168,15 +170,14 @@ def test_the_side_of_the_torque_is_seen_from_what_it_does(sign, acts_on, tmp_pat
     assert found.channel("torque").unit == "N*m"
 
 
-def test_without_a_time_column_the_rate_is_a_comment_that_the_analysis_asks_for(tmp_path):
+def test_without_a_time_column_the_rate_is_asked_for(tmp_path):
     found = inspected(tmp_path, walking().drop(columns="Time (s)"))
 
     (reason,) = found.obstacles
     assert "sample_rate_hz" in reason
-    guess = "# sample_rate_hz = 200.0  # guess:"
-    (line,) = (n for n, text in enumerate(found.toml.splitlines(), 1) if text.startswith(guess))
-    with pytest.raises(StudyError, match=f"line {line} "):
-        opened(tmp_path, found)
+    (line,) = [text for text in found.toml.splitlines() if text.startswith("sample_rate_hz")]
+    assert "200.0 (strides then last 1 s)" in line
+    assert "sample_rate_hz" in open_keys(found.toml)
 
 
 @pytest.mark.parametrize(
@@ -206,8 +207,9 @@ def test_a_rate_that_a_header_line_states_is_written_as_stated(line, rate_hz, tm
 
     found = inspect_file(tmp_path / "S12.csv")
 
-    stated = [line for line in found.toml.splitlines() if line.startswith("sample_rate_hz")]
-    assert stated == ([] if rate_hz is None else [f"sample_rate_hz = {rate_hz}"])
+    (line,) = [line for line in found.toml.splitlines() if line.startswith("sample_rate_hz")]
+    assert line == f"sample_rate_hz = {rate_hz}" or rate_hz is None
+    assert ("sample_rate_hz" in open_keys(found.toml)) == (rate_hz is None)
     assert found.clocks[0].rate_hz == rate_hz
 
 
@@ -218,7 +220,7 @@ def test_a_rate_beside_that_of_another_instrument_is_asked_for(other, tmp_path):
 
     found = inspect_file(tmp_path / "S12.csv")
 
-    assert "\n# sample_rate_hz" in found.toml
+    assert "sample_rate_hz" in open_keys(found.toml)
     assert any("100, 2000 Hz" in note for note in found.notes)
 
 
@@ -295,8 +297,7 @@ def test_times_of_the_day_are_a_clock(tmp_path):
 
     assert not found.obstacles
     assert 'unit = "hh:mm:ss"' in found.toml
-    (tmp_path / "study.toml").write_text(found.toml)
-    (recording,) = open_study(tmp_path).recordings[0].read()
+    _, (recording,) = opened(tmp_path, found)
     np.testing.assert_allclose(np.diff(recording["time"]), np.diff(time_s), atol=1e-6)
 
 
@@ -406,14 +407,15 @@ def test_a_command_is_not_turned_for_a_torque_that_counts_the_other_way(tmp_path
 
 def test_what_only_the_reader_knows_stands_there_to_be_answered(tmp_path):
     found = inspected(tmp_path, walking())
+    (tmp_path / "study.toml").write_text(found.toml)
 
     asked = [line for line in found.toml.splitlines() if line.startswith("# ")]
-    (sign,) = [line for line in asked if line.startswith('# positive = "extension"  # guess: ')]
-    assert " to 30.0" in sign
+    assert open_keys(found.toml) == ["torque_acts_on", "unit", "positive"]
+    with pytest.raises(StudyError, match=r"torque_acts_on: open[^$]*channels.angle.positive: open"):
+        open_study(tmp_path)
     for begin in ("side =", "mass_kg =", "[[participants]]", "[[recordings]]", "[perturbations]"):
         assert [line for line in asked if line.startswith(f"# {begin}")]
     answers = {
-        '# positive = "extension"': 'positive = "extension"',
         "# side =": "side =",
         "# [perturbations]": "[perturbations]",
         "# timing_points = { name = % }": "timing_points = { swing = 70.0 }",
@@ -422,7 +424,7 @@ def test_what_only_the_reader_knows_stands_there_to_be_answered(tmp_path):
     for question, answer in answers.items():
         assert text.count(question) == 1
         text = text.replace(question, answer)
-    (tmp_path / "study.toml").write_text(text)
+    (tmp_path / "study.toml").write_text(answered(text, positive="extension"))
     spec = open_study(tmp_path).spec
     assert spec.channels["angle"].positive == "extension"
     assert spec.recordings[0].side == "right"

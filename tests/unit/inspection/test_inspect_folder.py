@@ -13,6 +13,8 @@ from jointz.inspection.inspect_file import inspect_file
 from jointz.inspection.names import words_of
 from jointz.io.study_reader import open_study
 
+from .answers import answered
+
 RATE_HZ = 200.0
 STRIDE_S = 1.1
 ONSETS_S = np.arange(4.37, 38.0, 2.63)
@@ -62,11 +64,7 @@ def german_folder(folder: Path, *, units: str = "Sample") -> None:
 def drafted(folder: Path, **answers: str):
     """Inspect a folder, answer what is asked, and open the study."""
     found = inspect_file(folder)
-    text = found.toml
-    for question, answer in answers.items():
-        assert f"# {question} =" in text
-        text = text.replace(f"# {question} = 1", f"{question} = {answer}")
-    (folder / "study.toml").write_text(text, encoding="utf-8")
+    (folder / "study.toml").write_text(answered(found.toml, **answers), encoding="utf-8")
     return found, open_study(folder)
 
 
@@ -78,7 +76,7 @@ def must_be_asked(found) -> list[str]:
 def test_a_german_folder_is_a_study_with_one_answer(tmp_path):
     german_folder(tmp_path)
 
-    found, study = drafted(tmp_path, first_sample="1")
+    found, study = drafted(tmp_path, first_sample=1)
 
     assert [(r.file, r.participant, r.condition, r.perturbations) for r in found.recordings] == [
         ("VP03_gestört.csv", "VP03", "perturbed", "VP03_Pulse.csv"),

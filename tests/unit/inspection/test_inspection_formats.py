@@ -18,6 +18,8 @@ from jointz.io.formats.registry import BUILT_IN, read_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
 
+from .answers import answered
+
 N, RATE_HZ = 400, 200.0
 S = np.arange(N) / RATE_HZ
 ANGLE_DEG = 30 * np.sin(2 * np.pi * S)
@@ -42,7 +44,7 @@ def assert_is_read(file: Path) -> xr.Dataset:
     """Inspect a file, and read it by the study that was proposed."""
     found = inspect_file(file)
     assert found.obstacles == ()
-    (file.parent / "study.toml").write_text(found.toml, encoding="utf-8")
+    (file.parent / "study.toml").write_text(answered(found.toml), encoding="utf-8")
     study = open_study(file.parent)
     (recording,) = read_recording(study, study.spec.recordings[0])
     np.testing.assert_allclose(recording["angle"], np.deg2rad(ANGLE_DEG), atol=1e-6)
@@ -189,7 +191,7 @@ def test_the_struct_of_a_study_that_an_earlier_version_wrote_is_read_as_it_was_p
     earlier = Path(__file__).parents[1] / "io" / "earlier" / "two_people.mat"
     file = Path(shutil.copy(earlier, tmp_path))
 
-    (tmp_path / "study.toml").write_text(inspect_file(file).toml)
+    (tmp_path / "study.toml").write_text(answered(inspect_file(file).toml))
 
     study = open_study(tmp_path)
     (recording,) = read_recording(study, study.spec.recordings[0])
