@@ -1,5 +1,6 @@
 """Rows of a table for a mixed model, checked and numbered."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +67,7 @@ def table_rows(
     table: pd.DataFrame, *, response: str, within: str, participant: str, nested: bool
 ) -> Rows:
     """Return the rows of a table that have a value, checked."""
+    refuse_several([within] if isinstance(within, str) else within, response, participant)
     rows = _rows(table, response, within, participant)
     _check_replicates(rows, table, (participant, within, response), nested=nested)
     return rows
@@ -118,6 +120,25 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
     if problems:
         raise DataError("mixed_model: " + "; ".join(problems))
     return rows
+
+
+def refuse_several(within: Sequence[str], response: str, participant: str) -> None:
+    """Refuse several factors within participants, with the call of R that takes them."""
+    if len(within) > 1:
+        raise DataError(
+            f"mixed_model: expected one column within, got {', '.join(within)}. "
+            f"{_in_r(response, within, participant)}"
+        )
+
+
+def _in_r(response: str, factors: Sequence[str], participant: str) -> str:
+    """Return the call that tests several factors within participants, one row a combination."""
+    own = "".join(f" + (1 | {participant}:{factor})" for factor in factors)
+    model = f"{response} ~ {' * '.join(factors)} + (1 | {participant}){own}"
+    return (
+        f"For several factors use R: anova(lmerTest::lmer({model}, table), "
+        'ddf = "Kenward-Roger"), with the package pbkrtest'
+    )
 
 
 def _check_size(y: np.ndarray, response: str) -> None:
@@ -201,7 +222,8 @@ def _check_replicates(
             f"{rows.levels[j]!r} has {int(counts[i, j])} ({rows.y.size} rows in "
             f"{np.count_nonzero(counts)} cells).{copies} Rows of one cell are replicates, not "
             f"people: counted as people they make nearly every difference significant. Average "
-            f"them to one row a cell, or pass nested=True to give the cells a variance of their own"
+            f"them to one row a cell, or pass nested=True to give the cells a variance of their own. "
+            f"{_in_r(names[2], (names[1], 'OTHER'), names[0])}"
         )
     if nested and counts.max() < 2:
         raise DataError(
