@@ -222,7 +222,7 @@ def _check_replicates(
             f"{rows.levels[j]!r} has {int(counts[i, j])} ({rows.y.size} rows in "
             f"{np.count_nonzero(counts)} cells).{copies} Rows of one cell are replicates, not "
             f"people: counted as people they make nearly every difference significant. Average "
-            f"them to one row a cell, or pass nested=True to give the cells a variance of their own. "
+            f"them to one row a cell, or pass nested=True to give the cells their own variance. "
             f"{_in_r(names[2], (names[1], 'OTHER'), names[0])}"
         )
     if nested and counts.max() < 2:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from jointz.core.errors import DataError
+from jointz.gait import timestamps
 from jointz.identify.series.joint_record import Samples, gather_record
 
 #: Largest magnitude an actuator of a joint can show, SI: what lies beyond is an overflow of
@@ -40,6 +41,7 @@ class ActuatorRecord:
     rate_hz: float | None  # sampling rate, where known
     time: np.ndarray  # s; sample numbers if the rate is unknown
     sha256: str  # hash of the file, where known
+    n_gaps: int = 0  # gaps in the time stamps, which are left out then
 
 
 def gather_actuator(
@@ -55,6 +57,10 @@ def gather_actuator(
     has_time = "time" in source and source["time"] is not None
     if rate_hz is not None and has_time:
         raise DataError("identify_actuator: expected time stamps or rate_hz, got both. Drop one.")
+    n_gaps = len(timestamps.find_gaps(np.asarray(source["time"], float))) if has_time else 0
+    if n_gaps:  # only an inertia would need the time
+        arrays = {name: values for name, values in arrays.items() if name != "time"}
+        has_time = False
     timed = has_time or rate_hz is not None
     record = gather_record(
         recording,
@@ -81,6 +87,7 @@ def gather_actuator(
         rate_hz=rate,
         time=record.time,
         sha256=record.sha256,
+        n_gaps=n_gaps,
     )
 
 

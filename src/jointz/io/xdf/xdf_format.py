@@ -37,6 +37,7 @@ _NOT_IN_HEADER = ("segments", "clock_segments")
 #: Second channel of markers that last, as earlier versions of jointz wrote them.
 _DURATION = "duration_s"
 _LARGEST_EXACT = 2**53
+_BY_HAND = "Read it with pyxdf, and write the samples as csv with the times that you know."
 
 
 class XdfFormat(GroupFormat):
@@ -53,14 +54,19 @@ class XdfFormat(GroupFormat):
         texts at no nominal rate are markers, and each text is an event as well.
         """
         content = path.read_bytes()
-        walked = walk(path, content)
-        loaded = _load(path, content)
+        walked, end = walk(path, content)
+        loaded = _load(path, content[:end])
         try:
-            return _acquisition(path, walked, loaded)
+            read = _acquisition(path, walked, loaded)
         except DataError:
             raise
         except ValueError as exc:  # a number in a description that is none
             raise damaged(path, exc) from exc
+        if end < len(content):
+            read.metadata[f"{READING}end"] = (
+                f"The recording stops in a chunk: its last {len(content) - end} bytes are not read."
+            )
+        return read
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +215,7 @@ def _clock(path: Path, walked: Stream, stream: Mapping[str, Any]) -> SignalGroup
 def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
     return DataError(
         f"{path.name}, stream '{walked.name}': expected a time stamp a sample, or a first one and "
-        f"a nominal rate; {found}. Record or export it again.",
+        f"a nominal rate; {found}. {_BY_HAND}",
         path=str(path),
     )
 
@@ -223,7 +229,7 @@ def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup)
         row = int(np.flatnonzero(~np.isfinite(clock.time_s))[0])
         raise DataError(
             f"{path.name}, stream '{name}', sample {row + 1}: expected a time stamp, found "
-            f"{clock.time_s[row]}. Record or export it again.",
+            f"{clock.time_s[row]}. {_BY_HAND}",
             path=str(path),
         )
     signals = tuple(
@@ -296,7 +302,7 @@ def _synchronised(
         raise DataError(
             f"{path.name}, stream '{walked.name}': expected offsets of its clock that pyxdf can "
             f"use, found {n_unused} of {len(segments)} parts without; their times are not known. "
-            "Record or export it again.",
+            "{_BY_HAND}",
             path=str(path),
         )
     if n_unused:
