@@ -117,26 +117,9 @@ _NEWTON_METER_SLIP = re.compile(r"[mk]?nm(?P<second>s?)", re.IGNORECASE)
 _PREFIXES: Mapping[str, str] = {"": "", "m": "milli", "k": "kilo", "u": "micro"}
 _METERS: Mapping[str, str] = {"m": "meter", "cm": "centimeter", "mm": "millimeter"}
 _WRITTEN = (
-    *(
-        "rad",
-        "deg",
-        "s",
-        "ms",
-        "min",
-        "A",
-        "mA",
-        "V",
-        "mV",
-        "N",
-        "kN",
-        "rpm",
-        "rps",
-        "Hz",
-        "kg",
-        "m",
-    ),
+    *("rad", "deg", "s", "ms", "min", "A", "mA", "V", "mV", "N", "kN", "rpm", "Hz", "kg", "m"),
     *("cm", "mm", "lbf", "in", "ft", "J", "W", "Pa", "kPa", "K", "degC", "newton", "meter"),
-    *("degree", "radian", "second", "ampere", "volt", "percent"),
+    *("degree", "radian", "second", "ampere", "volt", "percent", "rps"),
 )
 _SHORTEST_PLURAL = 4  # "rads" and "degrees" are plurals; "Ns" and "As" are products
 

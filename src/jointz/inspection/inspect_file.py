@@ -32,6 +32,7 @@ from jointz.inspection.study_draft import (
     study_text,
 )
 from jointz.io.formats.losses import is_plain, plainly
+from jointz.io.formats.registry import format_of
 
 _SAME_RATE = 0.05
 _LONGEST_LIST = 3
@@ -84,6 +85,9 @@ def inspect_file(
         # Of all files but the most telling one only what a line of the study needs is kept.
         sources = with_most_telling_first([*sources, *recordings]) if recordings else sources
     if not sources:
+        unread = (file for file in sorted(given.rglob("*")) if file.is_file())
+        if not notes and (file := next(unread, None)):
+            format_of(file)  # says what is read
         raise DataError(
             " ".join(
                 [

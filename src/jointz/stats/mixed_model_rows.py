@@ -125,20 +125,12 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
 def refuse_several(within: Sequence[str], response: str, participant: str) -> None:
     """Refuse several factors within participants, with the call of R that takes them."""
     if len(within) > 1:
+        own = "".join(f" + (1 | {participant}:{factor})" for factor in within)
+        model = f"{response} ~ {' * '.join(within)} + (1 | {participant}){own}"
         raise DataError(
-            f"mixed_model: expected one column within, got {', '.join(within)}. "
-            f"{_in_r(response, within, participant)}"
+            f"mixed_model: expected one column within, got {', '.join(within)}. For several use R: "
+            f'anova(lmerTest::lmer({model}, table), ddf = "Kenward-Roger")'
         )
-
-
-def _in_r(response: str, factors: Sequence[str], participant: str) -> str:
-    """Return the call that tests several factors within participants, one row a combination."""
-    own = "".join(f" + (1 | {participant}:{factor})" for factor in factors)
-    model = f"{response} ~ {' * '.join(factors)} + (1 | {participant}){own}"
-    return (
-        f"For several factors use R: anova(lmerTest::lmer({model}, table), "
-        'ddf = "Kenward-Roger"), with the package pbkrtest'
-    )
 
 
 def _check_size(y: np.ndarray, response: str) -> None:
@@ -222,8 +214,7 @@ def _check_replicates(
             f"{rows.levels[j]!r} has {int(counts[i, j])} ({rows.y.size} rows in "
             f"{np.count_nonzero(counts)} cells).{copies} Rows of one cell are replicates, not "
             f"people: counted as people they make nearly every difference significant. Average "
-            f"them to one row a cell, or pass nested=True to give the cells their own variance. "
-            f"{_in_r(names[2], (names[1], 'OTHER'), names[0])}"
+            f"them to one row a cell, or pass nested=True to give the cells a variance of their own"
         )
     if nested and counts.max() < 2:
         raise DataError(

@@ -155,9 +155,8 @@ def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:
     along_rows, along_columns = _neighbour_correlation(curves.T), _neighbour_correlation(curves)
     if along_rows > _OF_NODES > along_columns:
         raise DataError(
-            f"{where}: expected one row a participant in {name}, got shape {curves.shape}, whose "
-            f"neighbouring rows are alike (r = {along_rows:.2f}) and whose columns are not: the "
-            f"nodes seem to be in its rows. Pass {name}.T."
+            f"{where}: expected one row a participant in {name}, got {n} rows that resemble their "
+            f"neighbours (r = {along_rows:.2f}), as nodes do. Pass {name}.T."
         )
     return curves
 

@@ -39,10 +39,7 @@ def actuator_warnings(
         missing = "there are no values" if fit.is_saturated else "the values have no interval"
         yield f"undecided, {missing}: {fit.doubt}"
     if record.n_gaps:
-        yield (
-            f"time has {record.n_gaps} gap(s), and is left out: an inertia needs a record without "
-            "gaps, or a measured acceleration"
-        )
+        yield f"time has {record.n_gaps} gap(s) and is left out: only an inertia would need it"
     if fit.caution:
         yield fit.caution
     for name, why in terms.left_out.items():

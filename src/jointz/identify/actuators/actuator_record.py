@@ -57,8 +57,8 @@ def gather_actuator(
     has_time = "time" in source and source["time"] is not None
     if rate_hz is not None and has_time:
         raise DataError("identify_actuator: expected time stamps or rate_hz, got both. Drop one.")
-    n_gaps = len(timestamps.find_gaps(np.asarray(source["time"], float))) if has_time else 0
-    if n_gaps:  # only an inertia would need the time
+    n_gaps = _n_gaps(source["time"]) if has_time else 0
+    if n_gaps:
         arrays = {name: values for name, values in arrays.items() if name != "time"}
         has_time = False
     timed = has_time or rate_hz is not None
@@ -89,6 +89,14 @@ def gather_actuator(
         sha256=record.sha256,
         n_gaps=n_gaps,
     )
+
+
+def _n_gaps(time: npt.ArrayLike | None) -> int:
+    """Return the number of gaps in time stamps that increase; others are refused later."""
+    stamps = np.ravel(np.asarray(time))
+    if stamps.dtype.kind not in "if" or not (np.diff(stamps) > 0).all():
+        return 0
+    return len(timestamps.find_gaps(stamps))
 
 
 def _check_plausible(source: Samples | Mapping[str, npt.ArrayLike | None]) -> None:

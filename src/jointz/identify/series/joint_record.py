@@ -264,13 +264,11 @@ def _check_time(time: np.ndarray, first_row: int) -> None:
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if backwards.size:
         row = first_row + int(backwards[0]) + 1
-        problem = f"row {row}: time does not increase. Sort the record."
+        problem, todo = "does not increase", "Sort the record."
         if (np.diff(time) >= 0).all():
-            problem = (
-                f"row {row}: time repeats ({backwards.size} times), as stamps of too few digits do. "
-                "If the rate is even, leave time out and give rate_hz (--rate HZ)."
-            )
-        raise DataError(problem, row=row)
+            problem = f"repeats at {backwards.size} rows, as with too few digits"
+            todo = "If the rate is even, leave time out and give rate_hz (--rate HZ)."
+        raise DataError(f"row {row}: time {problem}. {todo}", row=row)
     _check_one_rate(time)
     gaps = timestamps.find_gaps(time)
     if len(gaps):

@@ -46,9 +46,7 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
     """Return the variables, and whether there are MATLAB objects among them."""
     with path.open("rb") as file:
         if file.read(len(_OCTAVE)) == _OCTAVE:
-            raise file_error(
-                path, "is a text file of Octave. Load it there and save -v7, or csvwrite."
-            )
+            raise file_error(path, "is a text file of Octave. Load it there; save -v7 or csvwrite.")
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:

@@ -193,10 +193,7 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     if not text[-1].strip("\r\n"):
         what = "has only a header" if any(lines) else "is empty"
         todo = ", or correct [files] skip_rows" if files.skip_rows else ""
-        raise file_error(
-            path,
-            f"{what}, no samples under row {n_head}. Name another file, export it again{todo}.",
-        )
+        raise file_error(path, f"{what}, no samples under row {n_head}. Name another file{todo}.")
     cells = _first_cells(path, text[0], delimiter, row=n_head if files.header else n_head + 1)
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
     head = tuple(lines[:-1])
