@@ -85,9 +85,9 @@ def inspect_file(
         # Of all files but the most telling one only what a line of the study needs is kept.
         sources = with_most_telling_first([*sources, *recordings]) if recordings else sources
     if not sources:
-        unread = (file for file in sorted(given.rglob("*")) if file.is_file())
-        if not notes and (file := next(unread, None)):
-            format_of(file)  # says what is read
+        unread = [f for f in sorted(given.rglob("[!.]*")) if f.is_file()]
+        if unread and not notes:
+            format_of(unread[0])  # says what is read
         raise DataError(
             " ".join(
                 [

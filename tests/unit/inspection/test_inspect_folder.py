@@ -187,6 +187,13 @@ def test_a_folder_without_a_recording_says_why(tmp_path):
         inspect_file(tmp_path)
 
 
+def test_a_folder_of_a_suffix_that_is_not_read_says_which_are(tmp_path):
+    (tmp_path / "S01.abf").write_bytes(b"ABF2")
+
+    with pytest.raises(DataError, match=r"S01\.abf: no format .* \.csv, .*Save it as csv"):
+        inspect_file(tmp_path)
+
+
 def test_a_torque_in_counts_is_asked_for(tmp_path):
     frame = walk().assign(torque=lambda t: np.round(2048 + 10 * t["torque"]))
     write(tmp_path / "S01.csv", frame, ["time_s", "knee_deg", "loadcell_raw", "heel"])
