@@ -124,7 +124,7 @@ def _inspection(
             *notes,
         ),
         obstacles=obstacles,
-        advice=todo or _advice(plainly(main.file.name), proposal),
+        advice=todo or _advice(main, proposal),
         questions=questions_of(proposal, main.clock),
         recordings=tuple(
             sorted(
@@ -187,11 +187,12 @@ def _verdict(
     return (*missing_channels(columns, assigned, clock), *bad), wrong if bad else ()
 
 
-def _advice(file: str, proposal: Proposal) -> tuple[str, ...]:
+def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     """Return commands that take the file, if an analysis of pulses in walking cannot."""
     if proposal.kind.value == "walking" and not proposal.obstacles:
-        return ()
-    acts_on = proposal.acts_on.value
+        is_random = main.pulses.n and not main.pulses.source
+        return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
+    file, acts_on = plainly(main.file.name), proposal.acts_on.value
     return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))
 
 
