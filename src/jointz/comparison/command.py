@@ -72,7 +72,7 @@ def compare(
     ] = None,
     within: Annotated[
         list[str] | None,
-        typer.Option("--within", help="For a table: column of the compared conditions, one."),
+        typer.Option("--within", help="For a table: column of the compared conditions."),
     ] = None,
     participant: Annotated[
         str | None, typer.Option("--participant", help="For a table: column of the participants.")

@@ -176,12 +176,10 @@ def _time_problems(recording: xr.Dataset) -> list[str]:
         return []
     at = int(bad[0])
     word = "repeats" if time[at + 1] == time[at] else "goes back"
-    todo = "sort the file, or separate trials with [channels.trial]."
-    if (time[1:] >= time[:-1]).all():
-        todo = "with too few digits and an even rate, give sample_rate_hz for [channels.time]."
     return [
         f"row {first_row + at + 1}: time {word} ({time[at + 1]:.6g} s after {time[at]:.6g} s; "
-        f"{bad.size} such row(s)). Time must increase: {todo}"
+        f"{bad.size} such row(s)). Time must increase; sort the file, or separate trials with "
+        "[channels.trial]. If stamps repeat for lack of digits, give sample_rate_hz for time."
     ]
 
 

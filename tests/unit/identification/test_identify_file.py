@@ -181,7 +181,7 @@ def test_stamps_that_repeat_are_told_and_the_rate_replaces_them(tmp_path):
     table = pd.DataFrame({"t": np.arange(n) / 500.0, "q": angle, "tau": torque})
     table.round({"t": 2}).to_csv(path, index=False)
     columns = {"angle": "q", "torque": "tau"}
-    with pytest.raises(DataError, match=r"time repeats at \d+ rows.*--rate HZ"):
+    with pytest.raises(DataError, match=r"it repeats in \d+ rows.*--rate HZ"):
         identify_file(identify_joint, path, {"time": "t", **columns}, input="angle")
 
     fit, _ = identify_file(identify_joint, path, columns, rate_hz=500.0, input="angle")

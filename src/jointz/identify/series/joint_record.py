@@ -264,11 +264,10 @@ def _check_time(time: np.ndarray, first_row: int) -> None:
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if backwards.size:
         row = first_row + int(backwards[0]) + 1
-        problem, todo = "does not increase", "Sort the record."
+        problem = "goes back. Sort the record."
         if (np.diff(time) >= 0).all():
-            problem = f"repeats at {backwards.size} rows, as with too few digits"
-            todo = "If the rate is even, leave time out and give rate_hz (--rate HZ)."
-        raise DataError(f"row {row}: time {problem}. {todo}", row=row)
+            problem = f"repeats in {backwards.size} rows. Give an even rate instead: --rate HZ."
+        raise DataError(f"row {row}: time does not increase, it {problem}", row=row)
     _check_one_rate(time)
     gaps = timestamps.find_gaps(time)
     if len(gaps):
