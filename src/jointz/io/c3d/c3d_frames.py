@@ -22,7 +22,7 @@ _MOST_VALUES = 0xFFFF
 #: Two floats that are to say the same; both are of single precision.
 SAME = 1e-5
 _SMALLEST_SCALE = float(np.finfo(np.float32).tiny)
-_COPY = "Copy or export it again."
+_COPY = "Copy it again, or save it as csv where it was made."
 _SAVE = "Export it again, or open it in another program, such as Mokka, and save it as C3D or csv."
 
 

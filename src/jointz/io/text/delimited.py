@@ -211,7 +211,7 @@ def _first_cells(path: Path, line: str, delimiter: str, *, row: int) -> list[str
         raise file_error(
             path,
             f"the row cannot be split into columns at '{delimiter}' ({exc}). Set [files] delimiter "
-            "to the sign between the columns, or export the file again.",
+            "to the sign between the columns, or save it as csv in another program.",
             row=row,
         ) from exc
 
