@@ -312,9 +312,8 @@ def _pulse_notes(study: Study, pulses: Sequence[PulseRecord]) -> list[str]:
     if pulses or study.spec.kind != "bench":
         return []
     return [
-        "no recording contains a pulse, which analyze needs. Torque models, the bandwidth of a "
-        "torque loop, and impedance under noise are estimated from single recordings: jointz "
-        "identify --help."
+        "no recording contains a pulse, which analyze needs. Single recordings are estimated by "
+        "jointz identify: joint (K, B and J under random torque or position), actuator, bandwidth."
     ]
 
 

@@ -71,7 +71,8 @@ def compare(
         typer.Option("--response", help="For a table: column of the values; may be repeated."),
     ] = None,
     within: Annotated[
-        str | None, typer.Option("--within", help="For a table: column of the compared conditions.")
+        list[str] | None,
+        typer.Option("--within", help="For a table: column of the compared conditions."),
     ] = None,
     participant: Annotated[
         str | None, typer.Option("--participant", help="For a table: column of the participants.")
@@ -145,7 +146,7 @@ def compare(
     _fit_table(
         Path(results[0]),
         responses=list(dict.fromkeys(response or ())),
-        columns=(str(within), str(participant)),
+        columns=(within or [], str(participant)),
         model={"nested": nested, "df": (df or Df.KENWARD_ROGER).value},
         pairs={
             "adjust": (adjust or Adjust.BONFERRONI).value,
@@ -171,7 +172,7 @@ def _fit_table(
     file: Path,
     *,
     responses: Sequence[str],
-    columns: tuple[str, str],
+    columns: tuple[Sequence[str], str],
     model: Mapping[str, Any],
     pairs: Mapping[str, str],
     form: tuple[bool, bool],
@@ -179,8 +180,11 @@ def _fit_table(
     from jointz.comparison.comparison_table import read_responses
     from jointz.comparison.comparison_text import fit_dict, fit_tables
     from jointz.stats import mixed_model
+    from jointz.stats.mixed_model_rows import refuse_several
 
-    (within, who), (as_json, quiet) = columns, form
+    (factors, who), (as_json, quiet) = columns, form
+    refuse_several(factors, responses[0], who)
+    (within,) = factors
     table = read_responses(file, responses=responses, within=within, participant=who)
     try:
         fits = [

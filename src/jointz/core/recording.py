@@ -179,7 +179,7 @@ def _time_problems(recording: xr.Dataset) -> list[str]:
     return [
         f"row {first_row + at + 1}: time {word} ({time[at + 1]:.6g} s after {time[at]:.6g} s; "
         f"{bad.size} such row(s)). Time must increase; sort the file, or separate trials with "
-        "[channels.trial]."
+        "[channels.trial]. If stamps repeat for lack of digits, give sample_rate_hz for time."
     ]
 
 

@@ -45,6 +45,7 @@ force_ounce = force_pound / 16 = ozf
 force_kilogram = kilogram * standard_gravity = kgf
 hertz = 1 / second = Hz
 revolutions_per_minute = turn / minute = rpm
+revolutions_per_second = turn / second = rps
 watt = joule / second = W
 volt = watt / ampere = V
 ohm = volt / ampere
@@ -85,6 +86,8 @@ _EXAMPLES = "N*m, Nm/rad, deg, rad/s, rpm, mA, ms, mV, %"
 #: Signs that are not letters, rewritten; longer ones first.
 _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("U/min", "Umdr/min", "tr/min", "giri/min", "omw/min"), "rpm"),
+    **dict.fromkeys(("U/s", "Umdr/s", "tr/s"), "rps"),
+    " per ": "/",
     "é": "e",
     "hh:mm:ss": "s",
     "°C": "degC",
@@ -116,7 +119,7 @@ _METERS: Mapping[str, str] = {"m": "meter", "cm": "centimeter", "mm": "millimete
 _WRITTEN = (
     *("rad", "deg", "s", "ms", "min", "A", "mA", "V", "mV", "N", "kN", "rpm", "Hz", "kg", "m"),
     *("cm", "mm", "lbf", "in", "ft", "J", "W", "Pa", "kPa", "K", "degC", "newton", "meter"),
-    *("degree", "radian", "second", "ampere", "volt", "percent"),
+    *("degree", "radian", "second", "ampere", "volt", "percent", "rps"),
 )
 _SHORTEST_PLURAL = 4  # "rads" and "degrees" are plurals; "Ns" and "As" are products
 

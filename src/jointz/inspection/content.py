@@ -84,7 +84,9 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
     if path.name.lower().endswith(TEXT_SUFFIXES):
         content = _text_content(path, find_layout(path, layout))
     else:
-        content = _content(path, read_acquisition(path))
+        files = FilesSpec.model_validate(layout or {})
+        content = _content(path, read_acquisition(path, files))
+        content = replace(content, files=files if files.decimal != "." else None)
     if path.name.lower().endswith(PACKED):
         _check_work(path, content)
     return content

@@ -33,6 +33,7 @@ from jointz.inspection.study_draft import (
     study_text,
 )
 from jointz.io.formats.losses import is_plain, plainly
+from jointz.io.formats.registry import format_of
 
 _SAME_RATE = 0.05
 _LONGEST_LIST = 3
@@ -85,6 +86,9 @@ def inspect_file(
         # Of all files but the most telling one only what a line of the study needs is kept.
         sources = with_most_telling_first([*sources, *recordings]) if recordings else sources
     if not sources:
+        unread = [f for f in sorted(given.rglob("[!.]*")) if f.is_file()]
+        if unread and not notes:
+            format_of(unread[0])  # says what is read
         raise DataError(
             " ".join(
                 [
@@ -122,7 +126,7 @@ def _inspection(
             *notes,
         ),
         obstacles=obstacles,
-        advice=todo or _advice(plainly(main.file.name), proposal),
+        advice=todo or _advice(main, proposal),
         questions=proposal.questions,
         recordings=tuple(
             sorted(
@@ -185,13 +189,14 @@ def _verdict(
     return (*missing_channels(columns, assigned, clock), *bad), wrong if bad else ()
 
 
-def _advice(file: str, proposal: Proposal) -> tuple[str, ...]:
+def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     """Return commands that take the file, if an analysis of pulses in walking cannot."""
     if proposal.kind.value == "walking" and not proposal.obstacles:
-        return ()
+        is_random = main.pulses.n and not main.pulses.source
+        return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
     if proposal.question("torque_acts_on"):
         return ()
-    acts_on = proposal.acts_on.value
+    file, acts_on = plainly(main.file.name), proposal.acts_on.value
     return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))
 
 

@@ -103,7 +103,7 @@ def _unit_of(name: str) -> str:
     if _BRACKETS.search(name):
         inside = [text.split(",")[0] for text in _IN_BRACKETS.findall(name)]
         return next(filter(None, map(readable_unit, reversed(inside))), "")
-    tail = _TAIL.search(name.replace("_per_", "/").replace(" per ", "/"))
+    tail = _TAIL.search(re.sub(r"[_ ]per[_ ]|(?<=Nm)_(?=kg$)", "/", name))
     if tail is None or tail[1].casefold() in _NO_UNIT_WORDS:
         camel = _WORD.findall(name)[-1:] or [""]
         last = camel[0].casefold()

@@ -45,7 +45,7 @@ class Pulses:
     """Pulses of a recording."""
 
     source: str = ""  # channel that shows the pulses, ``command`` or ``angle``; "" for none
-    n: int = 0  # number of pulses
+    n: int = 0  # number of pulses; without a source, times that a command goes on at random
     why: str = ""  # reason for the source, in words
 
 
@@ -57,7 +57,7 @@ def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
         n = int((np.diff(there.astype(np.int8)) == 1).sum()) + int(bool(there.size and there[0]))
         if n and there.mean() < 0.5:
             return Pulses("command", n, f"the command is not zero {n} time(s)")
-        return Pulses("", 0, "the command is never zero for long" if n else "the command is zero")
+        return Pulses("", n, "the command is never zero for long" if n else "the command is zero")
     if "angle" not in assigned or "torque" not in assigned or clock.rate_hz is None:
         return Pulses()
     return _steps(assigned, clock)

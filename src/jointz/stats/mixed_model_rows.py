@@ -1,5 +1,6 @@
 """Rows of a table for a mixed model, checked and numbered."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +67,7 @@ def table_rows(
     table: pd.DataFrame, *, response: str, within: str, participant: str, nested: bool
 ) -> Rows:
     """Return the rows of a table that have a value, checked."""
+    refuse_several([within] if isinstance(within, str) else within, response, participant)
     rows = _rows(table, response, within, participant)
     _check_replicates(rows, table, (participant, within, response), nested=nested)
     return rows
@@ -118,6 +120,17 @@ def _rows(table: pd.DataFrame, response: str, within: str, participant: str) -> 
     if problems:
         raise DataError("mixed_model: " + "; ".join(problems))
     return rows
+
+
+def refuse_several(within: Sequence[str], response: str, participant: str) -> None:
+    """Refuse several factors within participants, with the call of R that takes them."""
+    if len(within) > 1:
+        own = "".join(f" + (1 | {participant}:{factor})" for factor in within)
+        model = f"{response} ~ {' * '.join(within)} + (1 | {participant}){own}"
+        raise DataError(
+            f"mixed_model: expected one column within, got {', '.join(within)}. For several use R: "
+            f'anova(lmerTest::lmer({model}, table), ddf = "Kenward-Roger")'
+        )
 
 
 def _check_size(y: np.ndarray, response: str) -> None:

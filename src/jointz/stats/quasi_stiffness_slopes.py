@@ -31,6 +31,9 @@ SMALL_RAD = radians(1.0)
 #: Below this the moment does not follow a line over angle.
 LINE_FROM = 0.5
 _FEWEST_NODES = 3
+#: Share of the variance of parts of a curve, in their mean, above which they are strides.
+_ALIKE = 0.9
+_MOST_STRIDES = 100
 _LARGEST_ANGLE_RAD = 2 * pi
 
 MomentUnit = Literal["N*m", "N*m/kg"]
@@ -142,10 +145,17 @@ def _checked_curve(
                 f"quasi_stiffness: {name} must be finite, node {broken[0]} (of {values.size}) "
                 f"is {values[broken[0]]}. Leave the node out, or fill it"
             )
-    if angles.size < _FEWEST_NODES or not (np.diff(places) > 0).all():
+    falls = int((np.diff(places) <= 0).sum())
+    if angles.size < _FEWEST_NODES or falls:
         raise DataError(
             f"quasi_stiffness: gait_pct must rise over at least {_FEWEST_NODES} nodes; got "
-            f"{places.size}. Sort the nodes and drop repeated ones"
+            f"{places.size}, and {falls} times no rise. Several strides or people in one table: "
+            "pass the mean stride of one person. Else sort the nodes and drop repeated ones"
+        )
+    if gait_pct is None and (n := _n_strides(angles)) > 1:
+        raise DataError(
+            f"quasi_stiffness: the angle repeats {n} times; expected one stride, as there is no "
+            "gait_pct. Pass the mean stride of one person, or gait_pct if it is one stride"
         )
     if np.abs(angles).max() > _LARGEST_ANGLE_RAD:
         raise DataError(
@@ -153,6 +163,18 @@ def _checked_curve(
             "these look like degrees. Pass numpy.radians(angle), or COLUMN:deg in a command"
         )
     return places, angles, moments
+
+
+def _n_strides(angle: np.ndarray) -> int:
+    """Return into how many parts that resemble each other a curve falls, 1 for none."""
+    for n in range(min(_MOST_STRIDES, angle.size // _FEWEST_NODES), 1, -1):
+        parts = angle[: angle.size // n * n].reshape(n, -1)
+        parts = parts - parts.mean(axis=1, keepdims=True)
+        mean = parts.mean(axis=0)
+        # A part of a straight curve resembles the others, too, but holds little of its range.
+        if mean.var() > _ALIKE * parts.var() and np.ptp(mean) > 0.5 * np.ptp(angle):
+            return n
+    return 1
 
 
 def _check_request(points: Mapping[str, float], window_pct: float, moment_unit: str) -> None:

@@ -13,6 +13,8 @@ _FEWEST_NODES = 5
 _SMALLEST_ALPHA = 1e-6
 #: Rounding units of the data below which a spread over participants is none.
 _ROUNDING_UNITS = 16.0
+#: Correlation of neighbours above which an axis holds nodes; between people there is hardly any.
+_OF_NODES = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:
     if nodes < _FEWEST_NODES:
         raise DataError(
             f"{where}: expected curves of at least {_FEWEST_NODES} nodes in {name}, got {nodes}. "
-            "Test single values with a t test."
+            f"Test single values with a t test; if the nodes are in its rows, pass {name}.T."
         )
     bad = ~np.isfinite(curves)
     if bad.any():
@@ -150,7 +152,21 @@ def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:
             f"first of row {person} at node {node}. Leave out the participant, or the nodes "
             f"({int(bad.any(axis=0).sum())}) in everybody."
         )
+    along_rows, along_columns = _neighbour_correlation(curves.T), _neighbour_correlation(curves)
+    if along_rows > _OF_NODES > along_columns:
+        raise DataError(
+            f"{where}: expected one row a participant in {name}, got {n} rows that resemble their "
+            f"neighbours (r = {along_rows:.2f}), as nodes do. Pass {name}.T."
+        )
     return curves
+
+
+def _neighbour_correlation(curves: np.ndarray) -> float:
+    """Return the correlation of neighbouring columns, without the means of rows and columns."""
+    rest = curves - curves.mean(axis=0)
+    rest -= rest.mean(axis=1, keepdims=True)
+    power = float((rest**2).mean()) if rest.size else 0.0
+    return float((rest[:, 1:] * rest[:, :-1]).mean()) / power if power > 0.0 else 1.0
 
 
 def _tested(mean: np.ndarray, sd: np.ndarray, scale: np.ndarray, where: str) -> np.ndarray:

@@ -192,3 +192,11 @@ def test_what_cannot_be_compared_is_refused(jointz, tmp_path, monkeypatch, argum
 
     assert outcome.code == 2
     assert named in " ".join(outcome.err.split())
+
+
+def test_a_second_factor_within_people_is_refused_with_the_call_of_r(jointz, table):
+    outcome = jointz("compare", table, *COLUMNS, "--within", "load")
+
+    assert outcome.code == 2
+    assert "got point, load" in outcome.err
+    assert "lmer(stiffness ~ point * load + (1 | who)" in outcome.err

@@ -17,6 +17,9 @@ INCH_M, POUND_N = 0.0254, 0.45359237 * 9.80665  # exact by definition
 @pytest.mark.parametrize(
     ("unit", "si_unit", "factor"),
     [
+        ("turns per second", "rad/s", 2 * math.pi),
+        ("rev/s", "rad/s", 2 * math.pi),
+        ("rps", "rad/s", 2 * math.pi),
         ("Nm", "N*m", 1.0),
         ("N m", "N*m", 1.0),
         ("N·m", "N*m", 1.0),

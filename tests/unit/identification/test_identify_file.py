@@ -171,3 +171,18 @@ def test_the_unit_in_a_columns_name_holds(tmp_path, knee_table, name):
 def test_one_column_for_two_channels_is_refused(file):
     with pytest.raises(DataError, match="column 'deg'"):
         jointz.read(file, angle="deg:deg", torque="deg:N*m")
+
+
+def test_stamps_that_repeat_are_told_and_the_rate_replaces_them(tmp_path):
+    rng, n, path = np.random.default_rng(0), 4000, tmp_path / "joint.csv"
+    angle = 0.05 * np.convolve(rng.standard_normal(n), np.hanning(40), "same")
+    velocity = np.gradient(angle) * 500.0
+    torque = 20.0 * angle + 0.5 * velocity + 0.02 * np.gradient(velocity) * 500.0
+    table = pd.DataFrame({"t": np.arange(n) / 500.0, "q": angle, "tau": torque})
+    table.round({"t": 2}).to_csv(path, index=False)
+    columns = {"angle": "q", "torque": "tau"}
+    with pytest.raises(DataError, match=r"it repeats in \d+ rows.*--rate HZ"):
+        identify_file(identify_joint, path, {"time": "t", **columns}, input="angle")
+
+    fit, _ = identify_file(identify_joint, path, columns, rate_hz=500.0, input="angle")
+    assert fit.stiffness.value == pytest.approx(20.0, rel=0.05)

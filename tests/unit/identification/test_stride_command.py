@@ -78,3 +78,17 @@ def test_what_cannot_be_used_exits_2(jointz, mean, arguments, word):
     outcome = jointz("identify", "stride", mean, *arguments)
     assert outcome.code == 2
     assert word in outcome.err
+
+
+def test_a_table_of_phases_of_several_people_is_refused_and_its_names_state_units(jointz, tmp_path):
+    path = tmp_path / "phase.csv"
+    rows = pd.DataFrame({"phase": PCT, "knee_rad": ANGLE, "knee_moment_Nm_kg": TORQUE})
+    pd.concat([rows.assign(subject=f"AB{k // 3}", step=k % 3) for k in range(6)]).to_csv(path)
+    columns = ("--angle", "knee_rad", "--torque-per-mass", "knee_moment_Nm_kg")
+    outcome = jointz("identify", "stride", path, *columns)
+    assert (outcome.code, "the angle repeats 6 times" in outcome.err) == (2, True)
+
+    rows.to_csv(path)
+    assert jointz("identify", "stride", path, *columns, "--json").json["unit"] == "N*m/rad/kg"
+    as_torque = jointz("identify", "stride", path, *columns[:2], "--torque", "knee_moment_Nm_kg")
+    assert (as_torque.code, "'N*m/kg' measures torque per body mass" in as_torque.err) == (2, True)

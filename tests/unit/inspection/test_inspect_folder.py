@@ -185,6 +185,36 @@ def test_a_folder_without_a_recording_says_why(tmp_path):
         inspect_file(tmp_path)
 
 
+def test_a_folder_of_a_suffix_that_is_not_read_says_which_are(tmp_path):
+    (tmp_path / "S01.abf").write_bytes(b"ABF2")
+
+    with pytest.raises(DataError, match=r"S01\.abf: no format .* \.csv, .*Save it as csv"):
+        inspect_file(tmp_path)
+
+
+def test_a_random_torque_without_pulses_is_pointed_to_identify(tmp_path):
+    table = walk()
+    table["command"] = np.random.default_rng(0).standard_normal(len(table))
+    write(tmp_path / "S01.csv", table, ["time_s", "knee_deg", "torque_Nm", "heel", "command_Nm"])
+
+    assert "jointz identify time-varying" in inspect_file(tmp_path).advice[0]
+
+
+def test_decimal_commas_of_a_format_of_its_own_are_read_and_drafted(tmp_path):
+    t = np.arange(500) / 100.0
+    rows = np.column_stack([t, 30 * np.sin(t), 5 * np.cos(t)])
+    table = pd.DataFrame(rows, columns=["time", "knee_angle_r", "knee_angle_r_moment"])
+    head = f"Coordinates\nnRows={len(t)}\nnColumns=3\ninDegrees=yes\nendheader\n"
+    text = table.to_csv(sep="\t", decimal=",", index=False)
+    (tmp_path / "S01.mot").write_text(head + text)
+    with pytest.raises(DataError, match="give --decimal ,"):
+        inspect_file(tmp_path)
+
+    found = inspect_file(tmp_path, layout={"decimal": ","})
+    assert 'decimal = ","' in found.toml
+    assert "identify joint S01.mot --decimal , " in found.advice[0]
+
+
 def test_a_torque_in_counts_is_asked_for(tmp_path):
     frame = walk().assign(torque=lambda t: np.round(2048 + 10 * t["torque"]))
     write(tmp_path / "S01.csv", frame, ["time_s", "knee_deg", "loadcell_raw", "heel"])

@@ -9,7 +9,7 @@ import scipy.io
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats.registry import list_columns, read_table
+from jointz.io.formats.registry import list_columns, read_acquisition, read_table
 
 PLAIN = FilesSpec()
 ANGLE = np.array([0.1, 0.2, np.nan, 0.4])
@@ -119,6 +119,20 @@ def test_objects_of_matlab_are_explained(tmp_path):
     with (tmp_path / "a.mat").open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
     with pytest.raises(DataError, match=r"MATLAB objects .*table2struct"):
+        read_table(tmp_path / "a.mat", numeric=["T"], files=PLAIN)
+
+
+def test_what_matlab_keeps_of_its_objects_is_no_series(tmp_path):
+    handle = np.array([[0xDD000000, 2, 1, 1, 1, 1]], np.uint32)
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file.create_dataset("T", data=handle).attrs["MATLAB_class"] = np.bytes_("table")
+        file.create_dataset("x", data=ANGLE[None]).attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_dataset("#subsystem#/MCOS", data=np.arange(60.0)[None])
+    with (tmp_path / "a.mat").open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    (group,) = read_acquisition(tmp_path / "a.mat").groups
+    assert [signal.name for signal in group.signals] == ["x"]
+    with pytest.raises(DataError, match=r"The file has: x\. .*table2struct"):
         read_table(tmp_path / "a.mat", numeric=["T"], files=PLAIN)
 
 

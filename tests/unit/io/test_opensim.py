@@ -153,7 +153,7 @@ def test_decimal_commas_are_read_if_they_are_stated(tmp_path):
 
 @pytest.mark.parametrize(
     ("row", "message"),
-    [(2, "the last time, 0.01000000 s, repeats .* write 2 there"), (1, "row above repeats")],
+    [(2, "the time 0.01000000 s of the row above repeats .* write 2 there"), (1, "rate as time")],
 )
 def test_a_time_that_repeats_at_the_digits_printed_is_explained(tmp_path, row, message):
     stamps = ["0.00000000", "0.01000000", "0.02000000"]

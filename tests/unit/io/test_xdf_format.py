@@ -226,6 +226,7 @@ def test_a_pyxdf_that_is_too_old_is_told(tmp_path: Path, monkeypatch: pytest.Mon
 
 GOOD = xdf(header(1, "double64"), doubles(1.0, 2.0))
 BYTES = header(1, "int8")
+BOUNDARY = chunk(5, bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4"))
 
 
 @pytest.mark.parametrize(
@@ -233,7 +234,7 @@ BYTES = header(1, "int8")
     [
         (b"XDF;" + GOOD[4:], "byte 0: expected 'XDF:'"),
         (b"XDF:", "expected a file header"),
-        (GOOD[:-1], "expected a chunk of 45 bytes, found 44"),
+        (GOOD[:-1] + BOUNDARY, "expected a number of 1, 4 or 8 bytes, found one of 18"),
         (xdf(b"\3"), "expected a number of 1, 4 or 8 bytes"),
         (xdf(chunk(9, b"")), "expected a chunk of kind 1 to 6, found kind 9"),
         (xdf(chunk(5, bytes(16))), "the signature of a boundary"),
@@ -259,6 +260,16 @@ def test_damage_is_named_with_its_place(raw: bytes, words: str, tmp_path: Path) 
     with pytest.raises(DataError, match=r"made\.xdf") as caught:
         read(raw, tmp_path)
     assert words in str(caught.value)
+
+
+def test_chunks_before_the_one_in_which_a_recorder_stopped_are_read(tmp_path: Path) -> None:
+    started = doubles(3.0, 4.0)
+    for size in (1, 3, len(started) - 1):
+        found = read(GOOD + started[:size], tmp_path)
+        assert found.groups[0].times_s().tolist() == [1.0, 2.0]  # type: ignore[union-attr]
+        assert f"last {size} bytes are not read" in found.metadata["reading.end"]
+    with pytest.raises(DataError, match="expected a chunk of"):
+        read(GOOD + chunk(3, b"")[:1] + b"\xff" * 4 + BOUNDARY, tmp_path)
 
 
 def test_a_file_header_of_plain_text_is_no_metadata(tmp_path: Path) -> None:

@@ -335,6 +335,14 @@ def test_false_positives_are_five_percent(n_studies):
     assert_calibrated(rejections(n_studies), n_studies, exact=exact, cautious=cautious)
 
 
+def test_several_factors_within_people_are_sent_to_r():
+    table = pd.DataFrame({"who": list("aabb"), "point": [1, 2, 1, 2], "load": [1, 1, 2, 2], "y": 1})
+    with pytest.raises(
+        DataError, match=r"got point, load\. .*lmer\(y ~ point \* load \+ \(1 \| who\)"
+    ):
+        mixed_model(table, response="y", within=["point", "load"], participant="who")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("df", METHODS)
 def test_false_positives_are_five_percent_with_missing_cells(df):

@@ -103,6 +103,19 @@ def test_a_measure_that_may_mislead_is_marked(angle, moment, point, measure, dou
     assert estimate.status == ("ill_conditioned" if doubts else "ok")
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.2])
+def test_several_strides_in_one_curve_are_refused(offset):
+    two_people = np.concatenate([ANGLE, ANGLE, ANGLE, ANGLE + offset, 0.9 * ANGLE, ANGLE + offset])
+    with pytest.raises(DataError, match="the angle repeats 6 times"):
+        quasi_stiffness(two_people, two_people)
+    with pytest.raises(DataError, match="Several strides or people in one table"):
+        quasi_stiffness(two_people, two_people, gait_pct=np.tile(GAIT_PCT, 6))
+    ramp = np.linspace(0.0, 1.0, 303)
+    assert quasi_stiffness(ramp, ramp).estimate("LRE").value == pytest.approx(1.0)
+    twice = np.tile(ANGLE[::2], 2)  # one stride of two alike halves, whose phases say so
+    assert quasi_stiffness(twice, twice, gait_pct=np.linspace(0, 100, twice.size)).estimates
+
+
 def test_an_angle_that_rests_has_no_slope_and_no_secant_at_zero():
     angle = np.where(GAIT_PCT < 60, 0.0, 0.4)
     found = quasi_stiffness(angle, np.ones_like(angle))

@@ -11,6 +11,7 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
 from jointz.core.errors import DataError
+from jointz.stats.sign_flip import sign_flip_max_t
 from jointz.stats.spm import spm_paired_t, spm_unpaired_t
 
 HERE = Path(__file__).parent
@@ -210,3 +211,20 @@ def test_a_difference_as_large_as_the_margin_is_seldom_called_equivalent(design)
         for c in curves
     )
     assert called <= stats.binom.ppf(0.975, 1000, 0.05)
+
+
+@pytest.mark.parametrize("test", [spm_paired_t, spm_unpaired_t, sign_flip_max_t])
+def test_nodes_in_rows_are_refused_and_people_in_rows_are_not(test):
+    for a, b in zip(noise(20, 12, 15.0, seed=3), noise(20, 12, 15.0, seed=4), strict=True):
+        with pytest.raises(DataError, match=r"got 101 rows .*Pass a\.T"):
+            test(a.T, b.T)
+    assert test(a, b).verdict
+    rough = np.random.default_rng(5).standard_normal((2, 30, 20))  # people or nodes, none smooth
+    assert test(*rough).verdict
+    assert test(np.sort(a, axis=0), np.sort(b, axis=0)).verdict  # people in an order
+
+
+def test_few_people_beside_nodes_in_rows_are_refused_with_the_way_out():
+    a, b = noise(2, 4, 15.0, seed=3)
+    with pytest.raises(DataError, match=r"pass a\.T"):
+        spm_paired_t(a.T, b.T)

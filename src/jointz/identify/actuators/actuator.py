@@ -59,7 +59,7 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
         Of the output. Without it, the central difference of the velocity where
         time or rate is given.
     time : (n,) float, s, optional
-        Time stamps. Jitter is resampled linearly; a gap is an error.
+        Time stamps. Jitter is resampled linearly; with a gap they are left out.
     rate_hz : float, optional
         Sampling rate, where there are no time stamps. Neither is needed but for
         the acceleration.
@@ -90,7 +90,7 @@ def identify_actuator(  # noqa: PLR0913 - the fixed public signature of identify
     ------
     DataError
         When the samples cannot be trusted: missing channel, unequal lengths,
-        NaN, changing rate, gap, values that no actuator reaches; settings that
+        NaN, changing rate, values that no actuator reaches; settings that
         contradict each other.
     EstimationError
         ``constant_current`` or ``constant_torque``.

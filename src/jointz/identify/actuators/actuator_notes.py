@@ -38,6 +38,8 @@ def actuator_warnings(
     if fit.doubt:
         missing = "there are no values" if fit.is_saturated else "the values have no interval"
         yield f"undecided, {missing}: {fit.doubt}"
+    if record.n_gaps:
+        yield f"time has {record.n_gaps} gap(s) and is left out: only an inertia would need it"
     if fit.caution:
         yield fit.caution
     for name, why in terms.left_out.items():

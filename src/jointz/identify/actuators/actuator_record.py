@@ -9,6 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from jointz.core.errors import DataError
+from jointz.gait import timestamps
 from jointz.identify.series.joint_record import Samples, gather_record
 
 #: Largest magnitude an actuator of a joint can show, SI: what lies beyond is an overflow of
@@ -40,6 +41,7 @@ class ActuatorRecord:
     rate_hz: float | None  # sampling rate, where known
     time: np.ndarray  # s; sample numbers if the rate is unknown
     sha256: str  # hash of the file, where known
+    n_gaps: int = 0  # gaps in the time stamps, which are left out then
 
 
 def gather_actuator(
@@ -55,6 +57,10 @@ def gather_actuator(
     has_time = "time" in source and source["time"] is not None
     if rate_hz is not None and has_time:
         raise DataError("identify_actuator: expected time stamps or rate_hz, got both. Drop one.")
+    n_gaps = _n_gaps(source["time"]) if has_time else 0
+    if n_gaps:
+        arrays = {name: values for name, values in arrays.items() if name != "time"}
+        has_time = False
     timed = has_time or rate_hz is not None
     record = gather_record(
         recording,
@@ -81,7 +87,16 @@ def gather_actuator(
         rate_hz=rate,
         time=record.time,
         sha256=record.sha256,
+        n_gaps=n_gaps,
     )
+
+
+def _n_gaps(time: npt.ArrayLike | None) -> int:
+    """Return the number of gaps in time stamps that increase; others are refused later."""
+    stamps = np.ravel(np.asarray(time))
+    if stamps.dtype.kind not in "if" or not (np.diff(stamps) > 0).all():
+        return 0
+    return len(timestamps.find_gaps(stamps))
 
 
 def _check_plausible(source: Samples | Mapping[str, npt.ArrayLike | None]) -> None:

@@ -122,7 +122,7 @@ def _missing(record: ActuatorRecord, name: str, smooth: float | None) -> str:
 def _missing_acceleration(record: ActuatorRecord) -> str:
     if record.acceleration_from == "none":
         return (
-            "acceleration cannot be fitted: the record has none, and neither time nor rate to "
+            "acceleration cannot be fitted: the record has none, nor an even time or rate to "
             "difference the speed. Give acceleration, or time or rate, or the inertia itself"
         )
     if record.acceleration_noise_share > MOST_NOISE_SHARE:

@@ -264,7 +264,10 @@ def _check_time(time: np.ndarray, first_row: int) -> None:
     backwards = np.flatnonzero(np.diff(time) <= 0)
     if backwards.size:
         row = first_row + int(backwards[0]) + 1
-        raise DataError(f"row {row}: time does not increase. Sort the record.", row=row)
+        problem = "goes back. Sort the record."
+        if (np.diff(time) >= 0).all():
+            problem = f"repeats in {backwards.size} rows. Give an even rate: rate_hz (--rate HZ)."
+        raise DataError(f"row {row}: time does not increase, it {problem}", row=row)
     _check_one_rate(time)
     gaps = timestamps.find_gaps(time)
     if len(gaps):

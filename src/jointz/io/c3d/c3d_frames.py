@@ -22,7 +22,8 @@ _MOST_VALUES = 0xFFFF
 #: Two floats that are to say the same; both are of single precision.
 SAME = 1e-5
 _SMALLEST_SCALE = float(np.finfo(np.float32).tiny)
-_COPY = "Copy or export it again."
+_COPY = "Copy it again, or save it as csv where it was made."
+_SAVE = "Export it again, or open it in another program, such as Mokka, and save it as C3D or csv."
 
 
 def single(rate_hz: float) -> float:
@@ -84,7 +85,7 @@ class Source:
         """Return the bytes of a frame."""
         return (4 if self.in_floats else 2) * (4 * n_points + n_values)
 
-    def refuse(self, what: str, todo: str = "Export it again.") -> DataError:
+    def refuse(self, what: str, todo: str = _SAVE) -> DataError:
         """Return the error about the file."""
         return file_error(self.path, f"{what} {todo}")
 

@@ -217,6 +217,6 @@ def _cut(path: Path, content: bytes, at: int, size: int) -> bytes:
 def _broken(path: Path, at: int, expected: str, found: object) -> DataError:
     return DataError(
         f"{path.name}, byte {at}: expected {expected}, found {found}. It is no C3D file, or it is "
-        "damaged or cut off. Copy or export it again.",
+        "damaged or cut off. Copy it again, or save it as csv where it was made.",
         path=str(path),
     )

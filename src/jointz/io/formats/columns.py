@@ -117,7 +117,7 @@ def damaged(path: Path, cause: Exception) -> DataError:
     return file_error(
         path,
         f"cannot be read as a {path.suffix} file; it is cut off, damaged or of another kind "
-        f"({reason}). Copy or export it again.",
+        f"({reason}). Copy it again, or save it as csv where it was made.",
     )
 
 

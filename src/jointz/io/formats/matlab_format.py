@@ -44,6 +44,7 @@ ROOT = "jointz"
 #: ``jointz.version`` of an acquisition, and of a whole study.
 _VERSION, _STUDY = 2.0, 3.0
 _DAMAGE = (KeyError, ValueError, TypeError, IndexError, AttributeError)
+_OBJECT_NOTE = "MATLAB objects (save table2struct(T, 'ToScalar', true) for them)"
 _OBJECT_HINT = (
     "The file holds MATLAB objects (table, timetable, string, categorical), which only MATLAB "
     "reads; save table2struct(T, 'ToScalar', true), and text as cellstr."
@@ -236,13 +237,10 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
         elif np.size(value):
             left_out.append(name)
     if not by_length:
-        hint = " It holds MATLAB objects, which only MATLAB reads." if has_objects else ""
-        raise file_error(
-            path,
-            f"expected series of numbers, found none.{hint} Save vectors or structs of vectors.",
-        )
+        hint = _OBJECT_HINT if has_objects else "Save vectors or structs of vectors."
+        raise file_error(path, f"expected series of numbers, found none. {hint}")
     if has_objects or left_out:
-        what = [*left_out, *(["MATLAB objects"] if has_objects else [])]
+        what = [*left_out, *([_OBJECT_NOTE] if has_objects else [])]
         metadata[f"{READING}left_out"] = f"no series of samples: {listed(what)}"
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):

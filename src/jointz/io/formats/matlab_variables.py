@@ -19,6 +19,8 @@ from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 
+#: First number of a handle of an object, and the fields that scipy gives one of version 5.
+_HANDLE, _HANDLE_FIELDS = 0xDD000000, {"s0", "s1", "s2", "arr"}
 _OCTAVE = b"# Created by Octave"
 _MOST_COLUMNS = 64  # of a matrix that is wider than long, to be taken apart
 _HEADER_BYTES = 128
@@ -44,7 +46,7 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
     """Return the variables, and whether there are MATLAB objects among them."""
     with path.open("rb") as file:
         if file.read(len(_OCTAVE)) == _OCTAVE:
-            raise file_error(path, "is a text file of Octave. Save it with save -v7.")
+            raise file_error(path, "is a text file of Octave. Load it there; save -v7 or csvwrite.")
     try:
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
@@ -55,7 +57,22 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
     except _LIBRARY_ERRORS as exc:
         raise damaged(path, exc) from exc
     objects = any("pymatreader" in str(w.filename) for w in caught)
-    return {k: v for k, v in content.items() if not k.startswith("__")}, objects
+    return _without_objects(content), objects
+
+
+def _without_objects(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out what MATLAB keeps of its objects and of itself: handles, not samples."""
+    return {
+        name: _without_objects(value) if isinstance(value, Mapping) else value
+        for name, value in content.items()
+        if not (name.startswith(("__", "#")) or _is_handle(value))
+    }
+
+
+def _is_handle(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return set(value) == _HANDLE_FIELDS
+    return isinstance(value, np.ndarray) and bool((value.ravel()[:1] == _HANDLE).any())
 
 
 def _check_elements(path: Path) -> None:

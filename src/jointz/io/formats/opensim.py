@@ -256,10 +256,8 @@ def _numbers(path: Path, labels: list[str], rows: list[list[str]], first: int) -
         message, todo = f"expected time to increase, found {time[at]:.9g} s.", "Sort the rows."
         if at and rows[at][0] == rows[at - 1][0]:
             message = f"the time {rows[at][0]} s of the row above repeats at the digits printed."
-            todo = "Export more digits, or remove this row and correct the header's count."
-            if at == len(time) - 1:
-                message = f"the last time, {rows[at][0]} s, repeats at the digits printed."
-                todo = f"Remove this row; if the header counts rows, write {at} there."
+            todo = f"Remove this row; if the header counts rows, write {len(time) - 1} there. "
+            todo += "If many repeat at an even rate, write row number / rate as time."
         raise _bad(path, message, first + at, todo=todo)
     return samples
 
@@ -297,6 +295,6 @@ def _unit_of(name: str, header: Mapping[str, str]) -> tuple[str, str]:
 
 
 def _bad(
-    path: Path, message: str, row: int | None = None, *, todo: str = "Export it again."
+    path: Path, message: str, row: int | None = None, *, todo: str = "Correct or export it again."
 ) -> DataError:
     return file_error(path, f"{message} {todo}", row=row)

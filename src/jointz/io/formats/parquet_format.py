@@ -201,7 +201,7 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise DataError(
-            f"{path.name}: two columns are named '{twice[0]}'. Rename one and export it again.",
+            f"{path.name}: two columns are named '{twice[0]}'. Rename one.",
             path=str(path),
             channel=twice[0],
         )

@@ -164,7 +164,7 @@ def format_of(path: Path) -> Format:
     """Return the format of a file by its suffix; of several that match, the longest counts."""
     suffix = _suffix_of(path)
     if suffix is None:
-        raise _no_format(path, _formats(), "Convert the file, or correct its suffix.")
+        raise _no_format(path, _formats(), "Save it as csv where it was written, or rename it.")
     return _load_format(_formats()[suffix])
 
 

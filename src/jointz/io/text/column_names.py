@@ -45,8 +45,8 @@ def unit_in_name(name: str) -> str:
 
 
 def known_unit_in_name(name: str) -> str:
-    """Return the unit in brackets at the end of a column's name, "" where it cannot be read."""
-    unit = unit_in_name(name)
+    """Return the unit in brackets, or as in ``moment_Nm_kg``; "" where it cannot be read."""
+    unit = unit_in_name(name) or ("N*m/kg" if name.endswith("_Nm_kg") else "")
     return unit if unit and all(map(_readable, unit.split(EITHER))) else ""
 
 

@@ -164,7 +164,7 @@ def decompressed_text(path: Path, n_lines: int, encoding: str | None = None) -> 
         raise damaged(path, exc) from exc
     filled = [line for line in lines if line]
     if not filled:
-        raise file_error(path, "is empty. Export it again.")
+        raise file_error(path, "is empty. Name another file, or export it again.")
     return [text.rstrip("\r\n") for text in _decoded(path, filled)]
 
 
@@ -193,7 +193,7 @@ def _layout(path: Path, files: FilesSpec) -> _Layout:
     if not text[-1].strip("\r\n"):
         what = "has only a header" if any(lines) else "is empty"
         todo = ", or correct [files] skip_rows" if files.skip_rows else ""
-        raise file_error(path, f"{what}, no samples under row {n_head}. Export it again{todo}.")
+        raise file_error(path, f"{what}, no samples under row {n_head}. Name another file{todo}.")
     cells = _first_cells(path, text[0], delimiter, row=n_head if files.header else n_head + 1)
     names = [c.strip() for c in cells] if files.header else range(1, len(cells) + 1)
     head = tuple(lines[:-1])
@@ -211,7 +211,7 @@ def _first_cells(path: Path, line: str, delimiter: str, *, row: int) -> list[str
         raise file_error(
             path,
             f"the row cannot be split into columns at '{delimiter}' ({exc}). Set [files] delimiter "
-            "to the sign between the columns, or export the file again.",
+            "to the sign between the columns, or save it as csv in another program.",
             row=row,
         ) from exc
 
@@ -221,8 +221,8 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
         if len(line) == _LONGEST_LINE_BYTES or b"\r" in line.rstrip(b"\r\n"):
             raise file_error(
                 path,
-                "its first lines do not end as lines of text do. Is it a text table? Export it "
-                "with Unix or Windows line ends.",
+                "its first lines do not end as lines of text do. Is it a text table? Save it "
+                "with Unix or Windows line ends in a text editor.",
             )
     try:
         return [line.decode("utf-8-sig") for line in lines]
@@ -435,8 +435,8 @@ def _trusted(
     _refuse_cut_number(layout, scan, n_rows)
     if frame is None or len(frame) != n_rows + n_blank:
         raise layout.error(
-            f"cannot be read as a table ({failure or 'line ends inside cells'}). Export it again "
-            "as plain text, one line a sample."
+            f"cannot be read as a table ({failure or 'line ends inside cells'}). Make it one "
+            "line a sample in a text editor, or export it again as plain text."
         ) from failure
     return frame[:n_rows]
 

@@ -64,7 +64,7 @@ class _Walk:
     def refuse(self, at: int, expected: str, found: object) -> DataError:
         return DataError(
             f"{self.path.name}, byte {at}: expected {expected}, found {found}. It is no XDF file, "
-            "or it is damaged or cut off. Copy or export it again.",
+            "or it is damaged. Copy it again; if it was recorded so, cut it off before this byte.",
             path=str(self.path),
         )
 
@@ -81,13 +81,19 @@ class _Walk:
         return struct.unpack(_LENGTHS[size], self.cut(at + 1, size, end))[0], at + 1 + size
 
 
-def walk(path: Path, content: bytes) -> dict[int, Stream]:
-    """Return the streams of a file by number, every chunk of it found whole."""
+def walk(path: Path, content: bytes) -> tuple[dict[int, Stream], int]:
+    """Return the streams of a file by number, and the byte after its last whole chunk.
+
+    A recorder that stops in a chunk leaves it cut off at the end, and is no reason to refuse
+    the chunks before it. A later boundary shows that the file goes on, and is damaged.
+    """
     file = _Walk(path, content)
     if not content.startswith(_MAGIC):
         raise file.refuse(0, "'XDF:'", repr(content[:4].decode("latin-1")))
     at, end = len(_MAGIC), len(content)
     while at < end:
+        if file.streams and _is_cut(content, at):
+            break
         size, start = file.length(at, end)
         if size < 2 or start + size > end:
             raise file.refuse(at, f"a chunk of {size} bytes", f"{end - start} to the end")
@@ -95,7 +101,14 @@ def walk(path: Path, content: bytes) -> dict[int, Stream]:
         at = start + size
     if not file.has_header:
         raise file.refuse(len(_MAGIC), "a file header", "the end of the file")
-    return file.streams
+    return file.streams, at
+
+
+def _is_cut(content: bytes, at: int) -> bool:
+    """Return whether a chunk reaches beyond the file, and no boundary says that it goes on."""
+    start = at + 1 + content[at]
+    stop = start + int.from_bytes(content[at + 1 : start], "little")
+    return content[at] in _LENGTHS and stop > len(content) and _BOUNDARY not in content[at:]
 
 
 def xml_of(path: Path, at: int, raw: bytes) -> ElementTree.Element:

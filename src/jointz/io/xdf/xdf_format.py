@@ -37,6 +37,7 @@ _NOT_IN_HEADER = ("segments", "clock_segments")
 #: Second channel of markers that last, as earlier versions of jointz wrote them.
 _DURATION = "duration_s"
 _LARGEST_EXACT = 2**53
+_BY_HAND = "Read it with pyxdf, and write the samples as csv with the times that you know."
 
 
 class XdfFormat(GroupFormat):
@@ -53,10 +54,10 @@ class XdfFormat(GroupFormat):
         texts at no nominal rate are markers, and each text is an event as well.
         """
         content = path.read_bytes()
-        walked = walk(path, content)
-        loaded = _load(path, content)
+        walked, end = walk(path, content)
+        loaded = _load(path, content[:end])
         try:
-            return _acquisition(path, walked, loaded)
+            return _acquisition(path, walked, loaded, n_unread=len(content) - end)
         except DataError:
             raise
         except ValueError as exc:  # a number in a description that is none
@@ -72,13 +73,18 @@ class _Loaded:
     unused: Counter[int]  # number of a stream -> parts whose clock offsets led to no correction
 
 
-def _acquisition(path: Path, walked: Mapping[int, Stream], loaded: _Loaded) -> Acquisition:
+def _acquisition(
+    path: Path, walked: Mapping[int, Stream], loaded: _Loaded, *, n_unread: int
+) -> Acquisition:
     names = _names(loaded.streams)
     groups: list[SignalGroup] = []
     events: list[Event] = []
     info = loaded.header.get("info")
     metadata = _flat(info) if isinstance(info, Mapping) else {}
     metadata.pop("version", None)
+    if n_unread:
+        stops = f"The recording stops in a chunk: its last {n_unread} bytes are not read."
+        metadata[f"{READING}end"] = stops
     for number, stream in loaded.streams.items():
         name = names[number]
         group = _group(path, name, stream, _clock(path, walked[number], stream))
@@ -207,11 +213,12 @@ def _clock(path: Path, walked: Stream, stream: Mapping[str, Any]) -> SignalGroup
 
 
 def _unstamped(path: Path, walked: Stream, found: str) -> DataError:
-    return DataError(
-        f"{path.name}, stream '{walked.name}': expected a time stamp a sample, or a first one and "
-        f"a nominal rate; {found}. Record or export it again.",
-        path=str(path),
-    )
+    problem = f"expected a time stamp a sample, or a first one and a nominal rate; {found}."
+    return _bad_stream(path, f"'{walked.name}'", problem)
+
+
+def _bad_stream(path: Path, stream: str, problem: str) -> DataError:
+    return DataError(f"{path.name}, stream {stream}: {problem} {_BY_HAND}", path=str(path))
 
 
 def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup) -> SignalGroup:
@@ -221,11 +228,8 @@ def _group(path: Path, name: str, stream: Mapping[str, Any], clock: SignalGroup)
     names = distinct_names(labels, len(places), "channel")
     if clock.time_s is not None and not np.isfinite(clock.time_s).all():
         row = int(np.flatnonzero(~np.isfinite(clock.time_s))[0])
-        raise DataError(
-            f"{path.name}, stream '{name}', sample {row + 1}: expected a time stamp, found "
-            f"{clock.time_s[row]}. Record or export it again.",
-            path=str(path),
-        )
+        problem = f"expected a time stamp, found {clock.time_s[row]}."
+        raise _bad_stream(path, f"'{name}', sample {row + 1}", problem)
     signals = tuple(
         Signal(
             label,
@@ -293,12 +297,9 @@ def _synchronised(
     if not (walked.n_offsets and walked.n_samples):
         return []
     if n_unused and len(segments) > 1:
-        raise DataError(
-            f"{path.name}, stream '{walked.name}': expected offsets of its clock that pyxdf can "
-            f"use, found {n_unused} of {len(segments)} parts without; their times are not known. "
-            "Record or export it again.",
-            path=str(path),
-        )
+        found = f"{n_unused} of {len(segments)} parts without"
+        problem = f"expected offsets of its clock that pyxdf can use, found {found}."
+        raise _bad_stream(path, f"'{walked.name}'", problem)
     if n_unused:
         return [
             f"None of the {walked.n_offsets} offsets of its clock can be used: its time stamps are "

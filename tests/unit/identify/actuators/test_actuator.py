@@ -391,3 +391,17 @@ def test_with_its_rate_the_real_actuator_shows_an_inertia_near_the_printed_one(r
     assert 0.006 < fit.parameter("rotor_inertia").value < 0.0092
     assert fit.settings["acceleration_noise_share"] < 0.1
     assert fit.rms_error_nm == pytest.approx(0.232, abs=0.005)
+
+
+def test_time_with_a_gap_is_left_out_with_a_note():
+    bench = {"current": levels()["current"], "velocity": levels()["velocity"]}
+    bench["torque"] = torque_33(**levels())
+    rows = np.delete(np.arange(bench["torque"].size), slice(5000, 5400))
+    parts = {name: values[rows] for name, values in bench.items()}
+    fit = identify_actuator(**parts, time=rows / RATE, gear_ratio=GEAR, model="friction")
+
+    assert fit.parameter("torque_constant").value == pytest.approx(0.11, rel=0.02)
+    assert fit.parameter("rotor_inertia").status == "undecided"
+    assert "time has 1 gap(s) and is left out" in " ".join(fit.warnings)
+    with pytest.raises(DataError, match="does not increase"):
+        identify_actuator(**parts, time=-rows / RATE, gear_ratio=GEAR, model="friction")
