@@ -70,7 +70,7 @@ class Content:
 
     columns: tuple[Column, ...]  # in the order of the file
     clocks: tuple[GroupClock, ...]  # one for each group
-    n_events: int = 0
+    events: tuple[str, ...] = ()  # label of each
     files: FilesSpec | None = None  # layout of a text file; None for other formats
     notes: tuple[str, ...] = ()  # decisions of the reader
     mass_kg: float | None = None  # of the person, stated in a line above a table
@@ -182,7 +182,8 @@ def _content(path: Path, content: Acquisition) -> Content:
         GroupClock(g.name, g.n_samples, g.rate_hz, g.start_s, g.time_s, g.time_unit_stated)
         for g in content.groups
     )
-    return Content(columns, clocks, n_events=len(content.events), notes=notes)
+    events = tuple(event.label for event in content.events)
+    return Content(columns, clocks, events=events, notes=notes)
 
 
 def _columns(

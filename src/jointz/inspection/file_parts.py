@@ -8,12 +8,13 @@ from itertools import combinations
 import numpy as np
 
 from jointz.inspection.content import Column, Content
-from jointz.inspection.names import channel_scores, words_of
+from jointz.inspection.names import channel_scores, is_of_strikes, words_of
 from jointz.io.study_files import PART
 
 _SEPARATOR = re.compile(r"([./])")
 _FEWEST_COLUMNS = 2
 _SHORTEST_SERIES = 100  # samples of a recording
+_AXES = ("x", "y", "z")  # of a point: no parts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +30,7 @@ class FilePart:
 
 def parts_of(content: Content) -> tuple[FilePart, ...]:
     """Return the parts of a file whose columns differ in one place of their names; else none."""
-    series = [c for c in content.columns if c.values.size >= _SHORTEST_SERIES]
+    series = [c for c in content.columns if _is_series(c)]
     tokens = {id(c): _SEPARATOR.split(str(c.key)) for c in series}
     longest = max((len(t) for t in tokens.values()), default=0)
     ends = [*range(0, longest, 2)]
@@ -40,6 +41,11 @@ def parts_of(content: Content) -> tuple[FilePart, ...]:
         return ()
     place, best = max(splits, key=lambda split: _n_channels(split[1]))  # the first of equals
     return tuple(_part(content, name, columns, place, len(best)) for name, columns in best.items())
+
+
+def _is_series(column: Column) -> bool:
+    """Return whether a column may hold samples of a recording, no times of events."""
+    return column.values.size >= _SHORTEST_SERIES and not is_of_strikes(str(column.key))
 
 
 def _n_channels(parts: dict[str, list[Column]]) -> int:
@@ -55,14 +61,12 @@ def _split(
     parts: dict[str, list[Column]] = {}
     for column in series:
         name, pattern = _apart(tokens[id(column)], place)
-        if not name:
+        if not name or name in _AXES:
             return {}
         parts.setdefault(name, []).append(replace(column, key=pattern, title=""))
     keys = [[c.key for c in columns] for columns in parts.values()]
-    groups = [{c.group for c in columns} for columns in parts.values()]
     alike = len(keys) > 1 and all(sorted(map(str, k)) == sorted(map(str, keys[0])) for k in keys)
-    together = all(len(group) == 1 for group in groups)
-    return parts if alike and together and len(keys[0]) >= _FEWEST_COLUMNS else {}
+    return parts if alike and len(keys[0]) >= _FEWEST_COLUMNS else {}
 
 
 def _apart(own: list[str], place: tuple[int, int | None]) -> tuple[str, str]:
@@ -80,9 +84,9 @@ def _part(
     place: tuple[int, int | None],
     n_parts: int,
 ) -> FilePart:
-    (group,) = {c.group for c in columns}
-    clocks = tuple(c for c in content.clocks if c.group == group)
-    short = [c for c in content.columns if c.values.size < _SHORTEST_SERIES]
+    groups = {c.group for c in columns}
+    clocks = tuple(c for c in content.clocks if c.group in groups)
+    short = [c for c in content.columns if not _is_series(c)]
     apart = [(c, *_apart(_SEPARATOR.split(str(c.key)), place)) for c in short]
     pulses = tuple(replace(c, key=key, title="") for c, own, key in apart if own == name)
     texts, mass_kg = [], None

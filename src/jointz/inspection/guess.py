@@ -25,11 +25,14 @@ from jointz.io.text.clock_times import CLOCK_TEXT
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (
-    *("time", "trial", "condition", "contact", "ground_reaction_force", "command", "reference"),
+    *("time", "trial", "condition", "contact", "ground_reaction_force"),
+    *("trigger", "command", "reference"),
     *("current", "motor_velocity", "motor_acceleration", "motor_angle", "torque", "angle"),
     *(*MOTION_SENSORS, "velocity", "cycle"),
 )
 _PART_AT_END = re.compile(r"[./](?:\{part\}|\d+)$")  # behind which a unit may stand
+_AXIS_AT_END = re.compile(r"(.+)[./_ ][xyz]", re.IGNORECASE)
+_N_AXES, _FAR_MORE = 3, 3.0  # range of the axis of flexion over those of the others
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
@@ -125,7 +128,7 @@ def assign_channels(
 ) -> dict[str, tuple[InspectedColumn, Assignment]]:
     """Assign columns to channels, one to one."""
     of_joint = [
-        c for c in columns
+        c for c in _main_axes(columns)
         if c.words.joint in ("", joint) and (not side or c.words.side in ("", side))
     ]  # fmt: skip
     assigned: dict[str, tuple[InspectedColumn, Assignment]] = {}
@@ -140,6 +143,32 @@ def assign_channels(
     _by_content(assigned, [c for c in of_joint if id(c) not in used], file)
     _own_clock(assigned, columns)
     return assigned
+
+
+def _main_axes(columns: Sequence[InspectedColumn]) -> list[InspectedColumn]:
+    """Return columns, of three axes of an angle or a moment only one that turns far more."""
+    points: dict[str, list[InspectedColumn]] = {}
+    for column in columns:
+        if found := _AXIS_AT_END.fullmatch(column.title):
+            points.setdefault(found[1], []).append(column)
+    kept = {id(c): c for c in columns}
+    for name, axes in points.items():
+        words = words_of(name)
+        spans = sorted((_span(c) for c in axes), reverse=True)
+        if len(axes) == _N_AXES and spans[0] > _FAR_MORE * spans[1] and _is_joint(words):
+            for axis in axes:
+                del kept[id(axis)]
+            best = max(axes, key=_span)
+            kept[id(best)] = replace(best, words=replace(words, unit=best.words.unit))
+    return list(kept.values())
+
+
+def _span(inspected: InspectedColumn) -> float:
+    return (inspected.course.high or 0.0) - (inspected.course.low or 0.0)
+
+
+def _is_joint(words: Words) -> bool:
+    return bool({"angle", "torque"} & set(channel_scores(words)))
 
 
 def _own_clock(
@@ -245,7 +274,7 @@ def _smooth(inspected: InspectedColumn) -> bool:
 
 
 def _assignment(channel: str, inspected: InspectedColumn, why: str) -> Assignment:
-    if channel in _LABELS:
+    if channel in (*_LABELS, "trigger"):
         return Assignment(channel, why)
     if channel == "contact":
         volts = len(inspected.course.levels) != 2

@@ -116,7 +116,7 @@ def _inspection(
         layout=_layout(main.content.files),
         channels=_seen(main.columns, main.assigned, main.overflow),
         clocks=main.clocks,
-        n_events=main.content.n_events,
+        n_events=len(main.content.events),
         notes=(
             *main.content.notes,
             *_group_notes(main, {t.columns["onset"].column.group for t in tables}),
@@ -212,9 +212,12 @@ def _seen(
 
 
 def _seen_one(
-    inspected: InspectedColumn, assignment: Mapping[int, Any], overflow: Mapping[str, str]
+    inspected: InspectedColumn,
+    assignment: Mapping[tuple[str, str | int], Any],
+    overflow: Mapping[str, str],
 ) -> SeenChannel:
-    column, course, own = inspected.column, inspected.course, assignment.get(id(inspected))
+    column, course = inspected.column, inspected.course
+    own = assignment.get((column.group, inspected.key))
     unit = own.unit if own else (column.unit or inspected.words.unit)
     guessed = own.unit_why if own else column.unit_why
     unit_is = ("guessed" if guessed else "stated") if unit else ""
@@ -263,13 +266,11 @@ def _group_notes(source: Source, of_tables: Collection[str]) -> list[str]:
     """Return notes about groups that are no part of the study, and about missing numbers."""
     notes = []
     content, group, assigned = source.content, source.group, source.assigned
-    others = [c for c in content.clocks if c.group not in (group, *of_tables)]
+    taken = {group, *of_tables, *source.clock_groups.values()}
+    others = [c for c in content.clocks if c.group not in taken and c.n > 1]
     if others:
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
-        notes.append(
-            f"the study takes the signals of '{group}'; those of {text} were sampled apart and "
-            "are excluded: nothing is interpolated."
-        )
+        notes.append(f"the study takes nothing of {text}.")
     for channel in ("angle", "torque"):
         if channel in assigned:
             values = assigned[channel][0].column.values

@@ -83,6 +83,11 @@ def words_of(name: str) -> Words:
     )
 
 
+def is_of_strikes(name: str) -> bool:
+    """Return whether a column or an event is called heel strikes."""
+    return bool(words_of(name).found & _STRIKES)
+
+
 def without_accents(text: str) -> str:
     """Return a text with plain letters."""
     letters = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
@@ -149,6 +154,10 @@ class _Rule:
         )
 
 
+#: Words of heel strikes as times.
+_STRIKES = word_set(
+    "heelstrike heelstrikes footstrike footstrikes strike strikes initialcontact hs rhs lhs"
+)
 _AXES = word_set("posx posy posz x y z com cop")
 _TORQUES = word_set("torque moment tau trq")
 _ANGLES = word_set("angle ang position pos theta goniometer gonio encoder enc q")
@@ -169,6 +178,7 @@ _RULES = (
     _Rule("contact", word_set("contact footswitch fsr heelswitch stance switch fs"), score=3),
     _Rule("ground_reaction_force", word_set("grf vgrf fz fory forz groundreaction loadcellz"),
           _TORQUES, score=3),
+    _Rule("trigger", word_set("trigger trig ttl"), _TORQUES | _ANGLES | _COMMANDED, score=3),
     _Rule("command", _COMMANDED | word_set("perturbation pert reference ref"),
           _ANGLES | word_set("current response"), _TORQUES, 4),
     _Rule("command", word_set("command cmd commanded"),

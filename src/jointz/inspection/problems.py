@@ -30,6 +30,7 @@ _APART_S = 0.08
 _EXPLAINED = 0.3
 _FOLLOWS = 0.6
 _FEWEST_PULSES = 3
+_LEVEL_SHARE = 0.1  # of its span, within which the levels of a trigger lie
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
@@ -58,6 +59,9 @@ def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
         if n and there.mean() < 0.5:
             return Pulses("command", n, f"the command is not zero {n} time(s)")
         return Pulses("", n, "the command is never zero for long" if n else "the command is zero")
+    if "trigger" in assigned:
+        n = _n_triggers(assigned["trigger"][0].column.values)
+        return Pulses("trigger" if n else "", n, f"the trigger starts {n} time(s)")
     if "angle" not in assigned or "torque" not in assigned or clock.rate_hz is None:
         return Pulses()
     return _steps(assigned, clock)
@@ -72,6 +76,16 @@ def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
     part = f" in the first {time.size:,} samples" if time.size < clock.n else ""
     why = f"the angle steps {n} time(s){part}"
     return Pulses("angle", n, why) if n >= _FEWEST_PULSES else Pulses()
+
+
+def _n_triggers(values: np.ndarray) -> int:
+    """Return how often a trigger leaves its idle level; none where it has no two levels."""
+    low, high = np.nanmin(values), np.nanmax(values)
+    share = (values - low) / (high - low) if high > low else np.zeros(values.size)
+    is_high = share > 0.5
+    if ((share > _LEVEL_SHARE) & (share < 1.0 - _LEVEL_SHARE)).mean() > _LEVEL_SHARE:
+        return 0
+    return int((np.diff(is_high.astype(np.int8)) == (1 if is_high.mean() < 0.5 else -1)).sum())
 
 
 def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:

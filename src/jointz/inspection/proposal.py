@@ -13,7 +13,7 @@ from jointz.inspection.guess import (
     InspectedColumn,
     guessed_joint,
 )
-from jointz.inspection.names import GAIT_WORDS, Words, channel_scores
+from jointz.inspection.names import GAIT_WORDS, channel_scores
 from jointz.inspection.problems import (
     Pulses,
     command_correlation,
@@ -60,8 +60,8 @@ def proposal_of(
     """Return the study for recordings, of which the first shows what the columns mean."""
     main = sources[0]
     assigned, clock = main.assigned, main.clock
-    joint, why = guessed_joint(main.in_group, main.names)
-    kind = _kind(main.in_group, assigned, main.names)
+    joint, why = guessed_joint(main.columns, main.names)
+    kind = _kind(main)
     walking = kind.value == "walking"
     tables_of = _tables_of(sources, tables)
     table = tables_of[0]
@@ -106,8 +106,14 @@ def proposal_of(
         files=main.content.files,
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
         obstacles=tuple(obstacles),
-        free=tuple(c for c in main.in_group if id(c) not in assignments_by_column(assigned)),
+        free=tuple(
+            c
+            for c in main.in_group
+            if (c.column.group, c.key) not in assignments_by_column(assigned)
+        ),
         levels=levels,
+        own_times=main.own_times,
+        heel_strikes=main.heel_strikes,
     )
 
 
@@ -279,10 +285,13 @@ def _cell(recording: RecordingDraft) -> tuple[str, ...]:
     )
 
 
-def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Words) -> Guess:
-    if "contact" in assigned or "ground_reaction_force" in assigned:
+def _kind(main: Source) -> Guess:
+    if main.heel_strikes:
+        return Guess("walking", "there are heel strikes")
+    if {"contact", "ground_reaction_force"} & set(main.assigned):
         return Guess("walking", "there is contact of a foot with the ground")
-    options = sorted((names.found | {w for c in columns for w in c.words.found}) & GAIT_WORDS)
+    words = {w for c in main.in_group for w in c.words.found}
+    options = sorted((main.names.found | words) & GAIT_WORDS)
     if options:
         return Guess("walking", f"names contain {options[0]}")
     return Guess("bench", "no sign of walking")
@@ -370,6 +379,6 @@ def _condition(source: Source, table: PulseColumns | None) -> Guess:
     named = source.labels.condition or source.labels.folder_condition
     if named and not (named == "perturbed" and "command" not in source.assigned):
         return Guess(named, "its name, or that of the folder or part")
-    if "command" in source.assigned:
+    if {"command", "trigger"} & set(source.assigned):
         return Guess("unperturbed", source.pulses.why)
     return Guess(OPEN)

@@ -12,6 +12,7 @@ from jointz.inspection.content import Content, GroupClock, read_content
 from jointz.inspection.file_labels import FileLabels, labels_of
 from jointz.inspection.file_parts import FilePart, parts_of
 from jointz.inspection.guess import (
+    Assignment,
     Assignments,
     InspectedColumn,
     assign_channels,
@@ -22,7 +23,8 @@ from jointz.inspection.guess import (
     si_of,
 )
 from jointz.inspection.inspection_result import SeenClock
-from jointz.inspection.names import JOINTS, Words, words_of
+from jointz.inspection.names import JOINTS, Words, is_of_strikes, words_of
+from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
@@ -31,6 +33,7 @@ from jointz.io.formats.losses import plainly
 from jointz.io.formats.registry import has_format
 from jointz.io.relative_paths import seen_from
 
+_WEIGHTS = {"torque": 40, "current": 20, "angle": 15}
 _DEEPEST = 2  # folders below the one that is inspected
 
 
@@ -54,6 +57,10 @@ class Source:
     side: tuple[str, str] = ("", "")  # side, and the reason
     table: PulseColumns | None = None  # pulse table of a part
     inverted: frozenset[str] = frozenset()  # channels whose sign is the opposite of what is meant
+    clock_groups: Mapping[str, str] = field(default_factory=dict)  # channel of another -> group
+    # such a channel -> column of its stamps, and their unit
+    own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
+    heel_strikes: HeelStrikes | None = None
 
     @property
     def clock(self) -> SeenClock:
@@ -147,8 +154,11 @@ def _source_of_part(
     content = replace(part.content, mass_kg=part.mass_kg)
     columns = tuple(inspect_column(c) for c in content.columns)
     texts = [*part.texts, *inside]
+    short = [inspect_column(c) for c in part.pulses]
     source = _source(file, shown, part.name, content, columns, texts, folders=folders)
-    return replace(source, table=pulse_columns(shown, [inspect_column(c) for c in part.pulses]))
+    strikes = _heel_strikes(short, (), source.names.side)
+    table = pulse_columns(shown, [c for c in short if not is_of_strikes(c.title)])
+    return replace(source, table=table, heel_strikes=strikes)
 
 
 def _source(
@@ -166,6 +176,9 @@ def _source(
     names = Words(names.found, names.joint, labels.side or _side_above(content))
     every, group = _groups(columns, content.clocks, names)
     assigned = every.get(group, {})
+    by_group = {c.group: c for c in content.clocks}
+    moved, clock_groups = _brought(every, by_group, group)
+    assigned = {**assigned, **moved}
     # Stamps are better than a line above them.
     timed = content.files is not None and "time" in assigned
     clocks = tuple(
@@ -178,6 +191,13 @@ def _source(
     source = Source(
         file, shown, part, content, columns, assigned, group, clocks, names, labels,
         _overflows(assigned),
+        clock_groups=clock_groups,
+        own_times={
+            name: (every[g]["time"][0].key, every[g]["time"][1].unit)
+            for name, g in clock_groups.items()
+            if "time" in every[g]
+        },
+        heel_strikes=_heel_strikes(columns, content.events, names.side),
     )  # fmt: skip
     sound = {name: column for name, column in assigned.items() if name not in source.overflow}
     direction = angle_direction(assigned)[0] if "angle" in sound else ""
@@ -228,8 +248,35 @@ def _groups(
     return found, max(found, key=lambda group: _weight(found[group]), default="")
 
 
+def _brought(
+    every: Mapping[str, Assignments], clocks: Mapping[str, GroupClock], group: str
+) -> tuple[dict[str, tuple[InspectedColumn, Assignment]], dict[str, str]]:
+    """Return the channels that other groups of a file bring to that of a recording."""
+    times = {g: times_of(clocks[g], own) for g, own in every.items()}
+    if (time_s := times.get(group)) is None:
+        return {}, {}
+    others = {
+        g: (every[g], own_time_s)
+        for g, own_time_s in times.items()
+        if g != group and own_time_s is not None and own_time_s.size
+    }
+    return brought(every[group], time_s, others)
+
+
+def _heel_strikes(
+    columns: Sequence[InspectedColumn], events: Sequence[str], side: str
+) -> HeelStrikes | None:
+    """Return the column, or the label of events, of heel strikes; of the other leg none."""
+    named = [c for c in columns if is_of_strikes(c.title) and c.course.rises]
+    labels = [HeelStrikes(label) for label in dict.fromkeys(events) if is_of_strikes(label)]
+    found = [HeelStrikes(str(c.key), c.words.unit) for c in named] + labels
+    own = [one for one in found if words_of(one.column).side in ("", side)]
+    return next(iter(own or found), None)
+
+
 def _weight(assigned: Assignments) -> int:
-    return len(assigned) + 10 * len({"angle", "torque"} & set(assigned))
+    # The torque's clock is that of the recording: its edges carry the timing.
+    return len(assigned) + sum(_WEIGHTS.get(name, 0) for name in assigned)
 
 
 def _clock(stated: GroupClock, assigned: Assignments) -> SeenClock:

@@ -10,6 +10,7 @@ from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
 from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, guessed_condition
 from jointz.inspection.inspection_result import Question
+from jointz.inspection.own_clocks import HeelStrikes
 from jointz.inspection.problems import Pulses
 from jointz.io.toml_problems import OPEN
 from jointz.io.toml_text import written_comment, written_key, written_text
@@ -77,6 +78,9 @@ class Proposal:
     # level of the column of conditions -> condition
     levels: Mapping[str, str] = field(default_factory=dict)
     questions: tuple[Question, ...] = ()
+    # channel with a clock of its own -> column of its stamps, and their unit
+    own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
+    heel_strikes: HeelStrikes | None = None
 
     def question(self, about: str) -> Question | None:
         """Return what is asked about a key and has no answer yet."""
@@ -104,7 +108,7 @@ def study_text(proposal: Proposal) -> str:
     ]
     for name in proposal.assigned:
         lines += _channel(proposal, name)
-    lines += _missing(proposal) + _others(proposal.free)
+    lines += _heel_strikes(proposal) + _missing(proposal) + _others(proposal.free)
     lines += _people(proposal) + _recordings(proposal) + _perturbations(proposal)
     return "\n".join([*lines, *_calibration(proposal), *_files(proposal.files)]) + "\n"
 
@@ -176,13 +180,16 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     title = f" ('{inspected.column.title}')" if inspected.column.title else ""
     lines = ["", f"[channels.{name}]"]
     lines.append(_line("column", Guess(column, f"{assignment.why}{title}"), raw=True))
+    if name in proposal.own_times:
+        stamps, unit = proposal.own_times[name]
+        lines.append(f"time = {_inline({'column': stamps, 'unit': unit})}")
     if name == "contact":
         volts = bool(assignment.unit)
         why = "more than two levels" if volts else "two levels"
         lines.append(_line("kind", Guess("voltage" if volts else "contact", why)))
     if assignment.unit:
-        unit = Guess(assignment.unit, assignment.unit_why)
-        lines.append(_key(proposal, f"channels.{name}.unit", unit))
+        own_unit = Guess(assignment.unit, assignment.unit_why)
+        lines.append(_key(proposal, f"channels.{name}.unit", own_unit))
     lines += [
         _key(proposal, about, Guess(""))
         for key in ("scale", "positive")
@@ -210,6 +217,15 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         meant = Guess(f"{{ {levels} }}", "likely meaning of the levels")
         lines.append(_line("values", meant, raw=True))
     return lines
+
+
+def _heel_strikes(proposal: Proposal) -> list[str]:
+    if proposal.heel_strikes is None:
+        return []
+    strikes = proposal.heel_strikes
+    name = _line("column", Guess(strikes.column, "its name"))
+    unit = [_line("unit", Guess(strikes.unit))] if strikes.unit else []
+    return ["", "[channels.heel_strikes]", name, *unit]
 
 
 def _missing(proposal: Proposal) -> list[str]:
@@ -344,6 +360,6 @@ def condition_levels(inspected: InspectedColumn) -> dict[str, str]:
     return {level: guessed_condition(level) or "unperturbed" for level in levels}
 
 
-def assignments_by_column(assigned: Assignments) -> dict[int, Assignment]:
-    """Return the assignment of each column, by the column's identity."""
-    return {id(inspected): assignment for inspected, assignment in assigned.values()}
+def assignments_by_column(assigned: Assignments) -> dict[tuple[str, str | int], Assignment]:
+    """Return the assignment of each column, by its group and key."""
+    return {(c.column.group, c.key): assignment for c, assignment in assigned.values()}
