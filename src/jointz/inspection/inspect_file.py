@@ -25,13 +25,21 @@ from jointz.inspection.problems import (
 from jointz.inspection.proposal import proposal_of
 from jointz.inspection.pulse_columns import PulseColumns
 from jointz.inspection.questions import questions_of
-from jointz.inspection.source import Source, files_in, read_sources, with_most_telling_first
+from jointz.inspection.source import (
+    Source,
+    files_in,
+    most_telling,
+    read_sources,
+    with_most_telling_first,
+    without_samples,
+)
 from jointz.inspection.study_draft import (
     Proposal,
     RecordingDraft,
     assignments_by_column,
     study_text,
 )
+from jointz.inspection.trials import is_whole, joined, trials_of, with_strikes
 from jointz.io.formats.losses import is_plain, plainly
 from jointz.io.formats.registry import format_of
 
@@ -69,22 +77,7 @@ def inspect_file(
     given = Path(path)
     if not given.is_dir():
         return _inspection(*read_sources(given, layout, study_folder), notes=[])
-    sources: list[Source] = []
-    tables: list[PulseColumns] = []
-    notes: list[str] = []
-    for file in files_in(given):
-        try:
-            found, own_tables = read_sources(file, layout, study_folder or given, given)
-        except DataError as exc:
-            is_note = "no table of numbers" in str(exc)
-            notes.append(f"no table: {file.name}. Read it." if is_note else f"left out: {exc}")
-            continue
-        recordings = [source for source in found if source.is_recording]
-        tables += own_tables
-        if not recordings and not own_tables:
-            notes.append(f"left out: {found[0].shown} holds no angle and no torque in time.")
-        # Of all files but the most telling one only what a line of the study needs is kept.
-        sources = with_most_telling_first([*sources, *recordings]) if recordings else sources
+    sources, tables, notes = _sources_in(given, layout, study_folder or given)
     if not sources:
         unread = [f for f in sorted(given.rglob("[!.]*")) if f.is_file()]
         if unread and not notes:
@@ -100,6 +93,55 @@ def inspect_file(
             path=str(given),
         )
     return _inspection(sources, tables, notes=notes)
+
+
+def _sources_in(
+    folder: Path, layout: Mapping[str, Any] | None, study_folder: str | os.PathLike[str]
+) -> tuple[list[Source], list[PulseColumns], list[str]]:
+    """Return the recordings of a folder, the most telling first with samples; tables, notes."""
+    sources: list[Source] = []
+    pieces: list[Source] = []
+    tables: list[PulseColumns] = []
+    notes: list[str] = []
+    for file in files_in(folder):
+        try:
+            found, own_tables = read_sources(file, layout, study_folder, folder)
+        except DataError as exc:
+            is_note = "no table of numbers" in str(exc)
+            notes.append(f"no table: {file.name}. Read it." if is_note else f"left out: {exc}")
+            continue
+        whole = [source for source in found if is_whole(source)]
+        tables += own_tables
+        pieces += [without_samples(s) for s in found if not own_tables and not is_whole(s)]
+        # Of all files but the most telling one only what a line of the study needs is kept.
+        sources = with_most_telling_first([*sources, *whole]) if whole else sources
+    trials, pieces = trials_of(pieces)
+    sources = [*sources, *trials, *(p for p in pieces if p.is_recording)]
+    sources, pieces = with_strikes(sources, [p for p in pieces if not p.is_recording])
+    notes += [f"left out: {p.shown} holds no angle and no torque in time." for p in pieces]
+    if sources:
+        best = most_telling(sources)
+        whole = [_with_samples(best, layout, study_folder, folder)]
+        sources = whole + [source for source in sources if source is not best]
+    return sources, tables, notes
+
+
+def _with_samples(
+    recording: Source,
+    layout: Mapping[str, Any] | None,
+    study_folder: str | os.PathLike[str],
+    root: Path,
+) -> Source:
+    """Return a recording with its samples; they are read again where they were forgotten."""
+
+    def read(source: Source) -> Source:
+        found, _ = read_sources(source.file, layout, study_folder, root)
+        return next(one for one in found if one.part == source.part)
+
+    whole = recording if recording.columns else read(recording)
+    if recording.joined:
+        whole = joined(whole, [read(one.source) for one in recording.joined])
+    return replace(whole, heel_strikes=recording.heel_strikes)
 
 
 def _inspection(
@@ -272,7 +314,8 @@ def _group_notes(source: Source, of_tables: Collection[str]) -> list[str]:
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
         notes.append(f"the study takes nothing of {text}.")
     for channel in ("angle", "torque"):
-        if channel in assigned:
+        apart = {*source.clock_groups, *(n for one in source.joined for n in one.channels)}
+        if channel in assigned and channel not in apart:
             values = assigned[channel][0].column.values
             starts = np.flatnonzero(np.diff(np.isnan(values).astype(np.int8), prepend=0) == 1)
             if starts.size:

@@ -60,7 +60,7 @@ def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
             return Pulses("command", n, f"the command is not zero {n} time(s)")
         return Pulses("", n, "the command is never zero for long" if n else "the command is zero")
     if "trigger" in assigned:
-        n = _n_triggers(assigned["trigger"][0].column.values)
+        n = _trigger_starts(assigned["trigger"][0].column.values).size
         return Pulses("trigger" if n else "", n, f"the trigger starts {n} time(s)")
     if "angle" not in assigned or "torque" not in assigned or clock.rate_hz is None:
         return Pulses()
@@ -78,14 +78,15 @@ def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
     return Pulses("angle", n, why) if n >= _FEWEST_PULSES else Pulses()
 
 
-def _n_triggers(values: np.ndarray) -> int:
-    """Return how often a trigger leaves its idle level; none where it has no two levels."""
+def _trigger_starts(values: np.ndarray) -> np.ndarray:
+    """Return the samples at which a trigger leaves its idle level; none without two levels."""
     low, high = np.nanmin(values), np.nanmax(values)
     share = (values - low) / (high - low) if high > low else np.zeros(values.size)
     is_high = share > 0.5
     if ((share > _LEVEL_SHARE) & (share < 1.0 - _LEVEL_SHARE)).mean() > _LEVEL_SHARE:
-        return 0
-    return int((np.diff(is_high.astype(np.int8)) == (1 if is_high.mean() < 0.5 else -1)).sum())
+        return np.empty(0, dtype=int)
+    leaves = 1 if is_high.mean() < 0.5 else -1
+    return np.flatnonzero(np.diff(is_high.astype(np.int8)) == leaves) + 1
 
 
 def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
@@ -174,9 +175,12 @@ def pulse_response(assigned: Assignments, clock: SeenClock, own: OwnPulses | Non
     if onsets is None and "command" in assigned:
         command = np.nan_to_num(_si(assigned, "command"))
         onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]
+    if onsets is None and "trigger" in assigned:
+        onsets = time[_trigger_starts(assigned["trigger"][0].column.values[:GUESSED_SAMPLES])]
     if onsets is None or not onsets.size:
         return 0.0
-    return torque_side(time, _si(assigned, "angle"), _si(assigned, "torque"), onsets[:_MOST_PULSES])
+    torque = _si(assigned, "torque" if "torque" in assigned else "current")
+    return torque_side(time, _si(assigned, "angle"), torque, onsets[:_MOST_PULSES])
 
 
 def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:

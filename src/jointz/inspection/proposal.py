@@ -24,9 +24,10 @@ from jointz.inspection.problems import (
 )
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
 from jointz.inspection.signs import angle_direction, is_clear
-from jointz.inspection.source import Source
+from jointz.inspection.source import JoinedSource, Source
 from jointz.inspection.study_draft import (
     Guess,
+    JoinedDraft,
     Proposal,
     RecordingDraft,
     assignments_by_column,
@@ -52,6 +53,8 @@ class _Signs:
     acts_on: Guess
     acts_on_open: bool
     command: Guess
+    current: Guess
+    current_open: bool
 
 
 def proposal_of(
@@ -60,7 +63,8 @@ def proposal_of(
     """Return the study for recordings, of which the first shows what the columns mean."""
     main = sources[0]
     assigned, clock = main.assigned, main.clock
-    joint, why = guessed_joint(main.columns, main.names)
+    others = [c for one in main.joined for c in one.source.columns]
+    joint, why = guessed_joint([*main.columns, *others], main.names)
     kind = _kind(main)
     walking = kind.value == "walking"
     tables_of = _tables_of(sources, tables)
@@ -91,6 +95,8 @@ def proposal_of(
         straight_is_180=signs.straight_is_180,
         torque=signs.torque,
         command=signs.command,
+        current=signs.current,
+        is_current_open=signs.current_open,
         angle_sign_open=signs.angle_open,
         acts_on_open=signs.acts_on_open,
         inverted=main.inverted,
@@ -113,7 +119,8 @@ def proposal_of(
         ),
         levels=levels,
         own_times=main.own_times,
-        heel_strikes=main.heel_strikes,
+        heel_strikes=next((one for s in sources if (one := s.heel_strikes) and not one.file), None),
+        joined_channels=frozenset(n for one in main.joined for n in one.channels),
     )
 
 
@@ -203,7 +210,19 @@ def _draft(
         mass_kg=source.content.mass_kg,
         changes=_changes(source, main, signs),
         files=source.content.files if source.content.files != main.content.files else None,
+        joined=tuple(map(_joined, source.joined)),
+        heel_strikes=own if (own := source.heel_strikes) and own.file else None,
     )
+
+
+def _joined(one: JoinedSource) -> JoinedDraft:
+    why = "both clocks begin and end together"
+    offset = Guess(OPEN) if one.offset_s is None else Guess(f"{one.offset_s:g}", why)
+    own = one.source.assigned
+    return JoinedDraft(
+        one.source.shown, offset, {n: own[n] for n in ("time", *one.channels) if n in own},
+        one.source.content.files,
+    )  # fmt: skip
 
 
 def _is_unlike(own: InspectedColumn, first: InspectedColumn) -> bool:
@@ -233,7 +252,8 @@ def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str,
     """Return what a recording's channels have differently from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
     for name, (inspected, assignment) in source.assigned.items():
-        if source is main or name not in main.assigned:
+        apart = {n for one in source.joined for n in one.channels}
+        if source is main or name not in main.assigned or name in apart:
             continue
         first, of_first = main.assigned[name]
         change: dict[str, Any] = {}
@@ -323,7 +343,25 @@ def _signs(
         if follows != (acts_on.value == "joint"):
             why = f"it opposes the torque on the joint (correlation {followed:.2f})"
             command = Guess(OPPOSITE_DIRECTION[positive], why)
-    return _Signs(angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command)
+    current, current_open = _current(assigned, main, own, angle.value or positive)
+    return _Signs(
+        angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command, current,
+        current_open,
+    )  # fmt: skip
+
+
+def _current(
+    assigned: Assignments, main: Source, own: OwnPulses | None, angle: str
+) -> tuple[Guess, bool]:
+    """Return the direction in which a motor's current pushes the joint, and whether it is open."""
+    if "current" not in assigned or "torque" in assigned or "angle" not in assigned:
+        return Guess(""), False
+    score = pulse_response(assigned, main.clock, own)
+    if not is_clear(score):
+        return Guess(""), True
+    how = "as" if score > 0 else "against"
+    side = angle if score > 0 else OPPOSITE_DIRECTION[angle]
+    return Guess(side, f"pulses of current accelerate the joint {how} the angle grows"), False
 
 
 def _named_direction(assigned: Assignments, name: str) -> Guess:

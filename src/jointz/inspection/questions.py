@@ -31,6 +31,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     found = [
         *_missing(proposal),
         *_clock(proposal, clock),
+        *_offsets(proposal),
         *_pulses(proposal),
         *_masses(proposal),
         *_two_units(proposal),
@@ -110,6 +111,18 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
                  Answer(10.0, "samples at 100 Hz")),
                 drafted=False,
             )  # fmt: skip
+
+
+def _offsets(proposal: Proposal) -> Iterator[Question]:
+    unknown = [j.file for r in proposal.recordings for j in r.joined if j.offset.value == OPEN]
+    if unknown:
+        yield Question(
+            "recordings.joined.offset_s",
+            f"The clock of {', '.join(unknown[:_MOST_ANSWERS])} does not begin and end with that "
+            "of its recording. Time in the recording minus time in this file, s?",
+            (Answer(0.0, "one clock"), Answer("events_s", "of events in both files, see the docs")),
+            drafted=False,
+        )  # fmt: skip
 
 
 def _pulses(proposal: Proposal) -> Iterator[Question]:
@@ -216,6 +229,13 @@ def _is_like(ratio: float, size: float, factor: float = _ALIKE) -> bool:
 
 def _signs(proposal: Proposal) -> Iterator[Question]:
     positive = proposal.positive.value
+    if proposal.is_current_open:
+        yield Question(
+            "channels.current.positive",
+            "In which direction does a positive current of the motor push the joint?",
+            (Answer(positive, ""), Answer(OPPOSITE_DIRECTION[positive], "")),
+            drafted=False,
+        )
     if "angle" in proposal.assigned and proposal.angle_sign_open:
         inspected, assignment = proposal.assigned["angle"]
         low, high = inspected.course.low, inspected.course.high

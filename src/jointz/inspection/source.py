@@ -61,6 +61,7 @@ class Source:
     # such a channel -> column of its stamps, and their unit
     own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
     heel_strikes: HeelStrikes | None = None
+    joined: tuple["JoinedSource", ...] = ()
 
     @property
     def clock(self) -> SeenClock:
@@ -79,6 +80,15 @@ class Source:
         return "angle" in self.assigned and in_time
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JoinedSource:
+    """A file that brings channels to a recording in another."""
+
+    source: Source
+    channels: tuple[str, ...]
+    offset_s: float | None  # None where their clocks do not begin and end together
+
+
 def files_in(folder: Path) -> Iterator[Path]:
     """Yield the files of a folder that may hold recordings or pulse tables."""
     for file in sorted(folder.rglob("*")):
@@ -88,18 +98,23 @@ def files_in(folder: Path) -> Iterator[Path]:
             yield file
 
 
-def with_most_telling_first(sources: Sequence[Source]) -> list[Source]:
-    """Put the recording first from which the channels are taken, and forget samples of others."""
+def most_telling(sources: Sequence[Source]) -> Source:
+    """Return the recording from which the meaning of the channels is taken."""
 
     def telling(source: Source) -> tuple[bool, bool, int]:
         has_pulses = bool(source.pulses.source or source.table)
         return has_pulses, source.labels.condition == "perturbed", _weight(source.assigned)
 
-    best = max(sources, key=telling)
-    return [best, *(_light(source) for source in sources if source is not best)]
+    return max(sources, key=telling)
 
 
-def _light(source: Source) -> Source:
+def with_most_telling_first(sources: Sequence[Source]) -> list[Source]:
+    """Put the most telling recording first, and forget samples of others."""
+    best = most_telling(sources)
+    return [best, *(without_samples(source) for source in sources if source is not best)]
+
+
+def without_samples(source: Source) -> Source:
     """Return a source without its samples."""
     empty = np.empty(0)
     assigned = {

@@ -29,6 +29,16 @@ class Guess:
 
 
 @dataclass(frozen=True, slots=True)
+class JoinedDraft:
+    """A file that brings channels to a recording."""
+
+    file: str
+    offset: Guess  # s
+    assigned: Assignments
+    files: FilesSpec | None
+
+
+@dataclass(frozen=True, slots=True)
 class RecordingDraft:
     """A recording of a proposed study."""
 
@@ -44,6 +54,8 @@ class RecordingDraft:
     mass_kg: float | None = None  # of the participant, where the file states it
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
     files: FilesSpec | None = None  # layout, where it is another than the study's
+    joined: tuple[JoinedDraft, ...] = ()
+    heel_strikes: HeelStrikes | None = None  # in another file
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +72,8 @@ class Proposal:
     straight_is_180: bool = False  # whether the angle of a straight knee is 180 deg
     torque: Guess = Guess("")  # direction of the torque; "" if unknown
     command: Guess = Guess("")  # direction of the command, where it is the opposite
+    current: Guess = Guess("")  # direction of the motor's current
+    is_current_open: bool = False
     angle_sign_open: bool = False
     acts_on_open: bool = False
     inverted: frozenset[str] = frozenset()  # channels
@@ -81,6 +95,17 @@ class Proposal:
     # channel with a clock of its own -> column of its stamps, and their unit
     own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
     heel_strikes: HeelStrikes | None = None
+    joined_channels: frozenset[str] = frozenset()  # of other files
+
+    @property
+    def directions(self) -> Mapping[str, Guess]:
+        """Positive direction of channels."""
+        return {
+            "angle": self.angle,
+            "torque": self.torque,
+            "command": self.command,
+            "current": self.current,
+        }
 
     def question(self, about: str) -> Question | None:
         """Return what is asked about a key and has no answer yet."""
@@ -107,7 +132,7 @@ def study_text(proposal: Proposal) -> str:
         *_rate(proposal),
     ]
     for name in proposal.assigned:
-        lines += _channel(proposal, name)
+        lines += _channel(proposal, name) if name not in proposal.joined_channels else []
     lines += _heel_strikes(proposal) + _missing(proposal) + _others(proposal.free)
     lines += _people(proposal) + _recordings(proposal) + _perturbations(proposal)
     return "\n".join([*lines, *_calibration(proposal), *_files(proposal.files)]) + "\n"
@@ -201,12 +226,7 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         )
     if name in proposal.inverted and name == "ground_reaction_force":
         lines.append("invert = true  # guess: it is negative where the foot is loaded")
-    directions = {
-        "angle": proposal.angle,
-        "torque": proposal.torque,
-        "command": proposal.command,
-    }
-    turned = directions.get(name, Guess(""))
+    turned = proposal.directions.get(name, Guess(""))
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
     if name == "condition" and proposal.levels:
@@ -299,11 +319,11 @@ def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
         lines.append(_line("side", recording.side))
     else:
         lines.append('# side = "right"  # which one?')
-    if recording.changes:
-        lines.append(f"channels = {_inline(recording.changes)}")
+    lines += [f"channels.{k} = {_inline(v)}" for k, v in recording.changes.items()]
     if recording.files is not None:
         own = recording.files.model_dump(exclude_none=True)
         lines.append(f"files = {_inline({'encoding': 'utf-8', **own})}")
+    lines += _strikes_of(proposal, recording)
     needs = recording.condition.value in ("perturbed", OPEN) or "condition" in proposal.assigned
     if recording.perturbations:
         lines.append(f"perturbations = {written_text(recording.perturbations)}")
@@ -311,6 +331,36 @@ def _recording(proposal: Proposal, recording: RecordingDraft) -> list[str]:
         lines.append(
             '# perturbations = "PULSES.csv"  # a table with onset_s: the times of the pulses'
         )
+    return lines + [line for one in recording.joined for line in _joined(proposal, one)]
+
+
+def _strikes_of(proposal: Proposal, recording: RecordingDraft) -> list[str]:
+    own = recording.heel_strikes
+    if own is None:
+        return []
+    name = f"channels.heel_strikes.column = {written_text(own.column)}"
+    return [f"heel_strikes = {written_text(own.file)}"] + [name] * (
+        proposal.heel_strikes is not None
+    )
+
+
+def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
+    lines = ["[[recordings.joined]]", f"file = {written_text(one.file)}"]
+    if one.offset.value == OPEN:
+        lines.append(_key(proposal, "recordings.joined.offset_s", one.offset))
+    else:
+        lines.append(_line("offset_s", one.offset, raw=True))
+    if one.files is not None and (layout := _own_layout(one.files)):
+        lines.append(f"files = {_inline(layout)}")
+    for name, (inspected, assignment) in one.assigned.items():
+        keys = {"column": inspected.key} | ({"unit": assignment.unit} if assignment.unit else {})
+        turned = proposal.directions.get(name, Guess(""))
+        if turned.value not in ("", proposal.positive.value):
+            keys["positive"] = turned.value
+        asked = ("unit", "scale", "positive")
+        keys |= {k: OPEN for k in asked if proposal.question(f"channels.{name}.{k}")}
+        why = "; ".join(filter(None, (assignment.why, assignment.unit_why, turned.why)))
+        lines.append(f"channels.{name} = {_inline(keys)}  # guess: {written_comment(why)}")
     return lines
 
 
@@ -339,12 +389,16 @@ def _perturbations(proposal: Proposal) -> list[str]:
     return ["", "[perturbations]" if lines else "# [perturbations]", *lines, *asked]
 
 
+def _own_layout(files: FilesSpec) -> dict[str, Any]:
+    """Return what of a layout is not usual."""
+    found = {k: v for k, v in files.model_dump().items() if v != FilesSpec.model_fields[k].default}
+    return {k: v for k, v in found.items() if (k, v) != ("delimiter", ",")}
+
+
 def _files(files: FilesSpec | None) -> list[str]:
     if files is None:
         return []
-    found = {k: v for k, v in files.model_dump().items() if v != FilesSpec.model_fields[k].default}
-    if found.get("delimiter") == ",":
-        del found["delimiter"]
+    found = _own_layout(files)
     if not found:
         return []
     lines = ["", "[files]  # guess: by the first lines of the file"]

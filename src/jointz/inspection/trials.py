@@ -1,0 +1,121 @@
+"""Files of one trial: angle and torque apart, heel strikes as times."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from jointz.inspection.inspection_result import SeenClock
+from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
+from jointz.inspection.source import JoinedSource, Source
+
+_SAME_LENGTH = 0.05  # of files of one trial
+_SAME_END = 2.0  # periods of the slower clock, within which clocks begin and end together
+_TORQUES = {"torque", "current"}
+
+
+def is_whole(source: Source) -> bool:
+    """Return whether a file has all that a recording needs in time."""
+    return source.is_recording and bool(_TORQUES & set(source.assigned))
+
+
+def trials_of(pieces: Sequence[Source]) -> tuple[list[Source], list[Source]]:
+    """Return the recordings that files make together, and the files that are left."""
+    mains = [p for p in pieces if _TORQUES & set(p.assigned)]
+    angles = [p for p in pieces if "angle" in p.assigned and p not in mains]
+    angle_of = _pairs(mains, angles)
+    trials = [joined(main, [angle_of[id(main)]]) for main in mains if id(main) in angle_of]
+    used = {id(p) for main in mains if id(main) in angle_of for p in (main, angle_of[id(main)])}
+    return trials, [p for p in pieces if id(p) not in used]
+
+
+def with_strikes(
+    recordings: Sequence[Source], pieces: Sequence[Source]
+) -> tuple[list[Source], list[Source]]:
+    """Give recordings the files that list their heel strikes; return the other files, too."""
+    files = [p for p in pieces if p.heel_strikes and not p.is_recording]
+    lacking = [r for r in recordings if r.heel_strikes is None]
+    file_of = _pairs(lacking, files)
+    found = [
+        replace(r, heel_strikes=_strikes_in(file_of[id(r)])) if id(r) in file_of else r
+        for r in recordings
+    ]
+    used = {id(p) for p in file_of.values()}
+    return found, [p for p in pieces if id(p) not in used]
+
+
+def _strikes_in(piece: Source) -> HeelStrikes | None:
+    return piece.heel_strikes and replace(piece.heel_strikes, file=piece.shown)
+
+
+def joined(main: Source, others: Sequence[Source]) -> Source:
+    """Return a recording with the channels that other files bring."""
+    assigned, found = dict(main.assigned), []
+    clocks = {c.group: c for c in main.content.clocks}
+    time_s = times_of(clocks[main.group], main.assigned) if main.group in clocks else None
+    for other in others:
+        own_clocks = {c.group: c for c in other.content.clocks}
+        lacking = {n: c for n, c in other.assigned.items() if n not in assigned and n != "time"}
+        if time_s is not None and other.group in own_clocks:
+            own_time_s = times_of(own_clocks[other.group], other.assigned)
+            if own_time_s is not None:
+                lacking, _ = brought(assigned, time_s, {"": (other.assigned, own_time_s)})
+        assigned |= lacking
+        offset_s = 0.0 if _together(main.clock, other.clock) else None
+        found.append(JoinedSource(other, tuple(lacking), offset_s))
+    directions = [main.angle_direction, *(other.angle_direction for other in others)]
+    return replace(
+        main,
+        assigned=assigned,
+        joined=tuple(found),
+        angle_direction=next(filter(None, directions), ""),
+        side=next((s.side for s in (main, *others) if s.side[0]), main.side),
+        inverted=main.inverted.union(*(other.inverted for other in others)),
+    )
+
+
+def _together(a: SeenClock, b: SeenClock) -> bool:
+    """Return whether two clocks begin and end together."""
+    if not (a.rate_hz and b.rate_hz) or None in (a.start_s, a.end_s, b.start_s, b.end_s):
+        return False
+    most = _SAME_END / min(a.rate_hz, b.rate_hz)
+    starts, ends = (a.start_s or 0.0) - (b.start_s or 0.0), (a.end_s or 0.0) - (b.end_s or 0.0)
+    return max(abs(starts), abs(ends)) <= most
+
+
+def _pairs(recordings: Sequence[Source], files: Sequence[Source]) -> dict[int, Source]:
+    """Return the file that belongs to each recording: each is the only best one of the other."""
+    likeness = {
+        (id(r), id(f)): _likeness(r, f) for r in recordings for f in files if _may_be_of(r, f)
+    }
+    found = {}
+    for recording in recordings:
+        own = [f for f in files if _is_only_best(likeness, id(recording), id(f))]
+        if own:
+            found[id(recording)] = own[0]
+    return found
+
+
+def _is_only_best(likeness: dict[tuple[int, int], int], recording: int, file: int) -> bool:
+    mine = likeness.get((recording, file))
+    others = [v for k, v in likeness.items() if (k[0] == recording) != (k[1] == file)]
+    return mine is not None and all(mine > other for other in others)
+
+
+def _may_be_of(recording: Source, file: Source) -> bool:
+    """Return whether a file contradicts a recording neither by its labels nor by its length."""
+    a, b = recording.labels, file.labels
+    labels = ((a.participant, b.participant), (a.session, b.session), (a.side, b.side))
+    if any(one and other and one.casefold() != other.casefold() for one, other in labels):
+        return False
+    length, own = _length_s(recording.clock), _length_s(file.clock)
+    return not own or not length or abs(own / length - 1.0) <= _SAME_LENGTH
+
+
+def _length_s(clock: SeenClock) -> float:
+    return (clock.end_s or 0.0) - (clock.start_s or 0.0)
+
+
+def _likeness(recording: Source, file: Source) -> int:
+    """Return how many words of their names and folders two files share."""
+    a, b = (set(re.findall(r"[a-z]+|\d+", s.shown.casefold())) for s in (recording, file))
+    return len(a & b)
