@@ -29,8 +29,8 @@ from jointz.planning.predicted_estimates import (
 )
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import problems_of, protocol_text
-from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
-from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
+from jointz.planning.pulse_choice import aborted_share, candidates, peak_rad, planned_course, text_of
+from jointz.planning.pulse_numbers import MOST, HalfWidths, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import (
     MOST_DIFFERENCE_PCT,
@@ -38,6 +38,7 @@ from jointz.planning.wishes import (
     MOST_MINUTES,
     MOST_PEOPLE,
     Wishes,
+    rounded_up,
 )
 from jointz.report.wording import format_count
 from jointz.results.estimates import WIDEST
@@ -56,10 +57,17 @@ _MOTION_MARGIN = 1.02
 _UNDECIDED = 10.0
 #: Numbers of pulses are interpolated: a wish is kept with a margin.
 _SURELY = 0.98
+#: Minutes that were named are kept, whatever the last digit of a float, min.
+_ROUNDING_MIN = 1e-9
 #: Larger differences are only called large.
 _LARGEST_NAMED_PCT = 200.0
-#: Motion that trips the device, over that of nine of ten legs, and the largest, rad.
-_TRIPS, _LARGEST_TRIP_RAD = 1.2, 0.31
+#: Motion that cuts a pulse, over that of nine of ten legs, and three SDs of what the gate, which
+#: looks 63 ms ahead, is wrong by about the unperturbed angle, rad.
+_TRIPS, _GATE_ERROR_RAD = 1.2, 0.06
+#: Legs from which aborted pulses are predicted: few legs have most of them.
+_ABORTING_LEGS = 60
+#: Share of aborted pulses from which a remedy is named.
+_MANY_ABORTED = 0.05
 
 
 class Planner:
@@ -80,6 +88,7 @@ class Planner:
         self._points = schedule.timing_points
         self._refused: list[str] = []
         self._notes: list[str] = []
+        self._sensors = tuple(n for n in SENSORS if n in lab.noise)
         self._wanted = [PARAMETERS.index(name) for name in wishes.parameters]
         trips_deg = np.degrees(schedule.displacement_rad or np.inf)
         # Motion beyond the protocol's own limit would trip the device.
@@ -109,15 +118,16 @@ class Planner:
         self._say_undecidable(estimates)
         if spec is None:
             self._say_unseen(people, participants)
-        text = ""
+        text, aborted = "", None
         if spec is not None and not self._refused:
+            aborted = self._aborted(spec, design)
             text = self._protocol(spec, design, counts, estimates, participants)
         self._tell("protocol")
         return Plan(
             protocol=self._schedule.name,
             pulses=text_of(design.pulses),
             window_s=design.window_s,
-            sensors=tuple(n for n in SENSORS if n in self._lab.noise),
+            sensors=self._sensors,
             walking=self._walking,
             estimates=tuple(estimates),
             shapes=tuple(shapes),
@@ -132,6 +142,7 @@ class Planner:
             sources=_sources(middle, _float(counts), known),
             courses=tuple(planned_course(pulse) for pulse in design.pulses),
             recorded=spec is None,
+            aborted_share=aborted,
             protocol_text=text,
             provenance={
                 "software": software(),
@@ -210,56 +221,34 @@ class Planner:
         stride_s = float(np.mean([p.stride_s for p in self._lab.walking[0].values()]))
         return self._schedule.strides(counts) * stride_s / 60.0
 
-    def _most_in(self, minutes: float | None) -> int:
-        """Return the most pulses of every timing point that fit into the minutes."""
-        if minutes is None:
-            return MOST
-        fits = [
-            n for n in range(MOST + 1) if self.minutes(dict.fromkeys(self._points, n)) <= minutes
-        ]
-        return max(fits, default=0)
+    def _fits(self, counts: Mapping[str, int]) -> bool:
+        minutes = self._wishes.minutes
+        return minutes is None or self.minutes(counts) <= minutes + _ROUNDING_MIN
 
     def _counts(self, widths: HalfWidths) -> dict[str, int]:
-        """Return the pulses of every timing point; wishes that cannot be kept are refused."""
-        wish, most = self._wishes.half_width_pct, self._most_in(self._wishes.minutes)
-        least = allowed(widths.step)[0]
-        if most < least:
-            need = self.minutes(dict.fromkeys(self._points, least))
-            self._refused.append(
-                f"{self._wishes.minutes:g} min do not hold {least} pulses at "
-                f"{format_count(len(self._points), 'timing point')}. Nearest: --minutes "
-                f"{ceil(need)}."
-            )
-            return dict.fromkeys(self._points, least)
-        own = self._schedule.counts
+        """Return the pulses of every timing point, the nearest ones where wishes are refused."""
+        wish, share = self._wishes.half_width_pct, self._wishes.share
+        if wish is None and self._wishes.minutes is None:
+            return dict(self._schedule.counts)
+        precise, narrowest = widths.most_precise(self._wanted, share, self._fits)
         if wish is None:
-            if self._wishes.minutes is None or self.minutes(own) <= self._wishes.minutes:
-                return dict(own)
-            return dict.fromkeys(self._points, allowed(widths.step, most)[-1])
-        found = {
-            name: widths.fewest(k, self._wanted, _SURELY * wish / 100.0, self._wishes.share, MOST)
-            for k, name in enumerate(self._points)
-        }
-        if unreachable := [name for name, n in found.items() if n is None]:
-            self._refuse_half_width(widths, unreachable, most)
-            return {name: n or MOST for name, n in found.items()}
+            if not self._fits(precise):
+                self._refuse_minutes(precise)
+            return precise
+        found = widths.fewest(self._wanted, share, _SURELY * wish / 100.0)
         counts = {name: n for name, n in found.items() if n is not None}
-        if self._wishes.minutes is not None and self.minutes(counts) > self._wishes.minutes:
-            self._refuse_minutes(widths, counts, most)
-        return counts
+        nearest = _nearest_half_width(narrowest)
+        if unreachable := [name for name in found if name not in counts]:
+            self._refuse_half_width(widths, unreachable, nearest)
+            if not self._fits(precise):
+                self._refuse_minutes(precise)
+            return precise
+        if self._fits(counts):
+            return counts
+        self._refuse_minutes(counts, nearest if self._fits(precise) else "")
+        return precise
 
-    def _nearest_half_width(self, widths: HalfWidths, most: int) -> str:
-        """Return the narrowest half-width with at most so many pulses, as a remedy."""
-        assured = widths.assured(allowed(widths.step, most)[-1], self._wishes.share)
-        nearest = ceil(1000.0 * float(assured[self._wanted].max()) / _SURELY) / 10.0
-        if nearest <= 100.0 * WIDEST:
-            return f"--half-width {nearest:g}"
-        return (
-            "more --motion, --torque or sensors, a smaller --share, or other timing points "
-            f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
-        )
-
-    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], most: int) -> None:
+    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], nearest: str) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
         letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
         endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
@@ -272,16 +261,18 @@ class Planner:
         if never:
             which = "any of them" if never == list(points) else ", ".join(never)
             text += f", nor with more pulses at {which}"
-        nearest = self._nearest_half_width(widths, most)
-        self._refused.append(f"{text}. Nearest: {nearest}; see what sensors buy.")
+        self._refused.append(f"{text}. Nearest: {nearest}.")
 
-    def _refuse_minutes(self, widths: HalfWidths, counts: Mapping[str, int], most: int) -> None:
-        need = ceil(self.minutes(counts))
-        longer = f"--minutes {need}, or " if need <= MOST_MINUTES else ""
+    def _refuse_minutes(self, counts: Mapping[str, int], other: str = "") -> None:
+        """Refuse the minutes, which do not hold so many pulses; ``other`` is another remedy."""
+        need = rounded_up(self.minutes(counts))
+        longer = f"--minutes {need:g}" if need <= MOST_MINUTES else ""
+        nearest = ", or ".join(remedy for remedy in (longer, other) if remedy)
+        pulses = format_count(sum(counts.values()), "pulse")
         self._refused.append(
-            f"{self._wishes.half_width_pct:g} % needs {need} min of walking, and there are "
-            f"{self._wishes.minutes:g} min. Nearest: {longer}"
-            f"{self._nearest_half_width(widths, most)}."
+            f"{pulses} at {format_count(len(counts), 'timing point')} need {need:g} min of walking,"
+            f" and there are {self._wishes.minutes:g} min. Nearest: "
+            f"{nearest or 'fewer timing points'}."
         )
 
     # --- what is expected ----------------------------------------------------------------------
@@ -348,7 +339,7 @@ class Planner:
         known: Mapping[str, np.ndarray],
     ) -> list[PlannedMeasure]:
         """Return what sensors and calibrations would buy, and twice the pulses."""
-        here = tuple(n for n in SENSORS if n in self._lab.noise)
+        here = self._sensors
         rows = [_measure("as above", middle.estimates(_float(counts)).half_width)]
         for names in _sensor_sets(here):
             leg = typical_leg(self._lab.with_sensors(dict.fromkeys(names)), design)
@@ -373,21 +364,25 @@ class Planner:
             for n in sorted({*_PEOPLE, participants} - {1})
             for row in people_rows(expected, n, self._wishes.share)
         ]
-        needs = [participants]
-        for wish, attribute, option in (
-            (self._wishes.mean_pct, "mean_pct", "--mean"),
-            (self._wishes.difference_pct, "paired_pct", "--difference"),
-        ):
-            if wish is None:
-                continue
-            need = self._fewest_people(expected, wish, attribute)
+        wanted = {
+            option: (wish, attribute, self._fewest_people(expected, wish, attribute))
+            for wish, attribute, option in (
+                (self._wishes.mean_pct, "mean_pct", "--mean"),
+                (self._wishes.difference_pct, "paired_pct", "--difference"),
+            )
+            if wish is not None
+        }
+        needs = [need or MOST_PEOPLE for _, _, need in wanted.values()]
+        for option, (wish, attribute, need) in wanted.items():
             if need is None or (asked is not None and need > asked):
+                # So many people keep all wishes.
+                people = None if need is None else max(needs)
                 at = asked or MOST_PEOPLE
-                self._refused.append(self._more_people(expected, wish, attribute, option, need, at))
-            elif asked is None:
-                needs.append(need)
-        if asked is None and len(needs) > 1:
-            participants = max(needs[1:])
+                self._refused.append(
+                    self._more_people(expected, wish, attribute, option, people, at)
+                )
+        if asked is None and needs:
+            participants = max(needs)
             rows += [
                 row
                 for row in people_rows(expected, participants, self._wishes.share)
@@ -409,7 +404,7 @@ class Planner:
         if at > 1:
             reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
             most = MOST_DIFFERENCE_PCT if option == "--difference" else MOST_MEAN_PCT
-            remedies += [f"{option} {ceil(reach)}"] if reach <= most else []
+            remedies += [f"{option} {rounded_up(reach):g}"] if reach <= most else []
         nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")
         letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
@@ -427,6 +422,30 @@ class Planner:
         """Return the largest of what was asked for; infinite where nothing is decided."""
         found = {r.parameter: float(getattr(r, attribute)) for r in rows}
         return max(found.get(name, np.inf) for name in self._wishes.parameters)
+
+    # --- limit of displacement -----------------------------------------------------------------
+
+    def _limit_rad(self, spec: Protocol) -> float | None:
+        """Return the displacement that cuts a pulse; None in a protocol without a limit."""
+        own = spec.safety.displacement_rad
+        wanted = round(_TRIPS * radians(self._motion_deg) + _GATE_ERROR_RAD, 3)
+        return None if own is None else min(own, wanted)
+
+    def _aborted(self, spec: Protocol, design: Design) -> float | None:
+        """Return the share of pulses that the limit of displacement will abort, and say it."""
+        limit_rad, joint = self._limit_rad(spec), spec.expected_joint
+        if limit_rad is None or joint is None:
+            return None
+        legs = drawn_parameters(self._lab, design, n=_ABORTING_LEGS, seed=self._seed)
+        share = aborted_share(self._lab, legs, design, limit_rad, joint.inertia)
+        text = (
+            f"The limit of displacement ({limit_rad:g} rad) is expected to abort "
+            f"{100.0 * share:.1f} % of the pulses; jointz run repeats them."
+        )
+        if share > _MANY_ABORTED:
+            text += " Plan with a smaller --motion to lose fewer."
+        self._notes.append(text)
+        return share
 
     # --- protocol ------------------------------------------------------------------------------
 
@@ -452,8 +471,8 @@ class Planner:
             counts,
             participants=participants,
             half_width_pct=planned,
-            displacement_rad=round(min(_TRIPS * radians(self._motion_deg), _LARGEST_TRIP_RAD), 3),
-            notes=[*spec.notes, f"Planned by jointz plan: {text_of(design.pulses)}."],
+            displacement_rad=self._limit_rad(spec),
+            sensors=self._sensors,
         )
         if problems := problems_of(text):
             self._refused.append(
@@ -472,6 +491,17 @@ def _replaced(own: PlannedShape, chosen: PlannedShape) -> str:
     )
     why = own.why_not or f"half-widths of K, B, J are {before} % with them and {after} % with these"
     return f"The protocol's own pulses ({own.text}) were replaced: {why}."
+
+
+def _nearest_half_width(half_width: float) -> str:
+    """Return how the narrowest half-width is asked for, or what else helps if it is undecided."""
+    nearest = rounded_up(100.0 * half_width / _SURELY)
+    if nearest <= 100.0 * WIDEST:
+        return f"--half-width {nearest:g}"
+    return (
+        "more --motion, --torque or sensors, a smaller --share, or other timing points "
+        f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
+    )
 
 
 def _found(pct: float) -> str:

@@ -13,6 +13,8 @@ from jointz.core.protocols.pulse_models import (
     TrapezoidPulse,
     name_of,
 )
+from jointz.experiment.safety import ACTUATOR_LATE_S, LOOK_AHEAD_S
+from jointz.experiment.torque import PulseCourse
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.plan_result import PlannedCourse
 from jointz.planning.predicted_estimates import planned_model
@@ -87,6 +89,37 @@ def peak_rad(lab: Laboratory, legs: Sequence[np.ndarray], design: Design) -> flo
     points = range(len(model.points))
     peaks = [np.abs(model.bone(theta, k)).max(axis=(1, 2)) for k in points]
     return float(np.quantile(np.max(peaks, axis=0), _MOTION_SHARE))
+
+
+def aborted_share(
+    lab: Laboratory, legs: Sequence[np.ndarray], design: Design, limit_rad: float, inertia: float
+) -> float:
+    """Return the share of pulses that the safety gate will cut for their displacement.
+
+    The gate looks ahead, with the ``inertia`` that the protocol expects. Its prediction of the
+    unperturbed angle is taken to be as good as the estimator's.
+    """
+    model, shares = planned_model(lab, design), []
+    to_come = {
+        name_of(pulse): PulseCourse(pulse).displacements(
+            ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S
+        )
+        for pulse in design.pulses
+    }
+    for k, point in enumerate(model.points):
+        moved = model.bone(np.stack(legs), k)
+        coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
+        for i, variant in enumerate(design.variants):
+            rest = variant.amplitude_nm / inertia * np.array(to_come[variant.shape])
+            at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * rest.size))
+            going_on = coasting[:, i, at] + rest[(1000.0 * point.time_s[at]).astype(int)]
+            ahead = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
+            nearer = np.where(
+                np.abs(coasting[:, i, at]) < np.abs(going_on), coasting[:, i, at], going_on
+            )
+            seen = np.abs(nearer[:, None] + point.misses[:, 0, ahead]).max(axis=-1)
+            shares.append(np.mean(seen > limit_rad))
+    return float(np.mean(shares))
 
 
 def planned_course(pulse: Pulse) -> PlannedCourse:

@@ -37,6 +37,8 @@ _WHY = {
     "angle": "the angle of the joint is measured by a goniometer of its own.",
     "contact": "heel strikes, and with them the gait phase, come from a footswitch.",
 }
+#: Channels of the sensors that a protocol may be planned with.
+_OF_MOTION = {"encoder": MOTION_SENSORS[:1], "gyroscopes": MOTION_SENSORS[1:]}
 #: Moved by a motor in position control, of which there is no driver.
 _POSITIONS = ("position_rad", "velocity_rad_s")
 
@@ -195,6 +197,10 @@ def _lacking(protocol: Protocol, file: DeviceFile, *, levels_known: bool) -> Ite
     for name in sensors:
         if getattr(file, name) is None:
             yield f"{name}: missing; {_WHY[name]}"
+    for name in protocol.sensors:
+        for channel in _OF_MOTION.get(name, ()):
+            if getattr(file, channel) is None:
+                yield f"{channel}: missing; the protocol is planned with {name} (its sensors)."
     if "contact" in sensors and file.contact is not None:
         kind = file.contact.model_dump().get("kind", "voltage")
         if not (protocol.by_gait and kind == "voltage" and levels_known):
