@@ -248,7 +248,7 @@ def _beside_pilot(sensors: dict[str, float | None], lab: Laboratory) -> dict[str
 
 def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:
     """Return a lab with stored walking."""
-    own = dict.fromkeys(spec.sensors or ("goniometer",))
+    own: dict[str, float | None] = dict.fromkeys(spec.sensors or ("goniometer",))
     sensors = _known_sensors(own if given.sensors is None else given.sensors)
     noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in sensors.items()}
     gait = spec.gait

@@ -8,6 +8,7 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ExpectedJoint
 from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.planning.laboratory import SENSORS, Laboratory
@@ -29,7 +30,13 @@ from jointz.planning.predicted_estimates import (
 )
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import problems_of, protocol_text
-from jointz.planning.pulse_choice import aborted_share, candidates, peak_rad, planned_course, text_of
+from jointz.planning.pulse_choice import (
+    aborted_share,
+    candidates,
+    peak_rad,
+    planned_course,
+    text_of,
+)
 from jointz.planning.pulse_numbers import MOST, HalfWidths, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import (
@@ -57,8 +64,6 @@ _MOTION_MARGIN = 1.02
 _UNDECIDED = 10.0
 #: Numbers of pulses are interpolated: a wish is kept with a margin.
 _SURELY = 0.98
-#: Minutes that were named are kept, whatever the last digit of a float, min.
-_ROUNDING_MIN = 1e-9
 #: Larger differences are only called large.
 _LARGEST_NAMED_PCT = 200.0
 #: Motion that cuts a pulse, over that of nine of ten legs, and three SDs of what the gate, which
@@ -93,6 +98,10 @@ class Planner:
         trips_deg = np.degrees(schedule.displacement_rad or np.inf)
         # Motion beyond the protocol's own limit would trip the device.
         self._motion_deg = float(min(wishes.motion_deg, trips_deg))
+        self._limit_rad = schedule.displacement_rad
+        if self._limit_rad is not None:
+            trips = round(_TRIPS * radians(self._motion_deg) + _GATE_ERROR_RAD, 3)
+            self._limit_rad = min(self._limit_rad, trips)
         if schedule.asked_window_s > schedule.design.window_s:
             self._notes.append(
                 f"The window of {1000.0 * schedule.asked_window_s:.0f} ms was shortened to "
@@ -120,7 +129,7 @@ class Planner:
             self._say_unseen(people, participants)
         text, aborted = "", None
         if spec is not None and not self._refused:
-            aborted = self._aborted(spec, design)
+            aborted = self._aborted(design, spec.expected_joint)
             text = self._protocol(spec, design, counts, estimates, participants)
         self._tell("protocol")
         return Plan(
@@ -223,7 +232,7 @@ class Planner:
 
     def _fits(self, counts: Mapping[str, int]) -> bool:
         minutes = self._wishes.minutes
-        return minutes is None or self.minutes(counts) <= minutes + _ROUNDING_MIN
+        return minutes is None or self.minutes(counts) <= minutes
 
     def _counts(self, widths: HalfWidths) -> dict[str, int]:
         """Return the pulses of every timing point, the nearest ones where wishes are refused."""
@@ -231,22 +240,16 @@ class Planner:
         if wish is None and self._wishes.minutes is None:
             return dict(self._schedule.counts)
         precise, narrowest = widths.most_precise(self._wanted, share, self._fits)
-        if wish is None:
-            if not self._fits(precise):
-                self._refuse_minutes(precise)
-            return precise
-        found = widths.fewest(self._wanted, share, _SURELY * wish / 100.0)
-        counts = {name: n for name, n in found.items() if n is not None}
-        nearest = _nearest_half_width(narrowest)
-        if unreachable := [name for name in found if name not in counts]:
+        counts, nearest = precise, _nearest_half_width(narrowest)
+        if wish is not None:
+            counts = widths.fewest(self._wanted, share, _SURELY * wish / 100.0)
+        if unreachable := [name for name in self._points if name not in counts]:
             self._refuse_half_width(widths, unreachable, nearest)
-            if not self._fits(precise):
-                self._refuse_minutes(precise)
+            counts = precise
+        if not self._fits(counts):
+            self._refuse_minutes(counts, nearest if self._fits(precise) else "")
             return precise
-        if self._fits(counts):
-            return counts
-        self._refuse_minutes(counts, nearest if self._fits(precise) else "")
-        return precise
+        return counts
 
     def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], nearest: str) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
@@ -359,51 +362,35 @@ class Planner:
         expected = expected_people(typical.moments, typical.decided, self._lab.decision.gain_sd)
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
+        wishes = (("mean_pct", self._wishes.mean_pct), ("paired_pct", self._wishes.difference_pct))
+        wanted = {attribute: wish for attribute, wish in wishes if wish is not None}
+        needs = {name: self._fewest_people(expected, wish, name) for name, wish in wanted.items()}
+        most = max((need for need in needs.values() if need is not None), default=participants)
+        for name, need in needs.items():
+            if need is None or (asked is not None and need > asked):
+                # The most that a wish needs are enough for all.
+                people = None if need is None else most
+                self._refused.append(self._more_people(expected, wanted[name], name, people))
+        if asked is None and needs:
+            participants = most
         rows = [
             row
             for n in sorted({*_PEOPLE, participants} - {1})
             for row in people_rows(expected, n, self._wishes.share)
         ]
-        wanted = {
-            option: (wish, attribute, self._fewest_people(expected, wish, attribute))
-            for wish, attribute, option in (
-                (self._wishes.mean_pct, "mean_pct", "--mean"),
-                (self._wishes.difference_pct, "paired_pct", "--difference"),
-            )
-            if wish is not None
-        }
-        needs = [need or MOST_PEOPLE for _, _, need in wanted.values()]
-        for option, (wish, attribute, need) in wanted.items():
-            if need is None or (asked is not None and need > asked):
-                # So many people keep all wishes.
-                people = None if need is None else max(needs)
-                at = asked or MOST_PEOPLE
-                self._refused.append(
-                    self._more_people(expected, wish, attribute, option, people, at)
-                )
-        if asked is None and needs:
-            participants = max(needs)
-            rows += [
-                row
-                for row in people_rows(expected, participants, self._wishes.share)
-                if row not in rows
-            ]
-        return tuple(sorted(rows, key=lambda r: r.participants)), participants
+        return tuple(rows), participants
 
     def _more_people(
-        self,
-        expected: ExpectedPeople | None,
-        wish: float,
-        attribute: str,
-        option: str,
-        need: int | None,
-        at: int,
+        self, expected: ExpectedPeople | None, wish: float, attribute: str, need: int | None
     ) -> str:
         """Return why so many people do not do, and what is nearest."""
+        at = self._wishes.participants or MOST_PEOPLE
+        option, most = "--mean", MOST_MEAN_PCT
+        if attribute == "paired_pct":
+            option, most = "--difference", MOST_DIFFERENCE_PCT
         remedies = [] if need is None else [f"--participants {need}"]
         if at > 1:
             reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
-            most = MOST_DIFFERENCE_PCT if option == "--difference" else MOST_MEAN_PCT
             remedies += [f"{option} {rounded_up(reach):g}"] if reach <= most else []
         nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")
@@ -425,26 +412,18 @@ class Planner:
 
     # --- limit of displacement -----------------------------------------------------------------
 
-    def _limit_rad(self, spec: Protocol) -> float | None:
-        """Return the displacement that cuts a pulse; None in a protocol without a limit."""
-        own = spec.safety.displacement_rad
-        wanted = round(_TRIPS * radians(self._motion_deg) + _GATE_ERROR_RAD, 3)
-        return None if own is None else min(own, wanted)
-
-    def _aborted(self, spec: Protocol, design: Design) -> float | None:
+    def _aborted(self, design: Design, joint: ExpectedJoint | None) -> float | None:
         """Return the share of pulses that the limit of displacement will abort, and say it."""
-        limit_rad, joint = self._limit_rad(spec), spec.expected_joint
-        if limit_rad is None or joint is None:
+        if self._limit_rad is None or joint is None:
             return None
         legs = drawn_parameters(self._lab, design, n=_ABORTING_LEGS, seed=self._seed)
-        share = aborted_share(self._lab, legs, design, limit_rad, joint.inertia)
-        text = (
-            f"The limit of displacement ({limit_rad:g} rad) is expected to abort "
+        share = aborted_share(self._lab, legs, design, self._limit_rad, joint.inertia)
+        self._notes.append(
+            f"The limit of displacement ({self._limit_rad:g} rad) is expected to abort "
             f"{100.0 * share:.1f} % of the pulses; jointz run repeats them."
+            + " Plan with a smaller --motion to lose fewer."
+            * (share > _MANY_ABORTED)
         )
-        if share > _MANY_ABORTED:
-            text += " Plan with a smaller --motion to lose fewer."
-        self._notes.append(text)
         return share
 
     # --- protocol ------------------------------------------------------------------------------
@@ -471,7 +450,7 @@ class Planner:
             counts,
             participants=participants,
             half_width_pct=planned,
-            displacement_rad=self._limit_rad(spec),
+            displacement_rad=self._limit_rad,
             sensors=self._sensors,
         )
         if problems := problems_of(text):

@@ -96,29 +96,23 @@ def aborted_share(
 ) -> float:
     """Return the share of pulses that the safety gate will cut for their displacement.
 
-    The gate looks ahead, with the ``inertia`` that the protocol expects. Its prediction of the
-    unperturbed angle is taken to be as good as the estimator's.
+    The gate looks ahead: it cuts a pulse if a joint of this inertia would go too far both without
+    the rest of the pulse and with it. Its errors are those of the estimator's prediction then.
     """
     model, shares = planned_model(lab, design), []
-    to_come = {
-        name_of(pulse): PulseCourse(pulse).displacements(
-            ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S
-        )
-        for pulse in design.pulses
-    }
+    courses = {name_of(pulse): PulseCourse(pulse) for pulse in design.pulses}
     for k, point in enumerate(model.points):
         moved = model.bone(np.stack(legs), k)
         coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
         for i, variant in enumerate(design.variants):
-            rest = variant.amplitude_nm / inertia * np.array(to_come[variant.shape])
-            at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * rest.size))
-            going_on = coasting[:, i, at] + rest[(1000.0 * point.time_s[at]).astype(int)]
-            ahead = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
-            nearer = np.where(
-                np.abs(coasting[:, i, at]) < np.abs(going_on), coasting[:, i, at], going_on
-            )
-            seen = np.abs(nearer[:, None] + point.misses[:, 0, ahead]).max(axis=-1)
-            shares.append(np.mean(seen > limit_rad))
+            course = courses[variant.shape]
+            rest = course.displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
+            at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * len(rest)))
+            to_come = np.array(rest)[(1000.0 * point.time_s[at]).astype(int)] / inertia
+            later = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
+            ahead = coasting[:, None, i, at] + point.misses[:, 0, later]
+            nearer = np.minimum(np.abs(ahead), np.abs(ahead + variant.amplitude_nm * to_come))
+            shares.append(np.mean(nearer.max(axis=-1) > limit_rad))
     return float(np.mean(shares))
 
 

@@ -47,15 +47,10 @@ class HalfWidths:
         with ThreadPoolExecutor(max_workers=2) as pool:
             return list(pool.map(lambda leg: leg.estimates(counts), self.legs))
 
-    def fewest(
-        self, parameters: Sequence[int], share: float, wish: float
-    ) -> dict[str, int | None]:
-        """Return the fewest pulses that keep a wish at every timing point; None if none does."""
-        kept = self._widest(parameters, share) <= wish
-        return {
-            name: allowed(self.step)[int(of_point.argmax())] if of_point.any() else None
-            for name, of_point in zip(self.points, kept.T, strict=True)
-        }
+    def fewest(self, parameters: Sequence[int], share: float, wish: float) -> dict[str, int]:
+        """Return the fewest pulses that keep a wish, of the timing points where some do."""
+        kept = zip(self.points, (self._widest(parameters, share) <= wish).T, strict=True)
+        return {name: allowed(self.step)[at.argmax()] for name, at in kept if at.any()}
 
     def most_precise(
         self,
@@ -69,17 +64,17 @@ class HalfWidths:
         """
         rounds, widest = allowed(self.step), self._widest(parameters, share)
         counts = dict.fromkeys(self.points, rounds[0])
-        width = dict(zip(self.points, widest[0].tolist(), strict=True))
+        width = dict(zip(self.points, widest[0], strict=True))
         growing = list(self.points)
         while growing:
-            name = max(growing, key=lambda point: width[point])
+            name = max(growing, key=width.__getitem__)
             more = counts | {name: counts[name] + self.step}
-            if more[name] not in rounds or not fits(more):
+            if more[name] in rounds and fits(more):
+                counts = more
+                width[name] = widest[rounds.index(more[name]), self.points.index(name)]
+            else:
                 growing.remove(name)
-                continue
-            counts = more
-            width[name] = float(widest[rounds.index(more[name]), self.points.index(name)])
-        return counts, max(width.values())
+        return counts, float(max(width.values()))
 
     @property
     def points(self) -> list[str]:

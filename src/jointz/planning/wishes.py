@@ -67,9 +67,10 @@ class Wishes:
 
 
 def rounded_up(value: float) -> float:
-    """Return a number that can be named and typed: three digits, not below ``value``."""
+    """Return a number of three digits that can be named and typed, a little above ``value``."""
     digits = 2 - floor(log10(value))
-    return round(ceil(value * 10.0**digits) / 10.0**digits, digits)
+    # Above it even if it has three digits: the last bit of a float must not matter.
+    return round(ceil(value * 10.0**digits + 1e-6) / 10.0**digits, digits)
 
 
 def out_of_range(*numbers: tuple[str, float | None, float, float, str]) -> list[str]:
