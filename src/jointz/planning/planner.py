@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from math import ceil, radians
+from math import radians
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import ExpectedJoint
 from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.planning import pulse_choice
 from jointz.planning.laboratory import SENSORS, Laboratory
 from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
@@ -30,13 +31,6 @@ from jointz.planning.predicted_estimates import (
 )
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import problems_of, protocol_text
-from jointz.planning.pulse_choice import (
-    aborted_share,
-    candidates,
-    peak_rad,
-    planned_course,
-    text_of,
-)
 from jointz.planning.pulse_numbers import MOST, HalfWidths, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import (
@@ -134,7 +128,7 @@ class Planner:
         self._tell("protocol")
         return Plan(
             protocol=self._schedule.name,
-            pulses=text_of(design.pulses),
+            pulses=pulse_choice.text_of(design.pulses),
             window_s=design.window_s,
             sensors=self._sensors,
             walking=self._walking,
@@ -149,7 +143,7 @@ class Planner:
             refused=tuple(self._refused),
             notes=tuple(self._notes),
             sources=_sources(middle, _float(counts), known),
-            courses=tuple(planned_course(pulse) for pulse in design.pulses),
+            courses=tuple(pulse_choice.planned_course(pulse) for pulse in design.pulses),
             recorded=spec is None,
             aborted_share=aborted,
             protocol_text=text,
@@ -167,18 +161,19 @@ class Planner:
         self, own: Design, legs: Sequence[np.ndarray], *, fixed: bool
     ) -> tuple[Design, PlannedLeg, list[PlannedShape]]:
         """Return the best design within the limits, its typical leg, and all that were compared."""
-        compared = [own, *candidates(self._lab, legs, own.window_s, radians(self._motion_deg))]
+        motion_rad = radians(self._motion_deg)
+        compared = [own, *pulse_choice.candidates(self._lab, legs, own.window_s, motion_rad)]
         typical = [typical_leg(self._lab, design) for design in compared]
         rows, scores = [], []
         for design, leg in zip(compared, typical, strict=True):
-            row, score = self._compared(design, leg, peak_rad(self._lab, legs, design))
+            row, score = self._compared(design, leg, pulse_choice.peak_rad(self._lab, legs, design))
             rows.append(row)
             scores.append(score)
         if not fixed and not np.isfinite(scores).any():
             raise DataError(
-                f"plan: no pulse of at least 1 N*m that the device can give stays below "
-                f"{self._motion_deg:.3g} degrees in nine of ten legs. Nearest: --motion "
-                f"{ceil(min(row.peak_deg for row in rows))}."
+                "plan: no pulse of at least 1 N*m that the device can give stays below "
+                f"{self._motion_deg:.3g} degrees in nine of ten legs. "
+                f"Nearest: {self._nearest_pulses(own, legs)}."
             )
         # The lab's own pulses stay where others are not better.
         best = int(np.argmin(scores))
@@ -188,6 +183,15 @@ class Planner:
         if best:
             self._notes.append(_replaced(rows[0], rows[best]))
         return compared[best], typical[best], rows
+
+    def _nearest_pulses(self, own: Design, legs: Sequence[np.ndarray]) -> str:
+        """Return the torque or motion that allows the smallest pulses."""
+        if self._lab.actuator.torque_nm < pulse_choice.LEAST_NM:
+            return f"--torque {pulse_choice.LEAST_NM:g}"
+        motion = self._motion_deg
+        while not any(pulse_choice.candidates(self._lab, legs, own.window_s, radians(motion))):
+            motion = rounded_up(1.01 * motion)
+        return f"--motion {motion:g}"
 
     def _compared(self, design: Design, leg: PlannedLeg, peak: float) -> tuple[PlannedShape, float]:
         """Return what a design gives, and its score: lower is better, infinite is not possible."""
@@ -204,7 +208,7 @@ class Planner:
         stiffness, damping, inertia = (100.0 * np.median(half.half_width, axis=1)).tolist()
         row = PlannedShape(
             name=design.name,
-            text=text_of(design.pulses),
+            text=pulse_choice.text_of(design.pulses),
             peak_deg=float(np.degrees(peak)),
             stiffness_pct=stiffness,
             damping_pct=damping,
@@ -240,23 +244,35 @@ class Planner:
         if wish is None and self._wishes.minutes is None:
             return dict(self._schedule.counts)
         precise, narrowest = widths.most_precise(self._wanted, share, self._fits)
-        counts, nearest = precise, _nearest_half_width(narrowest)
+        counts, nearest = precise, self._nearest_half_width(widths, narrowest)
         if wish is not None:
             counts = widths.fewest(self._wanted, share, _SURELY * wish / 100.0)
         if unreachable := [name for name in self._points if name not in counts]:
             self._refuse_half_width(widths, unreachable, nearest)
             counts = precise
-        if not self._fits(counts):
+        if not self._fits(counts) and not (unreachable and "--minutes" in nearest):
             self._refuse_minutes(counts, nearest if self._fits(precise) else "")
             return precise
         return counts
 
+    def _nearest_half_width(self, widths: HalfWidths, narrowest: float) -> str:
+        """Return how the narrowest half-width is asked for, or what decides the values at all."""
+        if (nearest := rounded_up(100.0 * narrowest / _SURELY)) <= 100.0 * WIDEST:
+            return f"--half-width {nearest:g}"
+        counts = widths.fewest(self._wanted, self._wishes.share, _SURELY * WIDEST)
+        if len(counts) == len(self._points):
+            minutes = rounded_up(self.minutes(counts))
+            return f"--half-width {100.0 * WIDEST:g} --minutes {minutes:g}"
+        return (
+            "more --motion, --torque or sensors, a smaller --share, or other timing points "
+            f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
+        )
+
     def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], nearest: str) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
         letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
-        endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
-        names = list(self._points)
-        never = [p for p in points if 100.0 * endless[names.index(p)] > (wish or 0.0)]
+        endless = 100.0 * widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
+        never = [p for p, pct in zip(self._points, endless, strict=True) if pct > (wish or 0.0)]
         text = (
             f"{letters} to {wish:g} % in {100 * share:.0f} of 100 legs cannot be had with {MOST} "
             f"pulses at {', '.join(points)}"
@@ -385,9 +401,10 @@ class Planner:
     ) -> str:
         """Return why so many people do not do, and what is nearest."""
         at = self._wishes.participants or MOST_PEOPLE
-        option, most = "--mean", MOST_MEAN_PCT
-        if attribute == "paired_pct":
-            option, most = "--difference", MOST_DIFFERENCE_PCT
+        of_mean = attribute == "mean_pct"
+        option, most = (
+            ("--mean", MOST_MEAN_PCT) if of_mean else ("--difference", MOST_DIFFERENCE_PCT)
+        )
         remedies = [] if need is None else [f"--participants {need}"]
         if at > 1:
             reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
@@ -417,7 +434,7 @@ class Planner:
         if self._limit_rad is None or joint is None:
             return None
         legs = drawn_parameters(self._lab, design, n=_ABORTING_LEGS, seed=self._seed)
-        share = aborted_share(self._lab, legs, design, self._limit_rad, joint.inertia)
+        share = pulse_choice.aborted_share(self._lab, legs, design, self._limit_rad, joint.inertia)
         self._notes.append(
             f"The limit of displacement ({self._limit_rad:g} rad) is expected to abort "
             f"{100.0 * share:.1f} % of the pulses; jointz run repeats them."
@@ -470,17 +487,6 @@ def _replaced(own: PlannedShape, chosen: PlannedShape) -> str:
     )
     why = own.why_not or f"half-widths of K, B, J are {before} % with them and {after} % with these"
     return f"The protocol's own pulses ({own.text}) were replaced: {why}."
-
-
-def _nearest_half_width(half_width: float) -> str:
-    """Return how the narrowest half-width is asked for, or what else helps if it is undecided."""
-    nearest = rounded_up(100.0 * half_width / _SURELY)
-    if nearest <= 100.0 * WIDEST:
-        return f"--half-width {nearest:g}"
-    return (
-        "more --motion, --torque or sensors, a smaller --share, or other timing points "
-        f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
-    )
 
 
 def _found(pct: float) -> str:

@@ -27,7 +27,7 @@ _PUSH_S, _HOLD_S = 0.06, 0.25
 _SIZES = (0.6, 1.0)
 #: Amplitudes are multiples of this.
 _STEP_NM = 0.5
-_LEAST_NM = 1.0
+LEAST_NM = 1.0
 #: Motion is that which this share of legs does not exceed, at the softest timing point.
 _MOTION_SHARE = 0.9
 _PASSES = 6
@@ -76,7 +76,7 @@ def _scaled(
             break
         size *= motion_rad / peak
     size = floor(size / _STEP_NM) * _STEP_NM
-    if size < _LEAST_NM:
+    if size < LEAST_NM:
         return None
     sizes = dict.fromkeys(max(_STEP_NM, round(s * size / _STEP_NM) * _STEP_NM) for s in _SIZES)
     return pulse.model_copy(update={"amplitudes_nm": tuple(sizes)})
@@ -104,14 +104,13 @@ def aborted_share(
     for k, point in enumerate(model.points):
         moved = model.bone(np.stack(legs), k)
         coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
-        for i, variant in enumerate(design.variants):
-            course = courses[variant.shape]
-            rest = course.displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
+        for i, v in enumerate(design.variants):
+            rest = courses[v.shape].displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
             at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * len(rest)))
             to_come = np.array(rest)[(1000.0 * point.time_s[at]).astype(int)] / inertia
             later = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
             ahead = coasting[:, None, i, at] + point.misses[:, 0, later]
-            nearer = np.minimum(np.abs(ahead), np.abs(ahead + variant.amplitude_nm * to_come))
+            nearer = np.minimum(np.abs(ahead), np.abs(ahead + v.amplitude_nm * to_come))
             shares.append(np.mean(nearer.max(axis=-1) > limit_rad))
     return float(np.mean(shares))
 
