@@ -274,4 +274,4 @@ def test_sensors_that_a_protocol_is_planned_with_are_needed(file):
     planned = load_protocol("walking").model_copy(update={"sensors": ("goniometer", "encoder")})
 
     with pytest.raises(DeviceFileError, match="joint_encoder: missing; the protocol is planned"):
-        read_hardware(file, planned)
+        read_hardware(file(), planned)
