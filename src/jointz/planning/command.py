@@ -2,6 +2,7 @@
 
 from math import ceil, radians
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -107,7 +108,7 @@ def plan(
 ) -> None:
     """Plan an experiment: pulses, sensors, minutes and people for a wanted interval.
 
-    Writes a page, a table, JSON, and a protocol file that jointz run takes.
+    Writes a page, a table, JSON, and a protocol file that jointz run takes; nothing if refused.
     Exit status: 0 planned, 1 a wish cannot be kept (the nearest one is named), 2 bad input.
 
     Example: jointz plan walking_doublets --pilot my-walking --half-width 25 --minutes 30
@@ -143,17 +144,16 @@ def plan(
     }
     with progress_bar(shown=not (quiet or as_json)) as progress:
         made = _made(protocol, study, study_folder, of_lab, wishes, seed=seed, progress=progress)
-    page = write_plan(made, out, overwrite=overwrite)
+    page = "" if made.refused else str(write_plan(made, out, overwrite=overwrite))
     if as_json:
         status = "refused" if made.refused else "ok"
-        emit_json({"status": status, "page": str(page), "plan": made.to_dict()})
+        emit_json({"status": status, "page": page, "plan": made.to_dict()})
     elif not quiet:
         _print(made)
-        emit(f"Page: {page}")
-        if made.refused:
-            emit("No protocol was written. Ask for the nearest wish.")
+        emit(f"Page: {page}" if page else "Nothing was written. Ask for the nearest wish.")
         if made.protocol_text:
-            emit(f"Next: jointz run {out / PROTOCOL} --out STUDY")
+            sensors = ",".join(made.sensors)
+            emit(f"Next: jointz run {quote(str(out / PROTOCOL))} --sensors {sensors} --out STUDY")
     if made.refused:
         for text in made.refused if quiet else ():
             typer.echo(f"jointz: refused: {text}", err=True)

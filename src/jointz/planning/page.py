@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing
 from jointz.io.new_folder import MARKER, new_folder, write_marker
 from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate
@@ -38,8 +39,8 @@ def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = Fal
     plan : Plan
         The plan.
     out : path
-        The folder: plan.html, plan.csv, plan.json, the figures as SVG, and protocol.toml if no
-        wish was refused.
+        The folder: plan.html, plan.csv, plan.json, the figures as SVG, and protocol.toml unless
+        the study was recorded already.
     overwrite : bool
         Whether to replace an earlier plan.
 
@@ -50,12 +51,16 @@ def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = Fal
 
     Raises
     ------
+    DataError
+        If wishes were refused.
     OutputError
         If the folder exists, or is not one of a plan.
     WriteError
         If it cannot be written.
     """
     path = Path(out)
+    if plan.refused:
+        raise DataError("plan: wishes were refused, nothing is written. " + " ".join(plan.refused))
     if not overwrite:
         refuse_existing(path, "folder")
     figures = plan_figures(plan)
@@ -116,7 +121,6 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         about=[str(plan.provenance.get("created", ""))],
         lead=_lead(plan),
         facts=_facts(plan),
-        refused=plan.refused,
         notes=plan.notes,
         share=share,
         figures=page_figures((n, svg, "", captions[n]) for n, svg in figures.items()),
@@ -181,14 +185,13 @@ def _lead(plan: Plan) -> str:
 
 
 def _wish(plan: Plan) -> str:
-    """Return the wanted half-width and whether it is kept, "" without one."""
+    """Return the wanted half-width, "" without one."""
     wish = plan.wishes.get("half_width_pct")
     if wish is None:
         return ""
     letters = joined([LETTERS[name] for name in plan.wishes["parameters"]])
-    kept = "refused" if plan.refused else "kept"
     share = 100.0 * float(plan.wishes["share"])
-    return f"Wanted: {letters} to {wish:g} % in {share:.0f} of 100 legs. This is {kept}."
+    return f"Wanted: {letters} to {wish:g} % in {share:.0f} of 100 legs. This is kept."
 
 
 def _facts(plan: Plan) -> list[tuple[str, str]]:

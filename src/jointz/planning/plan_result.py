@@ -217,6 +217,8 @@ class Plan(PlottedResult):
         Whether this is a study that was recorded already.
     reached : mapping
         Of a recorded study: parameter -> timing point -> median half-width, %.
+    aborted_share : float or None
+        Share of the pulses that the limit of displacement is expected to abort; None without one.
     protocol_text : str
         Protocol file, which ``jointz run`` takes; "" if wishes were refused, or for a recorded
         study.
@@ -246,6 +248,7 @@ class Plan(PlottedResult):
     courses: tuple[PlannedCourse, ...] = ()
     recorded: bool = False
     reached: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    aborted_share: float | None = None
     protocol_text: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

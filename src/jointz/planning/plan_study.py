@@ -74,7 +74,7 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
         variability of a recorded walker is taken, and the plan says so.
     sensors : mapping of str to float or None, optional
         ``goniometer``, ``encoder``, ``gyroscopes`` with their white noise, rad or rad/s, None for
-        that of a usual one. By default those of the pilot, else a goniometer.
+        that of a usual one. By default those of the pilot, else the protocol's, else a goniometer.
     calibration : CalibrationSpec, optional
         What is known of the instruments; by default the pilot's.
     mass_kg, height_m : float, optional
@@ -248,7 +248,8 @@ def _beside_pilot(sensors: dict[str, float | None], lab: Laboratory) -> dict[str
 
 def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:
     """Return a lab with stored walking."""
-    sensors = _known_sensors({"goniometer": None} if given.sensors is None else given.sensors)
+    own: dict[str, float | None] = dict.fromkeys(spec.sensors or ("goniometer",))
+    sensors = _known_sensors(own if given.sensors is None else given.sensors)
     noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in sensors.items()}
     gait = spec.gait
     walking = stored_walking(

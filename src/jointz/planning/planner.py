@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from math import ceil, radians
+from math import radians
 
 import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.core.protocols.protocol import Protocol
+from jointz.core.protocols.protocol_models import ExpectedJoint
 from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.planning import pulse_choice
 from jointz.planning.laboratory import SENSORS, Laboratory
 from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
@@ -29,8 +31,7 @@ from jointz.planning.predicted_estimates import (
 )
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import problems_of, protocol_text
-from jointz.planning.pulse_choice import candidates, peak_rad, planned_course, text_of
-from jointz.planning.pulse_numbers import MOST, HalfWidths, allowed, half_widths
+from jointz.planning.pulse_numbers import MOST, HalfWidths, half_widths
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import (
     MOST_DIFFERENCE_PCT,
@@ -38,6 +39,7 @@ from jointz.planning.wishes import (
     MOST_MINUTES,
     MOST_PEOPLE,
     Wishes,
+    rounded_up,
 )
 from jointz.report.wording import format_count
 from jointz.results.estimates import WIDEST
@@ -58,8 +60,13 @@ _UNDECIDED = 10.0
 _SURELY = 0.98
 #: Larger differences are only called large.
 _LARGEST_NAMED_PCT = 200.0
-#: Motion that trips the device, over that of nine of ten legs, and the largest, rad.
-_TRIPS, _LARGEST_TRIP_RAD = 1.2, 0.31
+#: Motion that cuts a pulse, over that of nine of ten legs, and three SDs of what the gate, which
+#: looks 63 ms ahead, is wrong by about the unperturbed angle, rad.
+_TRIPS, _GATE_ERROR_RAD = 1.2, 0.06
+#: Legs from which aborted pulses are predicted: few legs have most of them.
+_ABORTING_LEGS = 60
+#: Share of aborted pulses from which a remedy is named.
+_MANY_ABORTED = 0.05
 
 
 class Planner:
@@ -80,10 +87,15 @@ class Planner:
         self._points = schedule.timing_points
         self._refused: list[str] = []
         self._notes: list[str] = []
+        self._sensors = tuple(n for n in SENSORS if n in lab.noise)
         self._wanted = [PARAMETERS.index(name) for name in wishes.parameters]
         trips_deg = np.degrees(schedule.displacement_rad or np.inf)
         # Motion beyond the protocol's own limit would trip the device.
         self._motion_deg = float(min(wishes.motion_deg, trips_deg))
+        self._limit_rad = schedule.displacement_rad
+        if self._limit_rad is not None:
+            trips = round(_TRIPS * radians(self._motion_deg) + _GATE_ERROR_RAD, 3)
+            self._limit_rad = min(self._limit_rad, trips)
         if schedule.asked_window_s > schedule.design.window_s:
             self._notes.append(
                 f"The window of {1000.0 * schedule.asked_window_s:.0f} ms was shortened to "
@@ -109,15 +121,16 @@ class Planner:
         self._say_undecidable(estimates)
         if spec is None:
             self._say_unseen(people, participants)
-        text = ""
+        text, aborted = "", None
         if spec is not None and not self._refused:
+            aborted = self._aborted(design, spec.expected_joint)
             text = self._protocol(spec, design, counts, estimates, participants)
         self._tell("protocol")
         return Plan(
             protocol=self._schedule.name,
-            pulses=text_of(design.pulses),
+            pulses=pulse_choice.text_of(design.pulses),
             window_s=design.window_s,
-            sensors=tuple(n for n in SENSORS if n in self._lab.noise),
+            sensors=self._sensors,
             walking=self._walking,
             estimates=tuple(estimates),
             shapes=tuple(shapes),
@@ -130,8 +143,9 @@ class Planner:
             refused=tuple(self._refused),
             notes=tuple(self._notes),
             sources=_sources(middle, _float(counts), known),
-            courses=tuple(planned_course(pulse) for pulse in design.pulses),
+            courses=tuple(pulse_choice.planned_course(pulse) for pulse in design.pulses),
             recorded=spec is None,
+            aborted_share=aborted,
             protocol_text=text,
             provenance={
                 "software": software(),
@@ -147,18 +161,19 @@ class Planner:
         self, own: Design, legs: Sequence[np.ndarray], *, fixed: bool
     ) -> tuple[Design, PlannedLeg, list[PlannedShape]]:
         """Return the best design within the limits, its typical leg, and all that were compared."""
-        compared = [own, *candidates(self._lab, legs, own.window_s, radians(self._motion_deg))]
+        motion_rad = radians(self._motion_deg)
+        compared = [own, *pulse_choice.candidates(self._lab, legs, own.window_s, motion_rad)]
         typical = [typical_leg(self._lab, design) for design in compared]
         rows, scores = [], []
         for design, leg in zip(compared, typical, strict=True):
-            row, score = self._compared(design, leg, peak_rad(self._lab, legs, design))
+            row, score = self._compared(design, leg, pulse_choice.peak_rad(self._lab, legs, design))
             rows.append(row)
             scores.append(score)
         if not fixed and not np.isfinite(scores).any():
             raise DataError(
-                f"plan: no pulse of at least 1 N*m that the device can give stays below "
-                f"{self._motion_deg:.3g} degrees in nine of ten legs. Nearest: --motion "
-                f"{ceil(min(row.peak_deg for row in rows))}."
+                "plan: no pulse of at least 1 N*m that the device can give stays below "
+                f"{self._motion_deg:.3g} degrees in nine of ten legs. "
+                f"Nearest: {self._nearest_pulses(own, legs)}."
             )
         # The lab's own pulses stay where others are not better.
         best = int(np.argmin(scores))
@@ -168,6 +183,15 @@ class Planner:
         if best:
             self._notes.append(_replaced(rows[0], rows[best]))
         return compared[best], typical[best], rows
+
+    def _nearest_pulses(self, own: Design, legs: Sequence[np.ndarray]) -> str:
+        """Return the torque or motion that allows the smallest pulses."""
+        if self._lab.actuator.torque_nm < pulse_choice.LEAST_NM:
+            return f"--torque {pulse_choice.LEAST_NM:g}"
+        motion = self._motion_deg
+        while not any(pulse_choice.candidates(self._lab, legs, own.window_s, radians(motion))):
+            motion = rounded_up(1.01 * motion)
+        return f"--motion {motion:g}"
 
     def _compared(self, design: Design, leg: PlannedLeg, peak: float) -> tuple[PlannedShape, float]:
         """Return what a design gives, and its score: lower is better, infinite is not possible."""
@@ -184,7 +208,7 @@ class Planner:
         stiffness, damping, inertia = (100.0 * np.median(half.half_width, axis=1)).tolist()
         row = PlannedShape(
             name=design.name,
-            text=text_of(design.pulses),
+            text=pulse_choice.text_of(design.pulses),
             peak_deg=float(np.degrees(peak)),
             stiffness_pct=stiffness,
             damping_pct=damping,
@@ -210,61 +234,45 @@ class Planner:
         stride_s = float(np.mean([p.stride_s for p in self._lab.walking[0].values()]))
         return self._schedule.strides(counts) * stride_s / 60.0
 
-    def _most_in(self, minutes: float | None) -> int:
-        """Return the most pulses of every timing point that fit into the minutes."""
-        if minutes is None:
-            return MOST
-        fits = [
-            n for n in range(MOST + 1) if self.minutes(dict.fromkeys(self._points, n)) <= minutes
-        ]
-        return max(fits, default=0)
+    def _fits(self, counts: Mapping[str, int]) -> bool:
+        minutes = self._wishes.minutes
+        return minutes is None or self.minutes(counts) <= minutes
 
     def _counts(self, widths: HalfWidths) -> dict[str, int]:
-        """Return the pulses of every timing point; wishes that cannot be kept are refused."""
-        wish, most = self._wishes.half_width_pct, self._most_in(self._wishes.minutes)
-        least = allowed(widths.step)[0]
-        if most < least:
-            need = self.minutes(dict.fromkeys(self._points, least))
-            self._refused.append(
-                f"{self._wishes.minutes:g} min do not hold {least} pulses at "
-                f"{format_count(len(self._points), 'timing point')}. Nearest: --minutes "
-                f"{ceil(need)}."
-            )
-            return dict.fromkeys(self._points, least)
-        own = self._schedule.counts
-        if wish is None:
-            if self._wishes.minutes is None or self.minutes(own) <= self._wishes.minutes:
-                return dict(own)
-            return dict.fromkeys(self._points, allowed(widths.step, most)[-1])
-        found = {
-            name: widths.fewest(k, self._wanted, _SURELY * wish / 100.0, self._wishes.share, MOST)
-            for k, name in enumerate(self._points)
-        }
-        if unreachable := [name for name, n in found.items() if n is None]:
-            self._refuse_half_width(widths, unreachable, most)
-            return {name: n or MOST for name, n in found.items()}
-        counts = {name: n for name, n in found.items() if n is not None}
-        if self._wishes.minutes is not None and self.minutes(counts) > self._wishes.minutes:
-            self._refuse_minutes(widths, counts, most)
+        """Return the pulses of every timing point, the nearest ones where wishes are refused."""
+        wish, share = self._wishes.half_width_pct, self._wishes.share
+        if wish is None and self._wishes.minutes is None:
+            return dict(self._schedule.counts)
+        precise, narrowest = widths.most_precise(self._wanted, share, self._fits)
+        counts, nearest = precise, self._nearest_half_width(widths, narrowest)
+        if wish is not None:
+            counts = widths.fewest(self._wanted, share, _SURELY * wish / 100.0)
+        if unreachable := [name for name in self._points if name not in counts]:
+            self._refuse_half_width(widths, unreachable, nearest)
+            counts = precise
+        if not self._fits(counts) and not (unreachable and "--minutes" in nearest):
+            self._refuse_minutes(counts, nearest if self._fits(precise) else "")
+            return precise
         return counts
 
-    def _nearest_half_width(self, widths: HalfWidths, most: int) -> str:
-        """Return the narrowest half-width with at most so many pulses, as a remedy."""
-        assured = widths.assured(allowed(widths.step, most)[-1], self._wishes.share)
-        nearest = ceil(1000.0 * float(assured[self._wanted].max()) / _SURELY) / 10.0
-        if nearest <= 100.0 * WIDEST:
+    def _nearest_half_width(self, widths: HalfWidths, narrowest: float) -> str:
+        """Return how the narrowest half-width is asked for, or what decides the values at all."""
+        if (nearest := rounded_up(100.0 * narrowest / _SURELY)) <= 100.0 * WIDEST:
             return f"--half-width {nearest:g}"
+        counts = widths.fewest(self._wanted, self._wishes.share, _SURELY * WIDEST)
+        if len(counts) == len(self._points):
+            minutes = rounded_up(self.minutes(counts))
+            return f"--half-width {100.0 * WIDEST:g} --minutes {minutes:g}"
         return (
             "more --motion, --torque or sensors, a smaller --share, or other timing points "
             f"(beyond {100.0 * WIDEST:.0f} % a value is undecided)"
         )
 
-    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], most: int) -> None:
+    def _refuse_half_width(self, widths: HalfWidths, points: Sequence[str], nearest: str) -> None:
         wish, share = self._wishes.half_width_pct, self._wishes.share
         letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
-        endless = widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
-        names = list(self._points)
-        never = [p for p in points if 100.0 * endless[names.index(p)] > (wish or 0.0)]
+        endless = 100.0 * widths.assured(ENDLESS, share)[self._wanted].max(axis=0)
+        never = [p for p, pct in zip(self._points, endless, strict=True) if pct > (wish or 0.0)]
         text = (
             f"{letters} to {wish:g} % in {100 * share:.0f} of 100 legs cannot be had with {MOST} "
             f"pulses at {', '.join(points)}"
@@ -272,16 +280,18 @@ class Planner:
         if never:
             which = "any of them" if never == list(points) else ", ".join(never)
             text += f", nor with more pulses at {which}"
-        nearest = self._nearest_half_width(widths, most)
-        self._refused.append(f"{text}. Nearest: {nearest}; see what sensors buy.")
+        self._refused.append(f"{text}. Nearest: {nearest}.")
 
-    def _refuse_minutes(self, widths: HalfWidths, counts: Mapping[str, int], most: int) -> None:
-        need = ceil(self.minutes(counts))
-        longer = f"--minutes {need}, or " if need <= MOST_MINUTES else ""
+    def _refuse_minutes(self, counts: Mapping[str, int], other: str = "") -> None:
+        """Refuse the minutes, which do not hold so many pulses; ``other`` is another remedy."""
+        need = rounded_up(self.minutes(counts))
+        longer = f"--minutes {need:g}" if need <= MOST_MINUTES else ""
+        nearest = ", or ".join(remedy for remedy in (longer, other) if remedy)
+        pulses = format_count(sum(counts.values()), "pulse")
         self._refused.append(
-            f"{self._wishes.half_width_pct:g} % needs {need} min of walking, and there are "
-            f"{self._wishes.minutes:g} min. Nearest: {longer}"
-            f"{self._nearest_half_width(widths, most)}."
+            f"{pulses} at {format_count(len(counts), 'timing point')} need {need:g} min of walking,"
+            f" and there are {self._wishes.minutes:g} min. Nearest: "
+            f"{nearest or 'fewer timing points'}."
         )
 
     # --- what is expected ----------------------------------------------------------------------
@@ -348,7 +358,7 @@ class Planner:
         known: Mapping[str, np.ndarray],
     ) -> list[PlannedMeasure]:
         """Return what sensors and calibrations would buy, and twice the pulses."""
-        here = tuple(n for n in SENSORS if n in self._lab.noise)
+        here = self._sensors
         rows = [_measure("as above", middle.estimates(_float(counts)).half_width)]
         for names in _sensor_sets(here):
             leg = typical_leg(self._lab.with_sensors(dict.fromkeys(names)), design)
@@ -368,48 +378,37 @@ class Planner:
         expected = expected_people(typical.moments, typical.decided, self._lab.decision.gain_sd)
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
+        wishes = (("mean_pct", self._wishes.mean_pct), ("paired_pct", self._wishes.difference_pct))
+        wanted = {attribute: wish for attribute, wish in wishes if wish is not None}
+        needs = {name: self._fewest_people(expected, wish, name) for name, wish in wanted.items()}
+        most = max((need for need in needs.values() if need is not None), default=participants)
+        for name, need in needs.items():
+            if need is None or (asked is not None and need > asked):
+                # The most that a wish needs are enough for all.
+                people = None if need is None else most
+                self._refused.append(self._more_people(expected, wanted[name], name, people))
+        if asked is None and needs:
+            participants = most
         rows = [
             row
             for n in sorted({*_PEOPLE, participants} - {1})
             for row in people_rows(expected, n, self._wishes.share)
         ]
-        needs = [participants]
-        for wish, attribute, option in (
-            (self._wishes.mean_pct, "mean_pct", "--mean"),
-            (self._wishes.difference_pct, "paired_pct", "--difference"),
-        ):
-            if wish is None:
-                continue
-            need = self._fewest_people(expected, wish, attribute)
-            if need is None or (asked is not None and need > asked):
-                at = asked or MOST_PEOPLE
-                self._refused.append(self._more_people(expected, wish, attribute, option, need, at))
-            elif asked is None:
-                needs.append(need)
-        if asked is None and len(needs) > 1:
-            participants = max(needs[1:])
-            rows += [
-                row
-                for row in people_rows(expected, participants, self._wishes.share)
-                if row not in rows
-            ]
-        return tuple(sorted(rows, key=lambda r: r.participants)), participants
+        return tuple(rows), participants
 
     def _more_people(
-        self,
-        expected: ExpectedPeople | None,
-        wish: float,
-        attribute: str,
-        option: str,
-        need: int | None,
-        at: int,
+        self, expected: ExpectedPeople | None, wish: float, attribute: str, need: int | None
     ) -> str:
         """Return why so many people do not do, and what is nearest."""
+        at = self._wishes.participants or MOST_PEOPLE
+        of_mean = attribute == "mean_pct"
+        option, most = (
+            ("--mean", MOST_MEAN_PCT) if of_mean else ("--difference", MOST_DIFFERENCE_PCT)
+        )
         remedies = [] if need is None else [f"--participants {need}"]
         if at > 1:
             reach = self._worst(people_rows(expected, at, self._wishes.share), attribute)
-            most = MOST_DIFFERENCE_PCT if option == "--difference" else MOST_MEAN_PCT
-            remedies += [f"{option} {ceil(reach)}"] if reach <= most else []
+            remedies += [f"{option} {rounded_up(reach):g}"] if reach <= most else []
         nearest = ", or ".join(remedies) or "more participants, pulses or sensors"
         people = format_count(at, "participant")
         letters = " and ".join(LETTERS[name] for name in self._wishes.parameters)
@@ -427,6 +426,22 @@ class Planner:
         """Return the largest of what was asked for; infinite where nothing is decided."""
         found = {r.parameter: float(getattr(r, attribute)) for r in rows}
         return max(found.get(name, np.inf) for name in self._wishes.parameters)
+
+    # --- limit of displacement -----------------------------------------------------------------
+
+    def _aborted(self, design: Design, joint: ExpectedJoint | None) -> float | None:
+        """Return the share of pulses that the limit of displacement will abort, and say it."""
+        if self._limit_rad is None or joint is None:
+            return None
+        legs = drawn_parameters(self._lab, design, n=_ABORTING_LEGS, seed=self._seed)
+        share = pulse_choice.aborted_share(self._lab, legs, design, self._limit_rad, joint.inertia)
+        self._notes.append(
+            f"The limit of displacement ({self._limit_rad:g} rad) is expected to abort "
+            f"{100.0 * share:.1f} % of the pulses; jointz run repeats them."
+            + " Plan with a smaller --motion to lose fewer."
+            * (share > _MANY_ABORTED)
+        )
+        return share
 
     # --- protocol ------------------------------------------------------------------------------
 
@@ -452,8 +467,8 @@ class Planner:
             counts,
             participants=participants,
             half_width_pct=planned,
-            displacement_rad=round(min(_TRIPS * radians(self._motion_deg), _LARGEST_TRIP_RAD), 3),
-            notes=[*spec.notes, f"Planned by jointz plan: {text_of(design.pulses)}."],
+            displacement_rad=self._limit_rad,
+            sensors=self._sensors,
         )
         if problems := problems_of(text):
             self._refused.append(

@@ -21,21 +21,22 @@ def protocol_text(
     *,
     participants: int,
     half_width_pct: Mapping[str, Mapping[str, float]],
-    displacement_rad: float,
-    notes: Sequence[str],
+    displacement_rad: float | None,
+    sensors: Sequence[str],
 ) -> str:
     """Return a protocol file with the planned pulses and what they are expected to decide."""
     raw = protocol.model_dump(exclude_none=True, exclude_defaults=True)
     raw |= {"jointz_protocol": 1, "name": f"{protocol.name}-planned"[:64], "kind": protocol.kind}
-    raw |= {"participants": participants, "window_s": design.window_s, "notes": list(notes)}
+    raw |= {"participants": participants, "window_s": design.window_s}
+    raw["sensors"] = list(sensors)
+    # Notes of the protocol are about its own pulses and their numbers.
+    raw.pop("notes", None)
     if not any(isinstance(pulse, PulseSpec) for pulse in design.pulses):
         raw.pop("pulse", None)
         raw["pulses"] = [_written_pulse(pulse) for pulse in design.pulses]
     raw["planned_half_width_pct"] = {k: dict(v) for k, v in half_width_pct.items()}
-    if protocol.expected_joint is not None:
-        own = protocol.safety.displacement_rad
-        limit = displacement_rad if own is None else min(own, displacement_rad)
-        raw["safety"] = dict(raw.get("safety", {})) | {"displacement_rad": limit}
+    if displacement_rad is not None:
+        raw["safety"] = raw["safety"] | {"displacement_rad": displacement_rad}
     raw["conditions"] = [_condition(spec, counts) for spec in protocol.conditions]
     text = "\n".join(_lines(raw))
     return f"# Written by jointz plan from the protocol {protocol.name}.\n{text}\n"

@@ -13,6 +13,8 @@ from jointz.core.protocols.pulse_models import (
     TrapezoidPulse,
     name_of,
 )
+from jointz.experiment.safety import ACTUATOR_LATE_S, LOOK_AHEAD_S
+from jointz.experiment.torque import PulseCourse
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.plan_result import PlannedCourse
 from jointz.planning.predicted_estimates import planned_model
@@ -25,7 +27,7 @@ _PUSH_S, _HOLD_S = 0.06, 0.25
 _SIZES = (0.6, 1.0)
 #: Amplitudes are multiples of this.
 _STEP_NM = 0.5
-_LEAST_NM = 1.0
+LEAST_NM = 1.0
 #: Motion is that which this share of legs does not exceed, at the softest timing point.
 _MOTION_SHARE = 0.9
 _PASSES = 6
@@ -74,7 +76,7 @@ def _scaled(
             break
         size *= motion_rad / peak
     size = floor(size / _STEP_NM) * _STEP_NM
-    if size < _LEAST_NM:
+    if size < LEAST_NM:
         return None
     sizes = dict.fromkeys(max(_STEP_NM, round(s * size / _STEP_NM) * _STEP_NM) for s in _SIZES)
     return pulse.model_copy(update={"amplitudes_nm": tuple(sizes)})
@@ -87,6 +89,30 @@ def peak_rad(lab: Laboratory, legs: Sequence[np.ndarray], design: Design) -> flo
     points = range(len(model.points))
     peaks = [np.abs(model.bone(theta, k)).max(axis=(1, 2)) for k in points]
     return float(np.quantile(np.max(peaks, axis=0), _MOTION_SHARE))
+
+
+def aborted_share(
+    lab: Laboratory, legs: Sequence[np.ndarray], design: Design, limit_rad: float, inertia: float
+) -> float:
+    """Return the share of pulses that the safety gate will cut for their displacement.
+
+    The gate looks ahead: it cuts a pulse if a joint of this inertia would go too far both without
+    the rest of the pulse and with it. Its errors are those of the estimator's prediction then.
+    """
+    model, shares = planned_model(lab, design), []
+    courses = {name_of(pulse): PulseCourse(pulse) for pulse in design.pulses}
+    for k, point in enumerate(model.points):
+        moved = model.bone(np.stack(legs), k)
+        coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
+        for i, v in enumerate(design.variants):
+            rest = courses[v.shape].displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
+            at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * len(rest)))
+            to_come = np.array(rest)[(1000.0 * point.time_s[at]).astype(int)] / inertia
+            later = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
+            ahead = coasting[:, None, i, at] + point.misses[:, 0, later]
+            nearer = np.minimum(np.abs(ahead), np.abs(ahead + v.amplitude_nm * to_come))
+            shares.append(np.mean(nearer.max(axis=-1) > limit_rad))
+    return float(np.mean(shares))
 
 
 def planned_course(pulse: Pulse) -> PlannedCourse:

@@ -47,20 +47,50 @@ class HalfWidths:
         with ThreadPoolExecutor(max_workers=2) as pool:
             return list(pool.map(lambda leg: leg.estimates(counts), self.legs))
 
-    def fewest(
-        self, point: int, parameters: Sequence[int], wish: float, share: float, most: int
-    ) -> int | None:
-        """Return the fewest pulses that keep a wish at a timing point; None beyond ``most``."""
-        for count in allowed(self.step, most):
-            if (self.assured(count, share)[list(parameters), point] <= wish).all():
-                return count
-        return None
+    def fewest(self, parameters: Sequence[int], share: float, wish: float) -> dict[str, int]:
+        """Return the fewest pulses that keep a wish, of the timing points where some do."""
+        kept = zip(self.points, (self._widest(parameters, share) <= wish).T, strict=True)
+        return {name: allowed(self.step)[at.argmax()] for name, at in kept if at.any()}
+
+    def most_precise(
+        self,
+        parameters: Sequence[int],
+        share: float,
+        fits: Callable[[Mapping[str, int]], bool],
+    ) -> tuple[dict[str, int], float]:
+        """Return the pulses that fit and make the widest half-width smallest, and that half-width.
+
+        Rounds are added where the half-width is widest; the fewest pulses need not fit.
+        """
+        rounds, widest = allowed(self.step), self._widest(parameters, share)
+        counts = dict.fromkeys(self.points, rounds[0])
+        width = dict(zip(self.points, widest[0], strict=True))
+        growing = list(self.points)
+        while growing:
+            name = max(growing, key=width.__getitem__)
+            more = counts | {name: counts[name] + self.step}
+            if more[name] in rounds and fits(more):
+                counts = more
+                width[name] = widest[rounds.index(more[name]), self.points.index(name)]
+            else:
+                growing.remove(name)
+        return counts, float(max(width.values()))
+
+    @property
+    def points(self) -> list[str]:
+        """Names of the timing points."""
+        return [point.label for point in self.legs[0].model.points]
+
+    def _widest(self, parameters: Sequence[int], share: float) -> np.ndarray:
+        """Return the widest half-width of parameters, (allowed number of pulses, point)."""
+        rows = [self.assured(n, share)[list(parameters)].max(axis=0) for n in allowed(self.step)]
+        return np.stack(rows)
 
 
-def allowed(step: int, most: int = MOST) -> range:
+def allowed(step: int) -> range:
     """Return numbers of pulses of a timing point: whole rounds of all variants."""
     first = step * -(-_FEWEST // step)
-    return range(first, max(most, first) + 1, step)
+    return range(first, max(MOST, first) + 1, step)
 
 
 def half_widths(

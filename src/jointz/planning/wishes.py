@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from math import ceil, floor, log10
 from typing import Any
 
 from jointz.core.errors import DataError
@@ -25,8 +26,8 @@ class Wishes:
     share : float
         Share of legs that shall reach it; also the power of a difference.
     minutes : float, optional
-        Walking of a participant, at most; without a wanted half-width, the protocol's own
-        pulses if they fit, else as many as fit.
+        Walking of a participant, at most; without a wanted half-width, the most precise plan
+        of that length.
     participants : int, optional
         At most; by default the protocol's, or as many as the other wishes need.
     mean_pct : float, optional
@@ -63,6 +64,13 @@ class Wishes:
             problems.append(f"parameters: expected some of {', '.join(PARAMETERS)}, got {unknown}")
         if problems:
             raise DataError("plan: " + "; ".join(problems) + ".")
+
+
+def rounded_up(value: float) -> float:
+    """Return a number of three digits that can be named and typed, a little above ``value``."""
+    digits = 2 - floor(log10(value))
+    # Above it even if it has three digits: the last bit of a float must not matter.
+    return round(ceil(value * 10.0**digits + 1e-6) / 10.0**digits, digits)
 
 
 def out_of_range(*numbers: tuple[str, float | None, float, float, str]) -> list[str]:

@@ -1,15 +1,17 @@
 """``jointz plan`` as a command: its folder, its exit codes, what it prints."""
 
 import json
+import shlex
 from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from jointz.core.errors import OutputError, WriteError
+from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.io.protocols import load_protocol
 from jointz.planning.page import write_plan
 from jointz.planning.plan_result import Plan
+from jointz.session.rigs.rig_settings import rig_settings
 
 pytestmark = pytest.mark.usefixtures("bare_plan")
 FILES = {"plan.html", "plan.csv", "plan.json", "half_widths.svg", "pulses.svg", "protocol.toml"}
@@ -50,11 +52,11 @@ def test_the_folder_has_page_table_json_figures_and_protocol(made, tmp_path):
         assert shape.name in text
 
 
-def test_refused_wishes_are_on_the_page_and_leave_no_protocol(made, tmp_path):
-    page = write_plan(refused(made), tmp_path / "plan")
+def test_a_refused_plan_is_not_written(made, tmp_path):
+    with pytest.raises(DataError, match=r"Nothing can be had\."):
+        write_plan(refused(made), tmp_path / "plan")
 
-    assert "Nothing can be had." in page.read_text(encoding="utf-8")
-    assert not (page.parent / "protocol.toml").exists()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_earlier_plan_is_replaced_only_if_asked(made, tmp_path):
@@ -62,7 +64,7 @@ def test_an_earlier_plan_is_replaced_only_if_asked(made, tmp_path):
     with pytest.raises(OutputError, match="exists"):
         write_plan(made, tmp_path / "plan")
 
-    write_plan(refused(made), tmp_path / "plan", overwrite=True)
+    write_plan(replace(made, protocol_text=""), tmp_path / "plan", overwrite=True)
 
     assert not (tmp_path / "plan" / "protocol.toml").exists()
 
@@ -89,7 +91,7 @@ def test_a_failure_leaves_nothing_half_written(made, tmp_path, monkeypatch, earl
 
     monkeypatch.setattr("jointz.planning.page.render_plan", full)
     with pytest.raises(WriteError, match="No space left"):
-        write_plan(refused(made), out, overwrite=earlier)
+        write_plan(made, out, overwrite=earlier)
 
     if earlier:
         assert {p.name: p.read_bytes() for p in out.iterdir() if p.is_file()} == before
@@ -106,7 +108,9 @@ def test_a_plan_is_written_and_the_next_step_is_named(jointz, protocol, tmp_path
 
     assert outcome.code == 0, outcome.err
     assert names(tmp_path / "plan") >= FILES
-    assert f"jointz run {tmp_path / 'plan' / 'protocol.toml'} --out STUDY" in outcome.out
+    file = tmp_path / "plan" / "protocol.toml"
+    assert f"jointz run {file} --sensors goniometer --out STUDY" in outcome.out
+    assert "is expected to abort" in outcome.out
     assert "10 participants, 7 min of walking each" in outcome.out
     again = jointz("plan", protocol, "--out", tmp_path / "plan")
     assert again.code == 2
@@ -132,17 +136,43 @@ def test_options_reach_the_plan_and_json_is_one_document(jointz, protocol, tmp_p
     assert list(plan.wishes["parameters"]) == ["damping", "inertia"]
 
 
-def test_a_refused_wish_ends_with_1_and_replaces_the_plan(jointz, made, protocol, tmp_path):
-    out = tmp_path / "plan"
-    write_plan(made, out)
+@pytest.mark.parametrize("options", [(), ("--json",), ("--quiet",)], ids=str)
+def test_a_refused_wish_ends_with_1_and_writes_nothing(jointz, protocol, tmp_path, options):
+    outcome = jointz("plan", protocol, "--out", tmp_path / "plan", "--half-width", 5, *options)
 
-    outcome = jointz("plan", protocol, "--out", out, "--half-width", 5, "--overwrite", "--json")
+    assert outcome.code == 1
+    assert "Nearest: " in outcome.out + outcome.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_refused_wish_keeps_an_earlier_plan(jointz, made, protocol, tmp_path):
+    write_plan(made, tmp_path / "plan")
+
+    outcome = jointz(
+        "plan", protocol, "--out", tmp_path / "plan", "--half-width", 5, "--overwrite", "--json"
+    )
 
     assert outcome.code == 1
     assert outcome.json["status"] == "refused"
-    assert "Nearest: " in outcome.json["plan"]["refused"][0]
-    assert not (out / "protocol.toml").exists()
-    assert (out / "plan.html").exists()
+    assert outcome.json["page"] == ""
+    assert (tmp_path / "plan" / "protocol.toml").read_text() == made.protocol_text
+
+
+def test_the_printed_command_runs_what_was_planned(jointz, protocol, tmp_path):
+    out = tmp_path / "my plan"
+    planned = jointz(
+        "plan", protocol, "--out", out, "--sensor", "goniometer", "--sensor", "encoder"
+    )
+    (line,) = (x for x in planned.out.splitlines() if x.startswith("Next: jointz "))
+
+    spec = load_protocol(out / "protocol.toml")
+    assert spec.sensors == ("goniometer", "encoder")
+    words = shlex.split(line.removeprefix("Next: jointz "))
+    file, sensors = str(out / "protocol.toml"), "goniometer,encoder"
+    assert words == ["run", file, "--sensors", sensors, "--out", "STUDY"]
+    assert rig_settings(spec, "sim", None, 1).sensors == spec.sensors
+    again = jointz("plan", out / "protocol.toml", "--out", tmp_path / "again", "--json")
+    assert again.json["plan"]["sensors"] == ["goniometer", "encoder"]
 
 
 @pytest.mark.parametrize(

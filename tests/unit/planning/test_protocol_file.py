@@ -42,7 +42,7 @@ def assert_is_the_plan(protocol, plan):
         for name in NAMES
     }
     assert [tuple(p.sizes_nm) for p in protocol.shapes] == [c.amplitudes_nm for c in plan.courses]
-    assert any(plan.pulses in note for note in protocol.notes)
+    assert protocol.sensors == plan.sensors
 
 
 def test_the_file_is_read_as_planned(made, doublets, tmp_path):
@@ -75,7 +75,7 @@ def test_timing_points_have_numbers_of_their_own(small_protocol, tmp_path):
         participants=3,
         half_width_pct={"stiffness": {"MST": 30.1}},
         displacement_rad=0.3,
-        notes=[],
+        sensors=["goniometer"],
     )
 
     (condition,) = perturbed(loaded(text, tmp_path))

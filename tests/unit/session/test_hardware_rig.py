@@ -268,3 +268,10 @@ def test_what_only_a_simulation_has_is_refused(file, tmp_path, given, told):
     with pytest.raises(DataError, match=told):
         jointz.run(walking(), config=file(), out=tmp_path / "s", **options)
     assert not (tmp_path / "s").exists()
+
+
+def test_sensors_that_a_protocol_is_planned_with_are_needed(file):
+    planned = load_protocol("walking").model_copy(update={"sensors": ("goniometer", "encoder")})
+
+    with pytest.raises(DeviceFileError, match="joint_encoder: missing; the protocol is planned"):
+        read_hardware(file(), planned)

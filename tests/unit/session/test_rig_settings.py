@@ -17,3 +17,10 @@ def test_the_speed_of_the_treadmill_reaches_the_person():
     assert [rig.speed_m_s for rig in rigs] == [1.2, 0.6]
     assert slow / usual == pytest.approx(2.0**0.5)
     assert usual == rigs[0].person.stride_time_s
+
+
+def test_sensors_of_the_protocol_are_simulated_unless_others_are_chosen():
+    planned = load_protocol("walking").model_copy(update={"sensors": ("goniometer", "encoder")})
+
+    assert rig_settings(planned, "sim", None, 1).sensors == ("goniometer", "encoder")
+    assert rig_settings(planned, "sim", None, 1, ["goniometer"]).sensors == ("goniometer",)

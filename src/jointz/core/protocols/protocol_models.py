@@ -29,6 +29,8 @@ from jointz.core.study import (
 
 #: The steps of a calibration, in the order in which a lab does them.
 CalibrationStep = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]
+#: Sensors of the joint's motion; gyroscopes are on shank and thigh.
+MotionSensor = Literal["goniometer", "encoder", "gyroscopes"]
 #: What a session does when the page of its operator is lost.
 WithoutConsole = Literal["go_on", "stop"]
 
@@ -381,6 +383,7 @@ class ProtocolFields(CheckedModel):
     pulses: tuple[NamedPulse, ...] = Field(default=(), max_length=20, strict=False)
     expected_joint: ExpectedJoint | None = None
     window_s: Annotated[float, Field(ge=0.001, le=10)] | None = None
+    sensors: tuple[MotionSensor, ...] = Field(default=(), strict=False)
     safety: LimitsOverride = LimitsOverride()
     planned_half_width_pct: PlannedHalfWidths | None = None
     without_console: WithoutConsole = "go_on"

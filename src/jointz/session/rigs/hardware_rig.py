@@ -36,7 +36,10 @@ _SENSORS_OF_STEP = {
 _WHY = {
     "angle": "the angle of the joint is measured by a goniometer of its own.",
     "contact": "heel strikes, and with them the gait phase, come from a footswitch.",
+    **dict.fromkeys(MOTION_SENSORS, "the protocol is planned with it (sensors)."),
 }
+#: Channels of the sensors that a protocol is planned with, beside the goniometer.
+_OF_MOTION = {"encoder": MOTION_SENSORS[:1], "gyroscopes": MOTION_SENSORS[1:]}
 #: Moved by a motor in position control, of which there is no driver.
 _POSITIONS = ("position_rad", "velocity_rad_s")
 
@@ -169,7 +172,7 @@ def _wearers(
 def _sensors(protocol: Protocol, file: DeviceFile) -> tuple[str, ...]:
     """Return which sensors a protocol looks at."""
     if protocol.by_gait:
-        return ("angle", "contact")
+        return "angle", "contact", *(c for n in protocol.sensors for c in _OF_MOTION.get(n, ()))
     if protocol.kind == "calibration":
         return _SENSORS_OF_STEP.get(protocol.calibration or "", ())
     return () if file.angle is None else ("angle",)  # a bench may have an encoder at its output

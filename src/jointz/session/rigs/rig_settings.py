@@ -77,8 +77,11 @@ def rig_settings(
     sensors: Collection[str] | None = None,
 ) -> RigSettings:
     """Return the settings of the rig that a protocol asks for, of simulated people real legs."""
-    usual = "realistic" if protocol.by_gait and device == "sim" else "nominal"
-    if sensors is not None and not (protocol.by_gait and device == "sim"):
+    people = protocol.by_gait and device == "sim"
+    usual = "realistic" if people else "nominal"
+    if people and sensors is None:
+        sensors = protocol.sensors or None
+    if sensors is not None and not people:
         raise DataError(
             "sensors: they are chosen for simulated people that walk. Leave them out for a bench, "
             "a calibration or another device."
