@@ -80,8 +80,9 @@ class Explorer:
 
     def request(self, person_id: str) -> None:
         """Start to read a participant's recordings, unless the traces are there."""
-        task = f"reading the recordings of {person_id}"
-        if not (person_id in self._traces or task in self.working or task in self._failed):
+        if self._results.study is None or person_id in self._traces:
+            return
+        if (task := f"reading the recordings of {person_id}") not in {*self.working, *self._failed}:
             self._begin(task, self._read(person_id))
 
     def reestimate(self) -> None:

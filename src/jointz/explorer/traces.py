@@ -71,11 +71,11 @@ class Window:
     baseline_torque: np.ndarray  # N*m: predicted torque without the pulse
     # factor of the responses, as the method averages them: the sign of the pulse, or 1 where pulses
     # of either sign are averaged apart
-    factor: float = 1.0
-    shape: int = 0  # place in the cell's responses; -1 if the pulse is not averaged
+    factor: float
+    shape: int  # place in the cell's responses; -1 if the pulse is not averaged
     # fit to the average response of the shape: angle, rad, or torque, N*m; None without a fit
-    fitted: np.ndarray | None = None
-    fits: str = "angle"  # the fitted quantity: ``angle`` or ``torque``
+    fitted: np.ndarray | None
+    fits: str  # the fitted quantity: ``angle`` or ``torque``
 
     @property
     def response_angle(self) -> np.ndarray:
@@ -204,10 +204,12 @@ def _of_shapes(method: str, data: ParticipantData, settings: ParticipantSettings
         responses = cell.predicted.responses[:, :, : point.n_samples]
         for candidate, response, shape in zip(cell.answered, responses, point.shapes, strict=True):
             window = Window(
-                **recorded_pulse(candidate, response, signals[candidate.source], cell.period_s)
+                **recorded_pulse(candidate, response, signals[candidate.source], cell.period_s),
+                factor=1.0 if strapped else candidate.pulse.sign,
+                shape=int(shape),
+                fitted=None,
+                fits="angle",
             )
-            factor = 1.0 if strapped else candidate.pulse.sign
-            window = replace(window, factor=factor, shape=int(shape))
             yield PulseKey.of(candidate.record), cell.label, window
 
 
@@ -242,6 +244,8 @@ def _filtered_window(
         baseline_angle=mean[ANGLE],
         baseline_torque=mean[TORQUE],
         factor=candidate.pulse.sign,
+        shape=0,
+        fitted=None,
         fits="torque",
     )
     return PulseKey.of(candidate.record), candidate.record.timing_point, filtered

@@ -31,7 +31,12 @@ async def settled(explorer):
         await asyncio.sleep(0.01)
 
 
-def test_traces_come_and_the_numbers_stay(explorer):
+def test_traces_come_without_an_estimation_and_the_numbers_stay(explorer, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("nobody asked for an estimation")
+
+    monkeypatch.setattr("jointz.explorer.explorer_app.reestimate", refuse)
+
     async def work():
         explorer.request(explorer.results.people[0])
         assert explorer.working
@@ -52,13 +57,18 @@ def test_numbers_wait_until_they_are_made_of_the_pulses_that_stand(explorer):
 
     async def work():
         assert await explorer.decide(pulse, "exclude", reason="stumbled")
+        explorer.request(view.person)  # as the page does whenever something has changed
+        await settled(explorer)
         seen.append((explorer.waiting(view.person), view.cell().n_used))
+        explorer.reestimate()
         await settled(explorer)
         seen.append((explorer.waiting(view.person), view.cell().n_used))
 
     asyncio.run(work())
 
     assert seen == [(True, 4), (False, 3)]
+    assert explorer.seconds > 0.0
+    assert view.trace_of(pulse).if_restored
     assert len(explorer.changed) == 1
     assert view.cell_as_analysed().n_used == 4
     assert view.pulse().code == "user"
@@ -73,8 +83,9 @@ def test_two_exclusions_at_once_both_stand(explorer):
             explorer.decide(first, "exclude", reason="one"),
             explorer.decide(second, "exclude", reason="two"),
         )
-        await settled(explorer)
-        explorer.request(view.person)  # as the page does whenever something has changed
+        explorer.reestimate()
+        explorer.reestimate()  # by another page
+        assert len(explorer.working) == 1
         await settled(explorer)
 
     asyncio.run(work())
@@ -89,8 +100,8 @@ def test_lines_written_elsewhere_are_followed(explorer):
     async def work():
         decide(explorer.results.study, view.pulse(), "exclude", reason="by another page")
         await explorer.check_study()
-        assert explorer.waiting(view.person)
-        explorer.request(view.person)
+        assert explorer.stale == (view.person,)
+        explorer.reestimate()
         await settled(explorer)
 
     asyncio.run(work())
@@ -104,7 +115,7 @@ def test_what_goes_wrong_is_told_and_not_tried_without_end(explorer, made, monke
     def fail(*_):
         raise RuntimeError("no luck")
 
-    monkeypatch.setattr("jointz.explorer.explorer_app.reestimate", fail)
+    monkeypatch.setattr("jointz.explorer.explorer_app.read_traces", fail)
 
     async def work():
         explorer.request(person)
@@ -130,8 +141,8 @@ def test_figures_are_plain_json(explorer):
     analysis = explorer.analysis
     curve = curve_of_cells(analysis.cells, "stiffness", name="<b>S</b>", colour="#000000")
     figures = [
-        overlay_figure(pulses, view.cell(), 1, quantity="angle"),
-        overlay_figure(pulses, view.cell("dissertation"), None, quantity="torque"),
+        overlay_figure(pulses, 1, quantity="angle"),
+        overlay_figure(pulses, None, quantity="torque"),
         pulse_figure(view.trace_of(view.pulse()), view.window_of(view.pulse())),
         pulse_figure(None, None),
         cycle_figure("stiffness_per_mass", [curve]),
