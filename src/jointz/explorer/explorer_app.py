@@ -42,7 +42,7 @@ class Explorer:
         self._failed: set[str] = set()
         self._stamp = self._file_stamp()
         self._changed = results.changed()
-        self._waiting = frozenset(results.stale())
+        self.stale = results.stale()  # people whose numbers are older than the exclusions
         # One estimation at a time: another process is left to read recordings.
         self._estimating = asyncio.Lock()
         self.seconds: float | None = None  # that the last estimation took
@@ -64,15 +64,6 @@ class Explorer:
     def changed(self) -> tuple[PulseRecord, ...]:
         """Pulses that were excluded or restored since the analysis."""
         return self._changed
-
-    @property
-    def stale(self) -> tuple[str, ...]:
-        """Participants whose numbers are older than the exclusions."""
-        return tuple(person for person in self._results.people if person in self._waiting)
-
-    def waiting(self, person_id: str) -> bool:
-        """Tell whether a participant's numbers are older than the exclusions."""
-        return person_id in self._waiting
 
     def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
         """Return a participant's traces, None until they are ready."""
@@ -143,7 +134,7 @@ class Explorer:
         """Find numbers on the pages that are older than the exclusions."""
         self._changed = self._results.changed()
         older = self._results.changed(self._analysis.pulses)
-        self._waiting = frozenset(pulse.participant for pulse in older)
+        self.stale = tuple(dict.fromkeys(pulse.participant for pulse in older))
 
     async def _settle(self) -> None:
         """Compute the analysis that pages show; means over people take a moment."""

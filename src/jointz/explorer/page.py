@@ -219,7 +219,7 @@ class ExplorePage:
                     ui.label(point).classes("name")
                     ui.label(_onset(cell)).classes("onset")
                     stiffness = None if cell is None else cell.parameter("stiffness")
-                    waits = self._explorer.waiting(self._view.participant)
+                    waits = self._view.participant in self._explorer.stale
                     ui.label(_short(stiffness)).classes("value stale" if waits else "value")
             ui.label(
                 "stiffness (N·m/rad)" if self._words.bench else "onset · stiffness (N·m/rad)"
@@ -229,7 +229,7 @@ class ExplorePage:
         from nicegui import ui
 
         cell, before = self._view.cell(), self._view.cell_as_analysed()
-        waits = self._explorer.waiting(self._view.participant)
+        waits = self._view.participant in self._explorer.stale
         self._numbers.clear()
         with self._numbers:
             with ui.element("div").classes("head"):

@@ -160,7 +160,7 @@ class PulsesTab(Tab):
         if excluded:
             line = last_line(study, pulse)
             if line is not None and line.code == Exclusion.ABORTED:
-                return f"excluded: {exclusion_meaning(line.code)} by the rig"
+                return f"excluded by the rig: {exclusion_meaning(line.code)}"
             reason = f": {line.reason}" if line is not None and line.reason else ""
             shown = "jointz excludes it too" if window is None else "shown as if restored"
             note = shown if pulse.code in LISTED else "still used in the numbers"

@@ -111,8 +111,8 @@ class PulseTrace:
     time_s: np.ndarray  # time since the commanded onset; from before the window to after it
     angle: np.ndarray  # rad: recorded angle; NaN if missing
     torque: np.ndarray  # N*m: recorded torque; NaN if missing
-    windows: Mapping[str, Window]  # method -> window, for methods that use the pulse
-    if_restored: bool  # whether the user excluded the pulse, so that windows show it as if restored
+    # method -> window, for methods that use the pulse, or would if the user had not excluded it
+    windows: Mapping[str, Window]
 
 
 def pulse_traces(
@@ -201,8 +201,9 @@ def _of_shapes(method: str, data: ParticipantData, settings: ParticipantSettings
     signals = [raw_signals(s, target_hz=rate, strapped=strapped) for s in data.sources]
     for point in _PREDICTING[method].predicted_shapes(data, settings):
         cell = point.cell
-        responses = cell.predicted.responses[:, :, : point.n_samples]
-        for candidate, response, shape in zip(cell.answered, responses, point.shapes, strict=True):
+        for candidate, response, shape in zip(
+            cell.answered, cell.predicted.responses, point.shapes, strict=True
+        ):
             window = Window(
                 **recorded_pulse(candidate, response, signals[candidate.source], cell.period_s),
                 factor=1.0 if strapped else candidate.pulse.sign,
@@ -275,7 +276,7 @@ def _with_surroundings(
     for pulse in pulses:
         key = PulseKey.of(pulse)
         time_s, angle, torque = _around(pulse.onset_s, files.get(pulse.recording, []))
-        traces[key] = PulseTrace(time_s, angle, torque, windows[key], pulse.code in LISTED)
+        traces[key] = PulseTrace(time_s, angle, torque, windows[key])
     return traces
 
 

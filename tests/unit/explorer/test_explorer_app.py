@@ -59,16 +59,16 @@ def test_numbers_wait_until_they_are_made_of_the_pulses_that_stand(explorer):
         assert await explorer.decide(pulse, "exclude", reason="stumbled")
         explorer.request(view.person)  # as the page does whenever something has changed
         await settled(explorer)
-        seen.append((explorer.waiting(view.person), view.cell().n_used))
+        seen.append((view.person in explorer.stale, view.cell().n_used))
         explorer.reestimate()
         await settled(explorer)
-        seen.append((explorer.waiting(view.person), view.cell().n_used))
+        seen.append((view.person in explorer.stale, view.cell().n_used))
 
     asyncio.run(work())
 
     assert seen == [(True, 4), (False, 3)]
     assert explorer.seconds > 0.0
-    assert view.trace_of(pulse).if_restored
+    assert view.window_of(pulse).fitted is None
     assert len(explorer.changed) == 1
     assert view.cell_as_analysed().n_used == 4
     assert view.pulse().code == "user"
@@ -91,7 +91,7 @@ def test_two_exclusions_at_once_both_stand(explorer):
     asyncio.run(work())
 
     assert view.cell().n_used == 2
-    assert not explorer.waiting(view.person)
+    assert view.person not in explorer.stale
 
 
 def test_lines_written_elsewhere_are_followed(explorer):

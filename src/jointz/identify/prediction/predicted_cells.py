@@ -70,7 +70,6 @@ class PredictedShapes:
     """Pulses of a timing point by shape, before anything is fitted."""
 
     cell: PredictedCell
-    n_samples: int  # samples of the average responses
     # (pulse,) place of each predicted pulse's shape in the responses of the estimate; -1 if the
     # pulse is not averaged
     shapes: np.ndarray

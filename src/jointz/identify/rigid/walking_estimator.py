@@ -121,15 +121,7 @@ class WalkingEstimator:
     def predicted_shapes(self, candidates: Sequence[Candidate]) -> list[PredictedShapes]:
         """Return the pulses of every timing point; turned by their signs, they have one shape."""
         _, predicted, _ = self._predictor.predict_points(candidates)
-        window_s = self._settings.perturbations.window_s
-        return [
-            PredictedShapes(
-                cell,
-                average_responses(cell, window_s=window_s).angle.size,
-                np.where(cell.kept, 0, -1),
-            )
-            for cell in predicted.values()
-        ]
+        return [PredictedShapes(c, np.where(c.kept, 0, -1)) for c in predicted.values()]
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]

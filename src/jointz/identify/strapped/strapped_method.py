@@ -244,7 +244,7 @@ class _Participant:
             point = self._point(cell, self._known([cell]))
             shapes = np.full(len(cell.kept), -1)
             shapes[cell.kept] = np.argsort(point.by_frequency)[point.shape_of_pulse]
-            points.append(PredictedShapes(cell, point.time_s.size, shapes))
+            points.append(PredictedShapes(cell, shapes))
         return points
 
     def _assembled(
