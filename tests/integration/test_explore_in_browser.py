@@ -85,7 +85,7 @@ def stiffness(page):
 
 
 def reestimate(page):
-    page.get_by_role("button", name="Re-estimate without excluded pulses").click()
+    page.get_by_role("button", name="Re-estimate 1 participant").click()
 
 
 def finished(page, used):

@@ -174,15 +174,15 @@ class ExplorePage:
         from nicegui import ui
 
         seconds = self._explorer.seconds
-        each = "up to a minute" if seconds is None else f"about {seconds:.0f} s"
+        takes = "up to a minute each" if seconds is None else f"about {len(stale) * seconds:.0f} s"
         with ui.element("div").classes("notice"):
             ui.label(
                 f"Pulses of {', '.join(stale)} were excluded or restored; numbers and curves are "
-                f"still those from before. Re-estimation takes {each} for each participant, and "
-                "saves nothing in the results folder."
+                "still those from before. Re-estimation saves nothing in the results folder."
             )
-            again = ui.button("Re-estimate without excluded pulses", icon="refresh")
-            again.props("no-caps unelevated color=primary").on_click(self._explorer.reestimate)
+            again = ui.button(f"Re-estimate {format_count(len(stale), 'participant')} ({takes})")
+            again.props("no-caps no-wrap unelevated color=primary")
+            again.on_click(self._explorer.reestimate)
             again.set_enabled(not any(t.startswith("estimating") for t in self._explorer.working))
 
     def _list_people(self) -> None:

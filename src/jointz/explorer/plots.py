@@ -20,6 +20,7 @@ from jointz.explorer.figures import (
     span,
 )
 from jointz.explorer.traces import PulseTrace, Window
+from jointz.results.estimates import CellEstimate
 
 _FAINT: Final = "rgba(139,149,161,0.30)"
 _DEG: Final = 180.0 / np.pi
@@ -35,27 +36,13 @@ class Overlaid:
     used: bool  # whether it is part of the average
 
 
-def overlay_figure(pulses: Sequence[Overlaid], picked: int | None, *, quantity: str) -> Figure:
+def overlay_figure(
+    pulses: Sequence[Overlaid], cell: CellEstimate | None, picked: int | None, *, quantity: str
+) -> Figure:
     """Draw the responses of all pulses of a timing point; by shape, their average and the fit."""
     scale = _DEG if quantity == "angle" else 1.0
     data = [_overlaid(p, quantity, scale) for p in pulses if p.number != picked]
-    shapes: dict[int, list[Window]] = {}
-    for pulse in pulses:
-        if pulse.used and pulse.window.shape >= 0:
-            shapes.setdefault(pulse.window.shape, []).append(pulse.window)
-    by_shape = f" by shape, size and sign ({len(shapes)})" if len(shapes) > 1 else ""
-    for k, windows in enumerate(shapes.values()):
-        time, legend = _list(windows[0].time_s, _MS), {"showlegend": k == 0}
-        responses = [getattr(w, f"response_{quantity}") for w in windows]
-        average = _line(
-            time, _list(np.mean(responses, axis=0), scale), BLUE, name=f"average{by_shape}",
-            width=3 if len(shapes) == 1 else 1.8,
-        )  # fmt: skip
-        data.append(average | legend | {"legendgroup": "average"})
-        if windows[0].fitted is not None and windows[0].fits == quantity:
-            fitted = _list(windows[0].fitted, scale)
-            fit = _line(time, fitted, VERMILION, name="fit", width=1.8, dash="dash")
-            data.append(fit | legend | {"legendgroup": "fit"})
+    data += [] if cell is None else _averages(cell, quantity, scale)
     for pulse in (p for p in pulses if p.number == picked):
         line = {"color": PURPLE, "width": 2.5, "dash": "solid" if pulse.used else "dot"}
         data.append(_overlaid(pulse, quantity, scale) | {"line": line, "showlegend": True})
@@ -63,6 +50,23 @@ def overlay_figure(pulses: Sequence[Overlaid], picked: int | None, *, quantity: 
     turned = ", turned by the sign of the pulse" if any(p.window.factor < 0 for p in pulses) else ""
     title = f"{quantity.capitalize()} response{turned} ({unit})"
     return figure(data, base_layout(title, "Time from onset (ms)"), name="responses")
+
+
+def _averages(cell: CellEstimate, quantity: str, scale: float) -> list[dict[str, Any]]:
+    """Return the average of every shape of pulse, and the fit to it."""
+    parts = any(r.n_pulses not in (None, cell.n_used) for r in cell.responses)
+    name = f"average by shape, size and sign ({len(cell.responses)})" if parts else "average"
+    width, data = 1.8 if parts else 3.0, []
+    for k, response in enumerate(cell.responses):
+        time, legend = _list(response.time_s, _MS), {"showlegend": k == 0}
+        average = _list(getattr(response, quantity), scale)
+        data.append(_line(time, average, BLUE, name=name, width=width) | legend)
+        if (response.fitted_angle is not None) == (quantity == "angle"):
+            fitted = _list(getattr(response, f"fitted_{quantity}"), scale)
+            data.append(
+                _line(time, fitted, VERMILION, name="fit", width=width, dash="dash") | legend
+            )
+    return [line | {"legendgroup": line["name"]} for line in data]
 
 
 def _overlaid(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class PulsesTab(Tab):
                         value="angle",
                         on_change=lambda event: self._show_quantity(str(event.value)),
                     ).props("dense no-caps unelevated size=sm")
-                self._overlay = ui.plotly(overlay_figure([], None, quantity="angle"))
+                self._overlay = ui.plotly(overlay_figure([], None, None, quantity="angle"))
                 self._overlay.classes("plot short").on(
                     "plotly_click",
                     lambda event: self._select(event.args),
@@ -119,7 +119,8 @@ class PulsesTab(Tab):
             for k, (pulse, window) in enumerate(zip(pulses, windows, strict=True))
             if window is not None
         ]
-        self._overlay.update_figure(overlay_figure(overlaid, picked, quantity=view.quantity))
+        cell = view.cell(view.method)
+        self._overlay.update_figure(overlay_figure(overlaid, cell, picked, quantity=view.quantity))
         study = view.explorer.results.study
         out = [p.code in LISTED for p in pulses] if study is None else excluded(study, pulses)
         self._table.rows = [

@@ -21,10 +21,7 @@ from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.prediction.predicted_cells import recorded_pulse
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE
-from jointz.identify.preparation.raw_signals import (
-    common_rate_hz,
-    raw_signals,
-)
+from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals
 from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.preparation.sources import (
     ParticipantSettings,

@@ -47,6 +47,9 @@ def test_traces_come_without_an_estimation_and_the_numbers_stay(explorer, monkey
     assert explorer.traces(explorer.results.people[0])
     assert explorer.traces(explorer.results.people[1]) is None
     assert explorer.analysis == explorer.results.analysed
+    # Averages are those of the results: they need no recordings.
+    lines = overlay_figure([], View(explorer).cell(), None, quantity="angle")["data"]
+    assert [line["name"] for line in lines] == ["average", "fit"]
     assert explorer.problem == ""
 
 
@@ -141,8 +144,8 @@ def test_figures_are_plain_json(explorer):
     analysis = explorer.analysis
     curve = curve_of_cells(analysis.cells, "stiffness", name="<b>S</b>", colour="#000000")
     figures = [
-        overlay_figure(pulses, 1, quantity="angle"),
-        overlay_figure(pulses, None, quantity="torque"),
+        overlay_figure(pulses, view.cell(), 1, quantity="angle"),
+        overlay_figure(pulses, view.cell("dissertation"), None, quantity="torque"),
         pulse_figure(view.trace_of(view.pulse()), view.window_of(view.pulse())),
         pulse_figure(None, None),
         cycle_figure("stiffness_per_mass", [curve]),
