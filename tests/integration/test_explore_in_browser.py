@@ -10,7 +10,12 @@ import pytest
 
 from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
+from jointz.analysis.saved_analysis import load
+from jointz.core.codes import Exclusion
+from jointz.explorer.exclusions import decide
+from jointz.explorer.results_files import pulses_of
 from jointz.explorer.view import estimate_or_status
+from jointz.io.study_reader import open_study
 from jointz.report.wording import DASH
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
@@ -79,6 +84,10 @@ def stiffness(page):
     return page.locator(".number .now").first.inner_text()
 
 
+def reestimate(page):
+    page.get_by_role("button", name="Re-estimate 1 participant").click()
+
+
 def finished(page, used):
     """Wait until the numbers stand that were made of so many pulses."""
     page.locator(".used", has_text=f"{used} of 4 pulses used").wait_for()
@@ -95,7 +104,14 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     page.get_by_label("Reason").fill("stumbled <b>hard</b>")
     page.get_by_role("button", name="Exclude pulse").click()
 
+    # Nothing is estimated until it is asked for.
+    page.locator(".pulse-state", has_text="still used in the numbers").wait_for()
+    page.locator(".number.stale .now", has_text=before).first.wait_for()
+    page.locator(".notice", has_text="saves nothing in the results folder").wait_for()
+    reestimate(page)
     finished(page, 3)
+    page.locator(".state", has_text="re-estimated, not saved").wait_for()
+    page.locator(".numbers", has_text="re-estimated on this page, not saved").wait_for()
     after = stiffness(page)
     assert after != before
     page.locator(".was", has_text=before).first.wait_for()  # the old number stays beside it
@@ -116,10 +132,22 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     second = page.context.new_page()
     second.goto(address)
     second.get_by_role("button", name="Restore pulse").click()
+    reestimate(second)
     finished(second, 4)
     finished(page, 4)
     assert stiffness(page) == stiffness(second) == before
     second.close()
+
+
+def test_a_pulse_that_the_rig_broke_off_is_not_excluded_by_you(page, study):
+    pulse = pulses_of(load(study.parent / "results"), NASTY, "LRE")[0]
+    rig = decide(open_study(study), pulse, "exclude", reason=Exclusion.ABORTED.meaning)
+
+    page.locator(".pulse-state", has_text="excluded by the rig: broken off").wait_for()
+    page.get_by_role("tab", name="Exclusions").click()
+    page.locator(".methods tr", has_text="the rig").wait_for()
+    decide(rig, pulse, "restore", reason="")
+    page.locator(".methods tr", has_text="the rig").wait_for(state="detached")
 
 
 def test_names_of_strangers_are_text(page):
@@ -174,7 +202,7 @@ def test_a_method_is_added_and_shown(page):
     page.get_by_label("Add a method").click()
     page.get_by_role("option", name="matched strides").click()
     page.locator(".methods th", has_text="matched strides").wait_for()
-    page.locator(".state", has_text="as analysed").wait_for()
+    page.locator(".progress").wait_for(state="hidden")
     cells = page.locator(".methods tbody tr").first.locator("td").all_inner_texts()
     assert len(cells) == 4
     assert cells[3] not in ("", DASH)

@@ -12,7 +12,12 @@ from jointz.analysis.paper.paper_tables import paper_tables
 from jointz.analysis.results_folder import write_results
 from jointz.comparison.compare import compare_results
 from jointz.core.errors import StudyError
-from jointz.explorer.reestimation import ReestimationRequest, reestimate, with_new_estimates
+from jointz.explorer.reestimation import (
+    ReestimationRequest,
+    read_traces,
+    reestimate,
+    with_new_estimates,
+)
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
@@ -134,9 +139,11 @@ def test_results_are_compared_and_explored_person_by_person(analysed, tmp_path):
     assert found.labels == tuple(
         f"S0{k}, {', '.join(stated)}" for k in (1, 2) for stated in OF_HALF.values()
     )
-    again = reestimate(open_study(study), "S01", ReestimationRequest.of(found.analysed))
-    assert len(again.traces) == sum(p.participant == "S01" for p in both.pulses)
-    now = with_new_estimates(found.analysed, open_study(study), {"S01": again.result})
+    request = ReestimationRequest.of(found.analysed)
+    again = reestimate(open_study(study), "S01", request)
+    traces = read_traces(open_study(study), "S01", request, found.analysed)
+    assert len(traces) == sum(p.participant == "S01" for p in both.pulses)
+    now = with_new_estimates(found.analysed, open_study(study), {"S01": again})
     pd.testing.assert_frame_equal(now.to_frame(), both.to_frame())
     pd.testing.assert_frame_equal(now.population_frame(), both.population_frame())
 

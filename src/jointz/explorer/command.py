@@ -9,8 +9,8 @@ import typer
 from jointz.terminal.options import Debug, Json, Quiet
 from jointz.terminal.output import emit, emit_json
 
-#: Processes that estimate: one for the selected participant, one for the others. Systems without
-#: POSIX signal masks use a thread.
+#: Processes: one that estimates, one that reads recordings. Systems without POSIX signal masks use
+#: a thread.
 _WORKERS = 2 if hasattr(signal, "pthread_sigmask") else 1
 
 

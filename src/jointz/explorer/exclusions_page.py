@@ -1,30 +1,29 @@
-"""Tab of the pulses that the user excluded, and of the command for the same numbers."""
+"""Tab of the pulses that user and rig excluded, and of the command for the same numbers."""
 
 from typing import Any, Final
 
-from jointz.core.codes import LISTED
+from jointz.core.codes import LISTED, Exclusion
 from jointz.explorer.exclusions import FILE, excluded, last_line
 from jointz.explorer.tab import Tab, table_columns
 from jointz.explorer.traces import PulseKey
 
 _COLUMNS: Final = {
     "participant": "participant", "point": "timing point", "onset": "onset (s)",
-    "reason": "reason", "since": "since",
+    "by": "by", "reason": "reason", "since": "since",
 }  # fmt: skip
+_AUTHORS: Final = {Exclusion.USER.value: "you", Exclusion.ABORTED.value: "the rig"}
 
 
 class ExclusionsTab(Tab):
-    """Pulses that the user excluded."""
+    """Pulses that the user excluded, or the rig broke off."""
 
     def build(self) -> None:
         """Make the elements of the tab."""
         from nicegui import ui
 
         with ui.element("div").classes("card"):
-            ui.label("Excluded by you").classes("head")
-            self._none = ui.label(
-                f"No pulse: the study has no {FILE}, or all pulses were restored."
-            )
+            ui.label("Excluded by you, or broken off by the rig").classes("head")
+            self._none = ui.label(f"No pulse: {FILE} of the study excludes none.")
             self._left = ui.table(
                 columns=table_columns(_COLUMNS, align="left"), rows=[], row_key="key", pagination=0
             )
@@ -55,7 +54,7 @@ class ExclusionsTab(Tab):
             since = "since the analysis" if PulseKey.of(pulse) in changed else "as analysed"
             rows.append(
                 {"key": len(rows), "participant": pulse.label, "point": pulse.timing_point,
-                 "onset": f"{pulse.onset_s:.3f}", "reason": line.reason if line else "",
-                 "since": since}
+                 "onset": f"{pulse.onset_s:.3f}", "by": _AUTHORS[line.code if line else pulse.code],
+                 "reason": line.reason if line else "", "since": since}
             )  # fmt: skip
         return rows

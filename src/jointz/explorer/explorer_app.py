@@ -1,6 +1,7 @@
 """State that all pages of the explorer share, and the work behind them."""
 
 import asyncio
+import time
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import Executor
 from concurrent.futures.process import BrokenProcessPool
@@ -10,9 +11,14 @@ from typing import Any, TypeVar
 
 from jointz.core.errors import JointzError
 from jointz.core.events import PulseRecord
-from jointz.core.study import Study, UserExclusion
+from jointz.core.study import Study
 from jointz.explorer.exclusions import FILE, Action, decide
-from jointz.explorer.reestimation import ReestimationRequest, estimate_by_method, reestimate
+from jointz.explorer.reestimation import (
+    ReestimationRequest,
+    estimate_by_method,
+    read_traces,
+    reestimate,
+)
 from jointz.explorer.results_files import Exploration
 from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
@@ -36,10 +42,13 @@ class Explorer:
         self._failed: set[str] = set()
         self._stamp = self._file_stamp()
         self._changed = results.changed()
-        self._waiting = frozenset(results.stale())
+        self.stale = results.stale()  # people whose numbers are older than the exclusions
+        # One estimation at a time: another process is left to read recordings.
+        self._estimating = asyncio.Lock()
+        self.seconds: float | None = None  # that the last estimation took
         self.version = 0
         self.problem = ""
-        self.working: dict[str, str] = {}
+        self.working: dict[str, float] = {}  # what is done -> when it began, s
 
     @property
     def results(self) -> Exploration:
@@ -56,25 +65,25 @@ class Explorer:
         """Pulses that were excluded or restored since the analysis."""
         return self._changed
 
-    def waiting(self, person_id: str) -> bool:
-        """Tell whether a participant's numbers are older than the exclusions."""
-        return person_id in self._waiting
-
     def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
         """Return a participant's traces, None until they are ready."""
         return self._traces.get(person_id)
 
     def request(self, person_id: str) -> None:
-        """Start to compute a participant's traces, and all numbers with changed exclusions."""
-        if self._results.study is None:
+        """Start to read a participant's recordings, unless the traces are there."""
+        if self._results.study is None or person_id in self._traces:
             return
-        missing = [person_id] if person_id not in self._traces else []
-        for person in dict.fromkeys([*missing, *self._results.stale()]):
-            if person not in self.working and person not in self._failed:
-                self._begin(person, self._estimate(person))
+        if (task := f"reading the recordings of {person_id}") not in {*self.working, *self._failed}:
+            self._begin(task, self._read(person_id))
+
+    def reestimate(self) -> None:
+        """Start to estimate all participants whose exclusions have changed."""
+        for person in self.stale:
+            if (task := f"estimating {person}") not in self.working:
+                self._begin(task, self._estimate(person))
 
     async def decide(self, pulse: PulseRecord, action: Action, *, reason: str) -> bool:
-        """Exclude or restore a pulse in the study, and reestimate its participant."""
+        """Exclude or restore a pulse in the study; the numbers wait for :meth:`reestimate`."""
         study = self._results.study
         if study is None:
             return False
@@ -85,7 +94,6 @@ class Explorer:
             return False
         self._stamp = self._file_stamp()
         self._take(changed)
-        self.request(pulse.participant)
         return True
 
     async def check_study(self) -> None:
@@ -109,7 +117,7 @@ class Explorer:
         """Estimate all participants by another method."""
         if method in self._results.more_methods():
             for person in self._results.people:
-                self._begin(f"{method} {person}", self._estimate_by(method, person))
+                self._begin(f"estimating {person} by {method}", self._estimate_by(method, person))
 
     def dismiss(self) -> None:
         """Forget errors, so that failed work may be tried again."""
@@ -126,7 +134,7 @@ class Explorer:
         """Find numbers on the pages that are older than the exclusions."""
         self._changed = self._results.changed()
         older = self._results.changed(self._analysis.pulses)
-        self._waiting = frozenset(pulse.participant for pulse in older)
+        self.stale = tuple(dict.fromkeys(pulse.participant for pulse in older))
 
     async def _settle(self) -> None:
         """Compute the analysis that pages show; means over people take a moment."""
@@ -143,7 +151,7 @@ class Explorer:
         self.version += 1
 
     def _begin(self, task: str, work: Coroutine[Any, Any, None]) -> None:
-        self.working[task] = task
+        self.working[task] = time.monotonic()
         self.version += 1
         running = asyncio.get_running_loop().create_task(self._run(task, work))
         self._tasks.add(running)
@@ -160,32 +168,37 @@ class Explorer:
             self.working.pop(task, None)
             self.version += 1
 
-    async def _estimate(self, person: str) -> None:
-        """Estimate until the exclusions did not change meanwhile."""
-        request = ReestimationRequest.of(self._results.analysed)
-        while True:
-            study = self._results.study
-            if study is None:
-                return
-            estimated = await self.call(partial(reestimate, study, person, request))
-            if _exclusions(study, person) == _exclusions(self._results.study, person):
-                break
-        if person in self._results.stale() or person in self._results.reestimated:
-            self._results = self._results.with_result(person, estimated.result)
-        self._traces.pop(person, None)
-        self._traces[person] = estimated.traces
+    async def _read(self, person: str) -> None:
+        """Read until the numbers did not change meanwhile."""
+        request, analysis = ReestimationRequest.of(self._results.analysed), None
+        while (study := self._results.study) is not None and analysis is not self._analysis:
+            analysis = self._analysis
+            traces = await self.call(partial(read_traces, study, person, request, analysis))
+            self._traces[person] = traces
         while len(self._traces) > _MOST_TRACED:
             del self._traces[next(iter(self._traces))]
+
+    async def _estimate(self, person: str) -> None:
+        request = ReestimationRequest.of(self._results.analysed)
+        async with self._estimating:
+            study, began = self._results.study, time.monotonic()
+            if study is None:
+                return
+            result = await self.call(partial(reestimate, study, person, request))
+            self.seconds = time.monotonic() - began
+        self._results = self._results.with_result(person, result)
         await self._settle()
+        await self._read(person)
         for method in {method for method, other in self._results.others if other == person}:
-            self._begin(f"{method} {person}", self._estimate_by(method, person))
+            self._begin(f"estimating {person} by {method}", self._estimate_by(method, person))
 
     async def _estimate_by(self, method: str, person: str) -> None:
         request = ReestimationRequest.of(self._results.analysed)
         study = self._results.study
         if study is not None:
             work = partial(estimate_by_method, study, person, request, method=method)
-            cells = await self.call(work)
+            async with self._estimating:
+                cells = await self.call(work)
             self._results = self._results.with_other(method, person, cells)
             await self._settle()
 
@@ -204,8 +217,3 @@ class Explorer:
                 stat = (study.root / FILE).stat()
                 return stat.st_mtime_ns, stat.st_size
         return None
-
-
-def _exclusions(study: Study | None, person: str) -> tuple[UserExclusion, ...]:
-    lines = () if study is None else study.user_exclusions
-    return tuple(line for line in lines if line.participant == person)

@@ -1,5 +1,6 @@
 """Page of the explorer: participants and timing points left, pulses and curves right."""
 
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
@@ -126,12 +127,12 @@ class ExplorePage:
         """Update the page after any change, on this page or another."""
         if self._seen != self._explorer.version:
             self._refresh()
+        self._state.set_text(self._status())
 
     def _refresh(self) -> None:
         self._explorer.request(self._view.participant)
         self._seen = self._explorer.version
         self._progress.set_visibility(bool(self._explorer.working))
-        self._state.set_text(self._status())
         self._show_notices()
         self._list_people()
         self._list_points()
@@ -141,13 +142,14 @@ class ExplorePage:
     def _status(self) -> str:
         explorer = self._explorer
         if explorer.working:
-            names = sorted(explorer.working)
-            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            return f"estimating {names[0]}{more} …"
+            task, began = next(iter(explorer.working.items()))
+            more = f" and {len(explorer.working) - 1} more" if len(explorer.working) > 1 else ""
+            return f"{task}{more} … {time.monotonic() - began:.0f} s"
+        again = ", ".join(explorer.results.reestimated)
         changed = len(explorer.changed)
-        if changed:
-            return f"{format_count(changed, 'pulse')} changed since the analysis"
-        return "as analysed"
+        words = [f"{format_count(changed, 'pulse')} changed since the analysis"] if changed else []
+        words += [f"{again} re-estimated, not saved"] if again else []
+        return " · ".join(words) or "as analysed"
 
     def _show_notices(self) -> None:
         """Show errors, and that the study is missing."""
@@ -160,11 +162,28 @@ class ExplorePage:
                     "The study was not found beside these results: pulses cannot be shown or "
                     "excluded. Open them with  jointz explore RESULTS --study STUDY"
                 ).classes("notice")
+            elif stale := self._explorer.stale:
+                self._offer_estimation(stale)
             if self._explorer.problem:
                 with ui.element("div").classes("notice bad"):
                     ui.label(self._explorer.problem)
                     retry = ui.button("Try again", on_click=self._explorer.dismiss)
                     retry.props("flat dense no-caps")
+
+    def _offer_estimation(self, stale: tuple[str, ...]) -> None:
+        from nicegui import ui
+
+        seconds = self._explorer.seconds
+        takes = "up to a minute each" if seconds is None else f"about {len(stale) * seconds:.0f} s"
+        with ui.element("div").classes("notice"):
+            ui.label(
+                f"Pulses of {', '.join(stale)} were excluded or restored; numbers and curves are "
+                "still those from before. Re-estimation saves nothing in the results folder."
+            )
+            again = ui.button(f"Re-estimate {format_count(len(stale), 'participant')} ({takes})")
+            again.props("no-caps no-wrap unelevated color=primary")
+            again.on_click(self._explorer.reestimate)
+            again.set_enabled(not any(t.startswith("estimating") for t in self._explorer.working))
 
     def _list_people(self) -> None:
         from nicegui import ui
@@ -200,7 +219,7 @@ class ExplorePage:
                     ui.label(point).classes("name")
                     ui.label(_onset(cell)).classes("onset")
                     stiffness = None if cell is None else cell.parameter("stiffness")
-                    waits = self._explorer.waiting(self._view.participant)
+                    waits = self._view.participant in self._explorer.stale
                     ui.label(_short(stiffness)).classes("value stale" if waits else "value")
             ui.label(
                 "stiffness (N·m/rad)" if self._words.bench else "onset · stiffness (N·m/rad)"
@@ -210,7 +229,7 @@ class ExplorePage:
         from nicegui import ui
 
         cell, before = self._view.cell(), self._view.cell_as_analysed()
-        waits = self._explorer.waiting(self._view.participant)
+        waits = self._view.participant in self._explorer.stale
         self._numbers.clear()
         with self._numbers:
             with ui.element("div").classes("head"):
@@ -219,6 +238,8 @@ class ExplorePage:
                 return
             n_pulses = cell.n_used + cell.n_excluded
             ui.label(f"{cell.n_used} of {n_pulses} pulses used").classes("used")
+            if self._view.participant in self._explorer.results.reestimated:
+                ui.label("re-estimated on this page, not saved").classes("used")
             for parameter in cell.parameters:
                 old = None if before is None else before.parameter(parameter.name)
                 with ui.element("div").classes("number stale" if waits else "number"):

@@ -39,23 +39,34 @@ class Overlaid:
 def overlay_figure(
     pulses: Sequence[Overlaid], cell: CellEstimate | None, picked: int | None, *, quantity: str
 ) -> Figure:
-    """Draw the responses of all pulses of a timing point, their average and the fit."""
+    """Draw the responses of all pulses of a timing point; by shape, their average and the fit."""
     scale = _DEG if quantity == "angle" else 1.0
     data = [_overlaid(p, quantity, scale) for p in pulses if p.number != picked]
-    if cell is not None and cell.response is not None:
-        response = cell.response
-        time = _list(response.time_s, _MS)
-        average = _list(getattr(response, quantity), scale)
-        data.append(_line(time, average, BLUE, name="average", width=3))
-        if (response.fitted_angle is not None) == (quantity == "angle"):
-            fitted = _list(getattr(response, f"fitted_{quantity}"), scale)
-            data.append(_line(time, fitted, VERMILION, name="fit", width=2.5, dash="dash"))
+    data += [] if cell is None else _averages(cell, quantity, scale)
     for pulse in (p for p in pulses if p.number == picked):
         line = {"color": PURPLE, "width": 2.5, "dash": "solid" if pulse.used else "dot"}
         data.append(_overlaid(pulse, quantity, scale) | {"line": line, "showlegend": True})
     unit = "deg" if quantity == "angle" else "N·m"
-    layout = base_layout(f"{quantity.capitalize()} response ({unit})", "Time from onset (ms)")
-    return figure(data, layout, name="responses")
+    turned = ", turned by the sign of the pulse" if any(p.window.factor < 0 for p in pulses) else ""
+    title = f"{quantity.capitalize()} response{turned} ({unit})"
+    return figure(data, base_layout(title, "Time from onset (ms)"), name="responses")
+
+
+def _averages(cell: CellEstimate, quantity: str, scale: float) -> list[dict[str, Any]]:
+    """Return the average of every shape of pulse, and the fit to it."""
+    parts = any(r.n_pulses not in (None, cell.n_used) for r in cell.responses)
+    name = f"average by shape, size and sign ({len(cell.responses)})" if parts else "average"
+    width, data = 1.8 if parts else 3.0, []
+    for k, response in enumerate(cell.responses):
+        time, legend = _list(response.time_s, _MS), {"showlegend": k == 0}
+        average = _list(getattr(response, quantity), scale)
+        data.append(_line(time, average, BLUE, name=name, width=width) | legend)
+        if (response.fitted_angle is not None) == (quantity == "angle"):
+            fitted = _list(getattr(response, f"fitted_{quantity}"), scale)
+            data.append(
+                _line(time, fitted, VERMILION, name="fit", width=width, dash="dash") | legend
+            )
+    return [line | {"legendgroup": line["name"]} for line in data]
 
 
 def _overlaid(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:

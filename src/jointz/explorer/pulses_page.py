@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from jointz.core.codes import LISTED
+from jointz.core.codes import LISTED, Exclusion
 from jointz.core.events import PulseRecord
-from jointz.explorer.exclusions import is_excluded, last_line
+from jointz.explorer.exclusions import excluded, is_excluded, last_line
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure
 from jointz.explorer.tab import Tab, table_columns
 from jointz.explorer.traces import Window
@@ -121,8 +121,10 @@ class PulsesTab(Tab):
         ]
         cell = view.cell(view.method)
         self._overlay.update_figure(overlay_figure(overlaid, cell, picked, quantity=view.quantity))
+        study = view.explorer.results.study
+        out = [p.code in LISTED for p in pulses] if study is None else excluded(study, pulses)
         self._table.rows = [
-            _row(k, pulse, window, picked=k == picked)
+            _row(k, pulse, window, out=out[k], picked=k == picked)
             for k, (pulse, window) in enumerate(zip(pulses, windows, strict=True))
         ]
         self._methods.set_options(names, value=view.method if names else None)
@@ -158,12 +160,15 @@ class PulsesTab(Tab):
             return "reading the recordings …"
         if excluded:
             line = last_line(study, pulse)
+            if line is not None and line.code == Exclusion.ABORTED:
+                return f"excluded by the rig: {exclusion_meaning(line.code)}"
             reason = f": {line.reason}" if line is not None and line.reason else ""
-            shown = "shown as if restored" if window is not None else "jointz excludes it too"
-            return f"excluded by you{reason} ({shown})"
-        if pulse.code and pulse.code not in LISTED:
-            return f"excluded: {exclusion_meaning(pulse.code)}"
-        return "used"
+            shown = "jointz excludes it too" if window is None else "shown as if restored"
+            note = shown if pulse.code in LISTED else "still used in the numbers"
+            return f"excluded by you{reason} ({note})"
+        if pulse.code in LISTED:
+            return "restored (not used in the numbers yet)"
+        return f"excluded: {exclusion_meaning(pulse.code)}" if pulse.code else "used"
 
     def _show_quantity(self, quantity: str) -> None:
         if quantity in ("angle", "torque"):
@@ -207,8 +212,11 @@ class PulsesTab(Tab):
         self._on_change()
 
 
-def _row(k: int, pulse: PulseRecord, window: Window | None, *, picked: bool) -> dict[str, Any]:
-    state = "excluded" if pulse.code in LISTED else pulse.code.replace("_", " ") or "used"
+def _row(
+    k: int, pulse: PulseRecord, window: Window | None, *, out: bool, picked: bool
+) -> dict[str, Any]:
+    excluded_by = "aborted" if pulse.code == Exclusion.ABORTED else "excluded" if out else "used"
+    state = excluded_by if pulse.code in ("", *LISTED) else pulse.code.replace("_", " ")
     row = {
         "number": k + 1,
         "onset": f"{pulse.onset_s:.1f}",
@@ -217,7 +225,7 @@ def _row(k: int, pulse: PulseRecord, window: Window | None, *, picked: bool) -> 
         "misfit": None,
         "state": state,
         "picked": picked,
-        "out": bool(pulse.code),
+        "out": state != "used",
     }
     if window is not None:
         row["size"] = round(float(abs(window.response_angle).max()) * _DEG, 2)

@@ -1,4 +1,4 @@
-"""New estimates of one participant, as by ``jointz analyze``, with the traces of every pulse."""
+"""Traces of one participant's pulses, and new estimates, as by ``jointz analyze``."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,16 +23,6 @@ from jointz.stats.population import population_means
 from jointz.tasks.engine import on_one_thread
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReestimatedParticipant:
-    """New estimates of a participant."""
-
-    participant: str  # the id
-    # estimates of every method, without evidence and without single pulses of a bench
-    result: ParticipantResult
-    traces: Mapping[PulseKey, PulseTrace]  # pulse -> its signals
-
-
 @dataclass(frozen=True, slots=True)
 class ReestimationRequest:
     """Settings of a new estimation."""
@@ -51,14 +41,19 @@ class ReestimationRequest:
         return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
 
 
-def reestimate(
-    study: Study, person_id: str, request: ReestimationRequest
-) -> ReestimatedParticipant:
+def read_traces(
+    study: Study, person_id: str, request: ReestimationRequest, analysis: StudyAnalysis
+) -> Mapping[PulseKey, PulseTrace]:
+    """Read a participant's recordings, and return every pulse as in the analysis."""
+    settings, recordings = _inputs(study, person_id, request)
+    return on_one_thread(partial(pulse_traces, person_id, recordings, settings, analysis))
+
+
+def reestimate(study: Study, person_id: str, request: ReestimationRequest) -> ParticipantResult:
     """Estimate a participant with the current exclusions of the study."""
     settings, recordings = _inputs(study, person_id, request)
     result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
-    traces = on_one_thread(partial(pulse_traces, person_id, recordings, settings, result))
-    return ReestimatedParticipant(person_id, replace(result, evidence=()), traces)
+    return replace(result, evidence=())
 
 
 def estimate_by_method(

@@ -1,43 +1,44 @@
 """Signals that each pulse was estimated from: measured, baseline, response, fit and residual.
 
-All signals are those of the estimators. For ``strapped``, response and fit are those of the shape
-of the pulse, the baseline is the prediction. For ``rigid``, the response is that of its evidence,
-the fit that of its cell, and the baseline the prediction that it subtracted from the raw signals.
-For the other methods, windows and baseline come from their own cutter, filtered.
+Recordings are read and cut as the estimators do; nothing is estimated, fits are those of the
+results. For ``strapped`` and ``rigid``, the baseline is the prediction that they subtract from the
+raw signals. For the other methods, windows and baseline come from their own cutter, filtered.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
-from typing import Any
+from typing import Final
 
 import numpy as np
 
 from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
 from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
+from jointz.core.study import UserExclusion
 from jointz.explorer.exclusions import is_about
 from jointz.identify.estimators import METHODS, ParticipantData
 from jointz.identify.methods.cell_windows import WindowCutter
-from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.prediction.predicted_cells import recorded_pulse
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
-from jointz.identify.preparation.conditioning import ANGLE, TORQUE, Conditioned
-from jointz.identify.preparation.raw_signals import (
-    common_rate_hz,
-    raw_signals,
-)
-from jointz.identify.preparation.recording_groups import Unit, recording_groups
+from jointz.identify.preparation.conditioning import ANGLE, TORQUE
+from jointz.identify.preparation.raw_signals import common_rate_hz, raw_signals
+from jointz.identify.preparation.recording_groups import recording_groups
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
     RecordingInput,
     Source,
     prepare_sources,
 )
-from jointz.identify.rigid.walking_evidence import Evidence
-from jointz.identify.strapped.strapped_method import FittedShapes, StrappedMethod
+from jointz.identify.rigid.walking_estimator import RigidMethod
+from jointz.identify.strapped.strapped_method import StrappedMethod
 from jointz.results.estimates import CellEstimate
+from jointz.results.study_analysis import StudyAnalysis
 
+#: Methods that predict the motion without the pulse.
+_PREDICTING: Final[Mapping[str, RigidMethod | StrappedMethod]] = {
+    RIGID: RigidMethod(),
+    STRAPPED: StrappedMethod(),
+}
 #: Part of the recording that is shown around a pulse, s.
 _BEFORE_S, _AFTER_S = 0.15, 0.35
 
@@ -65,25 +66,27 @@ class Window:
     torque: np.ndarray  # N*m: measured torque, raw or filtered, as the method uses it
     baseline_angle: np.ndarray  # rad: predicted angle without the pulse
     baseline_torque: np.ndarray  # N*m: predicted torque without the pulse
-    sign: float  # sign of the pulse, +1 or -1; factor of the responses
-    # fit to the average response of the timing point: angle, rad, or torque, N*m; None without a
-    # fit
+    # factor of the responses, as the method averages them: the sign of the pulse, or 1 where pulses
+    # of either sign are averaged apart
+    factor: float
+    shape: int  # place in the cell's responses; -1 if the pulse is not averaged
+    # fit to the average response of the shape: angle, rad, or torque, N*m; None without a fit
     fitted: np.ndarray | None
     fits: str  # the fitted quantity: ``angle`` or ``torque``
 
     @property
     def response_angle(self) -> np.ndarray:
-        """Measured minus baseline, times the sign, rad."""
-        return np.asarray(self.sign * (self.angle - self.baseline_angle))
+        """Measured minus baseline, times the factor, rad."""
+        return np.asarray(self.factor * (self.angle - self.baseline_angle))
 
     @property
     def response_torque(self) -> np.ndarray:
-        """Measured minus baseline, times the sign, N*m."""
-        return np.asarray(self.sign * (self.torque - self.baseline_torque))
+        """Measured minus baseline, times the factor, N*m."""
+        return np.asarray(self.factor * (self.torque - self.baseline_torque))
 
     @property
     def residual(self) -> np.ndarray | None:
-        """Response of this pulse minus the fit to the average of all."""
+        """Response of this pulse minus the fit to the average of its shape."""
         if self.fitted is None:
             return None
         response = self.response_angle if self.fits == "angle" else self.response_torque
@@ -105,59 +108,56 @@ class PulseTrace:
     time_s: np.ndarray  # time since the commanded onset; from before the window to after it
     angle: np.ndarray  # rad: recorded angle; NaN if missing
     torque: np.ndarray  # N*m: recorded torque; NaN if missing
-    windows: Mapping[str, Window]  # method -> window, for methods that use the pulse
-    if_restored: bool  # whether the user excluded the pulse, so that windows show it as if restored
+    # method -> window, for methods that use the pulse, or would if the user had not excluded it
+    windows: Mapping[str, Window]
 
 
 def pulse_traces(
     participant: str,
     recordings: Sequence[RecordingInput],
     settings: ParticipantSettings,
-    result: ParticipantResult,
+    analysis: StudyAnalysis,
 ) -> dict[PulseKey, PulseTrace]:
     """Return the signals that every pulse of a participant was estimated from."""
     traces: dict[PulseKey, PulseTrace] = {}
     for unit, group in recording_groups(recordings, settings.kind):
         if unit is not None:
-            traces |= _group_traces(participant, group, settings, _part(result, unit))
+            own = (participant, *unit)
+            cells = [
+                c
+                for c in (*analysis.cells, *analysis.comparison)
+                if (c.participant, c.session, c.side) == own
+            ]
+            pulses = [p for p in analysis.pulses if (p.participant, p.session, p.side) == own]
+            traces |= _group_traces(participant, group, settings, cells, pulses)
     return traces
-
-
-def _part(result: ParticipantResult, unit: Unit) -> ParticipantResult:
-    """Return the result for a session and side."""
-
-    def part(rows: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(row for row in rows if (row.session, row.side) == unit)
-
-    cells = {method: part(cells) for method, cells in result.cells.items()}
-    return replace(result, cells=cells, pulses=part(result.pulses), evidence=part(result.evidence))
 
 
 def _group_traces(
     participant: str,
     recordings: Sequence[RecordingInput],
     settings: ParticipantSettings,
-    result: ParticipantResult,
+    cells: Sequence[CellEstimate],
+    pulses: Sequence[PulseRecord],
 ) -> dict[PulseKey, PulseTrace]:
-    lifted = _without_exclusions(settings, result.pulses)
+    lifted = _without_exclusions(settings, pulses)
     sources = prepare_sources(recordings, lifted)
-    windows: dict[PulseKey, dict[str, Window]] = {PulseKey.of(p): {} for p in result.pulses}
+    data = ParticipantData(participant, sources)
+    excluded = {PulseKey.of(p) for p in pulses if p.code in LISTED}
+    windows: dict[PulseKey, dict[str, Window]] = {PulseKey.of(p): {} for p in pulses}
     for method in settings.methods:
         if method == FULL_RECORD:
             continue  # it fits whole trials and has no windows
-        if method == STRAPPED:
-            for key, window in _by_shape(participant, sources, (settings, lifted), result):
-                windows[key][method] = window
-            continue
-        cells = {cell.timing_point: cell for cell in result.cells[method]}
+        own = {cell.timing_point: cell for cell in cells if cell.method == method}
         windows_of_method = (
-            _predicted(participant, recordings, sources, (settings, lifted), result)
-            if method == RIGID
+            _predicted(method, data, lifted, pulses)
+            if method in _PREDICTING
             else _filtered(participant, method, sources, lifted)
         )
         for key, label, window in windows_of_method:
-            windows[key][method] = _with_fit(window, cells.get(label))
-    return _with_surroundings(result.pulses, sources, windows)
+            counted = replace(window, shape=-1) if key in excluded else window
+            windows[key][method] = _with_fit(counted, own.get(label))
+    return _with_surroundings(pulses, sources, windows)
 
 
 def _without_exclusions(
@@ -174,84 +174,41 @@ _Windows = Iterator[tuple[PulseKey, str, Window]]
 
 
 def _predicted(
-    participant: str,
-    recordings: Sequence[RecordingInput],
-    sources: Sequence[Source],
-    settings: tuple[ParticipantSettings, ParticipantSettings],
-    result: ParticipantResult,
+    method: str,
+    data: ParticipantData,
+    lifted: ParticipantSettings,
+    pulses: Sequence[PulseRecord],
 ) -> _Windows:
-    """Yield the windows of the method ``rigid``; of excluded pulses as if restored."""
-    original, lifted = settings
-    rate = common_rate_hz(sources)
-    signals = [raw_signals(source, target_hz=rate) for source in sources]
-    excluded = {PulseKey.of(p) for p in result.pulses if p.code in LISTED}
-    if excluded and lifted.user_exclusions != original.user_exclusions:
-        single = replace(lifted, methods=(RIGID,))
-        restored = analyze_participant(participant, recordings, single)
-        yield from (w for w in _of_evidence(restored.evidence, signals) if w[0] in excluded)
-    yield from (w for w in _of_evidence(result.evidence, signals) if w[0] not in excluded)
+    """Yield the windows of a method that predicts; of excluded pulses as if restored.
+
+    The others are those of the estimate, whatever the exclusions are now.
+    """
+    listed = [p for p in pulses if p.code in LISTED]
+    excluded = {PulseKey.of(p) for p in listed}
+    if excluded:
+        restored = _of_shapes(method, data, lifted)
+        yield from (w for w in restored if w[0] in excluded)
+    lines = [UserExclusion(p.participant, p.recording, p.onset_s, "exclude", "") for p in listed]
+    analysed = replace(lifted, user_exclusions=(*lifted.user_exclusions, *lines))
+    yield from (w for w in _of_shapes(method, data, analysed) if w[0] not in excluded)
 
 
-def _of_evidence(evidence: Sequence[Evidence], signals: Sequence[Conditioned]) -> _Windows:
-    pairs = (zip(part.cells, part.responses, strict=True) for part in evidence)
-    for cell, average in chain.from_iterable(pairs):
-        usable = [
-            c for c, code in zip(cell.candidates, cell.predicted.codes, strict=True) if not code
-        ]
-        n = average.angle.size
-        responses = cell.predicted.responses[:, :, :n]
-        for candidate, response in zip(usable, responses, strict=True):
-            window = _raw_window(candidate, response, signals, cell.period_s)
-            yield PulseKey.of(candidate.record), cell.label, window
-
-
-def _raw_window(
-    candidate: Candidate,
-    response: np.ndarray,
-    signals: Sequence[Conditioned],
-    period_s: float,
-) -> Window:
-    """Return the window of a predicted pulse, from the raw signals and without a fit."""
-    return Window(
-        **recorded_pulse(candidate, response, signals[candidate.source], period_s),
-        sign=candidate.pulse.sign,
-        fitted=None,
-        fits="angle",
-    )
-
-
-def _by_shape(
-    participant: str,
-    sources: Sequence[Source],
-    settings: tuple[ParticipantSettings, ParticipantSettings],
-    result: ParticipantResult,
-) -> Iterator[tuple[PulseKey, Window]]:
-    """Yield the windows of the method ``strapped``; of excluded pulses as if restored."""
-    original, lifted = settings
-    data = ParticipantData(participant, sources)
-    rate = common_rate_hz(sources)
-    signals = [raw_signals(source, target_hz=rate, strapped=True) for source in sources]
-    excluded = {PulseKey.of(p) for p in result.pulses if p.code in LISTED}
-    if excluded and lifted.user_exclusions != original.user_exclusions:
-        restored = StrappedMethod().fitted_shapes(data, lifted, fit=False)
-        yield from (w for w in _of_shapes(restored, signals) if w[0] in excluded)
-    used = StrappedMethod().fitted_shapes(data, original)
-    yield from (w for w in _of_shapes(used, signals) if w[0] not in excluded)
-
-
-def _of_shapes(
-    points: Sequence[FittedShapes], signals: Sequence[Conditioned]
-) -> Iterator[tuple[PulseKey, Window]]:
-    for point in points:
-        responses = point.cell.predicted.responses[point.cell.kept, :, : point.time_s.size]
+def _of_shapes(method: str, data: ParticipantData, settings: ParticipantSettings) -> _Windows:
+    rate, strapped = common_rate_hz(data.sources), method == STRAPPED
+    signals = [raw_signals(s, target_hz=rate, strapped=strapped) for s in data.sources]
+    for point in _PREDICTING[method].predicted_shapes(data, settings):
+        cell = point.cell
         for candidate, response, shape in zip(
-            point.cell.used, responses, point.shapes, strict=True
+            cell.answered, cell.predicted.responses, point.shapes, strict=True
         ):
-            sign = candidate.pulse.sign
-            window = _raw_window(candidate, response, signals, point.cell.period_s)
-            # The fit is as signed, the response of a window is turned.
-            fitted = None if point.fitted is None else sign * point.fitted[shape]
-            yield PulseKey.of(candidate.record), replace(window, fitted=fitted)
+            window = Window(
+                **recorded_pulse(candidate, response, signals[candidate.source], cell.period_s),
+                factor=1.0 if strapped else candidate.pulse.sign,
+                shape=int(shape),
+                fitted=None,
+                fits="angle",
+            )
+            yield PulseKey.of(candidate.record), cell.label, window
 
 
 def _filtered(
@@ -284,7 +241,8 @@ def _filtered_window(
         torque=window[TORQUE],
         baseline_angle=mean[ANGLE],
         baseline_torque=mean[TORQUE],
-        sign=candidate.pulse.sign,
+        factor=candidate.pulse.sign,
+        shape=0,
         fitted=None,
         fits="torque",
     )
@@ -292,10 +250,10 @@ def _filtered_window(
 
 
 def _with_fit(window: Window, cell: CellEstimate | None) -> Window:
-    """Add the fit to the average of the timing point, if there is one."""
-    if cell is None or cell.response is None:
+    """Add the fit to the average of the pulse's shape, if there is one."""
+    if cell is None or not 0 <= window.shape < len(cell.responses):
         return window
-    response = cell.response
+    response = cell.responses[window.shape]
     angle = response.fitted_angle is not None
     fitted = response.fitted_angle if response.fitted_angle is not None else response.fitted_torque
     on_own_time = np.interp(window.time_s, response.time_s, fitted, left=np.nan, right=np.nan)
@@ -315,7 +273,7 @@ def _with_surroundings(
     for pulse in pulses:
         key = PulseKey.of(pulse)
         time_s, angle, torque = _around(pulse.onset_s, files.get(pulse.recording, []))
-        traces[key] = PulseTrace(time_s, angle, torque, windows[key], pulse.code in LISTED)
+        traces[key] = PulseTrace(time_s, angle, torque, windows[key])
     return traces
 
 

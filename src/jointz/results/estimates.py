@@ -162,7 +162,10 @@ class CellEstimate(Result):
     displacement_rad : float or None
         Largest angle response inside the window.
     response : Response or None
-        The average response, for figures.
+        The average response, for figures; of pulses of several shapes, sizes or signs, that of
+        the most frequent ones.
+    other_shapes : tuple of Response
+        The average responses to the other shapes, sizes and signs, as signed.
     nuisance : tuple of ParameterEstimate
         What had to be estimated beside the impedance: friction, lag of a record.
     centre_gait_pct : float or None
@@ -209,6 +212,12 @@ class CellEstimate(Result):
     session: str = ""
     side: str = ""
     example: PulseExample | None = None
+    other_shapes: tuple[Response, ...] = ()
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        """The average responses to all shapes of pulse, the most frequent first."""
+        return () if self.response is None else (self.response, *self.other_shapes)
 
     @property
     def label(self) -> str:

@@ -20,6 +20,8 @@ from jointz.analysis.page.response_figures import (
     draw_response_overview,
     draw_responses,
     example_cells,
+    response_overview_caption,
+    responses_caption,
 )
 from jointz.core.events import PulseRecord
 from jointz.report.style import new_figure, to_svg
@@ -169,6 +171,35 @@ def test_responses_are_drawn_in_degrees_with_their_vaf_and_n(walking):
     )
     assert "n 48" in labels(angle.texts)
     assert f"{one.cells[0].vaf_pct:.1f} %" in labels(torque.texts)
+
+
+def test_shapes_of_pulse_are_drawn_apart_and_counted_together(walking):
+    (cell,) = only_group(walking, "S01", "LRE").cells
+    push = replace(cell.response, n_pulses=30)
+    pull = replace(push, angle=-push.angle, torque=-push.torque, n_pulses=18)
+    one = replace(walking, cells=(replace(cell, response=push, other_shapes=(pull,)),))
+
+    angle, torque = plot(draw_responses, one).axes
+
+    n = push.angle.size + 1
+    drawn = angle.lines[0].get_ydata()
+    np.testing.assert_allclose(drawn[: n - 1], np.degrees(push.angle))
+    np.testing.assert_allclose(drawn[n:-1], np.degrees(pull.angle))
+    np.testing.assert_allclose(torque.lines[0].get_ydata()[n:-1], pull.torque)
+    assert "n 48" in labels(angle.texts)
+    assert "averaged apart" in responses_caption(one)
+    assert "averaged apart" not in responses_caption(walking)
+
+
+def test_no_mean_over_people_is_drawn_of_pulses_of_several_shapes(walking):
+    cells = [replace(c, other_shapes=(c.response,)) for c in walking.cells if c.response]
+    several = replace(walking, cells=tuple(cells))
+
+    means = [plot(draw_response_overview, a).axes[0].lines[1] for a in (walking, several)]
+
+    assert [np.size(mean.get_ydata()) > 0 for mean in means] == [True, False]
+    assert "their mean" in response_overview_caption(walking)
+    assert "their mean" not in response_overview_caption(several)
 
 
 def test_examples_of_responses_are_the_best_the_median_and_the_worst_fit(walking):

@@ -31,7 +31,12 @@ async def settled(explorer):
         await asyncio.sleep(0.01)
 
 
-def test_traces_come_and_the_numbers_stay(explorer):
+def test_traces_come_without_an_estimation_and_the_numbers_stay(explorer, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("nobody asked for an estimation")
+
+    monkeypatch.setattr("jointz.explorer.explorer_app.reestimate", refuse)
+
     async def work():
         explorer.request(explorer.results.people[0])
         assert explorer.working
@@ -42,6 +47,9 @@ def test_traces_come_and_the_numbers_stay(explorer):
     assert explorer.traces(explorer.results.people[0])
     assert explorer.traces(explorer.results.people[1]) is None
     assert explorer.analysis == explorer.results.analysed
+    # Averages are those of the results: they need no recordings.
+    lines = overlay_figure([], View(explorer).cell(), None, quantity="angle")["data"]
+    assert [line["name"] for line in lines] == ["average", "fit"]
     assert explorer.problem == ""
 
 
@@ -52,13 +60,18 @@ def test_numbers_wait_until_they_are_made_of_the_pulses_that_stand(explorer):
 
     async def work():
         assert await explorer.decide(pulse, "exclude", reason="stumbled")
-        seen.append((explorer.waiting(view.person), view.cell().n_used))
+        explorer.request(view.person)  # as the page does whenever something has changed
         await settled(explorer)
-        seen.append((explorer.waiting(view.person), view.cell().n_used))
+        seen.append((view.person in explorer.stale, view.cell().n_used))
+        explorer.reestimate()
+        await settled(explorer)
+        seen.append((view.person in explorer.stale, view.cell().n_used))
 
     asyncio.run(work())
 
     assert seen == [(True, 4), (False, 3)]
+    assert explorer.seconds > 0.0
+    assert view.window_of(pulse).fitted is None
     assert len(explorer.changed) == 1
     assert view.cell_as_analysed().n_used == 4
     assert view.pulse().code == "user"
@@ -73,14 +86,15 @@ def test_two_exclusions_at_once_both_stand(explorer):
             explorer.decide(first, "exclude", reason="one"),
             explorer.decide(second, "exclude", reason="two"),
         )
-        await settled(explorer)
-        explorer.request(view.person)  # as the page does whenever something has changed
+        explorer.reestimate()
+        explorer.reestimate()  # by another page
+        assert len(explorer.working) == 1
         await settled(explorer)
 
     asyncio.run(work())
 
     assert view.cell().n_used == 2
-    assert not explorer.waiting(view.person)
+    assert view.person not in explorer.stale
 
 
 def test_lines_written_elsewhere_are_followed(explorer):
@@ -89,8 +103,8 @@ def test_lines_written_elsewhere_are_followed(explorer):
     async def work():
         decide(explorer.results.study, view.pulse(), "exclude", reason="by another page")
         await explorer.check_study()
-        assert explorer.waiting(view.person)
-        explorer.request(view.person)
+        assert explorer.stale == (view.person,)
+        explorer.reestimate()
         await settled(explorer)
 
     asyncio.run(work())
@@ -104,7 +118,7 @@ def test_what_goes_wrong_is_told_and_not_tried_without_end(explorer, made, monke
     def fail(*_):
         raise RuntimeError("no luck")
 
-    monkeypatch.setattr("jointz.explorer.explorer_app.reestimate", fail)
+    monkeypatch.setattr("jointz.explorer.explorer_app.read_traces", fail)
 
     async def work():
         explorer.request(person)

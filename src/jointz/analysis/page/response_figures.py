@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from jointz.analysis.summary import counted_people_and_pulses, fitted_signals
-from jointz.core.method_names import STRAPPED
 from jointz.report.pulse_words import onset_is_commanded
 from jointz.report.style import (
     broken_line,
@@ -48,9 +47,8 @@ _NAMES_IN_A_LINE: Final = 50
 # Share of a panel's height kept free for the text in it.
 _HEADROOM: Final = 0.30
 
-_MOST_FREQUENT: Final = (
-    " Of pulses of several shapes, sizes or signs, the most frequent kind is drawn, with the "
-    "number of its pulses (n); VAF is that of all."
+_SHAPES_APART: Final = (
+    " Pulses of several shapes, sizes or signs are averaged apart, one curve each, as signed."
 )
 
 #: Participants from which on all responses are drawn on top of each other.
@@ -77,7 +75,7 @@ def draw_responses(analysis: StudyAnalysis) -> "Figure | None":
     and more panels.
     """
     cells = {(c.label, c.timing_point): c for c in analysis.cells}
-    responses = [c.response for c in analysis.cells if c.response is not None]
+    responses = [r for c in analysis.cells for r in c.responses]
     if not responses:
         return None
     window_s = max(float(r.time_s[-1]) for r in responses)
@@ -136,8 +134,8 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
         _name_columns(axes, row.names, window_s)
     handles = [
         legend_line("each participant", FAINT),
-        legend_line("angle: mean, or example", BLUE),
-        legend_line("torque: mean, or example", INK),
+        legend_line("angle", BLUE),
+        legend_line("torque", INK),
         legend_line("fitted model (VAF)", VERMILION, dashes=(2.5, 1.5)),
     ]
     place_legend(figure, handles)
@@ -146,9 +144,11 @@ def draw_response_overview(analysis: StudyAnalysis) -> "Figure | None":
 
 def response_overview_caption(analysis: StudyAnalysis) -> str:
     """Return the caption of the figure of all people's responses."""
+    shapes = any(c.other_shapes for c in analysis.cells)
     return (
-        "Average responses after subtraction of the baseline. Above: every participant (grey) "
-        f"and their mean. Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
+        "Average responses after subtraction of the baseline. Above: every participant (grey)"
+        f"{'.' + _SHAPES_APART if shapes else ' and their mean.'} "
+        f"Below: {', '.join(_EXAMPLES)} by VAF, with the fitted model dashed. "
         "figures/responses.svg shows every participant and timing point. "
         f"n: {counted_people_and_pulses(analysis)}."
     )
@@ -183,12 +183,13 @@ def _draw_band(
     _panels(axes, len(names), window_s)
     scale = 180.0 / np.pi if quantity == "angle" else 1.0
     groups = [[c.response for c in cells if c.response and c.timing_point == n] for n in names]
-    curves = [(i * pitch, r) for i, own in enumerate(groups) for r in own]
+    at = {name: i * pitch for i, name in enumerate(names)}
+    curves = [(at[c.timing_point], r) for c in cells for r in c.responses]
     axes.plot(*_joined(curves, quantity, scale=scale), color=FAINT, linewidth=0.6)
     means = [
         (i * pitch + own[0].time_s, scale * _mean(own, quantity))
         for i, own in enumerate(groups)
-        if own
+        if own and len(curves) == len(cells)  # a mean of several shapes would be of none
     ]
     axes.plot(*broken_line(means), color=BLUE if quantity == "angle" else INK, linewidth=1.3)
     _leave_headroom(axes)
@@ -224,8 +225,7 @@ def _panels(axes: "Axes", count: int, window_s: float) -> None:
 def responses_caption(analysis: StudyAnalysis) -> str:
     """Return the caption of the figure."""
     fitted = fitted_signals(analysis)
-    strapped = any(c.method == STRAPPED for c in analysis.cells)
-    shapes = _MOST_FREQUENT if strapped else ""
+    shapes = _SHAPES_APART if any(c.other_shapes for c in analysis.cells) else ""
     driven = "; the measured torque is its input and has no fit" if fitted == "angle" else ""
     return (
         "Average responses to the pulses after subtraction of the baseline: angle (left) and "
@@ -253,7 +253,7 @@ def _draw_row(axes: "Axes", row: _Row, cells: _Cells, *, quantity: str, window_s
     pitch = window_s * (1.0 + _GAP)
     _panels(axes, len(row.names), window_s)
     row_cells = [cells.get((row.participant, name)) for name in row.names]
-    curves = [(i * pitch, c.response) for i, c in enumerate(row_cells) if c and c.response]
+    curves = [(i * pitch, r) for i, c in enumerate(row_cells) if c for r in c.responses]
     scale = 180.0 / np.pi if quantity == "angle" else 1.0
     colour = BLUE if quantity == "angle" else INK
     axes.plot(*_joined(curves, quantity, scale=scale), color=colour, linewidth=1.1)
@@ -287,7 +287,8 @@ def _panel_text(cell: CellEstimate | None, quantity: str) -> str:
     """Return the number of pulses above the angle, and VAF above the fitted signal."""
     if cell is None or cell.response is None:
         return DASH
-    texts = [f"n {cell.response.n_pulses or cell.n_used}"] if quantity == "angle" else []
+    n_drawn = sum(r.n_pulses or cell.n_used for r in cell.responses)
+    texts = [f"n {n_drawn}"] if quantity == "angle" else []
     if quantity == _fitted(cell.response):
         texts.append(DASH if cell.vaf_pct is None else f"{format_vaf(cell.vaf_pct)} %")
     return "\n".join(texts)

@@ -54,11 +54,25 @@ class PredictedCell:
     stride_s: float  # duration of a stride
 
     @property
+    def answered(self) -> list[Candidate]:
+        """Pulses with a response, one for each of ``predicted.responses``."""
+        codes = self.predicted.codes
+        return [c for c, code in zip(self.candidates, codes, strict=True) if not code]
+
+    @property
     def used(self) -> list[Candidate]:
         """Pulses whose responses are used."""
-        codes = self.predicted.codes
-        predicted = [c for c, code in zip(self.candidates, codes, strict=True) if not code]
-        return [c for c, keep in zip(predicted, self.kept, strict=True) if keep]
+        return [c for c, keep in zip(self.answered, self.kept, strict=True) if keep]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictedShapes:
+    """Pulses of a timing point by shape, before anything is fitted."""
+
+    cell: PredictedCell
+    # (pulse,) place of each predicted pulse's shape in the responses of the estimate; -1 if the
+    # pulse is not averaged
+    shapes: np.ndarray
 
 
 def example_place(responses: np.ndarray) -> int:
@@ -114,13 +128,25 @@ class CellPredictor:
         self.sensors = self.choice.used if sensors is None else tuple(sensors)
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
 
-    def predict(
-        self, label: str, candidates: Sequence[Candidate], *, by_shape: bool = False
-    ) -> tuple[PredictedCell | None, list[str]]:
-        """Predict the pulses of a timing point; return None without any, and all codes.
+    def predict_points(
+        self, candidates: Sequence[Candidate]
+    ) -> tuple[list[PulseRecord], dict[str, PredictedCell], dict[str, list[str]]]:
+        """Return all pulses with their final codes; by timing point, the prediction and codes."""
+        records = [c.record for c in candidates]
+        predicted: dict[str, PredictedCell] = {}
+        codes: dict[str, list[str]] = {}
+        for label, indices in pulses_by_point(records, self._settings).items():
+            cell, codes[label] = self.predict(label, [candidates[k] for k in indices])
+            if cell is not None:
+                predicted[label] = cell
+            for k, code in zip(indices, codes[label], strict=True):
+                records[k] = replace(records[k], code=code)
+        return records, predicted, codes
 
-        ``by_shape`` compares pulses with those of their own shape only.
-        """
+    def predict(
+        self, label: str, candidates: Sequence[Candidate]
+    ) -> tuple[PredictedCell | None, list[str]]:
+        """Predict the pulses of a timing point; return None without any, and all codes."""
         codes = [c.record.code for c in candidates]
         parts: list[tuple[list[int], Predicted]] = []
         for index in dict.fromkeys(c.source for c in candidates):
@@ -138,7 +164,7 @@ class CellPredictor:
         ordered = [candidates[k] for k in order]
         joined = join_predictions([part for _, part in parts])
         predicted = [k for k, code in zip(order, joined.codes, strict=True) if not code]
-        checked = self._checked(joined, [candidates[k] for k in predicted], by_shape=by_shape)
+        checked = self._checked(joined, [candidates[k] for k in predicted])
         if checked.count(Exclusion.NO_RESPONSE.value) > _MOST_UNFELT * len(checked):
             self.unfelt.add(label)
         for k, code in zip(predicted, checked, strict=True):
@@ -186,17 +212,15 @@ class CellPredictor:
             n_averaged=len(places),
         )
 
-    def _checked(
-        self, predicted: Predicted, candidates: Sequence[Candidate], *, by_shape: bool
-    ) -> list[str]:
+    def _checked(self, predicted: Predicted, candidates: Sequence[Candidate]) -> list[str]:
         """Return a code for every predicted pulse, "" for those that can be used."""
         shapes = np.zeros(len(candidates), dtype=int)
-        if by_shape:
+        if self._strapped:  # pulses of several shapes
             signs = np.array([c.pulse.sign for c in candidates])
             torque = signs[:, None] * predicted.responses[:, TORQUE_ROWS].sum(axis=1)
             shapes = pulse_shapes(torque, [c.pulse for c in candidates])
         codes = np.full(len(candidates), "", dtype=object)
-        if by_shape:
+        if self._strapped:
             # A pulse without torque is of no shape: it is compared with all others.
             no_torque = Exclusion.NO_TORQUE.value
             ineffective = ineffective_pulses(predicted, self.amplitudes_nm(candidates))

@@ -20,7 +20,7 @@ from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
     CellPredictor,
     PredictedCell,
-    pulses_by_point,
+    PredictedShapes,
 )
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.pulse_shapes import push_one_way
@@ -79,10 +79,18 @@ class RigidMethod:
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point, that of a lone pulse too."""
         estimator = WalkingEstimator(data.participant, data.sources, settings)
-        pulses = assign_pulses(
-            data.participant, data.sources, settings, baseline=PREDICTED, alone=True
-        )
-        return estimator.run(pulses)
+        return estimator.run(_assigned(data, settings))
+
+    def predicted_shapes(
+        self, data: ParticipantData, settings: ParticipantSettings
+    ) -> list[PredictedShapes]:
+        """Return the pulses of every timing point as predicted, without an estimate."""
+        estimator = WalkingEstimator(data.participant, data.sources, settings)
+        return estimator.predicted_shapes(_assigned(data, settings))
+
+
+def _assigned(data: ParticipantData, settings: ParticipantSettings) -> list[Candidate]:
+    return assign_pulses(data.participant, data.sources, settings, baseline=PREDICTED, alone=True)
 
 
 class WalkingEstimator:
@@ -101,28 +109,19 @@ class WalkingEstimator:
 
     def run(self, candidates: Sequence[Candidate]) -> Estimates:
         """Estimate; without model and evidence if no response could be explained."""
-        records = [c.record for c in candidates]
-        cells: dict[str, PredictedCell | CellEstimate] = {}
-        counts: dict[str, int] = {}
-        for label, indices in pulses_by_point(records, self._settings).items():
-            cells[label], codes = self._prepared(label, [candidates[k] for k in indices])
-            counts[label] = len(indices)
-            for k, code in zip(indices, codes, strict=True):
-                records[k] = replace(records[k], code=code)
-        predicted = [cell for cell in cells.values() if isinstance(cell, PredictedCell)]
-        estimates, model, evidence = self._estimated(predicted, counts)
+        records, predicted, codes = self._predictor.predict_points(candidates)
+        counts = {label: len(own) for label, own in codes.items()}
+        estimates, model, evidence = self._estimated(list(predicted.values()), counts)
         estimated = tuple(
-            cell if isinstance(cell, CellEstimate) else estimates[label]
-            for label, cell in cells.items()
+            estimates[label] if label in predicted else self._failed(label, own)
+            for label, own in codes.items()
         )
         return Estimates(estimated, records, model=model, evidence=evidence)
 
-    def _prepared(
-        self, label: str, candidates: Sequence[Candidate]
-    ) -> tuple[PredictedCell | CellEstimate, list[str]]:
-        """Predict the pulses of a timing point; without any, return a failed estimate."""
-        cell, codes = self._predictor.predict(label, candidates)
-        return self._failed(label, codes) if cell is None else cell, codes
+    def predicted_shapes(self, candidates: Sequence[Candidate]) -> list[PredictedShapes]:
+        """Return the pulses of every timing point; turned by their signs, they have one shape."""
+        _, predicted, _ = self._predictor.predict_points(candidates)
+        return [PredictedShapes(c, np.where(c.kept, 0, -1)) for c in predicted.values()]
 
     def _estimated(
         self, cells: Sequence[PredictedCell], counts: Mapping[str, int]

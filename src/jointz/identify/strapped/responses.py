@@ -65,6 +65,11 @@ class PointResponse:
         return float(self.time_s[1] - self.time_s[0])
 
     @property
+    def by_frequency(self) -> np.ndarray:
+        """Places of the shapes, that of the most pulses first."""
+        return np.argsort([-s.n_pulses for s in self.shapes], kind="stable")
+
+    @property
     def stacked(self) -> np.ndarray:
         """All responses, shape by shape and channel by channel."""
         return np.concatenate([s.shown.ravel() for s in self.shapes])

@@ -21,7 +21,7 @@ from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
     CellPredictor,
     PredictedCell,
-    pulses_by_point,
+    PredictedShapes,
 )
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
@@ -58,6 +58,7 @@ from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import (
     FIT_S,
     PointResponse,
+    ShapeAverage,
     corrected,
     point_response,
 )
@@ -89,16 +90,6 @@ _OF_SENSORS = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedShapes:
-    """Pulses of a timing point, and the fitted response of each shape of pulse."""
-
-    cell: PredictedCell
-    time_s: np.ndarray  # (n,) time from the onset
-    shapes: np.ndarray  # (pulse,) shape of each pulse that is used
-    fitted: np.ndarray | None  # (shape, n) rad, as signed, NaN where not used; None without a fit
-
-
 class StrappedMethod:
     """Estimator of walking with a device that is strapped to the leg."""
 
@@ -120,12 +111,12 @@ class StrappedMethod:
                 return replace(fewer, notes=(*fewer.notes, participant.note_without(sensors)))
         return estimates
 
-    def fitted_shapes(
-        self, data: ParticipantData, settings: ParticipantSettings, *, fit: bool = True
-    ) -> list[FittedShapes]:
-        """Return the pulses of every timing point; without ``fit``, as predicted only."""
+    def predicted_shapes(
+        self, data: ParticipantData, settings: ParticipantSettings
+    ) -> list[PredictedShapes]:
+        """Return the pulses of every timing point as predicted, without an estimate."""
         participant, pulses = _prepared(data, settings)
-        return participant.fitted_shapes(pulses, fit=fit)
+        return participant.predicted_shapes(pulses)
 
 
 def _prepared(
@@ -166,7 +157,8 @@ class _Explained:
     body: Body
     known: CalibrationSpec
     lag_unlikely: bool  # whether the responses contradict the calibrated lag
-    fits: tuple[tuple[Response, float], ...]  # response with fit, and VAF (%), of each timing point
+    # responses by shape with fit, and VAF (%), of each timing point
+    fits: tuple[tuple[tuple[Response, ...], float], ...]
     sensors_contradict: bool  # whether a sensor was left out, or trusted for less
 
     def doubts(self) -> tuple[set[Doubt], ...]:
@@ -232,7 +224,7 @@ class _Participant:
 
     def estimates(self, candidates: Sequence[Candidate]) -> Estimates:
         """Return the estimates of all timing points, and all pulses with their final codes."""
-        records, predicted, codes = self._predicted(candidates)
+        records, predicted, codes = self._predictor.predict_points(candidates)
         failures = self._failures(predicted)
         remaining = [c for c in predicted.values() if not failures[c.label]]
         try:
@@ -244,41 +236,16 @@ class _Participant:
             failures |= _failures_after(explained)
         return self._assembled(records, codes, predicted, failures, explained)
 
-    def fitted_shapes(self, candidates: Sequence[Candidate], *, fit: bool) -> list[FittedShapes]:
-        """Return the pulses of every timing point; the fit only of those that are estimated."""
-        _, predicted, _ = self._predicted(candidates)
-        failures = self._failures(predicted)
-        try:
-            remaining = [c for c in predicted.values() if fit and not failures[c.label]]
-            explained = self._explained(remaining)
-        except np.linalg.LinAlgError:
-            explained = None
-        places = {c.label: k for k, c in enumerate(explained.cells)} if explained else {}
-        shapes = []
-        for label, cell in predicted.items():
-            point, fitted = self._point(cell, self._known([cell])), None
-            if explained is not None and label in places:
-                point = explained.posterior.model.points[places[label]]
-                fitted = _fitted_by_shape(explained.posterior, places[label])
-            shapes.append(FittedShapes(cell, point.time_s, point.shape_of_pulse, fitted))
-        return shapes
-
-    def _predicted(
-        self, candidates: Sequence[Candidate]
-    ) -> tuple[list[PulseRecord], dict[str, PredictedCell], dict[str, list[str]]]:
-        """Return all pulses with their final codes; by timing point, the prediction and codes."""
-        records = [c.record for c in candidates]
-        predicted: dict[str, PredictedCell] = {}
-        codes: dict[str, list[str]] = {}
-        for label, indices in pulses_by_point(records, self._settings).items():
-            cell, codes[label] = self._predictor.predict(
-                label, [candidates[k] for k in indices], by_shape=True
-            )
-            if cell is not None:
-                predicted[label] = cell
-            for k, code in zip(indices, codes[label], strict=True):
-                records[k] = replace(records[k], code=code)
-        return records, predicted, codes
+    def predicted_shapes(self, candidates: Sequence[Candidate]) -> list[PredictedShapes]:
+        """Return the pulses of every timing point by shape, without an estimate."""
+        _, predicted, _ = self._predictor.predict_points(candidates)
+        points = []
+        for cell in predicted.values():
+            point = self._point(cell, self._known([cell]))
+            shapes = np.full(len(cell.kept), -1)
+            shapes[cell.kept] = np.argsort(point.by_frequency)[point.shape_of_pulse]
+            points.append(PredictedShapes(cell, shapes))
+        return points
 
     def _assembled(
         self,
@@ -392,7 +359,7 @@ class _Participant:
             centre = (onset + 50.0 * window_s / cell.stride_s) % 100.0
         decision = self._decision(cell, explained.known)
         parameters = decided_rows(k, explained.moments, decision, doubts)
-        response, vaf_pct = explained.fits[k]
+        responses, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
         moved = max(float(np.abs(s.shown[0, inside]).max()) for s in point.shapes)
         return CellEstimate(
@@ -406,7 +373,8 @@ class _Participant:
             method=STRAPPED,
             baseline=PREDICTED,
             displacement_rad=moved,
-            response=response,
+            response=responses[0],
+            other_shapes=responses[1:],
             nuisance=tuple(lags_of_instruments(explained.posterior, explained.known)),
             through_instruments=_through_sources(k, explained, parameters),
             centre_gait_pct=centre,
@@ -418,10 +386,9 @@ class _Participant:
         self, cell: PredictedCell, point: PointResponse, known: CalibrationSpec
     ) -> PulseExample:
         """Return a pulse of the most frequent shape; its response is as signed."""
-        most = int(np.argmax([s.n_pulses for s in point.shapes]))
         return self._predictor.example(
             cell,
-            point.shape_of_pulse == most,
+            point.shape_of_pulse == point.by_frequency[0],
             n=point.time_s.size,
             response_of=lambda turned, sign: corrected(sign * turned, cell.period_s, known)[0],
         )
@@ -520,32 +487,33 @@ def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
     return failures
 
 
-def _fitted(posterior: LegPosterior, k: int) -> tuple[Response, float]:
-    """Return the response of the most frequent shape with its fit, and VAF (%) over all shapes."""
+def _fitted(posterior: LegPosterior, k: int) -> tuple[tuple[Response, ...], float]:
+    """Return the response of each shape with its fit, the most frequent first, and VAF (%)."""
     point, model = posterior.model.points[k], posterior.model
     fits = _goniometer(posterior, k)
     measured = np.stack([s.shown[0] for s in point.shapes])
     used = np.stack([s.used for s in point.shapes])
     residual = float(((measured - fits)[used] ** 2).sum() / (measured[used] ** 2).sum())
-    most = int(np.argmax([s.n_pulses for s in point.shapes]))
-    shape = point.shapes[most]
-    inside = (point.time_s <= model.window_s + 1e-9) & shape.used
-    response = Response(
-        time_s=point.time_s[inside],
+    within = point.time_s <= model.window_s + 1e-9
+    responses = tuple(
+        _response(point.time_s, point.shapes[shape], fits[shape], within)
+        for shape in point.by_frequency
+    )
+    return responses, 100.0 * (1.0 - residual)
+
+
+def _response(
+    time_s: np.ndarray, shape: ShapeAverage, fitted: np.ndarray, within: np.ndarray
+) -> Response:
+    inside = within & shape.used
+    return Response(
+        time_s=time_s[inside],
         angle=shape.shown[0][inside],
         torque=shape.torque[inside],
         fitted_torque=shape.torque[inside],
-        fitted_angle=fits[most][inside],
+        fitted_angle=fitted[inside],
         n_pulses=int(shape.n_pulses),
     )
-    return response, 100.0 * (1.0 - residual)
-
-
-def _fitted_by_shape(posterior: LegPosterior, k: int) -> np.ndarray:
-    """Return the fitted response of each shape (shape, n), NaN for samples that are not used."""
-    point = posterior.model.points[k]
-    used = np.stack([s.used for s in point.shapes])
-    return np.where(used, _goniometer(posterior, k), np.nan)
 
 
 def _goniometer(posterior: LegPosterior, k: int) -> np.ndarray:
