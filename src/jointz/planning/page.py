@@ -212,7 +212,7 @@ def _point(plan: Plan, estimate: PlannedEstimate) -> dict[str, Any]:
     first = estimate.parameter == "stiffness"
     reached = plan.reached.get(estimate.parameter, {}).get(estimate.timing_point)
     return {
-        "point": f"{point_name(estimate.timing_point)}, {estimate.gait_pct:.0f} %" if first else "",
+        "point": f"{point_name(estimate.timing_point)}, {estimate.gait_pct:g} %" if first else "",
         "pulses": estimate.pulses if first else "",
         "name": LETTERS[estimate.parameter],
         "typical": _pct(estimate.half_width_pct),
