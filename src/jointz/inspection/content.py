@@ -1,7 +1,7 @@
 """All columns of a file of any format."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,7 @@ class Content:
     notes: tuple[str, ...] = ()  # decisions of the reader
     mass_kg: float | None = None  # of the person, stated in a line above a table
     above: tuple[str, ...] = ()  # lines above a table
+    singles: Mapping[str, str] = field(default_factory=dict)  # values beside the series, by name
 
 
 def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content:
@@ -183,7 +184,8 @@ def _content(path: Path, content: Acquisition) -> Content:
         for g in content.groups
     )
     events = tuple(event.label for event in content.events)
-    return Content(columns, clocks, events=events, notes=notes)
+    singles = {k: text for k, text in content.metadata.items() if not k.startswith(READING)}
+    return Content(columns, clocks, events=events, notes=notes, singles=singles)
 
 
 def _columns(

@@ -14,6 +14,7 @@ from jointz.inspection.content import Content
 from jointz.inspection.guess import Assignments, InspectedColumn
 from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock, SeenRecording
 from jointz.inspection.names import unreadable_unit
+from jointz.inspection.people import Person
 from jointz.inspection.problems import (
     bad_channels,
     clock_obstacles,
@@ -76,8 +77,9 @@ def inspect_file(
     """
     given = Path(path)
     if not given.is_dir():
-        return _inspection(*read_sources(given, layout, study_folder), notes=[])
-    sources, tables, notes = _sources_in(given, layout, study_folder or given)
+        found, tables = read_sources(given, layout, study_folder)
+        return _inspection(found, tables, found[0].people, notes=[])
+    sources, tables, people, notes = _sources_in(given, layout, study_folder or given)
     if not sources:
         unread = [f for f in sorted(given.rglob("[!.]*")) if f.is_file()]
         if unread and not notes:
@@ -92,16 +94,17 @@ def inspect_file(
             ),
             path=str(given),
         )
-    return _inspection(sources, tables, notes=notes)
+    return _inspection(sources, tables, people, notes=notes)
 
 
 def _sources_in(
     folder: Path, layout: Mapping[str, Any] | None, study_folder: str | os.PathLike[str]
-) -> tuple[list[Source], list[PulseColumns], list[str]]:
+) -> tuple[list[Source], list[PulseColumns], dict[str, Person], list[str]]:
     """Return the recordings of a folder, the most telling first with samples; tables, notes."""
     sources: list[Source] = []
     pieces: list[Source] = []
     tables: list[PulseColumns] = []
+    people: dict[str, Person] = {}
     notes: list[str] = []
     for file in files_in(folder):
         try:
@@ -112,7 +115,9 @@ def _sources_in(
             continue
         whole = [source for source in found if is_whole(source)]
         tables += own_tables
-        pieces += [without_samples(s) for s in found if not own_tables and not is_whole(s)]
+        people |= found[0].people
+        used = own_tables or found[0].people
+        pieces += [without_samples(s) for s in found if not used and not is_whole(s)]
         # Of all files but the most telling one only what a line of the study needs is kept.
         sources = with_most_telling_first([*sources, *whole]) if whole else sources
     trials, pieces = trials_of(pieces)
@@ -123,7 +128,7 @@ def _sources_in(
         best = most_telling(sources)
         whole = [_with_samples(best, layout, study_folder, folder)]
         sources = whole + [source for source in sources if source is not best]
-    return sources, tables, notes
+    return sources, tables, people, notes
 
 
 def _with_samples(
@@ -145,12 +150,16 @@ def _with_samples(
 
 
 def _inspection(
-    sources: Sequence[Source], tables: Sequence[PulseColumns], *, notes: Sequence[str]
+    sources: Sequence[Source],
+    tables: Sequence[PulseColumns],
+    people: Mapping[str, Person],
+    *,
+    notes: Sequence[str],
 ) -> Inspection:
     main = sources[0]
     obstacles, todo = _verdict(main.in_group, main.assigned, main.clock, main.overflow)
     obstacles = (*_bad_name(main.file), *obstacles)
-    proposal = proposal_of(sources, tables, obstacles)
+    proposal = proposal_of(sources, tables, people, obstacles)
     proposal = replace(proposal, questions=questions_of(proposal, main.clock))
     walking = proposal.kind.value == "walking"
     return Inspection(

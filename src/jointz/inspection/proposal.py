@@ -1,7 +1,7 @@
 """The study that is proposed for the recordings of a file or a folder."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import Any
@@ -14,6 +14,7 @@ from jointz.inspection.guess import (
     guessed_joint,
 )
 from jointz.inspection.names import GAIT_WORDS, channel_scores
+from jointz.inspection.people import Person, named
 from jointz.inspection.problems import (
     Pulses,
     command_correlation,
@@ -58,7 +59,10 @@ class _Signs:
 
 
 def proposal_of(
-    sources: Sequence[Source], tables: Sequence[PulseColumns], obstacles: Sequence[str]
+    sources: Sequence[Source],
+    tables: Sequence[PulseColumns],
+    people: Mapping[str, Person],
+    obstacles: Sequence[str],
 ) -> Proposal:
     """Return the study for recordings, of which the first shows what the columns mean."""
     main = sources[0]
@@ -81,7 +85,8 @@ def proposal_of(
     signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
     levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
     recordings = [
-        _draft(s, t, main, signs, len(sources)) for s, t in zip(sources, tables_of, strict=True)
+        _draft(s, t, main, signs, people, n_sources=len(sources))
+        for s, t in zip(sources, tables_of, strict=True)
     ]
     recordings = [_as_in_tables(recording, tables) for recording in recordings]
     return Proposal(
@@ -192,9 +197,16 @@ def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict
 
 
 def _draft(
-    source: Source, table: PulseColumns | None, main: Source, signs: _Signs, n_sources: int
+    source: Source,
+    table: PulseColumns | None,
+    main: Source,
+    signs: _Signs,
+    people: Mapping[str, Person],
+    *,
+    n_sources: int,
 ) -> RecordingDraft:
     labels = source.labels
+    of_table, of_file = named(people, labels.participant), source.person
     person = Guess(labels.participant, "its name, or that of the folder or part")
     if not person.value:
         person = Guess(OPEN if n_sources > 1 else "S01", "the file does not state it")
@@ -202,17 +214,23 @@ def _draft(
         file=source.shown,
         participant=person,
         condition=_condition(source, table),
-        side=Guess(*source.side),
+        side=_side(source, of_table.side or of_file.side),
         part=source.part,
         session=labels.session,
         perturbations="" if table is None else table.file,
         lacks=tuple(n for n in main.assigned if n not in source.assigned),
-        mass_kg=source.content.mass_kg,
+        mass_kg=source.content.mass_kg or of_file.mass_kg or of_table.mass_kg,
+        height_m=of_file.height_m or of_table.height_m,
         changes=_changes(source, main, signs),
         files=source.content.files if source.content.files != main.content.files else None,
         joined=tuple(map(_joined, source.joined)),
         heel_strikes=own if (own := source.heel_strikes) and own.file else None,
     )
+
+
+def _side(source: Source, stated: str) -> Guess:
+    """Return the leg by names, else the one that a table of people or a value states."""
+    return Guess(*source.side) if source.side[0] or not stated else Guess(stated)
 
 
 def _joined(one: JoinedSource) -> JoinedDraft:

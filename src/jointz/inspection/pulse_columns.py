@@ -1,15 +1,14 @@
 """Pulse tables among the files of a lab: what their columns mean."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from jointz.core.units import conversion
 from jointz.inspection.guess import InspectedColumn
 from jointz.inspection.names import word_set
+from jointz.inspection.people import digits_of, label_of
 from jointz.io.column_units import SAMPLE
 from jointz.io.pulse_tables import NAMES
 from jointz.io.text.clock_times import CLOCK_TEXT
@@ -51,8 +50,8 @@ class PulseColumns:
         """Return what the table calls a person: the same name, or the same number."""
         if "participant" not in self.columns:
             return participant
-        names = {_label(v) for v in self.columns["participant"].column.values}
-        alike = [n for n in names if _number(n) == _number(participant) != ""]
+        names = {label_of(v) for v in self.columns["participant"].column.values}
+        alike = [n for n in names if digits_of(n) == digits_of(participant) != ""]
         return participant if participant in names or len(alike) != 1 else alike[0]
 
     def rows_of(self, participant: str, file: str) -> np.ndarray:
@@ -63,7 +62,7 @@ class PulseColumns:
         rows = np.isfinite(self.columns["onset"].column.values)
         for meaning, names in meant.items():
             if meaning in self.columns:
-                texts = [_label(v) for v in self.columns[meaning].column.values]
+                texts = [label_of(v) for v in self.columns[meaning].column.values]
                 rows &= np.isin(texts, sorted(names))
         return np.asarray(rows)
 
@@ -99,15 +98,6 @@ def _fits(meaning: str, inspected: InspectedColumn) -> bool:
     if meaning not in _NUMBERS:
         return True
     return not inspected.column.is_text and inspected.course.low is not None
-
-
-def _number(name: str) -> str:
-    return re.sub(r"\D", "", name).lstrip("0")
-
-
-def _label(value: Any) -> str:
-    is_whole = isinstance(value, float) and value.is_integer()
-    return str(int(value)) if is_whole else str(value)
 
 
 def stated_unit(table: PulseColumns, meaning: str) -> str:

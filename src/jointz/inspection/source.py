@@ -25,6 +25,7 @@ from jointz.inspection.guess import (
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import JOINTS, Words, is_of_strikes, words_of
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
+from jointz.inspection.people import Person, people_of, person_of
 from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
@@ -62,6 +63,8 @@ class Source:
     own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
     heel_strikes: HeelStrikes | None = None
     joined: tuple["JoinedSource", ...] = ()
+    person: Person = field(default_factory=Person)  # as single values of the file state
+    people: Mapping[str, Person] = field(default_factory=dict)  # of a table in the file
 
     @property
     def clock(self) -> SeenClock:
@@ -138,9 +141,12 @@ def read_sources(
     columns = tuple(inspect_column(column) for column in content.columns)
     by_group = [[c for c in columns if c.column.group == g.group] for g in content.clocks]
     tables = [t for group in by_group if (t := pulse_columns(shown, group)) is not None]
+    person = person_of(content.singles)
+    people = {name: one for group in by_group for name, one in people_of(group).items()}
     parts = parts_of(content)
     if not parts:
         whole = _source(file, shown, "", content, columns, folders=folders)
+        whole = replace(whole, person=person, people=people)
         # A table of pulses alone is no recording, and a recording no table of pulses.
         if tables and not whole.is_recording:
             return [whole], tables
@@ -151,7 +157,8 @@ def read_sources(
     if len(joints) > 1:  # parts of one recording: the joint that is usually meant
         usual = next(joint for joint in JOINTS if joint in joints)
         parts = tuple(part for part in parts if words_of(part.name).joint in ("", usual))
-    return [_source_of_part(file, shown, part, inside, folders) for part in parts], tables
+    found = [_source_of_part(file, shown, part, inside, folders) for part in parts]
+    return [replace(one, person=person, people=people) for one in found], tables
 
 
 def _folders(file: Path, root: Path | None) -> list[str]:
@@ -166,7 +173,7 @@ def _folders(file: Path, root: Path | None) -> list[str]:
 def _source_of_part(
     file: Path, shown: str, part: FilePart, inside: Sequence[str], folders: Sequence[str]
 ) -> Source:
-    content = replace(part.content, mass_kg=part.mass_kg)
+    content = replace(part.content, mass_kg=part.mass_kg or part.content.mass_kg)
     columns = tuple(inspect_column(c) for c in content.columns)
     texts = [*part.texts, *inside]
     short = [inspect_column(c) for c in part.pulses]

@@ -51,7 +51,8 @@ class RecordingDraft:
     session_why: str = ""  # "" if the name says it
     perturbations: str = ""  # pulse table
     lacks: tuple[str, ...] = ()  # channels of the study that the file does not have
-    mass_kg: float | None = None  # of the participant, where the file states it
+    mass_kg: float | None = None  # of the participant, where a file states it
+    height_m: float | None = None  # likewise
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
     files: FilesSpec | None = None  # layout, where it is another than the study's
     joined: tuple[JoinedDraft, ...] = ()
@@ -277,8 +278,12 @@ def _others(free: Sequence[InspectedColumn]) -> list[str]:
     ]
 
 
+def _states_mass(recording: RecordingDraft) -> bool:
+    return recording.mass_kg is not None
+
+
 def _people(proposal: Proposal) -> list[str]:
-    people = {r.participant.value: r for r in reversed(proposal.recordings)}
+    people = {r.participant.value: r for r in sorted(proposal.recordings, key=_states_mass)}
     lines = []
     for own in (people[person] for person in sorted(people)):
         mass = "# mass_kg = 70.0  # only for values per kg"
@@ -286,7 +291,8 @@ def _people(proposal: Proposal) -> list[str]:
             mass = _key(proposal, "participants.mass_kg", Guess(""))
         if own.mass_kg is not None:
             mass = _line("mass_kg", Guess(repr(own.mass_kg), "the file states it"), raw=True)
-        lines += ["", "[[participants]]", _line("id", own.participant), mass]
+        height = [] if own.height_m is None else [f"height_m = {own.height_m!r}"]
+        lines += ["", "[[participants]]", _line("id", own.participant), mass, *height]
     return lines
 
 
