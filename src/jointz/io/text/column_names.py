@@ -41,13 +41,13 @@ def unit_in_name(name: str) -> str:
     What stands in round brackets must be a unit that can be read: ``force (left)`` has none.
     """
     unit = _in_brackets(name)
-    return "" if name.rstrip().endswith(")") and not _readable(unit) else unit
+    return "" if name.rstrip().endswith(")") and not is_unit(unit) else unit
 
 
 def known_unit_in_name(name: str) -> str:
     """Return the unit in brackets at the end of a column's name, "" where it cannot be read."""
     unit = unit_in_name(name)
-    return unit if unit and all(map(_readable, unit.split(EITHER))) else ""
+    return unit if unit and all(map(is_unit, unit.split(EITHER))) else ""
 
 
 def name_with_unit(signal: Signal) -> str:
@@ -208,7 +208,8 @@ def _not_increasing(values: np.ndarray) -> int | None:
     return None if fine.all() else int(np.flatnonzero(~fine)[0])
 
 
-def _readable(unit: str) -> bool:
+def is_unit(unit: str) -> bool:
+    """Return whether a text is a unit, or the sign of a pure number."""
     try:
         si_unit_of(unit)
     except UnitError:

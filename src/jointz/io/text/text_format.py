@@ -11,6 +11,7 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, TableRequest, file_error
+from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import (
     first_group,
     has_text,
@@ -37,6 +38,7 @@ from jointz.io.text.delimited import (
     list_delimited,
     read_delimited,
 )
+from jointz.io.text.recorder_exports import read_export, recorder_of
 from jointz.io.text.text_layout import DELIMITERS
 from jointz.io.text.vendor_logs import with_vendor_units
 
@@ -47,13 +49,15 @@ _NUMBER = re.compile(
 _PEEKED_ROWS = 200
 
 
-class TextFormat:
+class TextFormat(GroupFormat):
     """Reads every column, as numbers where it holds numbers; writes one group."""
 
     name = "text table"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
-        """Return all columns under their own names."""
+        """Return all columns under their own names; of a recorder's export, its tables."""
+        if recorder := recorder_of(path, files):
+            return read_export(path, files, recorder)
         files, notes = _with_delimiter(path, files)
         names: list[str | int] = list(list_delimited(path, files))
         if not files.header:
@@ -83,11 +87,14 @@ class TextFormat:
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested columns, by name, or by number where there is no header."""
+        if recorder_of(path, request.files):
+            return super().read_columns(path, request)
         return read_delimited(path, request)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:
         """Return the names in the header, or numbers from 1 where there is none."""
-        return list_delimited(path, files)
+        exported = recorder_of(path, files)
+        return super().list_columns(path, files) if exported else list_delimited(path, files)
 
     def losses(self, content: Acquisition) -> list[str]:
         """Name what a text table cannot hold: other groups, events, metadata, some texts."""

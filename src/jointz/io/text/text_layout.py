@@ -10,7 +10,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ _RATE = re.compile(
 #: What says the time between two samples, likewise.
 _INTERVAL = re.compile(
     r"""\W*(?:
-        (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | delta_x | dt
+        (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | dt
         | (?:intervall[eo]|intervalo|periodo|periode)[ ]d.{0,3}[ ]?\w*(?:echan|muest|camp)\w*
     )(?![a-z]) [^a-z\d.+-]* (?:[\[(]?(?P<before>ms|s|us)[\])]?)? [^a-z\d.+-]*
     (?P<named>\d*[.,]?\d+) (?:\s*(?P<after>ms|s|us|sec|msec))? \W*
@@ -63,8 +63,6 @@ _INTERVAL = re.compile(
     re.VERBOSE,
 )
 _SECONDS = {"s": 1.0, "sec": 1.0, "": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
-#: Headings of an export of motion capture, each with a rate in the line below.
-_SECTIONS = ("devices", "trajectories", "model outputs", "joints", "segments")
 _MASS = re.compile(
     r"\W*(?:(?:body|subject\w*|participant\w*|patient\w*|proband\w*)\W*)?"
     r"(?:mass|masse|gewicht|korpergewicht|korpermasse|poids|peso|massa|weight)"
@@ -141,8 +139,7 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     if mass_kg is not None and not _LIGHTEST_KG <= mass_kg <= _HEAVIEST_KG:
         mass_kg = None
     layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
-    rates = {rate for part in said if (rate := _stated_rate(part))}
-    rates |= {float(b) for a, b in pairwise(above) if _plain(a) in _SECTIONS and is_number(b)}
+    rates = {rate for part in said if (rate := stated_rate(part))}
     other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
     if rates and len(rates | other_rates) > 1:
         rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
@@ -151,12 +148,12 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     return replace(layout, rate_hz=min(rates, default=None))
 
 
-def _stated_rate(line: str) -> float | None:
+def stated_rate(line: str) -> float | None:
     """Return the sampling rate in Hz that a line above a table states, None where it states none.
 
-    >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
+    >>> stated_rate("Abtastrate: 500 Hz"), stated_rate("fs: 1 kHz"), stated_rate("cutoff: 20 Hz")
     (500.0, 1000.0, None)
-    >>> _stated_rate("2 msec/sample"), _stated_rate("Abtastintervall [s]: 0,001")
+    >>> stated_rate("2 msec/sample"), stated_rate("Abtastintervall [s]: 0,001")
     (500.0, 1000.0)
     """
     plain = _plain(line)
@@ -270,7 +267,7 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     start = candidate.start or 0
     width = len(candidate.rows[start])
     above = candidate.rows[start - 1] if start else ()
-    if start >= 2 and _is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
+    if start >= 2 and is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
         files = candidate.spec(start, header=False)
         note = (
             f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
@@ -336,7 +333,7 @@ def _stated_layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayou
     return TextLayout(files, row if header else ("",) * len(row), (), (note,) if above else ())
 
 
-def _is_units(row: tuple[str, ...]) -> bool:
+def is_units(row: Sequence[str]) -> bool:
     """Whether a row holds units: each is short, and most are known or stand in brackets."""
     written = [cell for cell in row if cell]
     bare = _bare(tuple(written))

@@ -1,0 +1,194 @@
+"""Text exports of recorders: tables below lines that state their names, units and rates."""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from jointz.core.acquisition import Acquisition, Signal, SignalGroup
+from jointz.core.errors import DataError
+from jointz.core.study import FilesSpec
+from jointz.io.formats.columns import damaged
+from jointz.io.text.column_names import READING, padded, unique_names, unit_in_name
+from jointz.io.text.delimited import MISSING_TEXT, decompressed_text
+from jointz.io.text.text_bytes import is_compressed, likely_encoding, open_text_bytes
+
+_FIRST_LINES = 40
+#: A line of samples: its first cell that is not empty is a number, or a time of day.
+_SAMPLE = re.compile(r"[\s,;]*[-+]?[.,]?\d[\d.,:]*(?:E[-+]?\d+)?\s*(?:[,;\t]|$)", re.IGNORECASE)
+_CLOCK = re.compile(r"X ?\[s\](?:\.\d+)?|X_Value")  # a column of time, s
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+
+class _Head(NamedTuple):
+    """What is stated above a table; its columns without a name are dropped."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    delimiter: str = "\t"
+    group: str = ""
+    rate_hz: float | None = None  # holds where no column has the time
+    start_s: float = 0.0
+
+
+#: Lines above a table, and the lines of its samples.
+_Block = tuple[list[str], list[str]]
+_Tables = Iterator[tuple[_Head, list[str]]]
+
+
+def recorder_of(path: Path, files: FilesSpec) -> str:
+    """Return whose export a text file is; "" if none is known or its layout is stated."""
+    if files.skip_rows or files.delimiter or not files.header or is_compressed(path):
+        return ""
+    try:
+        lines = decompressed_text(path, _FIRST_LINES, files.encoding or likely_encoding(path))
+    except DataError:
+        return ""
+    first = "\n".join(lines)
+    return next((name for name, (mark, _) in _RECORDERS.items() if mark.search(first)), "")
+
+
+def read_export(path: Path, files: FilesSpec, recorder: str) -> Acquisition:
+    """Return the signals of an export, a group for each clock."""
+    with open_text_bytes(path, files.encoding or likely_encoding(path)) as stream:
+        lines = stream.read().decode("utf-8-sig").splitlines()
+    parts = [(k, list(part)) for k, part in groupby(lines, lambda a: bool(_SAMPLE.match(a)))]
+    blocks = [(head, body) for (is_body, head), (_, body) in pairwise(parts) if not is_body]
+    tables: dict[_Head, list[str]] = {}
+    clocks: dict[tuple[str, int, float | None, float, bytes], list[Signal]] = {}
+    try:
+        for head, body in _RECORDERS[recorder][1](blocks):
+            tables.setdefault(head, []).extend(body)
+        for head, body in tables.items():
+            for stamps, signals in _signals(head, body):
+                rate_hz = None if stamps else head.rate_hz
+                key = (head.group, len(signals[0].values), rate_hz, head.start_s, stamps)
+                clocks.setdefault(key, []).extend(signals)
+    except (ValueError, LookupError, RuntimeError) as exc:
+        raise damaged(path, exc) from exc
+    names = unique_names([key[0] or f"clock {k}" for k, key in enumerate(clocks, start=1)])
+    groups = [
+        SignalGroup(
+            name if len(clocks) > 1 else "", _unique(signals), rate_hz, start_s,
+            np.frombuffer(stamps) if stamps else None,
+        )
+        for name, ((*_, rate_hz, start_s, stamps), signals) in zip(
+            names, clocks.items(), strict=True
+        )
+    ]  # fmt: skip
+    note = f"an export of {recorder}: names, units and rates are those it states"
+    return Acquisition(tuple(groups), (), {f"{READING}recorder": note})
+
+
+def _unique(signals: Sequence[Signal]) -> tuple[Signal, ...]:
+    names = unique_names([signal.name for signal in signals])
+    return tuple(Signal(n, s.values, s.unit) for n, s in zip(names, signals, strict=True))
+
+
+def _signals(head: _Head, body: Sequence[str]) -> Iterator[tuple[bytes, list[Signal]]]:
+    """Yield the signals behind each column of time with its stamps, "" where the rate holds."""
+    samples = _numbers(head, body)
+    clocks = [k for k, name in enumerate(head.names) if _CLOCK.fullmatch(name)]
+    for first, last in pairwise([*(clocks or [-1]), len(head.names)]):
+        columns = [k for k in range(first + 1, last) if head.names[k]]
+        rows = np.flatnonzero(np.isfinite(samples[:, first])) if clocks else np.arange(0)
+        steps = np.diff(samples[rows, first])
+        stamped = bool((steps != 1.0).any())  # else X counts the samples
+        rows = rows if stamped else np.arange(len(samples))
+        for piece in np.split(rows, np.flatnonzero(steps <= 0.0) + 1):
+            stamps = samples[piece, first].tobytes() if stamped else b""
+            yield stamps, [Signal(head.names[k], samples[piece, k], head.units[k]) for k in columns]
+
+
+def _numbers(head: _Head, body: Sequence[str]) -> np.ndarray:
+    """Return the samples of a table, (n, columns)."""
+    decimal = "," if head.delimiter != "," and "," in "".join(body[:100]) else "."
+    named = [k for k, name in enumerate(head.names) if name]
+    if body[-1].count(head.delimiter) < named[-1]:
+        raise ValueError("the last row is cut off")
+    samples = np.full((len(body), len(head.names)), np.nan)
+    frame = pd.read_csv(
+        io.StringIO("\n".join(body)), sep=head.delimiter, decimal=decimal, header=None,
+        names=range(len(head.names) + 1), index_col=False, na_values=MISSING_TEXT,
+        dtype=dict.fromkeys(named, np.float64), skipinitialspace=head.delimiter != "\t",
+    )  # fmt: skip
+    samples[:, named] = frame[named].to_numpy()
+    return samples
+
+
+def _cells(line: str, delimiter: str = "\t") -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+
+
+# --- one function a recorder ------------------------------------------------------------------
+
+
+def _labview(blocks: Sequence[_Block]) -> _Tables:
+    delimiter = next(line[9] for line in blocks[0][0] if line.startswith("Separator"))
+    stated: dict[str, list[str]] = {}
+    for head, body in blocks:
+        *above, names = (_cells(line, delimiter) for line in head)
+        stated |= {row[0]: row[1:] for row in above if row}
+        step_s = float(stated["Delta_X"][0].replace(",", "."))
+        units = iter(stated.get("Y_Unit_Label", ()))
+        own = tuple("s" if name == "X_Value" else next(units, "") for name in names)
+        kept = tuple("" if name == "Comment" else name for name in names)
+        # One second between samples is LabVIEW's default, which nobody stated.
+        yield _Head(kept, own, delimiter, rate_hz=None if step_s in (0, 1) else 1.0 / step_s), body
+
+
+def _labchart(blocks: Sequence[_Block]) -> _Tables:
+    for head, body in blocks:
+        stated = {row[0]: row[1:] for row in map(_cells, head) if row}
+        number, unit = stated["Interval="][0].replace(",", ".").split()
+        names = [name for name in stated["ChannelTitle="] if name]
+        ranges = [text.rpartition(" ")[2] for text in stated.get("Range=", ())]
+        units = padded(stated.get("UnitName=", ranges), len(names))
+        before = ["X_Value", *[""] * len(body)][: len(_cells(body[0])) - len(names)]
+        rate_hz = 1.0 / (float(number) * _SECONDS[unit])
+        yield _Head((*before, *names), (*before, *units), rate_hz=rate_hz), body
+
+
+def _spike2(blocks: Sequence[_Block]) -> _Tables:
+    rates: dict[str, float] = {}
+    for head, body in blocks:
+        rows = [_cells(line) for line in head if line.strip()]
+        # A row of the summary: number, kind, title, unit, ideal and actual rate of a channel.
+        rates |= {row[0]: float(row[5]) for row in rows if len(row) > 5}
+        if rows[-1][0] == "START":
+            (_, number), *_, (title,), (unit, *_), (_, start_s, _) = rows[-6:]
+            yield _Head((title,), (unit,), "\t", "", rates[number], float(start_s)), body
+
+
+def _nexus(blocks: Sequence[_Block]) -> _Tables:
+    for ((*_, section), (rate, *_)), (head, body) in zip(blocks[::2], blocks[1::2], strict=True):
+        over, names, units = (_cells(line, ",") for line in head[:3])
+        device, full = "", []
+        for above, name in zip(padded(over, len(names)), names, strict=True):
+            device = above or device
+            full.append(f"{device}.{name}" if device and name else "")
+        own = tuple(padded(units, len(names)))
+        yield _Head(tuple(full), own, ",", section.strip(' ",'), float(rate.strip(" ,"))), body
+
+
+def _emgworks(blocks: Sequence[_Block]) -> _Tables:
+    for head, body in blocks:
+        delimiter = next(sign for sign in "\t;," if sign in head[-1])
+        names = tuple(_cells(head[-1], delimiter))
+        yield _Head(names, tuple(map(unit_in_name, names)), delimiter), body
+
+
+#: Recorder -> mark in the first lines of its export, and what takes it apart.
+_RECORDERS: Mapping[str, tuple[re.Pattern[str], Callable[[Sequence[_Block]], _Tables]]] = {
+    "LabVIEW": (re.compile(r"\ALabVIEW Measurement"), _labview),
+    "LabChart": (re.compile(r"\AInterval=\t"), _labchart),
+    "Spike2": (re.compile(r'\A"INFORMATION"[\s\S]*^"SUMMARY"', re.MULTILINE), _spike2),
+    "Vicon Nexus": (re.compile(r"^Frame,Sub Frame,", re.MULTILINE), _nexus),
+    "Delsys EMGworks": (re.compile(r'^"?X ?\[s\]"?[,;\t]', re.MULTILINE), _emgworks),
+}
