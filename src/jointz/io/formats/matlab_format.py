@@ -261,15 +261,18 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     if has_objects or left_out:
         what = [*left_out, *(["MATLAB objects"] if has_objects else [])]
         metadata[f"{READING}left_out"] = f"no series of samples: {listed(what)}"
-    rates = _rates(metadata)
+    lines = [f"{name.rpartition('.')[2]}: {value}" for name, value in metadata.items()]
+    rates = {hz for line in lines if (hz := stated_rate(f"{line} Hz") or stated_rate(line))}
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
         names = unique_names([signal.name for signal in signals])
         signals = [replace(s, name=unique) for s, unique in zip(signals, names, strict=True)]
         group, notes = _with_clock(name, signals)
-        groups.append(_with_rate(group, rates))
+        groups.append(group)
         metadata |= notes
+    if len(rates) == 1 and groups[0].time_s is None:  # that of the longest series
+        groups[0] = replace(groups[0], rate_hz=rates.pop())
     return Acquisition(tuple(groups), (), metadata)
 
 
@@ -288,24 +291,6 @@ def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict
         )
     own = {signal.column: signal for signal in signals}
     return replace(group, signals=tuple(own[signal.column] for signal in group.signals)), notes
-
-
-def _rates(metadata: Mapping[str, str]) -> dict[str, float]:
-    """Return the sampling rate that a number beside series states, such as ``fs``, by struct."""
-    rates = {}
-    for name, text in metadata.items():
-        struct, dot, last = name.rpartition(".")
-        if rate := stated_rate(f"{last}: {text} Hz") or stated_rate(f"{last}: {text}"):
-            rates[struct + dot] = rate
-    return rates
-
-
-def _with_rate(group: SignalGroup, rates: dict[str, float]) -> SignalGroup:
-    """Give a group without a clock the rate beside it, in place taken: the longest comes first."""
-    of_all = [p for p in rates if all((s.column or s.name).startswith(p) for s in group.signals)]
-    if group.time_s is not None or not of_all:
-        return group
-    return replace(group, rate_hz=rates.pop(max(of_all, key=len)))
 
 
 def _series(value: Any) -> np.ndarray | None:

@@ -4,7 +4,8 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import groupby, pairwise
+from dataclasses import replace
+from itertools import chain, groupby, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from jointz.io.text.text_bytes import is_compressed, likely_encoding, open_text_
 _FIRST_LINES = 40
 #: A line of samples: its first cell that is not empty is a number, or a time of day.
 _SAMPLE = re.compile(r"[\s,;]*[-+]?[.,]?\d[\d.,:]*(?:E[-+]?\d+)?\s*(?:[,;\t]|$)", re.IGNORECASE)
-_CLOCK = re.compile(r"X ?\[s\](?:\.\d+)?|X_Value")  # a column of time, s
+_TIME = re.compile(r"X ?\[s\](?:\.\d+)?|X_Value")  # a column of time, s
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
@@ -40,6 +41,8 @@ class _Head(NamedTuple):
 #: Lines above a table, and the lines of its samples.
 _Block = tuple[list[str], list[str]]
 _Tables = Iterator[tuple[_Head, list[str]]]
+#: Group, number of samples, rate, time of the first sample, and the bytes of stamps instead.
+_Clock = tuple[str, int, float | None, float, bytes]
 
 
 def recorder_of(path: Path, files: FilesSpec) -> str:
@@ -61,65 +64,58 @@ def read_export(path: Path, files: FilesSpec, recorder: str) -> Acquisition:
     parts = [(k, list(part)) for k, part in groupby(lines, lambda a: bool(_SAMPLE.match(a)))]
     blocks = [(head, body) for (is_body, head), (_, body) in pairwise(parts) if not is_body]
     tables: dict[_Head, list[str]] = {}
-    clocks: dict[tuple[str, int, float | None, float, bytes], list[Signal]] = {}
+    clocks: dict[_Clock, list[Signal]] = {}
     try:
         for head, body in _RECORDERS[recorder][1](blocks):
             tables.setdefault(head, []).extend(body)
-        for head, body in tables.items():
-            for stamps, signals in _signals(head, body):
-                rate_hz = None if stamps else head.rate_hz
-                key = (head.group, len(signals[0].values), rate_hz, head.start_s, stamps)
-                clocks.setdefault(key, []).extend(signals)
+        for clock, signals in chain.from_iterable(map(_signals, tables, tables.values())):
+            clocks.setdefault(clock, []).extend(signals)
     except (ValueError, LookupError, RuntimeError) as exc:
         raise damaged(path, exc) from exc
-    names = unique_names([key[0] or f"clock {k}" for k, key in enumerate(clocks, start=1)])
-    groups = [
-        SignalGroup(
-            name if len(clocks) > 1 else "", _unique(signals), rate_hz, start_s,
-            np.frombuffer(stamps) if stamps else None,
-        )
-        for name, ((*_, rate_hz, start_s, stamps), signals) in zip(
-            names, clocks.items(), strict=True
-        )
-    ]  # fmt: skip
+    names = unique_names([clock[0] or "clock" for clock in clocks]) if len(clocks) > 1 else [""]
+    groups = tuple(map(_group, names, clocks, clocks.values()))
     note = f"an export of {recorder}: names, units and rates are those it states"
-    return Acquisition(tuple(groups), (), {f"{READING}recorder": note})
+    return Acquisition(groups, (), {f"{READING}recorder": note})
 
 
-def _unique(signals: Sequence[Signal]) -> tuple[Signal, ...]:
+def _group(name: str, clock: _Clock, signals: Sequence[Signal]) -> SignalGroup:
     names = unique_names([signal.name for signal in signals])
-    return tuple(Signal(n, s.values, s.unit) for n, s in zip(names, signals, strict=True))
+    own = tuple(replace(signal, name=n) for signal, n in zip(signals, names, strict=True))
+    *_, rate_hz, start_s, stamps = clock
+    if stamps:
+        return SignalGroup(name, own, time_s=np.frombuffer(stamps))
+    return SignalGroup(name, own, rate_hz, start_s)
 
 
-def _signals(head: _Head, body: Sequence[str]) -> Iterator[tuple[bytes, list[Signal]]]:
-    """Yield the signals behind each column of time with its stamps, "" where the rate holds."""
-    samples = _numbers(head, body)
-    clocks = [k for k, name in enumerate(head.names) if _CLOCK.fullmatch(name)]
+def _signals(head: _Head, body: Sequence[str]) -> Iterator[tuple[_Clock, list[Signal]]]:
+    """Yield the signals behind each column of time, or all of them by the stated rate."""
+    columns = _numbers(head, body)
+    clocks = [k for k, name in enumerate(head.names) if _TIME.fullmatch(name)]
     for first, last in pairwise([*(clocks or [-1]), len(head.names)]):
-        columns = [k for k in range(first + 1, last) if head.names[k]]
-        rows = np.flatnonzero(np.isfinite(samples[:, first])) if clocks else np.arange(0)
-        steps = np.diff(samples[rows, first])
+        time_s = columns.get(first, np.arange(len(body)))
+        rows = np.flatnonzero(np.isfinite(time_s))
+        steps = np.diff(time_s[rows])
         stamped = bool((steps != 1.0).any())  # else X counts the samples
-        rows = rows if stamped else np.arange(len(samples))
-        for piece in np.split(rows, np.flatnonzero(steps <= 0.0) + 1):
-            stamps = samples[piece, first].tobytes() if stamped else b""
-            yield stamps, [Signal(head.names[k], samples[piece, k], head.units[k]) for k in columns]
+        rows = rows if rows.size else np.arange(len(body))
+        for at in np.split(rows, np.flatnonzero(steps <= 0.0) + 1):
+            stamps = time_s[at].tobytes() if stamped else b""
+            own = [k for k in columns if first < k < last]
+            signals = [Signal(head.names[k], columns[k][at], head.units[k]) for k in own]
+            yield (head.group, at.size, head.rate_hz, head.start_s, stamps), signals
 
 
-def _numbers(head: _Head, body: Sequence[str]) -> np.ndarray:
-    """Return the samples of a table, (n, columns)."""
-    decimal = "," if head.delimiter != "," and "," in "".join(body[:100]) else "."
+def _numbers(head: _Head, body: Sequence[str]) -> dict[int, np.ndarray]:
+    """Return the samples of each column that has a name."""
     named = [k for k, name in enumerate(head.names) if name]
     if body[-1].count(head.delimiter) < named[-1]:
         raise ValueError("the last row is cut off")
-    samples = np.full((len(body), len(head.names)), np.nan)
     frame = pd.read_csv(
-        io.StringIO("\n".join(body)), sep=head.delimiter, decimal=decimal, header=None,
-        names=range(len(head.names) + 1), index_col=False, na_values=MISSING_TEXT,
+        io.StringIO("\n".join(body)), sep=head.delimiter, header=None, index_col=False,
+        decimal="," if head.delimiter != "," and "," in "".join(body[:100]) else ".",
+        names=range(len(head.names) + 1), na_values=MISSING_TEXT,
         dtype=dict.fromkeys(named, np.float64), skipinitialspace=head.delimiter != "\t",
     )  # fmt: skip
-    samples[:, named] = frame[named].to_numpy()
-    return samples
+    return {k: frame[k].to_numpy() for k in named}
 
 
 def _cells(line: str, delimiter: str = "\t") -> list[str]:

@@ -3,7 +3,6 @@
 import csv
 import gzip
 import io
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -35,6 +34,7 @@ from jointz.io.text.delimited import (
     MISSING_TEXT,
     decompressed_text,
     default_delimiter,
+    is_number,
     list_delimited,
     read_delimited,
 )
@@ -42,10 +42,6 @@ from jointz.io.text.recorder_exports import read_export, recorder_of
 from jointz.io.text.text_layout import DELIMITERS
 from jointz.io.text.vendor_logs import with_vendor_units
 
-#: A number with a point or a comma as decimal sign; the other sign is told as an error.
-_NUMBER = re.compile(
-    r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE
-)
 _PEEKED_ROWS = 200
 
 
@@ -171,8 +167,12 @@ def _text_columns(path: Path, files: FilesSpec, names: list[str | int]) -> set[s
 
 def _is_text(cells: list[str]) -> bool:
     filled = [cell.strip() for cell in cells if cell.strip() not in MISSING_TEXT]
-    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
+    numbers = sum(map(_is_number, filled))
     return 2 * numbers < len(filled)
+
+
+def _is_number(cell: str) -> bool:  # the other decimal sign is told as an error
+    return is_number(cell) or is_number(cell, ",")
 
 
 def _text_after_all(
@@ -219,7 +219,7 @@ def _plain_name(name: str) -> str:
     """Return a name that a header can hold: one line, no blanks at its ends, no number."""
     odd = not is_plain(name) or name != name.strip() or _one_line(name) != name
     plain = " ".join(name.replace("\0", "").split()) if odd else name
-    return f"column {plain}" if _NUMBER.fullmatch(plain) or not plain else plain
+    return f"column {plain}" if _is_number(plain) or not plain else plain
 
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:

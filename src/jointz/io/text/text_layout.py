@@ -16,6 +16,7 @@ from typing import Any
 
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
+from jointz.io.text.column_names import is_unit
 from jointz.io.text.delimited import (
     MISSING_TEXT,
     check_signs,
@@ -75,14 +76,6 @@ _FASTEST_HZ = 1e5
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
-#: Words that stand in a row of units and nowhere else.
-_UNIT_WORDS = frozenset(
-    [
-        *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
-        *("n.m", "mnm", "nmm", "n", "m", "mm", "cm", "a", "ma", "v", "mv", "volts", "n/a", "-"),
-        *("1", "%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
-    ]
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,7 +260,7 @@ def _layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayout:
     start = candidate.start or 0
     width = len(candidate.rows[start])
     above = candidate.rows[start - 1] if start else ()
-    if start >= 2 and is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
+    if start >= 2 and _is_units(above) and len(candidate.rows[start - 2]) == len(above) == width:
         files = candidate.spec(start, header=False)
         note = (
             f"row {start} holds units, row {start - 1} the names: both are skipped, and columns "
@@ -333,12 +326,12 @@ def _stated_layout(candidate: _Candidate, known: Mapping[str, Any]) -> TextLayou
     return TextLayout(files, row if header else ("",) * len(row), (), (note,) if above else ())
 
 
-def is_units(row: Sequence[str]) -> bool:
+def _is_units(row: tuple[str, ...]) -> bool:
     """Whether a row holds units: each is short, and most are known or stand in brackets."""
     written = [cell for cell in row if cell]
     bare = _bare(tuple(written))
     likely = [
-        bool(_BRACKETED.match(cell)) or name.casefold() in _UNIT_WORDS
+        bool(_BRACKETED.match(cell)) or is_unit(name)
         for cell, name in zip(written, bare, strict=True)
     ]
     return (
