@@ -20,6 +20,7 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
+_NO_UNIT_TEXTS = ("--", "na", "a.u.", "au", "bool", "counts", "text")
 #: English word -> words of other languages for it.
 _OTHER_LANGUAGES: Mapping[str, str] = tomllib.loads(
     files("jointz.inspection").joinpath("words.toml").read_text("utf-8")
@@ -84,7 +85,8 @@ def _inner_words(part: str) -> list[str]:
 def unreadable_unit(name: str, stated: str) -> str:
     """Return the unit of a column that cannot be read, "" if there is none."""
     unit = (stated or unit_in_name(name)).strip()
-    return "" if unit.isdecimal() or is_unit(unit) else unit
+    known = unit.isdecimal() or unit.casefold() in _NO_UNIT_TEXTS or is_unit(unit)
+    return "" if known else unit
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,6 +74,22 @@ def nexus():
     return text + [f"{k + 1},0,{ANGLE[10 * k]},0,0" for k in range(N // 10)]
 
 
+NEXUS_STUDY = """jointz = 1
+joint = "knee"
+kind = "bench"
+positive = "flexion"
+sample_rate_hz = 1000.0
+[channels.angle]
+column = "S01:LKneeAngles.X"
+[channels.torque]
+column = "Load cell.Torque"
+[[participants]]
+id = "S01"
+[[recordings]]
+participant = "S01"
+condition = "unperturbed"
+file = "a.csv"
+"""
 ONE_CLOCK = {
     "a.lvm": labview(),
     "comma.lvm": labview(","),
@@ -139,6 +155,15 @@ class TestSeveralClocks:
         np.testing.assert_allclose(torque, TORQUE)
         np.testing.assert_allclose(angle["time"], TIME_S[::10])
         assert [c.rate_hz for c in inspect_file(path).clocks] == [1000.0, 100.0]
+
+    def test_a_study_joins_the_blocks_of_nexus(self, tmp_path):
+        write(tmp_path / "a.csv", nexus())
+        (tmp_path / "study.toml").write_text(NEXUS_STUDY)
+        ((recording,),) = [r.read() for r in open_study(tmp_path).recordings]
+        inside = slice(20, N - 20)
+        angle = np.rad2deg(recording["angle"].to_numpy())
+        np.testing.assert_allclose(angle[inside], ANGLE[inside], atol=0.05)
+        assert recording["torque"].max() == pytest.approx(3.0 * 0.112985, rel=1e-4)
 
     def test_emgworks_channels_share_a_clock_where_they_may(self, tmp_path):
         path = write(tmp_path / "a.csv", emgworks())

@@ -20,7 +20,7 @@ READING = "reading."
 _TIME_COLUMN = "time.column"
 
 #: What a row of units says of a number without one.
-NO_UNIT = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
+NO_UNIT = ("", "-", "1", "n/a", "none")
 #: Last parts of names that are axes, counters or words, although they also spell a unit.
 _NO_UNIT_WORDS = frozenset(
     [*"xyzthgkjwclrman", "in", "rev", "max", "min", "mean", "out", "id", "no"]

@@ -18,7 +18,12 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import damaged
 from jointz.io.text.column_names import READING, padded, unique_names, unit_in_name
 from jointz.io.text.delimited import MISSING_TEXT, decompressed_text
-from jointz.io.text.text_bytes import is_compressed, likely_encoding, open_text_bytes
+from jointz.io.text.text_bytes import (
+    is_compressed,
+    likely_encoding,
+    open_text_bytes,
+    reading_errors,
+)
 
 _FIRST_LINES = 40
 #: A line of samples: its first cell that is not empty is a number, or a time of day.
@@ -59,7 +64,10 @@ def recorder_of(path: Path, files: FilesSpec) -> str:
 
 def read_export(path: Path, files: FilesSpec, recorder: str) -> Acquisition:
     """Return the signals of an export, a group for each clock."""
-    with open_text_bytes(path, files.encoding or likely_encoding(path)) as stream:
+    with (
+        reading_errors(path),
+        open_text_bytes(path, files.encoding or likely_encoding(path)) as stream,
+    ):
         lines = stream.read().decode("utf-8-sig").splitlines()
     parts = [(k, list(part)) for k, part in groupby(lines, lambda a: bool(_SAMPLE.match(a)))]
     blocks = [(head, body) for (is_body, head), (_, body) in pairwise(parts) if not is_body]
@@ -70,7 +78,7 @@ def read_export(path: Path, files: FilesSpec, recorder: str) -> Acquisition:
             tables.setdefault(head, []).extend(body)
         for clock, signals in chain.from_iterable(map(_signals, tables, tables.values())):
             clocks.setdefault(clock, []).extend(signals)
-    except (ValueError, LookupError, RuntimeError) as exc:
+    except (ValueError, LookupError, RuntimeError, ArithmeticError) as exc:
         raise damaged(path, exc) from exc
     names = unique_names([clock[0] or "clock" for clock in clocks]) if len(clocks) > 1 else [""]
     groups = tuple(map(_group, names, clocks, clocks.values()))
