@@ -43,7 +43,7 @@ def labchart(decimal=".", unit_names=True):
     text += ["ChannelTitle=\tKnee\tTorque", "Range=\t10 deg\t10 lbf*in"]
     text += ["UnitName=\tdeg\tlbf*in"] if unit_names else []
     lines = rows(TIME_S, ANGLE, TORQUE, decimal=decimal)
-    return [*text, *lines[:9], lines[9] + "\t#* pulse", *lines[10:]]
+    return [*text, lines[0] + "\t#* start, on", *lines[1:9], lines[9] + "\t#* pulse", *lines[10:]]
 
 
 def spike2():

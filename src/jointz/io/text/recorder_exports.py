@@ -15,7 +15,7 @@ import pandas as pd
 from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats.columns import damaged
+from jointz.io.formats.columns import file_error
 from jointz.io.text.column_names import READING, padded, unique_names, unit_in_name
 from jointz.io.text.delimited import MISSING_TEXT, decompressed_text
 from jointz.io.text.text_bytes import (
@@ -29,6 +29,7 @@ _FIRST_LINES = 40
 #: A line of samples: its first cell that is not empty is a number, or a time of day.
 _SAMPLE = re.compile(r"[\s,;]*[-+]?[.,]?\d[\d.,:]*(?:E[-+]?\d+)?\s*(?:[,;\t]|$)", re.IGNORECASE)
 _TIME = re.compile(r"X ?\[s\](?:\.\d+)?|X_Value")  # a column of time, s
+_COMMA = re.compile(r"\d,\d")
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
@@ -71,19 +72,30 @@ def read_export(path: Path, files: FilesSpec, recorder: str) -> Acquisition:
         lines = stream.read().decode("utf-8-sig").splitlines()
     parts = [(k, list(part)) for k, part in groupby(lines, lambda a: bool(_SAMPLE.match(a)))]
     blocks = [(head, body) for (is_body, head), (_, body) in pairwise(parts) if not is_body]
-    tables: dict[_Head, list[str]] = {}
-    clocks: dict[_Clock, list[Signal]] = {}
     try:
-        for head, body in _RECORDERS[recorder][1](blocks):
-            tables.setdefault(head, []).extend(body)
-        for clock, signals in chain.from_iterable(map(_signals, tables, tables.values())):
-            clocks.setdefault(clock, []).extend(signals)
+        clocks = _by_clock(_RECORDERS[recorder][1](blocks))
     except (ValueError, LookupError, RuntimeError, ArithmeticError) as exc:
-        raise damaged(path, exc) from exc
+        raise file_error(
+            path,
+            f"begins as an export of {recorder} and cannot be read as one ({exc}). Give its layout "
+            "(--skip-rows, --delimiter), or copy or export it again.",
+        ) from exc
     names = unique_names([clock[0] or "clock" for clock in clocks]) if len(clocks) > 1 else [""]
     groups = tuple(map(_group, names, clocks, clocks.values()))
     note = f"an export of {recorder}: names, units and rates are those it states"
     return Acquisition(groups, (), {f"{READING}recorder": note})
+
+
+def _by_clock(tables: _Tables) -> dict[_Clock, list[Signal]]:
+    whole: dict[_Head, list[str]] = {}
+    for head, body in tables:  # segments below the same head go on
+        whole.setdefault(head, []).extend(body)
+    clocks: dict[_Clock, list[Signal]] = {}
+    for clock, signals in chain.from_iterable(map(_signals, whole, whole.values())):
+        clocks.setdefault(clock, []).extend(signals)
+    if not clocks:
+        raise ValueError("no samples")
+    return clocks
 
 
 def _group(name: str, clock: _Clock, signals: Sequence[Signal]) -> SignalGroup:
@@ -119,7 +131,7 @@ def _numbers(head: _Head, body: Sequence[str]) -> dict[int, np.ndarray]:
         raise ValueError("the last row is cut off")
     frame = pd.read_csv(
         io.StringIO("\n".join(body)), sep=head.delimiter, header=None, index_col=False,
-        decimal="," if head.delimiter != "," and "," in "".join(body[:100]) else ".",
+        decimal="," if head.delimiter != "," and _COMMA.search("\n".join(body[:100])) else ".",
         names=range(len(head.names) + 1), na_values=MISSING_TEXT,
         dtype=dict.fromkeys(named, np.float64), skipinitialspace=head.delimiter != "\t",
     )  # fmt: skip
@@ -154,7 +166,8 @@ def _labchart(blocks: Sequence[_Block]) -> _Tables:
         names = [name for name in stated["ChannelTitle="] if name]
         ranges = [text.rpartition(" ")[2] for text in stated.get("Range=", ())]
         units = padded(stated.get("UnitName=", ranges), len(names))
-        before = ["X_Value", *[""] * len(body)][: len(_cells(body[0])) - len(names)]
+        filled = [cell for cell in _cells(body[0]) if cell and not cell.startswith("#")]  # comment
+        before = ["X_Value", ""][: len(filled) - len(names)]  # a date may follow the time
         rate_hz = 1.0 / (float(number) * _SECONDS[unit])
         yield _Head((*before, *names), (*before, *units), rate_hz=rate_hz), body
 
