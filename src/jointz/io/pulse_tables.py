@@ -12,7 +12,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError, UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
-from jointz.core.units import conversion
+from jointz.core.units import conversion, si_unit_of
 from jointz.io.column_units import SAMPLE, same_unit
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
 from jointz.io.formats.registry import (
@@ -214,7 +214,9 @@ def agreed_unit(
 def unit_in(name: str) -> str | None:
     """Return the unit that a column's name states in brackets or at its end."""
     in_samples = re.search(r"([\[(]samples?[\])]|_samples?)\s*$", name.casefold())
-    return SAMPLE if in_samples else known_unit_in_name(name) or written_unit(name) or None
+    end = written_unit(name)
+    end = end if si_unit_of(end)[0] in _NUMBERS.values() else ""  # else no unit of a pulse
+    return SAMPLE if in_samples else known_unit_in_name(name) or end or None
 
 
 def _own_rows(table: _Table, spec: StudySpec, entry: RecordingSpec) -> _Table:
