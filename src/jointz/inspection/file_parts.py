@@ -15,6 +15,7 @@ _SEPARATOR = re.compile(r"([./])")
 _FEWEST_COLUMNS = 2
 _SHORTEST_SERIES = 100  # samples of a recording
 _AXES = ("x", "y", "z")  # of a point: no parts
+_POINTS = tuple(f"{PART}.{axis}" for axis in _AXES)  # nor are points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +62,7 @@ def _split(
     parts: dict[str, list[Column]] = {}
     for column in series:
         name, pattern = _apart(tokens[id(column)], place)
-        if not name or name in _AXES:
+        if not name or name in _AXES or pattern in _POINTS:
             return {}
         parts.setdefault(name, []).append(replace(column, key=pattern, title=""))
     keys = [[c.key for c in columns] for columns in parts.values()]

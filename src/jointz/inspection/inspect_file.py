@@ -245,10 +245,15 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if proposal.kind.value == "walking" and not proposal.obstacles:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
-    if proposal.question("torque_acts_on"):
+    asked = ("torque_acts_on", "channels.angle.unit", "channels.torque.unit")
+    if any(map(proposal.question, asked)) or main.joined or main.part:
         return ()
-    file, acts_on = plainly(main.file.name), proposal.acts_on.value
-    return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))
+    return tuple(
+        command_advice(
+            plainly(str(main.file)), proposal.assigned, main.clock, proposal.files,
+            acts_on=proposal.acts_on.value,
+        )
+    )  # fmt: skip
 
 
 def _layout(files: FilesSpec | None) -> dict[str, Any]:

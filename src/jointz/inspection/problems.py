@@ -37,6 +37,7 @@ _LONGEST_LIST = 3
 _LATER_S = 0.05  # after an onset: the torque has risen
 _MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
+_HUNDRED = (95.0, 100.5)  # end of a cycle, %
 #: Numbers that programs write for a missing sample.
 _STAND_INS = (-99999.0, -9999.0, -999.0, 999.0, 9999.0, 99999.0)
 
@@ -247,9 +248,9 @@ def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -
     percent = _percent(columns)
     if percent and "time" not in assigned:
         return (
-            f"it holds one mean over the cycle, {rows} points of column '{percent}', not strides "
-            "in time; impedance needs pulses and what surrounds them.",
-            "jointz identify stride takes a mean cycle of angle and torque.",
+            f"it holds {rows} points over the cycle by column '{percent}', not strides in time; "
+            "impedance needs pulses and what surrounds them.",
+            "jointz identify stride takes a cycle of angle and torque.",
         )
     numbers = [c for c in columns if not c.column.is_text]
     if "time" not in assigned and len(numbers) > 1 and all(_stamps(c) for c in numbers):
@@ -264,10 +265,15 @@ def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -
 def _percent(columns: Sequence[InspectedColumn]) -> str:
     for inspected in columns:
         course, words = inspected.course, inspected.words
-        few = _CYCLE_POINTS[0] <= course.n <= _CYCLE_POINTS[1]
-        if few and course.rises and words.found & {"percent", "pct", "cycle", "gait"}:
+        few = course.rises and _CYCLE_POINTS[0] <= course.n <= _CYCLE_POINTS[1]
+        strides = course.low is not None and course.low >= 0 and _is_hundred(course.high)
+        if (few or strides) and words.found & {"percent", "pct", "cycle", "gait", "phase"}:
             return str(inspected.column.title or inspected.key)
     return ""
+
+
+def _is_hundred(value: float | None) -> bool:
+    return value is not None and _HUNDRED[0] <= value <= _HUNDRED[1]
 
 
 def _stamps(inspected: InspectedColumn) -> bool:
@@ -388,31 +394,37 @@ def clock_obstacles(assigned: Assignments, clock: SeenClock) -> list[str]:
 
 
 def command_advice(
-    file: str, assigned: Assignments, files: FilesSpec | None, *, acts_on: str
+    file: str,
+    assigned: Assignments,
+    clock: SeenClock,
+    files: FilesSpec | None,
+    *,
+    acts_on: str,
 ) -> list[str]:
     """Return the commands that take the file without changes."""
-    if "torque" not in assigned:
+    if "torque" not in assigned or ("time" not in assigned and clock.rate_hz is None):
         return []
     options = {name: _option(assigned, name) for name in assigned}
-    own = f"{_quoted(file)}{_layout(files)}"
+    own, by = f"{_quoted(file)}{_layout(files)}", "Taken as it is by"
+    timed = f" --torque {options['torque']}{_clock(options, clock)}"
     commands = []
     if "angle" in assigned:
         commands.append(
-            f"joint {own} --angle {options['angle']} --torque {options['torque']}{_clock(options)} "
-            f"--torque-acts-on {acts_on} {_input(options)} --model kbj"
+            f"{by}: jointz identify joint {own} --angle {options['angle']}{timed} --torque-acts-on "
+            f"{acts_on} {_input(options)} --model kbj"
         )
     if {"current", "motor_velocity"} <= set(assigned):
         commands.append(
-            f"actuator {own} --model friction --current {options['current']} --velocity "
-            f"{options['motor_velocity']} --torque {options['torque']} --gear-ratio G"
+            "With the gear ratio in place of 1, taken by: jointz identify actuator "
+            f"{own} --model friction --current {options['current']} --velocity "
+            f"{options['motor_velocity']} --torque {options['torque']} --gear-ratio 1"
         )
     course = assigned["command"][0].course if "command" in assigned else None
     if course is not None and course.low != course.high:
         commands.append(
-            f"bandwidth {own} --command {options['command']} --torque {options['torque']}"
-            f"{_clock(options)}"
+            f"{by}: jointz identify bandwidth {own} --command {options['command']}{timed}"
         )
-    return [f"Taken as it is by: jointz identify {command}" for command in commands]
+    return commands
 
 
 def _layout(files: FilesSpec | None) -> str:
@@ -433,8 +445,8 @@ def _quoted(text: str) -> str:
     return "$'\\t'" if text == "\t" else shlex.quote(text)
 
 
-def _clock(options: Mapping[str, str]) -> str:
-    return f" --time {options['time']}" if "time" in options else " --rate HZ"
+def _clock(options: Mapping[str, str], clock: SeenClock) -> str:
+    return f" --time {options['time']}" if "time" in options else f" --rate {clock.rate_hz:.8g}"
 
 
 def _input(options: Mapping[str, str]) -> str:

@@ -203,7 +203,7 @@ def test_a_random_torque_without_pulses_is_pointed_to_identify(tmp_path):
 def test_decimal_commas_of_a_format_of_its_own_are_read_and_drafted(tmp_path):
     t = np.arange(500) / 100.0
     rows = np.column_stack([t, 30 * np.sin(t), 5 * np.cos(t)])
-    table = pd.DataFrame(rows, columns=["time", "knee_angle_r", "knee_angle_r_moment"])
+    table = pd.DataFrame(rows, columns=["time", "knee_angle_r", "knee_moment_Nm"])
     head = f"Coordinates\nnRows={len(t)}\nnColumns=3\ninDegrees=yes\nendheader\n"
     text = table.to_csv(sep="\t", decimal=",", index=False)
     (tmp_path / "S01.mot").write_text(head + text)
@@ -212,7 +212,7 @@ def test_decimal_commas_of_a_format_of_its_own_are_read_and_drafted(tmp_path):
 
     found = inspect_file(tmp_path, layout={"decimal": ","})
     assert 'decimal = ","' in found.toml
-    assert "identify joint S01.mot --decimal , " in found.advice[0]
+    assert "S01.mot --decimal , " in found.advice[0]
 
 
 def test_a_torque_in_counts_is_asked_for(tmp_path):
