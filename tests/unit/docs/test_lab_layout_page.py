@@ -21,7 +21,7 @@ def blocks(language: str) -> list[str]:
 def answer(study: Path) -> None:
     """Replace the lines of a draft by the answers of the page, as a user does."""
     text = study.read_text(encoding="utf-8")
-    for line in blocks("toml")[0].splitlines():
+    for line in filter(re.compile(r"\w+ = ").match, blocks("toml")[0].splitlines()):
         key = line.split(" = ")[0]
         text, n = re.subn(rf"^(# )?{key} = .*$", line, text, flags=re.MULTILINE)
         assert n == (4 if key == "side" else 1)
