@@ -50,7 +50,9 @@ def test_the_commands_of_the_page_lead_to_its_estimates(jointz, tmp_path, monkey
 
     answer(Path("lab-csv/study.toml"))
     assert jointz("analyze", "lab-csv", "--out", "csv-results", "--no-figures").code == 0
-    first, second = (pd.read_csv(f"{name}/estimates.csv") for name in ("lab-results", "csv-results"))
+    first, second = (
+        pd.read_csv(f"{name}/estimates.csv") for name in ("lab-results", "csv-results")
+    )
     assert (first["status"] == "ok").sum() >= 9
     assert list(first["status"]) == list(second["status"])
     assert first["value"].to_numpy() == pytest.approx(second["value"], rel=0.01, nan_ok=True)
