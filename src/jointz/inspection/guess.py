@@ -197,13 +197,16 @@ def _best(channel: str, columns: Sequence[InspectedColumn]) -> InspectedColumn |
 
 
 def _fits(channel: str, inspected: InspectedColumn) -> bool:
-    if channel not in channel_scores(inspected.words):
+    scores = channel_scores(inspected.words)
+    if channel not in scores:
         return False
     if channel in _LABELS:
+        if {"angle", "torque", "current"} & set(scores):  # constant, in a struct named "trial"
+            return False
         return _is_label(inspected, least=2 if channel == "condition" else 1)
     if inspected.column.is_text or inspected.course.low is None:
         return False
-    if channel == "contact" and channel_scores(inspected.words)[channel] == 1:
+    if channel == "contact" and scores[channel] == 1:
         return inspected.words.unit == "V" or len(inspected.course.levels) == 2
     if channel == "time" and _BARE_T.fullmatch(inspected.title) and not inspected.words.unit:
         return False  # a torque, or a temperature

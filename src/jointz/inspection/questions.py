@@ -41,7 +41,8 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_sessions(proposal),
         *_gait(proposal),
     ]
-    if proposal.kind.value == "walking" and {"angle", "torque"} <= set(assigned):
+    driven = "angle" in assigned and {"torque", "current"} & set(assigned)
+    if proposal.kind.value == "walking" and driven:
         found.append(
             Question(
                 "coupling",

@@ -3,12 +3,14 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from difflib import SequenceMatcher
 
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.source import JoinedSource, Source
 
 _SAME_LENGTH = 0.05  # of files of one trial
+_BEYOND_STRIKES_S = 5.0  # of a recording before the first heel strike and after the last
 _SAME_END = 2.0  # periods of the slower clock, within which clocks begin and end together
 _TORQUES = {"torque", "current"}
 
@@ -108,7 +110,8 @@ def _may_be_of(recording: Source, file: Source) -> bool:
     if any(one and other and one.casefold() != other.casefold() for one, other in labels):
         return False
     length, own = _length_s(recording.clock), _length_s(file.clock)
-    return not own or not length or abs(own / length - 1.0) <= _SAME_LENGTH
+    most = _SAME_LENGTH * length + (_BEYOND_STRIKES_S if file.heel_strikes else 0.0)
+    return not own or not length or abs(own - length) <= most
 
 
 def _length_s(clock: SeenClock) -> float:
@@ -116,6 +119,6 @@ def _length_s(clock: SeenClock) -> float:
 
 
 def _likeness(recording: Source, file: Source) -> int:
-    """Return how many words of their names and folders two files share."""
-    a, b = (set(re.findall(r"[a-z]+|\d+", s.shown.casefold())) for s in (recording, file))
-    return len(a & b)
+    """Return how many words of their names and folders two files share in the same order."""
+    a, b = (re.findall(r"[a-z]+|\d+", s.shown.casefold()) for s in (recording, file))
+    return sum(block.size for block in SequenceMatcher(None, a, b).get_matching_blocks())

@@ -113,6 +113,8 @@ def test_every_shell_line_is_a_command_that_parses():
     for words in (shlex.split(line, comments=True) for line in lines):
         if words[0] == "make":
             assert set(words[1:]) <= set(targets)
+        elif words[0] == "python":
+            assert (ROOT / words[1]).is_file()
         else:
             assert words[0] == "jointz"
             parse(words[1:])
