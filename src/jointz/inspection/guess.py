@@ -11,7 +11,6 @@ from jointz.core.channels import CHANNEL_UNITS, CONDITIONS, MOTION_SENSORS
 from jointz.core.units import conversion, si_unit_of
 from jointz.inspection.content import Column
 from jointz.inspection.names import (
-    GAIT_WORDS,
     JOINTS,
     Words,
     channel_scores,
@@ -22,6 +21,7 @@ from jointz.inspection.names import (
 )
 from jointz.inspection.signals import Course, course_of
 from jointz.io.text.clock_times import CLOCK_TEXT
+from jointz.io.toml_problems import OPEN
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (
@@ -30,6 +30,8 @@ _ORDER = (
     *(*MOTION_SENSORS, "velocity", "cycle"),
 )
 _PART_AT_END = re.compile(r"[./](?:\{part\}|\d+)$")  # behind which a unit may stand
+_OF_DEVICE = {"torque", "current", "command"}
+_NEVER_CONSTANT = ("angle", "contact", "ground_reaction_force")
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
@@ -37,11 +39,15 @@ _FULL_TURN = 2 * np.pi
 _SHORTEST_STEP_S, _LONGEST_STEP_S = 5e-6, 0.1
 _MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
 _CHANGES = 0.05  # largest share of samples at which a label changes
-_UNPERTURBED = word_set("unperturbed unpert npc enp normal baseline rest off no 0 false")
-_PERTURBED = word_set(
-    "perturbed perturbation perturbations pert apc ewp pulses pulse on yes 1 true"
-)
-_NO_DEVICE = word_set("nwc nodevice without barefoot")
+#: Words of names and of levels; a name that has words of two of them says neither.
+_CONDITION_WORDS = {
+    "no_device": word_set("nwc nodevice withoutdevice"),
+    "unperturbed": word_set("unperturbed unpert npc enp baseline normal"),
+    "perturbed": word_set("perturbed perturbation perturbations pert apc ewp pulses pulse"),
+}
+#: Levels that answer whether there were pulses, where the name of their column asks it.
+_ANSWERS = {**dict.fromkeys(("0", "no", "off", "false"), "unperturbed"),
+            **dict.fromkeys(("1", "yes", "on", "true"), "perturbed")}  # fmt: skip
 _NOT_PERTURBED = re.compile(
     r"(?<![a-z])(?:non|not|no|sin|sans|ohne|senza|zonder|niet|without|un|on)[\s_-]*"
     r"(?:pert|stor|ge?stor|stoer|gestoer|puls|verstoor|impuls)",
@@ -114,7 +120,11 @@ def guessed_side(columns: Sequence[InspectedColumn], file: Words, joint: str) ->
     """Return the first side to analyse and the reason; "" if names state no side."""
     if file.side:
         return file.side, "by the file's name"
-    sides = {c.words.side for c in columns if c.words.joint in ("", joint)} - {""}
+    of_joint = [c for c in columns if c.words.joint in ("", joint)]
+    sides = {c.words.side for c in of_joint} - {""}
+    worn = {c.words.side for c in of_joint if _OF_DEVICE & set(channel_scores(c.words))} - {""}
+    if len(worn) == 1 < len(sides):
+        return worn.pop(), "only its torque was measured"
     if len(sides) > 1:
         return "right", "the file has columns of both sides; name the others for left"
     return (sides.pop(), "by names of columns") if sides else ("", "")
@@ -172,8 +182,11 @@ def _fits(channel: str, inspected: InspectedColumn) -> bool:
         return False
     if channel in _LABELS:
         return _is_label(inspected, least=2 if channel == "condition" else 1)
-    if inspected.column.is_text or inspected.course.low is None:
+    low = inspected.course.low
+    if inspected.column.is_text or low is None:
         return False
+    if low == inspected.course.high and (low or channel in _NEVER_CONSTANT):
+        return False  # a setting, such as an offset; a command or torque may be zero throughout
     if channel == "contact" and channel_scores(inspected.words)[channel] == 1:
         return inspected.words.unit == "V" or len(inspected.course.levels) == 2
     if channel == "time" and _BARE_T.fullmatch(inspected.title) and not inspected.words.unit:
@@ -186,8 +199,7 @@ def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
     if channel == "ground_reaction_force":  # of three axes, the one that carries the body
         values = inspected.column.values
         level = float(abs(np.nanmean(values))) if np.isfinite(values).any() else 0.0
-    steady = "constant" in " ".join(inspected.course.notes)
-    return channel_scores(inspected.words)[channel] - 2 * steady, level
+    return channel_scores(inspected.words)[channel], level
 
 
 def _is_label(inspected: InspectedColumn, *, least: int) -> bool:
@@ -228,20 +240,6 @@ def _by_content(
             only,
             _assignment(wanted, only, "the only column beside time; file's name"),
         )
-    elif not wanted and _smooth(only) and not file.found & GAIT_WORDS:
-        assigned["angle"] = (
-            only,
-            _assignment("angle", only, "the only column beside time; it is smooth"),
-        )
-
-
-def _smooth(inspected: InspectedColumn) -> bool:
-    values = inspected.column.values[np.isfinite(inspected.column.values)]
-    spread = float(values.std())
-    turning = inspected.course.high is not None and max(
-        abs(inspected.course.high), abs(inspected.course.low or 0.0)
-    ) <= 360.0  # fmt: skip
-    return bool(spread and turning and np.diff(values).std() < 0.2 * spread)
 
 
 def _assignment(channel: str, inspected: InspectedColumn, why: str) -> Assignment:
@@ -303,12 +301,20 @@ def guessed_condition(text: str) -> str:
         return known
     if _NOT_PERTURBED.search(without_accents(text)):
         return "unperturbed"
-    found = words_of(text).found | {text.strip().casefold()}
-    for condition, words in (
-        ("no_device", _NO_DEVICE),
-        ("unperturbed", _UNPERTURBED),
-        ("perturbed", _PERTURBED),
-    ):
-        if found & words:
-            return condition
-    return ""
+    found = words_of(text).found
+    meant = [condition for condition, words in _CONDITION_WORDS.items() if found & words]
+    return meant[0] if len(meant) == 1 else ""
+
+
+def condition_levels(inspected: InspectedColumn, command: np.ndarray | None) -> dict[str, str]:
+    """Return the meaning of the levels of a column of conditions: by words, else by the command."""
+    asks = inspected.words.found & _CONDITION_WORDS["perturbed"]
+    levels = {}
+    for level in filter(None, inspected.course.levels):
+        meant = guessed_condition(level) or (asks and _ANSWERS.get(level.casefold(), ""))
+        if not meant and command is not None:
+            values = inspected.column.values
+            own = values == level if inspected.column.is_text else values == float(level)
+            meant = "perturbed" if np.nan_to_num(command[own]).any() else "unperturbed"
+        levels[level] = meant or OPEN
+    return levels

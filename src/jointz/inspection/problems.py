@@ -9,6 +9,7 @@ import xarray as xr
 
 from jointz.core.recording import build_recording
 from jointz.core.study import FilesSpec
+from jointz.core.units import si_unit_of
 from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
@@ -17,13 +18,21 @@ from jointz.gait.sample_rate import (
     rates_of_strides,
     told_rates,
 )
-from jointz.identify.preparation.pulses import pulses_from_angle
+from jointz.identify.preparation.pulses import pulses_from_angle, runs_of
 from jointz.inspection.content import GUESSED_SAMPLES
-from jointz.inspection.guess import Assignments, InspectedColumn, in_seconds, si_of
+from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
-from jointz.inspection.names import channel_scores
+from jointz.inspection.names import channel_scores, word_set
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, own_pulses
-from jointz.inspection.signs import torque_side
+from jointz.inspection.signs import (
+    clearness,
+    is_clear,
+    is_mostly_at_rest,
+    repeat_s,
+    responses,
+    torque_side,
+    walks,
+)
 
 _SMOOTH_S = 0.01
 _APART_S = 0.08
@@ -34,6 +43,8 @@ _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
 _LATER_S = 0.05  # after an onset: the torque has risen
+_MOST_ON = 0.25  # share of samples in pulses: a footswitch is on for longer
+_TRIGGERS = word_set("trigger trig ttl sync marker digital")
 _MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
 #: Numbers that programs write for a missing sample.
@@ -51,12 +62,11 @@ class Pulses:
 
 def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
     """Find pulses in the command, or else as steps of the angle."""
-    if "command" in assigned:
-        command = assigned["command"][0].column.values
-        there = np.isfinite(command) & (command != 0)
-        n = int((np.diff(there.astype(np.int8)) == 1).sum()) + int(bool(there.size and there[0]))
+    if name := next((n for n in ("command", "trigger") if n in assigned), ""):
+        there = _is_on(assigned[name][0].column.values)
+        n = len(runs_of(there))
         if n and there.mean() < 0.5:
-            return Pulses("command", n, f"the command is not zero {n} time(s)")
+            return Pulses(name, n, f"the {name} is not zero {n} time(s)")
         return Pulses("", n, "the command is never zero for long" if n else "the command is zero")
     if "angle" not in assigned or "torque" not in assigned or clock.rate_hz is None:
         return Pulses()
@@ -67,11 +77,47 @@ def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
     time = _time(assigned, clock)
     if time is None or clock.restarts or clock.n_back or (clock.rate_hz or 0.0) < 5 * _CUTOFF_HZ:
         return Pulses()
-    recording = build_recording(time, {"angle": _si(assigned, "angle")})
-    n = len(pulses_from_angle(recording, cutoff_hz=_CUTOFF_HZ))
+    angle = _si(assigned, "angle")
+    if not is_mostly_at_rest(time, angle):
+        return Pulses()  # walking, or a random position
+    n = len(pulses_from_angle(build_recording(time, {"angle": angle}), cutoff_hz=_CUTOFF_HZ))
     part = f" in the first {time.size:,} samples" if time.size < clock.n else ""
     why = f"the angle steps {n} time(s){part}"
     return Pulses("angle", n, why) if n >= _FEWEST_PULSES else Pulses()
+
+
+def _is_on(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.isfinite(values) & (values != 0))
+
+
+def find_command(
+    columns: Sequence[InspectedColumn], assigned: Assignments, clock: SeenClock
+) -> Assignments:
+    """Add the column that is zero but in pulses which the torque follows, whatever its name."""
+    time = _time(assigned, clock)
+    if "command" in assigned or not {"angle", "torque"} <= set(assigned) or not _is_steady(clock):
+        return assigned
+    used = {id(c) for c, _ in assigned.values()}
+    free = [c for c in columns if id(c) not in used and not c.column.is_text]
+    for column in free if time is not None else ():
+        values = column.column.values[: time.size]
+        runs = runs_of(_is_on(values))
+        n = min(len(runs), _MOST_PULSES)
+        if n < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:
+            continue
+        onsets, sizes = time[runs[:n, 0]], values[runs[:n].mean(axis=1).astype(int)]
+        stride_s = repeat_s(time, _si(assigned, "angle"))
+        risen = responses(time, _si(assigned, "torque"), onsets, stride_s) * np.sign(sizes)
+        if not is_clear(clearness(risen)):
+            continue
+        why = f"it is zero but in {len(runs)} pulses, which the torque follows"
+        is_torque = si_unit_of(column.words.unit or "N*m")[0] == "N*m"
+        if is_torque and not column.words.found & _TRIGGERS:
+            unit = column.words.unit or assigned["torque"][1].unit
+            return {**assigned, "command": (column, Assignment("command", why, unit,
+                    "" if column.words.unit else "that of the torque"))}  # fmt: skip
+        return {**assigned, "trigger": (column, Assignment("trigger", why))}
+    return assigned
 
 
 def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
@@ -111,13 +157,12 @@ def _steps_of_feet(assigned: Assignments, time: np.ndarray) -> xr.Dataset | None
 def torque_over_command(assigned: Assignments, clock: SeenClock) -> float | None:
     """Return the median change of torque over that of the command at onsets, None where unknown.
 
-    The unit of the command must be stated, and the torque must not be per body mass.
+    A torque per body mass has none.
     """
     time = _time(assigned, clock)
     if time is None or not {"command", "torque"} <= set(assigned):
         return None
-    of_command, of_torque = assigned["command"][1], assigned["torque"][1]
-    if of_command.unit_why or of_torque.unit.endswith("/kg"):
+    if assigned["torque"][1].unit.endswith("/kg"):
         return None
     command, torque = np.nan_to_num(_si(assigned, "command")), _si(assigned, "torque")
     begins = np.flatnonzero((command[1:] != 0) & (command[:-1] == 0)) + 1
@@ -151,18 +196,33 @@ def pulses_of_table(
     return own_pulses(table, rows, time, _si(assigned, "torque"), command)
 
 
-def pulse_response(assigned: Assignments, clock: SeenClock, own: OwnPulses | None) -> float:
-    """Return how clearly pulses accelerate the joint in the direction of the torque."""
+def pulse_response(
+    assigned: Assignments, clock: SeenClock, own: OwnPulses | None
+) -> tuple[float, float]:
+    """Return how clearly pulses move the joint along the torque, and the inertia (kg m2)."""
     time = _time(assigned, clock)
-    if time is None or clock.restarts or clock.n_back:
-        return 0.0
+    if time is None or not _is_steady(clock):
+        return 0.0, np.nan
     onsets = None if own is None else own.onsets_s
-    if onsets is None and "command" in assigned:
-        command = np.nan_to_num(_si(assigned, "command"))
-        onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]
+    if onsets is None and (shown := {"command", "trigger"} & set(assigned)):
+        onsets = time[runs_of(_is_on(_si(assigned, shown.pop())))[:, 0]]
     if onsets is None or not onsets.size:
-        return 0.0
+        return 0.0, np.nan
     return torque_side(time, _si(assigned, "angle"), _si(assigned, "torque"), onsets[:_MOST_PULSES])
+
+
+def is_walking(assigned: Assignments, clock: SeenClock) -> bool | None:
+    """Return whether the angle is that of a walking person, None where it does not decide."""
+    time = _time(assigned, clock)
+    if time is None or "angle" not in assigned or not time.size:
+        return None
+    assignment = assigned["angle"][1]
+    is_range_sure = assignment.unit == "deg" or not assignment.unit_why
+    return walks(time, _si(assigned, "angle"), is_range_sure=is_range_sure)
+
+
+def _is_steady(clock: SeenClock) -> bool:
+    return not clock.restarts and not clock.n_back
 
 
 def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:

@@ -6,17 +6,21 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import Any
 
+import numpy as np
+
 from jointz.core.channels import OPPOSITE_DIRECTION
 from jointz.inspection.file_labels import labels_of
 from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
+    condition_levels,
     guessed_joint,
 )
-from jointz.inspection.names import GAIT_WORDS, Words, channel_scores
+from jointz.inspection.names import GAIT_WORDS, channel_scores
 from jointz.inspection.problems import (
     Pulses,
     command_correlation,
+    is_walking,
     pulse_response,
     pulses_of_table,
     torque_over_command,
@@ -30,7 +34,6 @@ from jointz.inspection.study_draft import (
     Proposal,
     RecordingDraft,
     assignments_by_column,
-    condition_levels,
     usual_direction,
 )
 from jointz.io.column_units import SAMPLE
@@ -46,12 +49,13 @@ class _Signs:
 
     angle: Guess
     angle_by_range: bool
-    straight_is_180: bool
+    straight_deg: int
     angle_open: bool
     torque: Guess
     acts_on: Guess
     acts_on_open: bool
     command: Guess
+    inertia: float  # kg m2, the torque over the acceleration at pulses; NaN without
 
 
 def proposal_of(
@@ -61,8 +65,7 @@ def proposal_of(
     main = sources[0]
     assigned, clock = main.assigned, main.clock
     joint, why = guessed_joint(main.in_group, main.names)
-    kind = _kind(main.in_group, assigned, main.names)
-    walking = kind.value == "walking"
+    kind = _kind(main)
     tables_of = _tables_of(sources, tables)
     table = tables_of[0]
     positive = usual_direction(joint or _USUAL_JOINT)
@@ -74,8 +77,7 @@ def proposal_of(
     if table is not None:
         rows = table.rows_of(main.labels.participant, main.shown)
         own = pulses_of_table(assigned, clock, table, rows)
-    signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
-    levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
+    signs = _signs(main, own, positive.value, walking=kind.value != "bench", knee=is_knee)
     recordings = [
         _draft(s, t, main, signs, len(sources)) for s, t in zip(sources, tables_of, strict=True)
     ]
@@ -88,7 +90,7 @@ def proposal_of(
         acts_on=signs.acts_on,
         positive=positive,
         angle=signs.angle,
-        straight_is_180=signs.straight_is_180,
+        straight_deg=signs.straight_deg,
         torque=signs.torque,
         command=signs.command,
         angle_sign_open=signs.angle_open,
@@ -99,7 +101,8 @@ def proposal_of(
         is_onset_unit_open=shown_table is not None
         and not onset_unit
         and (own is None or not own.is_unit_clear),
-        is_leg_open=_is_leg_open(main),
+        is_leg_open=_is_leg_open(main, own),
+        inertia=signs.inertia,
         torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
@@ -107,7 +110,7 @@ def proposal_of(
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
         obstacles=tuple(obstacles),
         free=tuple(c for c in main.in_group if id(c) not in assignments_by_column(assigned)),
-        levels=levels,
+        levels=_levels(assigned),
     )
 
 
@@ -188,7 +191,7 @@ def _draft(
     return RecordingDraft(
         file=source.shown,
         participant=person,
-        condition=_condition(source, table),
+        condition=_condition(source, table, main),
         side=Guess(*source.side),
         part=source.part,
         session=labels.session,
@@ -206,12 +209,30 @@ def _is_unlike(own: InspectedColumn, first: InspectedColumn) -> bool:
     return max(spans) > _UNLIKE * min(spans)
 
 
-def _is_leg_open(main: Source) -> bool:
-    """Return whether a file has angles of both legs, and no torque or name that says which."""
-    angles = {c.words.side for c in main.in_group if "angle" in channel_scores(c.words)}
+def _is_leg_open(main: Source, own: OwnPulses | None) -> bool:
+    """Return whether angles are of both legs, and no name says which has the device.
+
+    Pulses decide it where they move the proposed leg, and not the other.
+    """
+    angles = {
+        c.words.side: c for c in main.in_group if "angle" in channel_scores(c.words)
+    }  # fmt: skip
     torque = main.assigned.get("torque", main.assigned.get("current"))
     named = main.names.side or (torque and torque[0].words.side)
-    return {"left", "right"} <= angles and not named
+    if named or not {"left", "right"} <= set(angles) or "angle" not in main.assigned:
+        return False
+    used, assignment = main.assigned["angle"]
+    other = angles["left" if used.words.side == "right" else "right"]
+    if "torque" not in main.assigned:
+        return True
+    of_other = {**main.assigned, "angle": (other, assignment)}
+    moved = [pulse_response(a, main.clock, own)[0] for a in (main.assigned, of_other)]
+    return not is_clear(moved[0]) or is_clear(moved[1])
+
+
+def _levels(assigned: Assignments) -> dict[str, str]:
+    command = assigned["command"][0].column.values if "command" in assigned else None
+    return condition_levels(assigned["condition"][0], command) if "condition" in assigned else {}
 
 
 def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
@@ -279,13 +300,19 @@ def _cell(recording: RecordingDraft) -> tuple[str, ...]:
     )
 
 
-def _kind(columns: Sequence[InspectedColumn], assigned: Assignments, names: Words) -> Guess:
-    if "contact" in assigned or "ground_reaction_force" in assigned:
+def _kind(main: Source) -> Guess:
+    """Return whether people walk, open where neither names nor the angle decide it."""
+    if {"contact", "ground_reaction_force"} & set(main.assigned):
         return Guess("walking", "there is contact of a foot with the ground")
-    options = sorted((names.found | {w for c in columns for w in c.words.found}) & GAIT_WORDS)
-    if options:
-        return Guess("walking", f"names contain {options[0]}")
-    return Guess("bench", "no sign of walking")
+    walks = None if main.overflow else is_walking(main.assigned, main.clock)
+    words = main.names.found.union(*(c.words.found for c in main.in_group)) & GAIT_WORDS
+    if words and walks is not False:
+        return Guess("walking", f"names contain {min(words)}")
+    if walks:
+        return Guess("walking", "the angle repeats as in strides")
+    if walks is None or words:
+        return Guess(OPEN)
+    return Guess("bench", "the angle does not repeat as in strides")
 
 
 def _signs(
@@ -293,10 +320,10 @@ def _signs(
 ) -> _Signs:
     """Decide directions by names, ranges and the response to pulses, and say what is open."""
     assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
-    angle, straight, angle_open, by_range = Guess(""), False, False, False
+    angle, straight, angle_open, by_range = Guess(""), 0, False, False
     if "angle" in assigned:
         named = assigned["angle"][0].words.direction
-        seen = ("", False, "")
+        seen = ("", 0, "")
         if walking and knee and positive == "flexion":
             seen = angle_direction(assigned)
         angle, straight, by_range = Guess(seen[0], seen[2]), seen[1], bool(seen[0])
@@ -306,15 +333,22 @@ def _signs(
     torque, command = (_named_direction(assigned, name) for name in ("torque", "command"))
     # What is positive in the other direction is turned when it is read.
     turns = [g.value not in ("", positive) for g in (angle, torque, command)]
-    acts_on, acts_on_open = _acts_on(assigned, main, own, walking=walking, turns=turns)
+    moved, inertia = 0.0, np.nan
+    if {"angle", "torque"} <= set(assigned):
+        moved, inertia = pulse_response(assigned, main.clock, own)
+    moved = -moved if turns[0] != turns[1] else moved
+    acts_on, acts_on_open = _acts_on(assigned, main, moved, walking=walking)
     acts_on_open = acts_on_open and not torque.value
+    inertia = inertia if is_clear(moved) else np.nan
     followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
-    if not command.value and followed is not None:
+    if not command.value and followed is not None and not acts_on_open:
         follows = (followed > 0) != turns[1]
         if follows != (acts_on.value == "joint"):
             why = f"it opposes the torque on the joint (correlation {followed:.2f})"
             command = Guess(OPPOSITE_DIRECTION[positive], why)
-    return _Signs(angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command)
+    return _Signs(
+        angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command, inertia
+    )
 
 
 def _named_direction(assigned: Assignments, name: str) -> Guess:
@@ -328,48 +362,32 @@ def _sign_matters(main: Source, *, walking: bool) -> bool:
 
 
 def _acts_on(
-    assigned: Assignments,
-    main: Source,
-    own: OwnPulses | None,
-    *,
-    walking: bool,
-    turns: Sequence[bool],
+    assigned: Assignments, main: Source, moved: float, *, walking: bool
 ) -> tuple[Guess, bool]:
     """Return the side that the torque acts on, and whether that is open."""
     if not {"angle", "torque"} <= set(assigned):
         return Guess("joint", "the usual one"), False
-    score = pulse_response(assigned, main.clock, own)
-    score = -score if turns[0] != turns[1] else score
-    if is_clear(score):
-        goes = "in its direction" if score > 0 else "against it"
-        side = "joint" if score > 0 else "device"
+    if is_clear(moved):
+        goes = "in its direction" if moved > 0 else "against it"
+        side = "joint" if moved > 0 else "device"
         return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
-    followed = command_correlation(assigned) if main.pulses.source == "command" else None
-    if followed is not None:
-        follows = (followed > 0) == (turns[1] == turns[2])
-        acts_on, how = ("joint", "follows") if follows else ("device", "opposes")
-        why = f"the torque {how} the command (correlation {followed:.2f})"
-        # Where the angle is turned, the command may be meant in either direction.
-        return Guess(acts_on, why), turns[0] != turns[1]
     resistance = None if walking else torque_resistance(assigned, main.clock)
     if resistance is not None:
         share = f"{100 * abs(resistance):.0f} % of its quick changes"
         if resistance < 0:
             return Guess("device", f"the torque opposes the angle in {share}"), False
         return Guess("joint", f"the torque goes with the angle in {share}"), False
-    if assigned["torque"][0].words.found & {"moment"}:
-        return Guess("device", "a joint moment of inverse dynamics is exerted by the joint"), True
-    return Guess("joint", "not stated; 'device' inverts the torque's sign"), True
+    return Guess("joint"), True
 
 
-def _condition(source: Source, table: PulseColumns | None) -> Guess:
+def _condition(source: Source, table: PulseColumns | None, main: Source) -> Guess:
     if source.pulses.source:
         return Guess("perturbed", source.pulses.why)
     if table is not None:
         return Guess("perturbed", f"{table.file} has its pulses")
     named = source.labels.condition or source.labels.folder_condition
-    if named and not (named == "perturbed" and "command" not in source.assigned):
+    if named and (named != "perturbed" or source.pulses.n):
         return Guess(named, "its name, or that of the folder or part")
-    if "command" in source.assigned:
+    if "command" in source.assigned and not source.pulses.n and main.pulses.source:
         return Guess("unperturbed", source.pulses.why)
     return Guess(OPEN)

@@ -1,5 +1,6 @@
 """Questions about a proposed study that only a person can answer."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,6 +17,12 @@ from jointz.io.toml_problems import OPEN
 _MOST_ANSWERS = 3
 _MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
 _ALIKE = 1.25  # times the command: beyond it a unit is not decided
+#: Inertia of limbs about a joint, kg m2, with a device; beyond so many times a unit is doubted.
+_INERTIA = {
+    "knee": (0.05, 0.8), "ankle": (0.005, 0.3), "hip": (0.3, 6.0), "elbow": (0.02, 0.4),
+    "wrist": (0.0008, 0.05), "shoulder": (0.05, 1.5),
+}  # fmt: skip
+_FAR = 6.0
 _MOST_FOLLOWED = 2.0  # times the command: beyond it a stated unit is doubted
 #: Size of 1 N*m in other units.
 _OTHER_UNITS = {"mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0}
@@ -29,6 +36,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     """Return the questions about a proposed study, the ones that stop an analysis first."""
     assigned = proposal.assigned
     found = [
+        *_kind(proposal),
         *_missing(proposal),
         *_clock(proposal, clock),
         *_pulses(proposal),
@@ -52,6 +60,17 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
             )
         )
     return tuple(found)
+
+
+def _kind(proposal: Proposal) -> Iterator[Question]:
+    if proposal.kind.value == OPEN:
+        yield Question(
+            "kind",
+            "Does the person walk, or is the limb held on a bench? Neither a name nor the angle "
+            "decides it.",
+            (Answer("walking", "strides"), Answer("bench", "sitting, lying or standing")),
+            drafted=False,
+        )
 
 
 def _missing(proposal: Proposal) -> Iterator[Question]:
@@ -127,11 +146,20 @@ def _pulses(proposal: Proposal) -> Iterator[Question]:
             (Answer(1, "MATLAB, LabVIEW, spreadsheets"), Answer(0, "Python, C")),
             drafted=False,
         )
+    levels = [level for level, meant in proposal.levels.items() if meant == OPEN]
+    if levels:
+        yield Question(
+            "channels.condition.values",
+            f"Which condition is each level of the column: {', '.join(levels)}?",
+            tuple(Answer(name, "") for name in ("unperturbed", "perturbed", "no_device")),
+            drafted=False,
+        )
     unknown = [r.file for r in proposal.recordings if r.condition.value == OPEN]
     if unknown and "condition" not in proposal.assigned:
         yield Question(
             "recordings.condition",
-            f"No pulses were found in {', '.join(unknown[:_MOST_ANSWERS])}. Were there any?",
+            f"No pulses were found in {', '.join(unknown[:_MOST_ANSWERS])}. Were there any? A "
+            "random torque or position has none: see jointz identify --help.",
             (Answer("unperturbed", "there are none"),
              Answer("perturbed", "name the command, or a table: perturbations"),
              Answer("no_device", "walking without the device")),
@@ -164,6 +192,8 @@ def _two_units(proposal: Proposal) -> Iterator[Question]:
 
 
 def _units(proposal: Proposal) -> Iterator[Question]:
+    if "angle" in proposal.assigned:
+        yield from _angle_unit(proposal)
     if "torque" not in proposal.assigned:
         return
     unlike = [
@@ -177,6 +207,10 @@ def _units(proposal: Proposal) -> Iterator[Question]:
             (Answer("N*m", ""), Answer("mN*m", "")),
             drafted=False,
         )
+    yield from _torque_unit(proposal)
+
+
+def _torque_unit(proposal: Proposal) -> Iterator[Question]:
     inspected, assignment = proposal.assigned["torque"]
     if si_of(assignment)[0] == "V":
         yield Question(
@@ -184,15 +218,45 @@ def _units(proposal: Proposal) -> Iterator[Question]:
             f"How many N*m is 1 V of '{inspected.title}'? Give the sensor's calibration.",
             drafted=False,
         )
-    ratio = proposal.torque_over_command
+    ratio, command = proposal.torque_over_command, proposal.assigned.get("command")
+    is_likely = ratio is not None and _is_like(ratio, 1.0)
     stated = not assignment.unit_why or bool(inspected.column.unit_why)
-    if stated if ratio is None else _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE):
+    if command and command[1].unit_why and (not stated or not is_likely):
+        yield Question(
+            "channels.command.unit",
+            f"In what unit is the command '{command[0].title}'?",
+            (Answer("N*m", ""), Answer("mN*m", "")),
+            drafted=False,
+        )
+        ratio = None
+    least, most = _INERTIA[proposal.joint.value]
+    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.inertia
+    is_odd = inertia < least / _FAR or inertia > most * _FAR
+    is_decided = (
+        stated if ratio is None else _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE)
+    )
+    if is_decided and not is_odd:
         return
     largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
     text = f"In what unit is the torque '{inspected.title}', up to {largest:.3g}?"
     if ratio is not None:
         text += f" In pulses it changes by {ratio:.3g} times the command."
+    if is_odd:
+        text += f" In {assignment.unit} the inertia of the limb would be {inertia:.2g} kg m2."
     yield Question("channels.torque.unit", text, _torque_units(largest, ratio), drafted=False)
+
+
+def _angle_unit(proposal: Proposal) -> Iterator[Question]:
+    """Ask for degrees or radians where only the walking of a knee would tell."""
+    inspected, assignment = proposal.assigned["angle"]
+    if assignment.unit_why and assignment.unit == "rad" and proposal.kind.value != "walking":
+        low, high = inspected.course.low, inspected.course.high
+        yield Question(
+            "channels.angle.unit",
+            f"In what unit is the angle '{inspected.title}', {low:.3g} to {high:.3g}?",
+            (Answer("deg", ""), Answer("rad", "")),
+            drafted=False,
+        )
 
 
 def _torque_units(largest: float, ratio: float | None) -> tuple[Answer, ...]:

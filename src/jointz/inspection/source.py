@@ -23,7 +23,7 @@ from jointz.inspection.guess import (
 )
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import JOINTS, Words, words_of
-from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
+from jointz.inspection.problems import Pulses, find_command, find_pulses, not_a_recording
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
 from jointz.inspection.signs import angle_direction, inverted_channels
@@ -179,11 +179,14 @@ def _source(
         file, shown, part, content, columns, assigned, group, clocks, names, labels,
         _overflows(assigned),
     )  # fmt: skip
+    if not source.overflow:
+        assigned = find_command(source.in_group, assigned, source.clock)
     sound = {name: column for name, column in assigned.items() if name not in source.overflow}
     direction = angle_direction(assigned)[0] if "angle" in sound else ""
     joint, _ = guessed_joint(source.in_group, names)
     return replace(
         source,
+        assigned=assigned,
         pulses=find_pulses(sound, source.clock),
         angle_direction=direction,
         side=_side(source, joint),

@@ -8,7 +8,7 @@ from typing import Any
 
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
-from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, guessed_condition
+from jointz.inspection.guess import Assignment, Assignments, InspectedColumn
 from jointz.inspection.inspection_result import Question
 from jointz.inspection.problems import Pulses
 from jointz.io.toml_problems import OPEN
@@ -56,7 +56,7 @@ class Proposal:
     acts_on: Guess  # key ``torque_acts_on``
     positive: Guess  # key ``positive``
     angle: Guess = Guess("")  # direction of the angle; "" if unknown
-    straight_is_180: bool = False  # whether the angle of a straight knee is 180 deg
+    straight_deg: int = 0  # angle of a straight knee, 0 or 180
     torque: Guess = Guess("")  # direction of the torque; "" if unknown
     command: Guess = Guess("")  # direction of the command, where it is the opposite
     angle_sign_open: bool = False
@@ -67,6 +67,7 @@ class Proposal:
     in_samples: bool = False  # whether pulse tables count samples
     is_onset_unit_open: bool = False
     is_leg_open: bool = False
+    inertia: float = math.nan  # kg m2, the torque over the acceleration at pulses; NaN without
     torque_over_command: float | None = None  # median ratio of their changes in pulses
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
@@ -116,9 +117,10 @@ def _first_file(proposal: Proposal) -> str:
 
 def _calibration(proposal: Proposal) -> list[str]:
     """Return the zero of an angle that is 180 deg where the knee is straight."""
-    if not proposal.straight_is_180:
+    if not proposal.straight_deg:
         return []
-    zero = _inline({"value": -round(math.pi, 6), "sd": 0.05})
+    turned = -1 if proposal.angle.value == "extension" else 1
+    zero = _inline({"value": turned * round(math.pi, 6), "sd": 0.05})
     return ["", "[calibration]", f"angle_zero_rad = {zero}  # guess: straight is 180 deg"]
 
 
@@ -202,12 +204,10 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     turned = directions.get(name, Guess(""))
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
+    if name == "condition" and (question := proposal.question("channels.condition.values")):
+        lines.append(f"# {written_comment(question.in_a_line())}")
     if name == "condition" and proposal.levels:
-        levels = ", ".join(
-            f"{written_text(level)} = {written_text(condition)}"
-            for level, condition in proposal.levels.items()
-        )
-        meant = Guess(f"{{ {levels} }}", "likely meaning of the levels")
+        meant = Guess(_inline(proposal.levels), "meaning of the levels, by words or pulses")
         lines.append(_line("values", meant, raw=True))
     return lines
 
@@ -336,12 +336,6 @@ def _files(files: FilesSpec | None) -> list[str]:
         written = str(value).lower() if isinstance(value, bool | int) else written_text(value)
         lines.append(f"{name} = {written}")
     return lines
-
-
-def condition_levels(inspected: InspectedColumn) -> dict[str, str]:
-    """Return the likely meaning of the levels of a column of conditions."""
-    levels = [level for level in inspected.course.levels if level]
-    return {level: guessed_condition(level) or "unperturbed" for level in levels}
 
 
 def assignments_by_column(assigned: Assignments) -> dict[int, Assignment]:

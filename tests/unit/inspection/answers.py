@@ -8,6 +8,7 @@ USUAL = {
     "torque_acts_on": "joint",
     "unit": "N*m",
     "condition": "unperturbed",
+    "kind": "bench",
     "id": "S01",
     "participant": "S01",
     "first_sample": 1,
