@@ -304,7 +304,7 @@ def _kind(main: Source) -> Guess:
     """Return whether people walk, open where neither names nor the angle decide it."""
     if {"contact", "ground_reaction_force"} & set(main.assigned):
         return Guess("walking", "there is contact of a foot with the ground")
-    walks = None if main.overflow else is_walking(main.assigned, main.clock)
+    walks = None if "angle" in main.overflow else is_walking(main.assigned, main.clock)
     words = main.names.found.union(*(c.words.found for c in main.in_group)) & GAIT_WORDS
     if words and walks is not False:
         return Guess("walking", f"names contain {min(words)}")

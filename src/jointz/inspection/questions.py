@@ -24,8 +24,11 @@ _INERTIA = {
 }  # fmt: skip
 _FAR = 6.0
 _MOST_FOLLOWED = 2.0  # times the command: beyond it a stated unit is doubted
-#: Size of 1 N*m in other units.
-_OTHER_UNITS = {"mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0}
+_MOST_NM = 2000.0
+#: Size of 1 N*m in units of torque.
+_TORQUE_UNITS = {
+    "N*m": 1.0, "mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0
+}  # fmt: skip
 _LIKE = {
     "angle": word_set("knee angle gonio pos position"),
     "torque": word_set("load loadcell cell force moment sensor raw adc bridge strain"),
@@ -229,21 +232,35 @@ def _torque_unit(proposal: Proposal) -> Iterator[Question]:
             drafted=False,
         )
         ratio = None
-    least, most = _INERTIA[proposal.joint.value]
-    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.inertia
-    is_odd = inertia < least / _FAR or inertia > most * _FAR
-    is_decided = (
-        stated if ratio is None else _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE)
-    )
-    if is_decided and not is_odd:
-        return
+    factor = si_of(assignment)[1]
     largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
+    least, most = _INERTIA[proposal.joint.value]
+    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.inertia / factor
+    is_odd = not least / _FAR <= inertia * factor <= most * _FAR and not math.isnan(inertia)
+    is_followed = ratio is None or _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE)
+    if is_followed and not is_odd and (stated or ratio) and largest * factor < _MOST_NM:
+        return
     text = f"In what unit is the torque '{inspected.title}', up to {largest:.3g}?"
-    if ratio is not None:
-        text += f" In pulses it changes by {ratio:.3g} times the command."
+    sizes = (math.nan, math.nan)
     if is_odd:
-        text += f" In {assignment.unit} the inertia of the limb would be {inertia:.2g} kg m2."
-    yield Question("channels.torque.unit", text, _torque_units(largest, ratio), drafted=False)
+        text += f" In {assignment.unit} the limb's inertia would be {inertia * factor:.2g} kg m2."
+        sizes = (inertia / most, inertia / least)
+    if ratio is not None and not is_followed:
+        text += f" In pulses it changes by {ratio:.3g} times the command."
+        sizes = (abs(ratio) / factor / _ALIKE, abs(ratio) / factor * _ALIKE)
+    yield Question("channels.torque.unit", text, _torque_units(largest, sizes), drafted=False)
+
+
+def _torque_units(largest: float, sizes: tuple[float, float]) -> tuple[Answer, ...]:
+    """Return the units in which a torque may be, those of a likely size of 1 N*m first."""
+    if likely := [unit for unit, size in _TORQUE_UNITS.items() if sizes[0] <= size <= sizes[1]]:
+        return tuple(Answer(unit, "as the pulses then") for unit in likely)
+    options = [Answer("N*m", "the usual one")]
+    if largest <= _MOST_PER_MASS:
+        options.append(Answer("N*m/kg", "as inverse dynamics gives it"))
+    if largest >= _LEAST_MILLI:
+        options.append(Answer("mN*m", "counts of a sensor need scale"))
+    return tuple(options)
 
 
 def _angle_unit(proposal: Proposal) -> Iterator[Question]:
@@ -257,21 +274,6 @@ def _angle_unit(proposal: Proposal) -> Iterator[Question]:
             (Answer("deg", ""), Answer("rad", "")),
             drafted=False,
         )
-
-
-def _torque_units(largest: float, ratio: float | None) -> tuple[Answer, ...]:
-    """Return the units in which a torque may be, the likely one first."""
-    if ratio is not None:
-        likely = [unit for unit, size in _OTHER_UNITS.items() if _is_like(ratio, size)]
-        return tuple(Answer(unit, "as the command then") for unit in likely) or (
-            Answer("N*m", "then the motor did not follow"),
-        )
-    options = [Answer("N*m", "the usual one")]
-    if largest <= _MOST_PER_MASS:
-        options.append(Answer("N*m/kg", "as inverse dynamics gives it"))
-    if largest >= _LEAST_MILLI:
-        options.append(Answer("mN*m", "counts of a sensor need scale"))
-    return tuple(options)
 
 
 def _is_like(ratio: float, size: float, factor: float = _ALIKE) -> bool:
