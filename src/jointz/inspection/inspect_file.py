@@ -194,10 +194,11 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if proposal.kind.value == "walking" and not proposal.obstacles:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
-    if proposal.question("torque_acts_on"):
-        return ()
     file, acts_on = plainly(main.file.name), proposal.acts_on.value
-    return tuple(command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on))
+    commands = command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on)
+    if commands and proposal.question("torque_acts_on"):
+        return (*commands, "If the torque acts on the device, write --torque-acts-on device.")
+    return tuple(commands)
 
 
 def _layout(files: FilesSpec | None) -> dict[str, Any]:

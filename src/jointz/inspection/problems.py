@@ -28,15 +28,13 @@ from jointz.inspection.signs import (
     clearness,
     is_clear,
     is_mostly_at_rest,
+    kind_of_motion,
     repeat_s,
     responses,
+    step_of,
     torque_side,
-    walks,
 )
 
-_SMOOTH_S = 0.01
-_APART_S = 0.08
-_EXPLAINED = 0.3
 _FOLLOWS = 0.6
 _FEWEST_PULSES = 3
 _CUTOFF_HZ = 20.0
@@ -211,52 +209,18 @@ def pulse_response(
     return torque_side(time, _si(assigned, "angle"), _si(assigned, "torque"), onsets[:_MOST_PULSES])
 
 
-def is_walking(assigned: Assignments, clock: SeenClock) -> bool | None:
-    """Return whether the angle is that of a walking person, None where it does not decide."""
+def motion_of(assigned: Assignments, clock: SeenClock) -> str:
+    """Return how the angle moves: "gait", "sine", "aperiodic", or "" if it is unclear."""
     time = _time(assigned, clock)
-    if time is None or "angle" not in assigned or not time.size:
-        return None
+    if time is None or "angle" not in assigned or time.size < 2 or not step_of(time) > 0:
+        return ""
     assignment = assigned["angle"][1]
     is_range_sure = assignment.unit == "deg" or not assignment.unit_why
-    return walks(time, _si(assigned, "angle"), is_range_sure=is_range_sure)
+    return kind_of_motion(time, _si(assigned, "angle"), is_range_sure=is_range_sure)
 
 
 def _is_steady(clock: SeenClock) -> bool:
     return not clock.restarts and not clock.n_back
-
-
-def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:
-    """Return the signed share of the torque's changes that motion explains, None if it is small.
-
-    Changes of torque over 80 ms are regressed on those of angle, velocity and acceleration. If
-    stiffness and inertia are both negative, the torque acts on the device; if both are positive, it
-    acts on the joint.
-    """
-    time = _time(assigned, clock)
-    if time is None or clock.rate_hz is None or time.size < _FEWEST_SAMPLES:
-        return None
-    angle, torque = _si(assigned, "angle"), _si(assigned, "torque")
-    both = np.isfinite(angle) & np.isfinite(torque)
-    if not both.all() or clock.restarts or clock.n_back:
-        return None
-    half, apart = (max(1, round(s * clock.rate_hz)) for s in (_SMOOTH_S, _APART_S))
-    angle, torque = _smoothed(angle, half), _smoothed(torque, half)
-    velocity = np.gradient(angle) * clock.rate_hz
-    terms = (angle, velocity, np.gradient(velocity) * clock.rate_hz)
-    inside = slice(2 * half, -2 * half)
-    moves = np.column_stack([term[apart:] - term[:-apart] for term in terms])[inside]
-    answer = (torque[apart:] - torque[:-apart])[inside]
-    if len(answer) < _FEWEST_SAMPLES or not answer.var():
-        return None
-    solved, *_ = np.linalg.lstsq(moves, answer, rcond=None)
-    share = float(1 - (answer - moves @ solved).var() / answer.var())
-    together = solved[0] * solved[2] > 0
-    return share * float(np.sign(solved[0])) if share >= _EXPLAINED and together else None
-
-
-def _smoothed(values: np.ndarray, n: int) -> np.ndarray:
-    kernel = np.full(n, 1 / n)
-    return np.convolve(np.convolve(values, kernel, "same"), kernel, "same")
 
 
 def _time(assigned: Assignments, clock: SeenClock) -> np.ndarray | None:

@@ -20,11 +20,10 @@ from jointz.inspection.names import GAIT_WORDS, channel_scores
 from jointz.inspection.problems import (
     Pulses,
     command_correlation,
-    is_walking,
+    motion_of,
     pulse_response,
     pulses_of_table,
     torque_over_command,
-    torque_resistance,
 )
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
 from jointz.inspection.signs import angle_direction, is_clear
@@ -302,17 +301,15 @@ def _cell(recording: RecordingDraft) -> tuple[str, ...]:
 
 def _kind(main: Source) -> Guess:
     """Return whether people walk, open where neither names nor the angle decide it."""
-    if {"contact", "ground_reaction_force"} & set(main.assigned):
-        return Guess("walking", "there is contact of a foot with the ground")
-    walks = None if "angle" in main.overflow else is_walking(main.assigned, main.clock)
+    motion = "" if "angle" in main.overflow else motion_of(main.assigned, main.clock)
     words = main.names.found.union(*(c.words.found for c in main.in_group)) & GAIT_WORDS
-    if words and walks is not False:
-        return Guess("walking", f"names contain {min(words)}")
-    if walks:
+    if motion == "gait":
         return Guess("walking", "the angle repeats as in strides")
-    if walks is None or words:
-        return Guess(OPEN)
-    return Guess("bench", "the angle does not repeat as in strides")
+    if motion != "sine" and {"contact", "ground_reaction_force"} & set(main.assigned):
+        return Guess("walking", "there is contact of a foot with the ground")
+    if motion == "aperiodic":
+        return Guess(OPEN) if words else Guess("bench", "the angle does not repeat as in strides")
+    return Guess("walking", f"names contain {min(words)}") if words and not motion else Guess(OPEN)
 
 
 def _signs(
@@ -329,7 +326,7 @@ def _signs(
         angle, straight, by_range = Guess(seen[0], seen[2]), seen[1], bool(seen[0])
         if not angle.value and named:
             angle = Guess(named, "its name says it")
-        angle_open = not angle.value and _sign_matters(main, walking=walking)
+        angle_open = not angle.value
     torque, command = (_named_direction(assigned, name) for name in ("torque", "command"))
     # What is positive in the other direction is turned when it is read.
     turns = [g.value not in ("", positive) for g in (angle, torque, command)]
@@ -337,7 +334,7 @@ def _signs(
     if {"angle", "torque"} <= set(assigned):
         moved, inertia = pulse_response(assigned, main.clock, own)
     moved = -moved if turns[0] != turns[1] else moved
-    acts_on, acts_on_open = _acts_on(assigned, main, moved, walking=walking)
+    acts_on, acts_on_open = _acts_on(assigned, moved)
     acts_on_open = acts_on_open and not torque.value
     inertia = inertia if is_clear(moved) else np.nan
     followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
@@ -356,14 +353,7 @@ def _named_direction(assigned: Assignments, name: str) -> Guess:
     return Guess(named, "its name says it" if named else "")
 
 
-def _sign_matters(main: Source, *, walking: bool) -> bool:
-    # On a bench without a command, torque_acts_on was guessed by the angle, whose sign is settled.
-    return walking or main.pulses.source == "command"
-
-
-def _acts_on(
-    assigned: Assignments, main: Source, moved: float, *, walking: bool
-) -> tuple[Guess, bool]:
+def _acts_on(assigned: Assignments, moved: float) -> tuple[Guess, bool]:
     """Return the side that the torque acts on, and whether that is open."""
     if not {"angle", "torque"} <= set(assigned):
         return Guess("joint", "the usual one"), False
@@ -371,12 +361,6 @@ def _acts_on(
         goes = "in its direction" if moved > 0 else "against it"
         side = "joint" if moved > 0 else "device"
         return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
-    resistance = None if walking else torque_resistance(assigned, main.clock)
-    if resistance is not None:
-        share = f"{100 * abs(resistance):.0f} % of its quick changes"
-        if resistance < 0:
-            return Guess("device", f"the torque opposes the angle in {share}"), False
-        return Guess("joint", f"the torque goes with the angle in {share}"), False
     return Guess("joint"), True
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from jointz.core.channels import OPPOSITE_DIRECTION
 from jointz.inspection.guess import InspectedColumn, si_of
 from jointz.inspection.inspection_result import Answer, Question, SeenClock
-from jointz.inspection.names import word_set
 from jointz.inspection.problems import likely_rates
 from jointz.inspection.study_draft import Proposal
 from jointz.io.text.column_names import EITHER
@@ -29,10 +28,6 @@ _MOST_NM = 2000.0
 _TORQUE_UNITS = {
     "N*m": 1.0, "mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0
 }  # fmt: skip
-_LIKE = {
-    "angle": word_set("knee angle gonio pos position"),
-    "torque": word_set("load loadcell cell force moment sensor raw adc bridge strain"),
-}
 
 
 def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
@@ -83,9 +78,9 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
     lacking += [] if {"torque", "current"} & set(assigned) else ["torque"]
     for name in lacking:
         free = [c for c in proposal.free if not c.column.is_text and _moves(c)]
-        free = sorted(free, key=lambda c: -_likeness(name, c))[:_MOST_ANSWERS]
         answers = tuple(
-            Answer(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}") for c in free
+            Answer(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}")
+            for c in free[:_MOST_ANSWERS]
         )
         text = f"Which column is the {name}?"
         if name == "torque":
@@ -105,11 +100,6 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
 def _moves(inspected: InspectedColumn) -> bool:
     course = inspected.course
     return course.low is not None and course.low != course.high and not course.rises
-
-
-def _likeness(name: str, inspected: InspectedColumn) -> int:
-    """Return how much the words of a column sound like a channel."""
-    return len(inspected.words.found & _LIKE[name])
 
 
 def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:

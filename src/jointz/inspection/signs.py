@@ -17,7 +17,8 @@ _SURE = 0.997
 _CLEAR_OF_PULSES_S = 0.4
 _STRIDE_S, _ALIKE, _AS_HIGH = (0.7, 2.5), 0.4, 0.85
 _REPEAT_STEP_S, _REST_STEP_S = 0.01, 0.02
-_GAIT_DEG, _HARMONIC, _SLOW = 20.0, 0.1, 0.15  # range, second harmonic's power, share of speed
+_GAIT_DEG, _SLOW = 20.0, 0.15  # range of a knee or ankle; share of speed at rest
+_SINE, _HARMONIC = 0.01, 0.1  # power of the second harmonic, in that of the first
 _BENT_MORE_DEG = 15.0
 
 
@@ -108,10 +109,15 @@ def _change(
     return float(found[1] - found[0])
 
 
+def step_of(time_s: np.ndarray) -> float:
+    """Return the usual time between samples, s."""
+    return float(np.nanmedian(np.diff(time_s)))
+
+
 def repeat_s(time_s: np.ndarray, angle: np.ndarray) -> float:
     """Return the time after which a walking joint's angle repeats, 0 where it does not."""
-    every = max(1, round(_REPEAT_STEP_S / float(np.nanmedian(np.diff(time_s)))))
-    step = every * float(np.nanmedian(np.diff(time_s)))
+    every = max(1, round(_REPEAT_STEP_S / step_of(time_s)))
+    step = every * step_of(time_s)
     moved = np.nan_to_num(angle - np.nanmean(angle))[::every]
     spectrum = np.fft.rfft(moved, 2 * moved.size)
     repeats = np.fft.irfft(np.abs(spectrum) ** 2)[: round(_STRIDE_S[1] / step)]
@@ -121,29 +127,29 @@ def repeat_s(time_s: np.ndarray, angle: np.ndarray) -> float:
     return high[0] * step if high and high[0] * step > _STRIDE_S[0] else 0.0
 
 
-def walks(time_s: np.ndarray, angle: np.ndarray, *, is_range_sure: bool) -> bool | None:
-    """Return whether an angle (rad) is that of a walking knee or ankle, None if it is unclear.
+def kind_of_motion(time_s: np.ndarray, angle: np.ndarray, *, is_range_sure: bool) -> str:
+    """Return how an angle (rad) moves: "gait", "sine", "aperiodic", or "" if it is unclear.
 
-    In walking it repeats with a clear second harmonic and is seldom at rest.
+    In walking, a knee or an ankle repeats with a clear second harmonic and is seldom at rest.
     """
     stride_s = repeat_s(time_s, angle)
-    if not stride_s:
-        return False
-    n = round(stride_s / float(np.nanmedian(np.diff(time_s))))
-    cycles = angle[: angle.size // n * n].reshape(-1, n)
+    n = round(stride_s / step_of(time_s))
+    cycles = angle[: angle.size // n * n].reshape(-1, n) if n else np.empty((0, 0))
     cycles = cycles[np.isfinite(cycles).all(axis=1)]
-    power = np.abs(np.fft.rfft(cycles, axis=1)) ** 2
     low, high = np.rad2deg(np.nanpercentile(angle, [1.0, 99.0]))
-    if not is_range_sure or not len(cycles):
-        return None
-    if high - low > _GAIT_DEG and np.median(power[:, 2] / power[:, 1]) > _HARMONIC:
-        return True
-    return False if high - low < _GAIT_DEG and is_mostly_at_rest(time_s, angle) else None
+    is_small = is_range_sure and high - low < _GAIT_DEG
+    if not stride_s or (is_small and is_mostly_at_rest(time_s, angle)):
+        return "aperiodic"
+    power = np.abs(np.fft.rfft(cycles, axis=1)) ** 2
+    harmonic = float(np.median(power[:, 2] / power[:, 1])) if len(cycles) else np.nan
+    if harmonic < _SINE:
+        return "sine"
+    return "gait" if is_range_sure and not is_small and harmonic > _HARMONIC else ""
 
 
 def is_mostly_at_rest(time_s: np.ndarray, angle: np.ndarray) -> bool:
     """Return whether an angle hardly moves in most samples, as between pulses and steps."""
-    every = max(1, round(_REST_STEP_S / float(np.nanmedian(np.diff(time_s)))))
+    every = max(1, round(_REST_STEP_S / step_of(time_s)))
     whole = angle[: angle.size // every * every].reshape(-1, every)
     speed = np.abs(np.diff(whole.mean(axis=1)))
     speed = speed[np.isfinite(speed)]

@@ -161,7 +161,7 @@ def test_an_impossible_inertia_doubts_the_unit_of_torque(tmp_path, size, unit):
 
     _, asked = draft(tmp_path, "S01_perturbed.csv", **columns)
 
-    assert asked == (["channels.torque.unit"] if unit else [])
+    assert ("channels.torque.unit" in asked) is bool(unit)
 
 
 def test_a_small_angle_on_a_bench_may_be_in_degrees(tmp_path):
