@@ -306,13 +306,17 @@ def guessed_condition(text: str) -> str:
     return meant[0] if len(meant) == 1 else ""
 
 
-def condition_levels(inspected: InspectedColumn, command: np.ndarray | None) -> dict[str, str]:
+def condition_levels(assigned: Assignments) -> dict[str, str]:
     """Return the meaning of the levels of a column of conditions: by words, else by the command."""
+    if "condition" not in assigned:
+        return {}
+    inspected = assigned["condition"][0]
     asks = inspected.words.found & _CONDITION_WORDS["perturbed"]
     levels = {}
     for level in filter(None, inspected.course.levels):
         meant = guessed_condition(level) or (asks and _ANSWERS.get(level.casefold(), ""))
-        if not meant and command is not None:
+        if not meant and "command" in assigned:
+            command = assigned["command"][0].column.values
             values = inspected.column.values
             own = values == level if inspected.column.is_text else values == float(level)
             meant = "perturbed" if np.nan_to_num(command[own]).any() else "unperturbed"

@@ -35,7 +35,6 @@ from jointz.inspection.signs import (
     torque_side,
 )
 
-_FOLLOWS = 0.6
 _FEWEST_PULSES = 3
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
@@ -93,28 +92,25 @@ def find_command(
 ) -> Assignments:
     """Add the column that is zero but in pulses which the torque follows, whatever its name."""
     time = _time(assigned, clock)
-    if "command" in assigned or not {"angle", "torque"} <= set(assigned) or not _is_steady(clock):
+    if "command" in assigned or not {"angle", "torque"} <= set(assigned):
         return assigned
     used = {id(c) for c, _ in assigned.values()}
     free = [c for c in columns if id(c) not in used and not c.column.is_text]
-    for column in free if time is not None else ():
+    for column in free if time is not None and _is_steady(clock) else ():
         values = column.column.values[: time.size]
-        runs = runs_of(_is_on(values))
-        n = min(len(runs), _MOST_PULSES)
-        if n < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:
+        runs = runs_of(_is_on(values))[:_MOST_PULSES]
+        if len(runs) < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:
             continue
-        onsets, sizes = time[runs[:n, 0]], values[runs[:n].mean(axis=1).astype(int)]
         stride_s = repeat_s(time, _si(assigned, "angle"))
-        risen = responses(time, _si(assigned, "torque"), onsets, stride_s) * np.sign(sizes)
-        if not is_clear(clearness(risen)):
+        risen = responses(time, _si(assigned, "torque"), time[runs[:, 0]], stride_s)
+        if not is_clear(clearness(risen * np.sign(values[runs.mean(axis=1).astype(int)]))):
             continue
-        why = f"it is zero but in {len(runs)} pulses, which the torque follows"
-        is_torque = si_unit_of(column.words.unit or "N*m")[0] == "N*m"
-        if is_torque and not column.words.found & _TRIGGERS:
-            unit = column.words.unit or assigned["torque"][1].unit
-            return {**assigned, "command": (column, Assignment("command", why, unit,
-                    "" if column.words.unit else "that of the torque"))}  # fmt: skip
-        return {**assigned, "trigger": (column, Assignment("trigger", why))}
+        why, unit = "it is zero but in pulses, which the torque follows", column.words.unit
+        if column.words.found & _TRIGGERS or si_unit_of(unit or "N*m")[0] != "N*m":
+            return {**assigned, "trigger": (column, Assignment("trigger", why))}
+        unit_why = "" if unit else "that of the torque"
+        unit = unit or assigned["torque"][1].unit
+        return {**assigned, "command": (column, Assignment("command", why, unit, unit_why))}
     return assigned
 
 
@@ -170,17 +166,6 @@ def torque_over_command(assigned: Assignments, clock: SeenClock) -> float | None
     changes = (torque[late] - torque[begins - 1])[held] / command[late][held]
     changes = changes[np.isfinite(changes)]
     return float(np.median(changes)) if changes.size >= _FEWEST_PULSES else None
-
-
-def command_correlation(assigned: Assignments) -> float | None:
-    """Return the correlation of torque and command in pulses, None if it is small."""
-    command, torque = _si(assigned, "command"), _si(assigned, "torque")
-    both = np.isfinite(command) & np.isfinite(torque)
-    command, torque = command[both], torque[both]
-    if command.size < _FEWEST_SAMPLES or not command.std() or not torque.std():
-        return None
-    correlation = float(np.corrcoef(command, torque)[0, 1])
-    return correlation if abs(correlation) > _FOLLOWS else None
 
 
 def pulses_of_table(

@@ -19,7 +19,6 @@ from jointz.inspection.guess import (
 from jointz.inspection.names import GAIT_WORDS, channel_scores
 from jointz.inspection.problems import (
     Pulses,
-    command_correlation,
     motion_of,
     pulse_response,
     pulses_of_table,
@@ -109,7 +108,7 @@ def proposal_of(
         rate_hz=clock.rate_hz if clock.source == "rate" else None,
         obstacles=tuple(obstacles),
         free=tuple(c for c in main.in_group if id(c) not in assignments_by_column(assigned)),
-        levels=_levels(assigned),
+        levels=condition_levels(assigned),
     )
 
 
@@ -213,25 +212,18 @@ def _is_leg_open(main: Source, own: OwnPulses | None) -> bool:
 
     Pulses decide it where they move the proposed leg, and not the other.
     """
-    angles = {
-        c.words.side: c for c in main.in_group if "angle" in channel_scores(c.words)
-    }  # fmt: skip
-    torque = main.assigned.get("torque", main.assigned.get("current"))
+    assigned = main.assigned
+    angles = {c.words.side: c for c in main.in_group if "angle" in channel_scores(c.words)}
+    torque = assigned.get("torque", assigned.get("current"))
     named = main.names.side or (torque and torque[0].words.side)
-    if named or not {"left", "right"} <= set(angles) or "angle" not in main.assigned:
+    if named or not {"left", "right"} <= set(angles):
         return False
-    used, assignment = main.assigned["angle"]
-    other = angles["left" if used.words.side == "right" else "right"]
-    if "torque" not in main.assigned:
+    if not {"angle", "torque"} <= set(assigned):
         return True
-    of_other = {**main.assigned, "angle": (other, assignment)}
-    moved = [pulse_response(a, main.clock, own)[0] for a in (main.assigned, of_other)]
-    return not is_clear(moved[0]) or is_clear(moved[1])
-
-
-def _levels(assigned: Assignments) -> dict[str, str]:
-    command = assigned["command"][0].column.values if "command" in assigned else None
-    return condition_levels(assigned["condition"][0], command) if "condition" in assigned else {}
+    other = angles["left" if assigned["angle"][0].words.side == "right" else "right"]
+    legs = (assigned, {**assigned, "angle": (other, assigned["angle"][1])})
+    moved, moved_other = (is_clear(pulse_response(leg, main.clock, own)[0]) for leg in legs)
+    return moved_other or not moved
 
 
 def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
@@ -317,32 +309,30 @@ def _signs(
 ) -> _Signs:
     """Decide directions by names, ranges and the response to pulses, and say what is open."""
     assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
-    angle, straight, angle_open, by_range = Guess(""), 0, False, False
+    angle, straight, by_range = Guess(""), 0, False
     if "angle" in assigned:
-        named = assigned["angle"][0].words.direction
-        seen = ("", 0, "")
         if walking and knee and positive == "flexion":
-            seen = angle_direction(assigned)
-        angle, straight, by_range = Guess(seen[0], seen[2]), seen[1], bool(seen[0])
-        if not angle.value and named:
-            angle = Guess(named, "its name says it")
-        angle_open = not angle.value
+            direction, straight, why = angle_direction(assigned)
+            angle, by_range = Guess(direction, why), bool(direction)
+        angle = angle if by_range else _named_direction(assigned, "angle")
+    angle_open = "angle" in assigned and not angle.value
     torque, command = (_named_direction(assigned, name) for name in ("torque", "command"))
     # What is positive in the other direction is turned when it is read.
-    turns = [g.value not in ("", positive) for g in (angle, torque, command)]
-    moved, inertia = 0.0, np.nan
+    turns = [g.value not in ("", positive) for g in (angle, torque)]
+    acts_on, acts_on_open, inertia = Guess("joint"), False, np.nan
     if {"angle", "torque"} <= set(assigned):
         moved, inertia = pulse_response(assigned, main.clock, own)
-    moved = -moved if turns[0] != turns[1] else moved
-    acts_on, acts_on_open = _acts_on(assigned, moved)
-    acts_on_open = acts_on_open and not torque.value
-    inertia = inertia if is_clear(moved) else np.nan
-    followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
-    if not command.value and followed is not None and not acts_on_open:
-        follows = (followed > 0) != turns[1]
+        acts_on_open = not is_clear(moved) and not torque.value
+        if is_clear(moved):
+            along = (moved > 0) == (turns[0] == turns[1])
+            why = f"pulses of torque move the joint {'along it' if along else 'against it'}"
+            acts_on = Guess("joint" if along else "device", why)
+        inertia = inertia if is_clear(moved) else np.nan
+    ratio = torque_over_command(assigned, main.clock)
+    if ratio is not None and not (command.value or acts_on_open or angle_open):
+        follows = (ratio > 0) != turns[1]
         if follows != (acts_on.value == "joint"):
-            why = f"it opposes the torque on the joint (correlation {followed:.2f})"
-            command = Guess(OPPOSITE_DIRECTION[positive], why)
+            command = Guess(OPPOSITE_DIRECTION[positive], "it opposes the torque on the joint")
     return _Signs(
         angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command, inertia
     )
@@ -351,17 +341,6 @@ def _signs(
 def _named_direction(assigned: Assignments, name: str) -> Guess:
     named = assigned[name][0].words.direction if name in assigned else ""
     return Guess(named, "its name says it" if named else "")
-
-
-def _acts_on(assigned: Assignments, moved: float) -> tuple[Guess, bool]:
-    """Return the side that the torque acts on, and whether that is open."""
-    if not {"angle", "torque"} <= set(assigned):
-        return Guess("joint", "the usual one"), False
-    if is_clear(moved):
-        goes = "in its direction" if moved > 0 else "against it"
-        side = "joint" if moved > 0 else "device"
-        return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
-    return Guess("joint"), True
 
 
 def _condition(source: Source, table: PulseColumns | None, main: Source) -> Guess:

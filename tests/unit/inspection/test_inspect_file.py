@@ -406,7 +406,8 @@ def test_what_only_the_reader_knows_stands_there_to_be_answered(tmp_path):
     (tmp_path / "study.toml").write_text(found.toml)
 
     asked = [line for line in found.toml.splitlines() if line.startswith("# ")]
-    assert open_keys(found.toml) == ["torque_acts_on", "unit", "positive"]
+    keys = ["torque_acts_on", "positive", "unit", "positive", "positive"]
+    assert open_keys(found.toml) == keys
     with pytest.raises(StudyError, match=r"torque_acts_on: open[^$]*channels.angle.positive: open"):
         open_study(tmp_path)
     for begin in ("side =", "mass_kg =", "[[participants]]", "[[recordings]]", "[perturbations]"):
