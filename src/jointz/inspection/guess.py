@@ -37,7 +37,7 @@ _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
 _FULL_TURN = 2 * np.pi
 _SHORTEST_STEP_S, _LONGEST_STEP_S = 5e-6, 0.1
-_MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
+_MOST_A, _MOST_MA = 150.0, 40e3
 _CHANGES = 0.05  # largest share of samples at which a label changes
 #: Words of names and of levels; a name that has words of two of them says neither.
 _CONDITION_WORDS = {
@@ -264,8 +264,6 @@ def guessed_unit(channel: str, inspected: InspectedColumn) -> tuple[str, str]:
         if span > _FULL_TURN or size > _LARGEST_RAD:
             return "deg", f"{low:.4g} to {high:.4g} is too far for rad"
         return "rad", f"{low:.4g} to {high:.4g} would be small in deg"
-    if channel in ("torque", "command") and size > _MOST_NM:
-        return "N*m", f"the usual one, though {size:.4g} is too much"
     if channel == "current" and _MOST_A < size < _MOST_MA:
         return "mA", f"{size:.4g} is too much for A"
     return CHANNEL_UNITS[channel][0], "the usual one"

@@ -194,7 +194,7 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if proposal.kind.value == "walking" and not proposal.obstacles:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
-    file, acts_on = plainly(main.file.name), proposal.acts_on.value
+    file, acts_on = plainly(main.file.name), proposal.signs.acts_on.value
     commands = command_advice(file, proposal.assigned, proposal.files, acts_on=acts_on)
     if commands and proposal.question("torque_acts_on"):
         return (*commands, "If the torque acts on the device, write --torque-acts-on device.")

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from typing import Any
 
@@ -31,6 +31,7 @@ from jointz.inspection.study_draft import (
     Guess,
     Proposal,
     RecordingDraft,
+    Signs,
     assignments_by_column,
     usual_direction,
 )
@@ -39,21 +40,6 @@ from jointz.io.toml_problems import OPEN
 
 _USUAL_JOINT = "knee"
 _UNLIKE = 50.0  # ratio of torques in different units
-
-
-@dataclass(frozen=True, slots=True)
-class _Signs:
-    """Directions of angle, torque and command."""
-
-    angle: Guess
-    angle_by_range: bool
-    straight_deg: int
-    angle_open: bool
-    torque: Guess
-    acts_on: Guess
-    acts_on_open: bool
-    command: Guess
-    inertia: float  # kg m2, the torque over the acceleration at pulses; NaN without
 
 
 def proposal_of(
@@ -85,14 +71,7 @@ def proposal_of(
         assigned=assigned,
         joint=Guess(joint or _USUAL_JOINT, why or "the file does not state it"),
         kind=kind,
-        acts_on=signs.acts_on,
         positive=positive,
-        angle=signs.angle,
-        straight_deg=signs.straight_deg,
-        torque=signs.torque,
-        command=signs.command,
-        angle_sign_open=signs.angle_open,
-        acts_on_open=signs.acts_on_open,
         inverted=main.inverted,
         table_columns={} if shown_table is None else _table_columns(shown_table, own),
         in_samples=SAMPLE in (onset_unit, own.unit if own else ""),
@@ -100,7 +79,7 @@ def proposal_of(
         and not onset_unit
         and (own is None or not own.is_unit_clear),
         is_leg_open=_is_leg_open(main, own),
-        inertia=signs.inertia,
+        signs=signs,
         torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
@@ -180,7 +159,7 @@ def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict
 
 
 def _draft(
-    source: Source, table: PulseColumns | None, main: Source, signs: _Signs, n_sources: int
+    source: Source, table: PulseColumns | None, main: Source, signs: Signs, n_sources: int
 ) -> RecordingDraft:
     labels = source.labels
     person = Guess(labels.participant, "its name, or that of the folder or part")
@@ -235,7 +214,7 @@ def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> 
     return replace(recording, participant=person)
 
 
-def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str, Any]]:
+def _changes(source: Source, main: Source, signs: Signs) -> dict[str, dict[str, Any]]:
     """Return what a recording's channels have differently from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
     for name, (inspected, assignment) in source.assigned.items():
@@ -306,7 +285,7 @@ def _kind(main: Source) -> Guess:
 
 def _signs(
     main: Source, own: OwnPulses | None, positive: str, *, walking: bool, knee: bool
-) -> _Signs:
+) -> Signs:
     """Decide directions by names, ranges and the response to pulses, and say what is open."""
     assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
     angle, straight, by_range = Guess(""), 0, False
@@ -333,8 +312,8 @@ def _signs(
         follows = (ratio > 0) != turns[1]
         if follows != (acts_on.value == "joint"):
             command = Guess(OPPOSITE_DIRECTION[positive], "it opposes the torque on the joint")
-    return _Signs(
-        angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command, inertia
+    return Signs(
+        acts_on, acts_on_open, angle, angle_open, by_range, straight, torque, command, inertia
     )
 
 

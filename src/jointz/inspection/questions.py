@@ -15,7 +15,6 @@ from jointz.io.text.column_names import EITHER
 from jointz.io.toml_problems import OPEN
 
 _MOST_ANSWERS = 3
-_MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
 _ALIKE = 1.25  # times the command: beyond it a unit is not decided
 #: Inertia of limbs about a joint, kg m2, with a device; beyond so many times a unit is doubted.
 _INERTIA = {
@@ -29,6 +28,7 @@ _MOST_NM, _GAIT_RAD = 2000.0, (0.35, 2.0)
 _TORQUE_UNITS = {
     "N*m": 1.0, "mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0
 }  # fmt: skip
+_USUAL_TORQUES = [("N*m", "the usual one"), ("N*m/kg", "inverse dynamics"), ("mN*m", "or counts")]
 
 
 def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
@@ -208,7 +208,7 @@ def _torque_unit(proposal: Proposal) -> Iterator[Question]:
     factor = si_of(assignment)[1]
     largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
     least, most = _INERTIA[proposal.joint.value]
-    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.inertia / factor
+    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.signs.inertia / factor
     is_odd = inertia * factor < least / _FAR or inertia * factor > most * _FAR
     is_followed = _is_like(ratio, _MOST_FOLLOWED if stated else _ALIKE)
     decided = is_followed or (ratio is None and stated)
@@ -222,19 +222,9 @@ def _torque_unit(proposal: Proposal) -> Iterator[Question]:
     if ratio is not None and not is_followed:
         text += f" In pulses it changes by {ratio:.3g} times the command."
         sizes = (abs(ratio) / factor / _ALIKE, abs(ratio) / factor * _ALIKE)
-    yield _open("channels.torque.unit", text, *_torque_units(largest, sizes))
-
-
-def _torque_units(largest: float, sizes: tuple[float, float]) -> list[tuple[str, str]]:
-    """Return the units in which a torque may be, those of a likely size of 1 N*m first."""
-    if likely := [unit for unit, size in _TORQUE_UNITS.items() if sizes[0] <= size <= sizes[1]]:
-        return [(unit, "as the pulses then") for unit in likely]
-    options = [("N*m", "the usual one")]
-    if largest <= _MOST_PER_MASS:
-        options.append(("N*m/kg", "as inverse dynamics gives it"))
-    if largest >= _LEAST_MILLI:
-        options.append(("mN*m", "counts of a sensor need scale"))
-    return options
+    likely = [unit for unit, size in _TORQUE_UNITS.items() if sizes[0] <= size <= sizes[1]]
+    answers = [(unit, "as the pulses then") for unit in likely] or _USUAL_TORQUES
+    yield _open("channels.torque.unit", text, *answers)
 
 
 def _is_like(ratio: float | None, factor: float) -> bool:
@@ -245,25 +235,25 @@ def _signs(proposal: Proposal) -> Iterator[Question]:
     """Ask for directions; where the angle's is open or opposite, for those of the others, too."""
     positive, assigned = proposal.positive.value, proposal.assigned
     directions = ((positive, "the usual one"), (OPPOSITE_DIRECTION[positive], "the other"))
-    if proposal.angle_sign_open:
+    if proposal.signs.angle_open:
         inspected, assignment = assigned["angle"]
         low, high = inspected.course.low, inspected.course.high
         text = "In which direction does the angle grow?"
         text += "" if low is None else f" It goes from {low:.4g} to {high:.4g} {assignment.unit}."
         yield _open("channels.angle.positive", text, *directions)
-    if "torque" in assigned and proposal.acts_on_open:
+    if "torque" in assigned and proposal.signs.acts_on_open:
         yield _open(
             "torque_acts_on",
             "Is the torque that of the device on the joint, or of the leg on the device?",
             ("joint", "a positive torque pushes towards the positive angle; the default"),
             ("device", "a sensor that measures what the leg does, or inverse dynamics"),
         )
-    is_turned = proposal.acts_on_open and proposal.angle.value not in ("", positive)
-    known = {"torque": proposal.torque.value, "command": proposal.command.value}
+    is_turned = proposal.signs.acts_on_open and proposal.signs.angle.value not in ("", positive)
+    known = {"torque": proposal.signs.torque.value, "command": proposal.signs.command.value}
     for name in [n for n in known if n in assigned and not known[n]]:
-        if proposal.angle_sign_open or is_turned:
+        if proposal.signs.angle_open or is_turned:
             text = f"In which direction does the {name} count?"
-            text += "" if proposal.acts_on_open else " In that of the angle, as the pulses show."
+            text += "" if proposal.signs.acts_on_open else " As the angle, by the pulses."
             yield _open(f"channels.{name}.positive", text, *directions)
 
 

@@ -16,6 +16,7 @@ from jointz.io.toml_text import written_comment, written_key, written_text
 
 _POSITIVE = {"ankle": "dorsiflexion"}
 _LONGEST_LIST = 12
+_DIRECTED = ("angle", "torque", "command")
 _CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
 
 
@@ -45,6 +46,21 @@ class RecordingDraft:
     files: FilesSpec | None = None  # layout, where it is another than the study's
 
 
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """Directions of angle, torque and command, "" where unknown, and which of them are open."""
+
+    acts_on: Guess  # key ``torque_acts_on``
+    acts_on_open: bool
+    angle: Guess
+    angle_open: bool
+    angle_by_range: bool
+    straight_deg: int  # angle of a straight knee, 0 or 180
+    torque: Guess
+    command: Guess
+    inertia: float  # kg m2, the torque over the acceleration at pulses; NaN without
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
     """Content of a ``study.toml``."""
@@ -53,21 +69,14 @@ class Proposal:
     assigned: Assignments  # channel -> column
     joint: Guess  # key ``joint``
     kind: Guess  # key ``kind``
-    acts_on: Guess  # key ``torque_acts_on``
     positive: Guess  # key ``positive``
-    angle: Guess = Guess("")  # direction of the angle; "" if unknown
-    straight_deg: int = 0  # angle of a straight knee, 0 or 180
-    torque: Guess = Guess("")  # direction of the torque; "" if unknown
-    command: Guess = Guess("")  # direction of the command, where it is the opposite
-    angle_sign_open: bool = False
-    acts_on_open: bool = False
+    signs: Signs
     inverted: frozenset[str] = frozenset()  # channels
     # meaning -> column and unit of the pulse tables; empty if their names say it
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     in_samples: bool = False  # whether pulse tables count samples
     is_onset_unit_open: bool = False
     is_leg_open: bool = False
-    inertia: float = math.nan  # kg m2, the torque over the acceleration at pulses; NaN without
     torque_over_command: float | None = None  # median ratio of their changes in pulses
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
@@ -99,7 +108,7 @@ def study_text(proposal: Proposal) -> str:
         _line("joint", proposal.joint),
         _key(proposal, "kind", proposal.kind),
         _line("positive", proposal.positive),
-        _key(proposal, "torque_acts_on", proposal.acts_on),
+        _key(proposal, "torque_acts_on", proposal.signs.acts_on),
         *_coupling(proposal),
         *_rate(proposal),
     ]
@@ -117,9 +126,9 @@ def _first_file(proposal: Proposal) -> str:
 
 def _calibration(proposal: Proposal) -> list[str]:
     """Return the zero of an angle that is 180 deg where the knee is straight."""
-    if not proposal.straight_deg:
+    if not proposal.signs.straight_deg:
         return []
-    turned = -1 if proposal.angle.value == "extension" else 1
+    turned = -1 if proposal.signs.angle.value == "extension" else 1
     zero = _inline({"value": turned * round(math.pi, 6), "sd": 0.05})
     return ["", "[calibration]", f"angle_zero_rad = {zero}  # guess: straight is 180 deg"]
 
@@ -196,12 +205,7 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         )
     if name in proposal.inverted and name == "ground_reaction_force":
         lines.append("invert = true  # guess: it is negative where the foot is loaded")
-    directions = {
-        "angle": proposal.angle,
-        "torque": proposal.torque,
-        "command": proposal.command,
-    }
-    turned = directions.get(name, Guess(""))
+    turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
     if name == "condition" and (question := proposal.question("channels.condition.values")):
