@@ -92,11 +92,11 @@ def find_command(
 ) -> Assignments:
     """Add the column that is zero but in pulses which the torque follows, whatever its name."""
     time = _time(assigned, clock)
-    if "command" in assigned or not {"angle", "torque"} <= set(assigned):
+    if time is None or "command" in assigned or not {"angle", "torque"} <= set(assigned):
         return assigned
     used = {id(c) for c, _ in assigned.values()}
     free = [c for c in columns if id(c) not in used and not c.column.is_text]
-    for column in free if time is not None and _is_steady(clock) else ():
+    for column in free if _is_steady(clock) else ():
         values = column.column.values[: time.size]
         runs = runs_of(_is_on(values))[:_MOST_PULSES]
         if len(runs) < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:

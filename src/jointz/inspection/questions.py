@@ -126,7 +126,7 @@ def _pulses(proposal: Proposal) -> Iterator[Question]:
     if proposal.is_onset_unit_open:
         text = "In what unit are the onsets of the pulse table?"
         yield _open("perturbations.columns.onset.unit", text, ("s", ""), ("ms", ""), ("sample", ""))
-    if proposal.table_columns and proposal.first_sample is None and proposal.in_samples:
+    if proposal.in_samples and proposal.first_sample is None:
         yield _open(
             "perturbations.first_sample",
             "The pulse table counts samples. Which number has the first sample of a recording?",

@@ -1,7 +1,6 @@
 """Draft of a ``study.toml``, in which each guess is marked with its reason."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -234,15 +233,8 @@ def _others(free: Sequence[InspectedColumn]) -> list[str]:
         return []
     names = [written_comment(c.title) for c in free[:_LONGEST_LIST]]
     more = f" and {len(free) - _LONGEST_LIST} more" if len(free) > _LONGEST_LIST else ""
-    word = re.sub(r"\W+", "_", names[0].casefold(), flags=re.ASCII).strip("_")
-    one = word if word and not word.isdecimal() else "own"
-    one = f"own_{one}" if one in _CHANNELS else one
-    return [
-        "",
-        f"# Columns without a channel: {', '.join(names)}{more}. To keep one of them:",
-        f"# [channels.{written_key(one)}]",
-        f"# column = {free[0].key if isinstance(free[0].key, int) else written_text(free[0].key)}",
-    ]
+    keep = "[channels.NAME] with its column keeps one"
+    return ["", f"# Columns without a channel: {', '.join(names)}{more}. {keep}."]
 
 
 def _people(proposal: Proposal) -> list[str]:
