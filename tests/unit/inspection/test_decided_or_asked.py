@@ -25,7 +25,7 @@ def gait(time_s=TIME_S):
 def pulses(every_s=2.3):
     """A command of 10 N*m for 0.1 s, in both directions."""
     sign = np.where(TIME_S // every_s % 2, 10.0, -10.0)
-    return sign * (TIME_S % every_s < 0.1) * (TIME_S > every_s)
+    return sign * (TIME_S % every_s < 0.1) * (every_s < TIME_S)
 
 
 def moved(torque, inertia=0.3):
@@ -167,7 +167,9 @@ def test_an_impossible_inertia_doubts_the_unit_of_torque(tmp_path, size, unit):
 def test_a_small_angle_on_a_bench_may_be_in_degrees(tmp_path):
     torque = pulses()
 
-    _, asked = draft(tmp_path, knee_angle=0.1 * moved(torque), torque_Nm=torque + noise(0.1), command_Nm=torque)
+    _, asked = draft(
+        tmp_path, knee_angle=0.1 * moved(torque), torque_Nm=torque + noise(0.1), command_Nm=torque
+    )
 
     assert "channels.angle.unit" in asked
 
