@@ -185,8 +185,8 @@ def _fits(channel: str, inspected: InspectedColumn) -> bool:
     low = inspected.course.low
     if inspected.column.is_text or low is None:
         return False
-    if low == inspected.course.high and (low or channel in _NEVER_CONSTANT):
-        return False  # a setting, such as an offset; a command or torque may be zero throughout
+    if low == inspected.course.high and channel in _NEVER_CONSTANT:
+        return False  # a setting, such as an offset
     if channel == "contact" and channel_scores(inspected.words)[channel] == 1:
         return inspected.words.unit == "V" or len(inspected.course.levels) == 2
     if channel == "time" and _BARE_T.fullmatch(inspected.title) and not inspected.words.unit:
@@ -199,7 +199,8 @@ def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
     if channel == "ground_reaction_force":  # of three axes, the one that carries the body
         values = inspected.column.values
         level = float(abs(np.nanmean(values))) if np.isfinite(values).any() else 0.0
-    return channel_scores(inspected.words)[channel], level
+    steady = inspected.course.low == inspected.course.high
+    return channel_scores(inspected.words)[channel] - 2 * steady, level
 
 
 def _is_label(inspected: InspectedColumn, *, least: int) -> bool:
