@@ -91,7 +91,9 @@ def proposed(real_data: Path, name: str, folder: Path):
         changed = old.sub(new, text) if isinstance(old, re.Pattern) else text.replace(old, new)
         assert changed != text
         text = changed
-    (folder / "study.toml").write_text(answered(text))
+    # Its torque is that of the ankle on a stiff motor.
+    side = "device" if name.startswith("reklab") else "joint"
+    (folder / "study.toml").write_text(answered(text, torque_acts_on=side))
     return found
 
 
