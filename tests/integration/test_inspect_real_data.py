@@ -150,4 +150,4 @@ def test_the_proposal_for_a_stationary_ankle_gives_its_stiffness(real_data, tmp_
     (cell,) = analyze(open_study(tmp_path), resamples=20, method="dissertation").cells
 
     assert cell.parameter("stiffness").value == pytest.approx(104.0, abs=6.0)
-    assert 'torque_acts_on = "device"' in found.toml
+    assert 'torque_acts_on = "?"' in found.toml
