@@ -91,7 +91,9 @@ def proposed(real_data: Path, name: str, folder: Path):
         changed = old.sub(new, text) if isinstance(old, re.Pattern) else text.replace(old, new)
         assert changed != text
         text = changed
-    (folder / "study.toml").write_text(answered(text))
+    # Its torque is that of the ankle on a stiff motor.
+    side = "device" if name.startswith("reklab") else "joint"
+    (folder / "study.toml").write_text(answered(text, torque_acts_on=side))
     return found
 
 
@@ -148,4 +150,4 @@ def test_the_proposal_for_a_stationary_ankle_gives_its_stiffness(real_data, tmp_
     (cell,) = analyze(open_study(tmp_path), resamples=20, method="dissertation").cells
 
     assert cell.parameter("stiffness").value == pytest.approx(104.0, abs=6.0)
-    assert 'torque_acts_on = "device"' in found.toml
+    assert 'torque_acts_on = "?"' in found.toml

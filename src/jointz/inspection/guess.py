@@ -11,7 +11,6 @@ from jointz.core.channels import CHANNEL_UNITS, CONDITIONS, MOTION_SENSORS
 from jointz.core.units import conversion, si_unit_of
 from jointz.inspection.content import Column
 from jointz.inspection.names import (
-    GAIT_WORDS,
     JOINTS,
     Words,
     channel_scores,
@@ -22,6 +21,7 @@ from jointz.inspection.names import (
 from jointz.inspection.signals import Course, course_of
 from jointz.io.text.clock_times import CLOCK_TEXT
 from jointz.io.text.column_names import readable_unit
+from jointz.io.toml_problems import OPEN
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (
@@ -33,18 +33,24 @@ _ORDER = (
 _PART_AT_END = re.compile(r"[./](?:\{part\}|\d+)$")  # behind which a unit may stand
 _AXIS_AT_END = re.compile(r"(.+)[./_ ][xyz]", re.IGNORECASE)
 _N_AXES, _FAR_MORE = 3, 3.0  # range of the axis of flexion over those of the others
+_OF_DEVICE = {"torque", "current", "command"}
+_NEVER_CONSTANT = ("angle", "contact", "ground_reaction_force")
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
 _LABELS = ("trial", "condition", "cycle")
 _LARGEST_RAD = 3.5  # beyond the range of joints
 _FULL_TURN = 2 * np.pi
 _SHORTEST_STEP_S, _LONGEST_STEP_S = 5e-6, 0.1
-_MOST_A, _MOST_MA, _MOST_NM = 150.0, 40e3, 2000.0
+_MOST_A, _MOST_MA = 150.0, 40e3
 _CHANGES = 0.05  # largest share of samples at which a label changes
-_UNPERTURBED = word_set("unperturbed unpert npc enp normal baseline rest off no 0 false")
-_PERTURBED = word_set(
-    "perturbed perturbation perturbations pert apc ewp pulses pulse on yes 1 true"
-)
-_NO_DEVICE = word_set("nwc nodevice without barefoot")
+#: Words of names and of levels; a name that has words of two of them says neither.
+_CONDITION_WORDS = {
+    "no_device": word_set("nwc nodevice withoutdevice"),
+    "unperturbed": word_set("unperturbed unpert npc enp baseline normal"),
+    "perturbed": word_set("perturbed perturbation perturbations pert apc ewp pulses pulse"),
+}
+#: Levels that answer whether there were pulses, where the name of their column asks it.
+_ANSWERS = {**dict.fromkeys(("0", "no", "off", "false"), "unperturbed"),
+            **dict.fromkeys(("1", "yes", "on", "true"), "perturbed")}  # fmt: skip
 _NOT_PERTURBED = re.compile(
     r"(?<![a-z])(?:non|not|no|sin|sans|ohne|senza|zonder|niet|without|un|on)[\s_-]*"
     r"(?:pert|stor|ge?stor|stoer|gestoer|puls|verstoor|impuls)",
@@ -117,7 +123,11 @@ def guessed_side(columns: Sequence[InspectedColumn], file: Words, joint: str) ->
     """Return the first side to analyse and the reason; "" if names state no side."""
     if file.side:
         return file.side, "by the file's name"
-    sides = {c.words.side for c in columns if c.words.joint in ("", joint)} - {""}
+    of_joint = [c for c in columns if c.words.joint in ("", joint)]
+    sides = {c.words.side for c in of_joint} - {""}
+    worn = {c.words.side for c in of_joint if _OF_DEVICE & set(channel_scores(c.words))} - {""}
+    if len(worn) == 1 < len(sides):
+        return worn.pop(), "only its torque was measured"
     if len(sides) > 1:
         return "right", "the file has columns of both sides; name the others for left"
     return (sides.pop(), "by names of columns") if sides else ("", "")
@@ -204,8 +214,11 @@ def _fits(channel: str, inspected: InspectedColumn) -> bool:
         if {"angle", "torque", "current"} & set(scores):  # constant, in a struct named "trial"
             return False
         return _is_label(inspected, least=2 if channel == "condition" else 1)
-    if inspected.column.is_text or inspected.course.low is None:
+    low = inspected.course.low
+    if inspected.column.is_text or low is None:
         return False
+    if low == inspected.course.high and channel in _NEVER_CONSTANT:
+        return False  # a setting, such as an offset
     if channel == "contact" and scores[channel] == 1:
         return inspected.words.unit == "V" or len(inspected.course.levels) == 2
     if channel == "time" and _BARE_T.fullmatch(inspected.title) and not inspected.words.unit:
@@ -218,7 +231,7 @@ def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
     if channel == "ground_reaction_force":  # of three axes, the one that carries the body
         values = inspected.column.values
         level = float(abs(np.nanmean(values))) if np.isfinite(values).any() else 0.0
-    steady = "constant" in " ".join(inspected.course.notes)
+    steady = inspected.course.low == inspected.course.high
     return channel_scores(inspected.words)[channel] - 2 * steady, level
 
 
@@ -260,20 +273,6 @@ def _by_content(
             only,
             _assignment(wanted, only, "the only column beside time; file's name"),
         )
-    elif not wanted and _smooth(only) and not file.found & GAIT_WORDS:
-        assigned["angle"] = (
-            only,
-            _assignment("angle", only, "the only column beside time; it is smooth"),
-        )
-
-
-def _smooth(inspected: InspectedColumn) -> bool:
-    values = inspected.column.values[np.isfinite(inspected.column.values)]
-    spread = float(values.std())
-    turning = inspected.course.high is not None and max(
-        abs(inspected.course.high), abs(inspected.course.low or 0.0)
-    ) <= 360.0  # fmt: skip
-    return bool(spread and turning and np.diff(values).std() < 0.2 * spread)
 
 
 def _assignment(channel: str, inspected: InspectedColumn, why: str) -> Assignment:
@@ -298,8 +297,6 @@ def guessed_unit(channel: str, inspected: InspectedColumn) -> tuple[str, str]:
         if span > _FULL_TURN or size > _LARGEST_RAD:
             return "deg", f"{low:.4g} to {high:.4g} is too far for rad"
         return "rad", f"{low:.4g} to {high:.4g} would be small in deg"
-    if channel in ("torque", "command") and size > _MOST_NM:
-        return "N*m", f"the usual one, though {size:.4g} is too much"
     if channel == "current" and _MOST_A < size < _MOST_MA:
         return "mA", f"{size:.4g} is too much for A"
     return CHANNEL_UNITS[channel][0], "the usual one"
@@ -335,12 +332,24 @@ def guessed_condition(text: str) -> str:
         return known
     if _NOT_PERTURBED.search(without_accents(text)):
         return "unperturbed"
-    found = words_of(text).found | {text.strip().casefold()}
-    for condition, words in (
-        ("no_device", _NO_DEVICE),
-        ("unperturbed", _UNPERTURBED),
-        ("perturbed", _PERTURBED),
-    ):
-        if found & words:
-            return condition
-    return ""
+    found = words_of(text).found
+    meant = [condition for condition, words in _CONDITION_WORDS.items() if found & words]
+    return meant[0] if len(meant) == 1 else ""
+
+
+def condition_levels(assigned: Assignments) -> dict[str, str]:
+    """Return the meaning of the levels of a column of conditions: by words, else by the command."""
+    if "condition" not in assigned:
+        return {}
+    inspected = assigned["condition"][0]
+    asks = inspected.words.found & _CONDITION_WORDS["perturbed"]
+    levels = {}
+    for level in filter(None, inspected.course.levels):
+        meant = guessed_condition(level) or (asks and _ANSWERS.get(level.casefold(), ""))
+        if not meant and "command" in assigned:
+            command = assigned["command"][0].column.values
+            values = inspected.column.values
+            own = values == level if inspected.column.is_text else values == float(level)
+            meant = "perturbed" if np.nan_to_num(command[own]).any() else "unperturbed"
+        levels[level] = meant or OPEN
+    return levels

@@ -245,15 +245,16 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if proposal.kind.value == "walking" and not proposal.obstacles:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
-    asked = ("torque_acts_on", "channels.angle.unit", "channels.torque.unit")
+    asked = ("channels.angle.unit", "channels.torque.unit")
     if any(map(proposal.question, asked)) or main.joined or main.part:
         return ()
-    return tuple(
-        command_advice(
-            plainly(str(main.file)), proposal.assigned, main.clock, proposal.files,
-            acts_on=proposal.acts_on.value,
-        )
+    commands = command_advice(
+        plainly(str(main.file)), proposal.assigned, main.clock, proposal.files,
+        acts_on=proposal.signs.acts_on.value,
     )  # fmt: skip
+    if commands and proposal.question("torque_acts_on"):
+        commands.append("If the torque acts on the device, write --torque-acts-on device.")
+    return tuple(commands)
 
 
 def _layout(files: FilesSpec | None) -> dict[str, Any]:

@@ -158,8 +158,10 @@ _RULES = (
     _Rule("angle", _ANGLES | _BENDS, _TORQUES | _COMMANDED | _AXES | word_set(
           "motor scheduling reference ref velocity vel speed rate acceleration sd toe"), score=3),
 )  # fmt: skip
+#: Words of columns of uncertainty, which are no signals.
+_UNCERTAINTIES = word_set("cov covar covariance sigma variance p00 p11 p12 p21 p22 p33")
 #: Words of columns that are no channel of the joint, whatever their unit.
-_NOT_JOINT = _MOTOR | word_set("scheduling reference ref sd std error")
+_NOT_JOINT = _MOTOR | _UNCERTAINTIES | word_set("scheduling reference ref sd std error")
 _INSOLE = word_set("heel foot toe insole sole")
 #: Words that raise or lower the score of a column.
 _PREFERRED = word_set("measured sensor adc loadcell joint exo actual knee filtered")
@@ -169,7 +171,7 @@ _AVOIDED = word_set("raw estimated model calc calculated error sd std var perkg 
 def channel_scores(words: Words) -> dict[str, int]:
     """Return the channels of a study that fit a name, with scores."""
     scores: dict[str, int] = {}
-    for rule in _RULES:
+    for rule in () if words.found & _UNCERTAINTIES else _RULES:
         if rule.fits(words.found):
             more = bool(words.found & _PREFERRED) - bool(words.found & _AVOIDED)
             scores[rule.channel] = max(scores.get(rule.channel, 0), 2 * rule.score + more)

@@ -9,6 +9,7 @@ import xarray as xr
 
 from jointz.core.recording import build_recording
 from jointz.core.study import FilesSpec
+from jointz.core.units import si_unit_of
 from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
@@ -17,24 +18,31 @@ from jointz.gait.sample_rate import (
     rates_of_strides,
     told_rates,
 )
-from jointz.identify.preparation.pulses import pulses_from_angle
+from jointz.identify.preparation.pulses import pulses_from_angle, runs_of
 from jointz.inspection.content import GUESSED_SAMPLES
-from jointz.inspection.guess import Assignments, InspectedColumn, in_seconds, si_of
+from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, in_seconds, si_of
 from jointz.inspection.inspection_result import SeenClock
-from jointz.inspection.names import channel_scores
+from jointz.inspection.names import channel_scores, word_set
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, own_pulses
-from jointz.inspection.signs import torque_side
+from jointz.inspection.signs import (
+    clearness,
+    is_clear,
+    is_mostly_at_rest,
+    kind_of_motion,
+    repeat_s,
+    responses,
+    step_of,
+    torque_side,
+)
 
-_SMOOTH_S = 0.01
-_APART_S = 0.08
-_EXPLAINED = 0.3
-_FOLLOWS = 0.6
 _FEWEST_PULSES = 3
 _LEVEL_SHARE = 0.1  # of its span, within which the levels of a trigger lie
 _CUTOFF_HZ = 20.0
 _FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
 _LATER_S = 0.05  # after an onset: the torque has risen
+_MOST_ON = 0.25  # share of samples in pulses: a footswitch is on for longer
+_TRIGGERS = word_set("trigger trig ttl sync marker digital")
 _MOST_PULSES = 200  # that tell the direction of a torque
 _CYCLE_POINTS = (2, 1001)
 _HUNDRED = (95.0, 100.5)  # end of a cycle, %
@@ -54,9 +62,8 @@ class Pulses:
 def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
     """Find pulses in the command, or else as steps of the angle."""
     if "command" in assigned:
-        command = assigned["command"][0].column.values
-        there = np.isfinite(command) & (command != 0)
-        n = int((np.diff(there.astype(np.int8)) == 1).sum()) + int(bool(there.size and there[0]))
+        there = _is_on(assigned["command"][0].column.values)
+        n = len(runs_of(there))
         if n and there.mean() < 0.5:
             return Pulses("command", n, f"the command is not zero {n} time(s)")
         return Pulses("", n, "the command is never zero for long" if n else "the command is zero")
@@ -72,8 +79,10 @@ def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
     time = _time(assigned, clock)
     if time is None or clock.restarts or clock.n_back or (clock.rate_hz or 0.0) < 5 * _CUTOFF_HZ:
         return Pulses()
-    recording = build_recording(time, {"angle": _si(assigned, "angle")})
-    n = len(pulses_from_angle(recording, cutoff_hz=_CUTOFF_HZ))
+    angle = _si(assigned, "angle")
+    if not is_mostly_at_rest(time, angle):
+        return Pulses()  # walking, or a random position
+    n = len(pulses_from_angle(build_recording(time, {"angle": angle}), cutoff_hz=_CUTOFF_HZ))
     part = f" in the first {time.size:,} samples" if time.size < clock.n else ""
     why = f"the angle steps {n} time(s){part}"
     return Pulses("angle", n, why) if n >= _FEWEST_PULSES else Pulses()
@@ -88,6 +97,37 @@ def _trigger_starts(values: np.ndarray) -> np.ndarray:
         return np.empty(0, dtype=int)
     leaves = 1 if is_high.mean() < 0.5 else -1
     return np.flatnonzero(np.diff(is_high.astype(np.int8)) == leaves) + 1
+
+
+def _is_on(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.isfinite(values) & (values != 0))
+
+
+def find_command(
+    columns: Sequence[InspectedColumn], assigned: Assignments, clock: SeenClock
+) -> Assignments:
+    """Add the column that is zero but in pulses which the torque follows, whatever its name."""
+    time = _time(assigned, clock)
+    if time is None or "command" in assigned or not {"angle", "torque"} <= set(assigned):
+        return assigned
+    used = {id(c) for c, _ in assigned.values()}
+    free = [c for c in columns if id(c) not in used and not c.column.is_text]
+    for column in free if _is_steady(clock) else ():
+        values = column.column.values[: time.size]
+        runs = runs_of(_is_on(values))[:_MOST_PULSES]
+        if len(runs) < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:
+            continue
+        stride_s = repeat_s(time, _si(assigned, "angle"))
+        risen = responses(time, _si(assigned, "torque"), time[runs[:, 0]], stride_s)
+        if not is_clear(clearness(risen * np.sign(values[runs.mean(axis=1).astype(int)]))):
+            continue
+        why, unit = "it is zero but in pulses, which the torque follows", column.words.unit
+        if column.words.found & _TRIGGERS or si_unit_of(unit or "N*m")[0] != "N*m":
+            return {**assigned, "trigger": (column, Assignment("trigger", why))}
+        unit_why = "" if unit else "that of the torque"
+        unit = unit or assigned["torque"][1].unit
+        return {**assigned, "command": (column, Assignment("command", why, unit, unit_why))}
+    return assigned
 
 
 def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
@@ -127,13 +167,12 @@ def _steps_of_feet(assigned: Assignments, time: np.ndarray) -> xr.Dataset | None
 def torque_over_command(assigned: Assignments, clock: SeenClock) -> float | None:
     """Return the median change of torque over that of the command at onsets, None where unknown.
 
-    The unit of the command must be stated, and the torque must not be per body mass.
+    A torque per body mass has none.
     """
     time = _time(assigned, clock)
     if time is None or not {"command", "torque"} <= set(assigned):
         return None
-    of_command, of_torque = assigned["command"][1], assigned["torque"][1]
-    if of_command.unit_why or of_torque.unit.endswith("/kg"):
+    if assigned["torque"][1].unit.endswith("/kg"):
         return None
     command, torque = np.nan_to_num(_si(assigned, "command")), _si(assigned, "torque")
     begins = np.flatnonzero((command[1:] != 0) & (command[:-1] == 0)) + 1
@@ -143,17 +182,6 @@ def torque_over_command(assigned: Assignments, clock: SeenClock) -> float | None
     changes = (torque[late] - torque[begins - 1])[held] / command[late][held]
     changes = changes[np.isfinite(changes)]
     return float(np.median(changes)) if changes.size >= _FEWEST_PULSES else None
-
-
-def command_correlation(assigned: Assignments) -> float | None:
-    """Return the correlation of torque and command in pulses, None if it is small."""
-    command, torque = _si(assigned, "command"), _si(assigned, "torque")
-    both = np.isfinite(command) & np.isfinite(torque)
-    command, torque = command[both], torque[both]
-    if command.size < _FEWEST_SAMPLES or not command.std() or not torque.std():
-        return None
-    correlation = float(np.corrcoef(command, torque)[0, 1])
-    return correlation if abs(correlation) > _FOLLOWS else None
 
 
 def pulses_of_table(
@@ -167,55 +195,36 @@ def pulses_of_table(
     return own_pulses(table, rows, time, _si(assigned, "torque"), command)
 
 
-def pulse_response(assigned: Assignments, clock: SeenClock, own: OwnPulses | None) -> float:
-    """Return how clearly pulses accelerate the joint in the direction of the torque."""
+def pulse_response(
+    assigned: Assignments, clock: SeenClock, own: OwnPulses | None
+) -> tuple[float, float]:
+    """Return how clearly pulses move the joint along the torque, and the inertia (kg m2)."""
     time = _time(assigned, clock)
-    if time is None or clock.restarts or clock.n_back:
-        return 0.0
+    if time is None or not _is_steady(clock):
+        return 0.0, np.nan
     onsets = None if own is None else own.onsets_s
     if onsets is None and "command" in assigned:
-        command = np.nan_to_num(_si(assigned, "command"))
-        onsets = time[1:][(command[1:] != 0) & (command[:-1] == 0)]
+        onsets = time[runs_of(_is_on(_si(assigned, "command")))[:, 0]]
     if onsets is None and "trigger" in assigned:
         onsets = time[_trigger_starts(assigned["trigger"][0].column.values[:GUESSED_SAMPLES])]
     if onsets is None or not onsets.size:
-        return 0.0
+        return 0.0, np.nan
     torque = _si(assigned, "torque" if "torque" in assigned else "current")
     return torque_side(time, _si(assigned, "angle"), torque, onsets[:_MOST_PULSES])
 
 
-def torque_resistance(assigned: Assignments, clock: SeenClock) -> float | None:
-    """Return the signed share of the torque's changes that motion explains, None if it is small.
-
-    Changes of torque over 80 ms are regressed on those of angle, velocity and acceleration. If
-    stiffness and inertia are both negative, the torque acts on the device; if both are positive, it
-    acts on the joint.
-    """
+def motion_of(assigned: Assignments, clock: SeenClock) -> str:
+    """Return how the angle moves: "gait", "sine", "aperiodic", or "" if it is unclear."""
     time = _time(assigned, clock)
-    if time is None or clock.rate_hz is None or time.size < _FEWEST_SAMPLES:
-        return None
-    angle, torque = _si(assigned, "angle"), _si(assigned, "torque")
-    both = np.isfinite(angle) & np.isfinite(torque)
-    if not both.all() or clock.restarts or clock.n_back:
-        return None
-    half, apart = (max(1, round(s * clock.rate_hz)) for s in (_SMOOTH_S, _APART_S))
-    angle, torque = _smoothed(angle, half), _smoothed(torque, half)
-    velocity = np.gradient(angle) * clock.rate_hz
-    terms = (angle, velocity, np.gradient(velocity) * clock.rate_hz)
-    inside = slice(2 * half, -2 * half)
-    moves = np.column_stack([term[apart:] - term[:-apart] for term in terms])[inside]
-    answer = (torque[apart:] - torque[:-apart])[inside]
-    if len(answer) < _FEWEST_SAMPLES or not answer.var():
-        return None
-    solved, *_ = np.linalg.lstsq(moves, answer, rcond=None)
-    share = float(1 - (answer - moves @ solved).var() / answer.var())
-    together = solved[0] * solved[2] > 0
-    return share * float(np.sign(solved[0])) if share >= _EXPLAINED and together else None
+    if time is None or "angle" not in assigned or time.size < 2 or not step_of(time) > 0:
+        return ""
+    assignment = assigned["angle"][1]
+    is_range_sure = assignment.unit == "deg" or not assignment.unit_why
+    return kind_of_motion(time, _si(assigned, "angle"), is_range_sure=is_range_sure)
 
 
-def _smoothed(values: np.ndarray, n: int) -> np.ndarray:
-    kernel = np.full(n, 1 / n)
-    return np.convolve(np.convolve(values, kernel, "same"), kernel, "same")
+def _is_steady(clock: SeenClock) -> bool:
+    return not clock.restarts and not clock.n_back
 
 
 def _time(assigned: Assignments, clock: SeenClock) -> np.ndarray | None:

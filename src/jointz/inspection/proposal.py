@@ -2,26 +2,28 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from typing import Any
+
+import numpy as np
 
 from jointz.core.channels import OPPOSITE_DIRECTION
 from jointz.inspection.file_labels import labels_of
 from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
+    condition_levels,
     guessed_joint,
 )
 from jointz.inspection.names import GAIT_WORDS, channel_scores
 from jointz.inspection.people import Person, named
 from jointz.inspection.problems import (
     Pulses,
-    command_correlation,
+    motion_of,
     pulse_response,
     pulses_of_table,
     torque_over_command,
-    torque_resistance,
 )
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
 from jointz.inspection.signs import angle_direction, is_clear
@@ -31,8 +33,8 @@ from jointz.inspection.study_draft import (
     JoinedDraft,
     Proposal,
     RecordingDraft,
+    Signs,
     assignments_by_column,
-    condition_levels,
     usual_direction,
 )
 from jointz.io.column_units import SAMPLE
@@ -40,22 +42,6 @@ from jointz.io.toml_problems import OPEN
 
 _USUAL_JOINT = "knee"
 _UNLIKE = 50.0  # ratio of torques in different units
-
-
-@dataclass(frozen=True, slots=True)
-class _Signs:
-    """Directions of angle, torque and command."""
-
-    angle: Guess
-    angle_by_range: bool
-    straight_is_180: bool
-    angle_open: bool
-    torque: Guess
-    acts_on: Guess
-    acts_on_open: bool
-    command: Guess
-    current: Guess
-    current_open: bool
 
 
 def proposal_of(
@@ -70,7 +56,6 @@ def proposal_of(
     others = [c for one in main.joined for c in one.source.columns]
     joint, why = guessed_joint([*main.columns, *others], main.names)
     kind = _kind(main)
-    walking = kind.value == "walking"
     tables_of = _tables_of(sources, tables)
     table = tables_of[0]
     positive = usual_direction(joint or _USUAL_JOINT)
@@ -82,8 +67,7 @@ def proposal_of(
     if table is not None:
         rows = table.rows_of(main.labels.participant, main.shown)
         own = pulses_of_table(assigned, clock, table, rows)
-    signs = _signs(main, own, positive.value, walking=walking, knee=is_knee)
-    levels = condition_levels(assigned["condition"][0]) if "condition" in assigned else {}
+    signs = _signs(main, own, positive.value, walking=kind.value != "bench", knee=is_knee)
     recordings = [
         _draft(s, t, main, signs, people, n_sources=len(sources))
         for s, t in zip(sources, tables_of, strict=True)
@@ -94,23 +78,15 @@ def proposal_of(
         assigned=assigned,
         joint=Guess(joint or _USUAL_JOINT, why or "the file does not state it"),
         kind=kind,
-        acts_on=signs.acts_on,
         positive=positive,
-        angle=signs.angle,
-        straight_is_180=signs.straight_is_180,
-        torque=signs.torque,
-        command=signs.command,
-        current=signs.current,
-        is_current_open=signs.current_open,
-        angle_sign_open=signs.angle_open,
-        acts_on_open=signs.acts_on_open,
         inverted=main.inverted,
         table_columns={} if shown_table is None else _table_columns(shown_table, own),
         in_samples=SAMPLE in (onset_unit, own.unit if own else ""),
         is_onset_unit_open=shown_table is not None
         and not onset_unit
         and (own is None or not own.is_unit_clear),
-        is_leg_open=_is_leg_open(main),
+        is_leg_open=_is_leg_open(main, own),
+        signs=signs,
         torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
@@ -122,7 +98,7 @@ def proposal_of(
             for c in main.in_group
             if (c.column.group, c.key) not in assignments_by_column(assigned)
         ),
-        levels=levels,
+        levels=condition_levels(assigned),
         own_times=main.own_times,
         heel_strikes=next((one for s in sources if (one := s.heel_strikes) and not one.file), None),
         joined_channels=frozenset(n for one in main.joined for n in one.channels),
@@ -200,7 +176,7 @@ def _draft(
     source: Source,
     table: PulseColumns | None,
     main: Source,
-    signs: _Signs,
+    signs: Signs,
     people: Mapping[str, Person],
     *,
     n_sources: int,
@@ -213,7 +189,7 @@ def _draft(
     return RecordingDraft(
         file=source.shown,
         participant=person,
-        condition=_condition(source, table),
+        condition=_condition(source, table, main),
         side=_side(source, of_table.side or of_file.side),
         part=source.part,
         session=labels.session,
@@ -249,12 +225,23 @@ def _is_unlike(own: InspectedColumn, first: InspectedColumn) -> bool:
     return max(spans) > _UNLIKE * min(spans)
 
 
-def _is_leg_open(main: Source) -> bool:
-    """Return whether a file has angles of both legs, and no torque or name that says which."""
-    angles = {c.words.side for c in main.in_group if "angle" in channel_scores(c.words)}
-    torque = main.assigned.get("torque", main.assigned.get("current"))
+def _is_leg_open(main: Source, own: OwnPulses | None) -> bool:
+    """Return whether angles are of both legs, and no name says which has the device.
+
+    Pulses decide it where they move the proposed leg, and not the other.
+    """
+    assigned = main.assigned
+    angles = {c.words.side: c for c in main.in_group if "angle" in channel_scores(c.words)}
+    torque = assigned.get("torque", assigned.get("current"))
     named = main.names.side or (torque and torque[0].words.side)
-    return {"left", "right"} <= angles and not named
+    if named or not {"left", "right"} <= set(angles):
+        return False
+    if not {"angle", "torque"} <= set(assigned):
+        return True
+    other = angles["left" if assigned["angle"][0].words.side == "right" else "right"]
+    legs = (assigned, {**assigned, "angle": (other, assigned["angle"][1])})
+    moved, moved_other = (is_clear(pulse_response(leg, main.clock, own)[0]) for leg in legs)
+    return moved_other or not moved
 
 
 def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> RecordingDraft:
@@ -266,7 +253,7 @@ def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> 
     return replace(recording, participant=person)
 
 
-def _changes(source: Source, main: Source, signs: _Signs) -> dict[str, dict[str, Any]]:
+def _changes(source: Source, main: Source, signs: Signs) -> dict[str, dict[str, Any]]:
     """Return what a recording's channels have differently from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
     for name, (inspected, assignment) in source.assigned.items():
@@ -324,47 +311,53 @@ def _cell(recording: RecordingDraft) -> tuple[str, ...]:
 
 
 def _kind(main: Source) -> Guess:
+    """Return whether people walk, open where neither names nor the angle decide it."""
     if main.heel_strikes:
         return Guess("walking", "there are heel strikes")
-    if {"contact", "ground_reaction_force"} & set(main.assigned):
+    motion = "" if "angle" in main.overflow else motion_of(main.assigned, main.clock)
+    words = main.names.found.union(*(c.words.found for c in main.in_group)) & GAIT_WORDS
+    if motion == "gait":
+        return Guess("walking", "the angle repeats as in strides")
+    if motion != "sine" and {"contact", "ground_reaction_force"} & set(main.assigned):
         return Guess("walking", "there is contact of a foot with the ground")
-    words = {w for c in main.in_group for w in c.words.found}
-    options = sorted((main.names.found | words) & GAIT_WORDS)
-    if options:
-        return Guess("walking", f"names contain {options[0]}")
-    return Guess("bench", "no sign of walking")
+    if motion == "aperiodic":
+        return Guess(OPEN) if words else Guess("bench", "the angle does not repeat as in strides")
+    return Guess("walking", f"names contain {min(words)}") if words and not motion else Guess(OPEN)
 
 
 def _signs(
     main: Source, own: OwnPulses | None, positive: str, *, walking: bool, knee: bool
-) -> _Signs:
+) -> Signs:
     """Decide directions by names, ranges and the response to pulses, and say what is open."""
     assigned = {n: c for n, c in main.assigned.items() if n not in main.overflow}
-    angle, straight, angle_open, by_range = Guess(""), False, False, False
+    angle, straight, by_range = Guess(""), 0, False
     if "angle" in assigned:
-        named = assigned["angle"][0].words.direction
-        seen = ("", False, "")
         if walking and knee and positive == "flexion":
-            seen = angle_direction(assigned)
-        angle, straight, by_range = Guess(seen[0], seen[2]), seen[1], bool(seen[0])
-        if not angle.value and named:
-            angle = Guess(named, "its name says it")
-        angle_open = not angle.value and _sign_matters(main, walking=walking)
+            direction, straight, why = angle_direction(assigned)
+            angle, by_range = Guess(direction, why), bool(direction)
+        angle = angle if by_range else _named_direction(assigned, "angle")
+    angle_open = "angle" in assigned and not angle.value
     torque, command = (_named_direction(assigned, name) for name in ("torque", "command"))
     # What is positive in the other direction is turned when it is read.
-    turns = [g.value not in ("", positive) for g in (angle, torque, command)]
-    acts_on, acts_on_open = _acts_on(assigned, main, own, walking=walking, turns=turns)
-    acts_on_open = acts_on_open and not torque.value
-    followed = command_correlation(assigned) if {"command", "torque"} <= set(assigned) else None
-    if not command.value and followed is not None:
-        follows = (followed > 0) != turns[1]
+    turns = [g.value not in ("", positive) for g in (angle, torque)]
+    acts_on, acts_on_open, inertia = Guess("joint"), False, np.nan
+    if {"angle", "torque"} <= set(assigned):
+        moved, inertia = pulse_response(assigned, main.clock, own)
+        acts_on_open = not is_clear(moved) and not torque.value
+        if is_clear(moved):
+            along = (moved > 0) == (turns[0] == turns[1])
+            why = f"pulses of torque move the joint {'along it' if along else 'against it'}"
+            acts_on = Guess("joint" if along else "device", why)
+        inertia = inertia if is_clear(moved) else np.nan
+    ratio = torque_over_command(assigned, main.clock)
+    if ratio is not None and not (command.value or acts_on_open or angle_open):
+        follows = (ratio > 0) != turns[1]
         if follows != (acts_on.value == "joint"):
-            why = f"it opposes the torque on the joint (correlation {followed:.2f})"
-            command = Guess(OPPOSITE_DIRECTION[positive], why)
+            command = Guess(OPPOSITE_DIRECTION[positive], "it opposes the torque on the joint")
     current, current_open = _current(assigned, main, own, angle.value or positive)
-    return _Signs(
-        angle, by_range, straight, angle_open, torque, acts_on, acts_on_open, command, current,
-        current_open,
+    return Signs(
+        acts_on, acts_on_open, angle, angle_open, by_range, straight, torque, command, current,
+        current_open, inertia,
     )  # fmt: skip
 
 
@@ -374,7 +367,7 @@ def _current(
     """Return the direction in which a motor's current pushes the joint, and whether it is open."""
     if "current" not in assigned or "torque" in assigned or "angle" not in assigned:
         return Guess(""), False
-    score = pulse_response(assigned, main.clock, own)
+    score, _ = pulse_response(assigned, main.clock, own)
     if not is_clear(score):
         return Guess(""), True
     how = "as" if score > 0 else "against"
@@ -387,54 +380,15 @@ def _named_direction(assigned: Assignments, name: str) -> Guess:
     return Guess(named, "its name says it" if named else "")
 
 
-def _sign_matters(main: Source, *, walking: bool) -> bool:
-    # On a bench without a command, torque_acts_on was guessed by the angle, whose sign is settled.
-    return walking or main.pulses.source == "command"
-
-
-def _acts_on(
-    assigned: Assignments,
-    main: Source,
-    own: OwnPulses | None,
-    *,
-    walking: bool,
-    turns: Sequence[bool],
-) -> tuple[Guess, bool]:
-    """Return the side that the torque acts on, and whether that is open."""
-    if not {"angle", "torque"} <= set(assigned):
-        return Guess("joint", "the usual one"), False
-    score = pulse_response(assigned, main.clock, own)
-    score = -score if turns[0] != turns[1] else score
-    if is_clear(score):
-        goes = "in its direction" if score > 0 else "against it"
-        side = "joint" if score > 0 else "device"
-        return Guess(side, f"pulses of torque accelerate the joint {goes}"), False
-    followed = command_correlation(assigned) if main.pulses.source == "command" else None
-    if followed is not None:
-        follows = (followed > 0) == (turns[1] == turns[2])
-        acts_on, how = ("joint", "follows") if follows else ("device", "opposes")
-        why = f"the torque {how} the command (correlation {followed:.2f})"
-        # Where the angle is turned, the command may be meant in either direction.
-        return Guess(acts_on, why), turns[0] != turns[1]
-    resistance = None if walking else torque_resistance(assigned, main.clock)
-    if resistance is not None:
-        share = f"{100 * abs(resistance):.0f} % of its quick changes"
-        if resistance < 0:
-            return Guess("device", f"the torque opposes the angle in {share}"), False
-        return Guess("joint", f"the torque goes with the angle in {share}"), False
-    if assigned["torque"][0].words.found & {"moment"}:
-        return Guess("device", "a joint moment of inverse dynamics is exerted by the joint"), True
-    return Guess("joint", "not stated; 'device' inverts the torque's sign"), True
-
-
-def _condition(source: Source, table: PulseColumns | None) -> Guess:
+def _condition(source: Source, table: PulseColumns | None, main: Source) -> Guess:
     if source.pulses.source:
         return Guess("perturbed", source.pulses.why)
     if table is not None:
         return Guess("perturbed", f"{table.file} has its pulses")
     named = source.labels.condition or source.labels.folder_condition
-    if named and not (named == "perturbed" and "command" not in source.assigned):
+    if named and (named != "perturbed" or source.pulses.n):
         return Guess(named, "its name, or that of the folder or part")
-    if {"command", "trigger"} & set(source.assigned):
+    shown = {"command", "trigger"} & set(source.assigned)
+    if shown and not source.pulses.n and main.pulses.source:
         return Guess("unperturbed", source.pulses.why)
     return Guess(OPEN)

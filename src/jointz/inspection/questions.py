@@ -1,34 +1,41 @@
 """Questions about a proposed study that only a person can answer."""
 
+import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from jointz.core.channels import OPPOSITE_DIRECTION
 from jointz.inspection.guess import InspectedColumn, si_of
 from jointz.inspection.inspection_result import Answer, Question, SeenClock
-from jointz.inspection.names import word_set
 from jointz.inspection.problems import likely_rates
 from jointz.inspection.study_draft import Proposal
 from jointz.io.text.column_names import EITHER
 from jointz.io.toml_problems import OPEN
 
 _MOST_ANSWERS = 3
-_MOST_PER_MASS, _LEAST_MILLI = 4.0, 400.0  # largest torque that may be in N*m/kg, or in mN*m
 _ALIKE = 1.25  # times the command: beyond it a unit is not decided
+#: Inertia of limbs about a joint, kg m2, with a device; beyond so many times a unit is doubted.
+_INERTIA = {
+    "knee": (0.05, 0.8), "ankle": (0.005, 0.3), "hip": (0.3, 6.0), "elbow": (0.02, 0.4),
+    "wrist": (0.0008, 0.05), "shoulder": (0.05, 1.5),
+}  # fmt: skip
+_FAR = 6.0
 _MOST_FOLLOWED = 2.0  # times the command: beyond it a stated unit is doubted
-#: Size of 1 N*m in other units.
-_OTHER_UNITS = {"mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0}
-_LIKE = {
-    "angle": word_set("knee angle gonio pos position"),
-    "torque": word_set("load loadcell cell force moment sensor raw adc bridge strain"),
-}
+_MOST_NM, _GAIT_RAD = 2000.0, (0.35, 2.0)
+#: Size of 1 N*m in units of torque.
+_TORQUE_UNITS = {
+    "N*m": 1.0, "mN*m": 1000.0, "lbf*in": 8.851, "lbf*ft": 0.7376, "kgf*cm": 10.197, "N*cm": 100.0
+}  # fmt: skip
+_USUAL_TORQUES = [("N*m", "the usual one"), ("N*m/kg", "inverse dynamics"), ("mN*m", "or counts")]
 
 
 def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     """Return the questions about a proposed study, the ones that stop an analysis first."""
     assigned = proposal.assigned
     found = [
+        *_kind(proposal),
         *_missing(proposal),
         *_clock(proposal, clock),
         *_offsets(proposal),
@@ -56,30 +63,38 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     return tuple(found)
 
 
+def _open(about: str, text: str, *answers: tuple[Any, str]) -> Question:
+    """Return a question that stops an analysis, with its answers and what they mean."""
+    return Question(about, text, tuple(Answer(*answer) for answer in answers), drafted=False)
+
+
+def _kind(proposal: Proposal) -> Iterator[Question]:
+    if proposal.kind.value == OPEN:
+        text = "Does the person walk, or is the limb held on a bench? The angle does not decide it."
+        answers = (("walking", "strides"), ("bench", "sitting, lying or standing"))
+        yield _open("kind", text, *answers)
+
+
 def _missing(proposal: Proposal) -> Iterator[Question]:
     """Ask for the column of the angle, and of the torque, among those without a channel."""
     assigned = proposal.assigned
     lacking = ["angle"] if "angle" not in assigned else []
     lacking += [] if {"torque", "current"} & set(assigned) else ["torque"]
     for name in lacking:
-        free = [c for c in proposal.free if not c.column.is_text and _moves(c)]
-        free = sorted(free, key=lambda c: -_likeness(name, c))[:_MOST_ANSWERS]
-        answers = tuple(
-            Answer(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}") for c in free
-        )
+        free = [c for c in proposal.free if not c.column.is_text and _moves(c)][:_MOST_ANSWERS]
+        answers = [(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}") for c in free]
         text = f"Which column is the {name}?"
         if name == "torque":
             text += " Counts or volts of a sensor need scale: torque per count or volt."
-        yield Question(f"channels.{name}.column", text, answers, drafted=False)
+        yield _open(f"channels.{name}.column", text, *answers)
     if "current" in assigned and "torque" not in assigned:
-        yield Question(
+        yield _open(
             "torque_model",
             "Which motor and gear? The torque is computed from the current; every value stands in "
             "the data sheet, or jointz identify actuator measures it.",
-            (Answer("gear_ratio", "turns of the motor a turn of the joint"),
-             Answer("torque_constant", "N*m/A at the motor's shaft")),
-            drafted=False,
-        )  # fmt: skip
+            ("gear_ratio", "turns of the motor a turn of the joint"),
+            ("torque_constant", "N*m/A at the motor's shaft"),
+        )
 
 
 def _moves(inspected: InspectedColumn) -> bool:
@@ -87,193 +102,184 @@ def _moves(inspected: InspectedColumn) -> bool:
     return course.low is not None and course.low != course.high and not course.rises
 
 
-def _likeness(name: str, inspected: InspectedColumn) -> int:
-    """Return how much the words of a column sound like a channel."""
-    return len(inspected.words.found & _LIKE[name])
-
-
 def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
     if "time" not in proposal.assigned and proposal.rate_hz is None:
         likely = list(likely_rates(proposal.assigned, clock).items())[:_MOST_ANSWERS]
-        answers = [Answer(hz, f"strides then last {s:.3g} s") for hz, s in likely]
-        usual = [Answer(hz, "a usual rate") for hz in (1000.0, 500.0, 100.0)]
+        answers = [(hz, f"strides then last {s:.3g} s") for hz, s in likely]
+        usual = [(hz, "a usual rate") for hz in (1000.0, 500.0, 100.0)]
         text = "At what rate, in Hz, was it sampled? It scales K, B and J."
-        yield Question("sample_rate_hz", text, tuple(answers or usual), drafted=False)
+        yield _open("sample_rate_hz", text, *(answers or usual))
         return
     if "time" in proposal.assigned:
         inspected, assignment = proposal.assigned["time"]
         values = inspected.column.values
         steps = np.unique(np.diff(values[np.isfinite(values)][:1000]))
         if assignment.unit_why and steps.size == 1 and steps[0] == 1.0:
-            yield Question(
+            yield _open(
                 "channels.time.scale",
                 f"'{inspected.title}' counts by 1 and states no unit. Milliseconds, or samples?",
-                (Answer(1.0, "milliseconds, 1 kHz"), Answer(2.0, "samples at 500 Hz"),
-                 Answer(10.0, "samples at 100 Hz")),
-                drafted=False,
-            )  # fmt: skip
+                (1.0, "milliseconds, 1 kHz"),
+                (2.0, "samples at 500 Hz"),
+                (10.0, "samples at 100 Hz"),
+            )
 
 
 def _offsets(proposal: Proposal) -> Iterator[Question]:
     unknown = [j.file for r in proposal.recordings for j in r.joined if j.offset.value == OPEN]
     if unknown:
-        yield Question(
+        yield _open(
             "recordings.joined.offset_s",
             f"The clock of {', '.join(unknown[:_MOST_ANSWERS])} does not begin and end with that "
             "of its recording. Time in the recording minus time in this file, s?",
-            (Answer(0.0, "one clock"), Answer("events_s", "of events in both files, see the docs")),
-            drafted=False,
-        )  # fmt: skip
+            (0.0, "one clock"),
+            ("events_s", "of events in both files, see the docs"),
+        )
 
 
 def _pulses(proposal: Proposal) -> Iterator[Question]:
     if proposal.is_onset_unit_open:
-        yield Question(
-            "perturbations.columns.onset.unit",
-            "In what unit are the onsets of the pulse table?",
-            tuple(Answer(unit, "") for unit in ("s", "ms", "sample")),
-            drafted=False,
-        )
-    if proposal.table_columns and proposal.first_sample is None and proposal.in_samples:
-        yield Question(
+        text = "In what unit are the onsets of the pulse table?"
+        yield _open("perturbations.columns.onset.unit", text, ("s", ""), ("ms", ""), ("sample", ""))
+    if proposal.in_samples and proposal.first_sample is None:
+        yield _open(
             "perturbations.first_sample",
             "The pulse table counts samples. Which number has the first sample of a recording?",
-            (Answer(1, "MATLAB, LabVIEW, spreadsheets"), Answer(0, "Python, C")),
-            drafted=False,
+            (1, "MATLAB, LabVIEW, spreadsheets"),
+            (0, "Python, C"),
         )
+    if levels := [level for level, meant in proposal.levels.items() if meant == OPEN]:
+        text = f"Which condition is each level of the column: {', '.join(levels)}?"
+        answers = [(name, "") for name in ("unperturbed", "perturbed", "no_device")]
+        yield _open("channels.condition.values", text, *answers)
     unknown = [r.file for r in proposal.recordings if r.condition.value == OPEN]
     if unknown and "condition" not in proposal.assigned:
-        yield Question(
+        yield _open(
             "recordings.condition",
-            f"No pulses were found in {', '.join(unknown[:_MOST_ANSWERS])}. Were there any?",
-            (Answer("unperturbed", "there are none"),
-             Answer("perturbed", "name the command, or a table: perturbations"),
-             Answer("no_device", "walking without the device")),
-            drafted=False,
-        )  # fmt: skip
+            f"No pulses were found in {', '.join(unknown[:_MOST_ANSWERS])}. Were there any? A "
+            "random torque or position has none: see jointz identify --help.",
+            ("unperturbed", "there are none"),
+            ("perturbed", "name the command, or a table: perturbations"),
+            ("no_device", "walking without the device"),
+        )
 
 
 def _masses(proposal: Proposal) -> Iterator[Question]:
     per_mass = [n for n, (_, a) in proposal.assigned.items() if a.unit.endswith("/kg")]
     lacking = sorted({r.participant.value for r in proposal.recordings if not r.mass_kg})
     if per_mass and lacking:
-        yield Question(
-            "participants.mass_kg",
-            f"The {per_mass[0]} is per body mass. What is the mass of {', '.join(lacking)}, kg?",
-            (Answer(70.0, "an average: give the person's own"),),
-            drafted=False,
-        )
+        text = f"The {per_mass[0]} is per body mass. What is the mass of {', '.join(lacking)}, kg?"
+        yield _open("participants.mass_kg", text, (70.0, "an average: give the person's own"))
 
 
 def _two_units(proposal: Proposal) -> Iterator[Question]:
     for name, (inspected, assignment) in proposal.assigned.items():
         if EITHER in inspected.column.unit:
-            units = {assignment.unit: None, **dict.fromkeys(inspected.column.unit.split(EITHER))}
-            yield Question(
-                f"channels.{name}.unit",
-                f"The file states two units of '{inspected.title}'. Which is right?",
-                tuple(Answer(unit, "") for unit in units),
-                drafted=False,
-            )
+            units = {assignment.unit: "", **dict.fromkeys(inspected.column.unit.split(EITHER), "")}
+            text = f"The file states two units of '{inspected.title}'. Which is right?"
+            yield _open(f"channels.{name}.unit", text, *units.items())
 
 
 def _units(proposal: Proposal) -> Iterator[Question]:
+    if "angle" in proposal.assigned:
+        yield from _angle_unit(proposal)
     if "torque" not in proposal.assigned:
         return
     unlike = [
         r.file for r in proposal.recordings if r.changes.get("torque", {}).get("unit") == OPEN
     ]
     if unlike:
-        yield Question(
+        yield _open(
             "recordings.channels.torque.unit",
             f"In what unit is the torque of {', '.join(unlike[:_MOST_ANSWERS])}? It is of another "
             "size than the first's.",
-            (Answer("N*m", ""), Answer("mN*m", "")),
-            drafted=False,
+            ("N*m", ""),
+            ("mN*m", ""),
         )
+    yield from _torque_unit(proposal)
+
+
+def _angle_unit(proposal: Proposal) -> Iterator[Question]:
+    """Ask for a unit that is not stated, unless a walking joint bends so far in radians."""
+    inspected, assignment = proposal.assigned["angle"]
+    low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
+    as_gait = proposal.kind.value == "walking" and _GAIT_RAD[0] < high - low < _GAIT_RAD[1]
+    if assignment.unit_why and assignment.unit == "rad" and not as_gait:
+        text = f"In what unit is the angle '{inspected.title}', {low:.3g} to {high:.3g}?"
+        yield _open("channels.angle.unit", text, ("deg", ""), ("rad", ""), ("turn", ""))
+
+
+def _torque_unit(proposal: Proposal) -> Iterator[Question]:
     inspected, assignment = proposal.assigned["torque"]
     if si_of(assignment)[0] == "V":
-        yield Question(
-            "channels.torque.scale",
-            f"How many N*m is 1 V of '{inspected.title}'? Give the sensor's calibration.",
-            drafted=False,
-        )
-    ratio = proposal.torque_over_command
+        text = f"How many N*m is 1 V of '{inspected.title}'? Give the sensor's calibration."
+        yield _open("channels.torque.scale", text)
+    ratio, command = proposal.torque_over_command, proposal.assigned.get("command")
     stated = not assignment.unit_why or bool(inspected.column.unit_why)
-    if stated if ratio is None else _is_like(ratio, 1.0, _MOST_FOLLOWED if stated else _ALIKE):
-        return
+    if command and command[1].unit_why and not (stated and _is_like(ratio, _ALIKE)):
+        text = f"In what unit is the command '{command[0].title}'?"
+        yield _open("channels.command.unit", text, ("N*m", ""), ("mN*m", ""))
+        ratio = None
+    factor = si_of(assignment)[1]
     largest = max(abs(inspected.course.low or 0.0), abs(inspected.course.high or 0.0))
+    least, most = _INERTIA[proposal.joint.value]
+    inertia = math.nan if assignment.unit.endswith("/kg") else proposal.signs.inertia / factor
+    is_odd = inertia * factor < least / _FAR or inertia * factor > most * _FAR
+    is_followed = _is_like(ratio, _MOST_FOLLOWED if stated else _ALIKE)
+    decided = is_followed or (ratio is None and stated)
+    if decided and not is_odd and largest * factor < _MOST_NM:
+        return
     text = f"In what unit is the torque '{inspected.title}', up to {largest:.3g}?"
-    if ratio is not None:
+    sizes = (math.nan, math.nan)
+    if is_odd:
+        text += f" In {assignment.unit} the limb's inertia would be {inertia * factor:.2g} kg m2."
+        sizes = (inertia / most, inertia / least)
+    if ratio is not None and not is_followed:
         text += f" In pulses it changes by {ratio:.3g} times the command."
-    yield Question("channels.torque.unit", text, _torque_units(largest, ratio), drafted=False)
+        sizes = (abs(ratio) / factor / _ALIKE, abs(ratio) / factor * _ALIKE)
+    likely = [unit for unit, size in _TORQUE_UNITS.items() if sizes[0] <= size <= sizes[1]]
+    answers = [(unit, "as the pulses then") for unit in likely] or _USUAL_TORQUES
+    yield _open("channels.torque.unit", text, *answers)
 
 
-def _torque_units(largest: float, ratio: float | None) -> tuple[Answer, ...]:
-    """Return the units in which a torque may be, the likely one first."""
-    if ratio is not None:
-        likely = [unit for unit, size in _OTHER_UNITS.items() if _is_like(ratio, size)]
-        return tuple(Answer(unit, "as the command then") for unit in likely) or (
-            Answer("N*m", "then the motor did not follow"),
-        )
-    options = [Answer("N*m", "the usual one")]
-    if largest <= _MOST_PER_MASS:
-        options.append(Answer("N*m/kg", "as inverse dynamics gives it"))
-    if largest >= _LEAST_MILLI:
-        options.append(Answer("mN*m", "counts of a sensor need scale"))
-    return tuple(options)
-
-
-def _is_like(ratio: float, size: float, factor: float = _ALIKE) -> bool:
-    return bool(size / factor <= abs(ratio) <= size * factor)
+def _is_like(ratio: float | None, factor: float) -> bool:
+    return ratio is not None and bool(1 / factor <= abs(ratio) <= factor)
 
 
 def _signs(proposal: Proposal) -> Iterator[Question]:
-    positive = proposal.positive.value
-    if proposal.is_current_open:
-        yield Question(
-            "channels.current.positive",
-            "In which direction does a positive current of the motor push the joint?",
-            (Answer(positive, ""), Answer(OPPOSITE_DIRECTION[positive], "")),
-            drafted=False,
-        )
-    if "angle" in proposal.assigned and proposal.angle_sign_open:
-        inspected, assignment = proposal.assigned["angle"]
+    """Ask for directions; where the angle's is open or opposite, for those of the others, too."""
+    positive, assigned = proposal.positive.value, proposal.assigned
+    directions = ((positive, "the usual one"), (OPPOSITE_DIRECTION[positive], "the other"))
+    if proposal.signs.current_open:
+        text = "In which direction does a positive current of the motor push the joint?"
+        yield _open("channels.current.positive", text, *directions)
+    if proposal.signs.angle_open:
+        inspected, assignment = assigned["angle"]
         low, high = inspected.course.low, inspected.course.high
-        seen = "" if low is None else f" It goes from {low:.4g} to {high:.4g} {assignment.unit}."
-        yield Question(
-            "channels.angle.positive",
-            f"In which direction does the angle grow?{seen}",
-            (Answer(positive, "the usual one"), Answer(OPPOSITE_DIRECTION[positive], "if worn "
-             "the other way round")),
-            drafted=False,
-        )  # fmt: skip
-    if "torque" in proposal.assigned and proposal.acts_on_open:
-        yield Question(
+        text = "In which direction does the angle grow?"
+        text += "" if low is None else f" It goes from {low:.4g} to {high:.4g} {assignment.unit}."
+        yield _open("channels.angle.positive", text, *directions)
+    if "torque" in assigned and proposal.signs.acts_on_open:
+        yield _open(
             "torque_acts_on",
             "Is the torque that of the device on the joint, or of the leg on the device?",
-            (Answer("joint", "a positive torque pushes towards the positive angle; the default"),
-             Answer("device", "a sensor that measures what the leg does, or inverse dynamics")),
-            drafted=False,
-        )  # fmt: skip
-        if "command" in proposal.assigned and proposal.angle.value not in ("", positive):
-            yield Question(
-                "channels.command.positive",
-                "The angle grows in the opposite direction. In which does the command?",
-                (Answer(positive, ""), Answer(OPPOSITE_DIRECTION[positive], "as the angle")),
-                drafted=False,
-            )
+            ("joint", "a positive torque pushes towards the positive angle; the default"),
+            ("device", "a sensor that measures what the leg does, or inverse dynamics"),
+        )
+    is_turned = proposal.signs.acts_on_open and proposal.signs.angle.value not in ("", positive)
+    known = {"torque": proposal.signs.torque.value, "command": proposal.signs.command.value}
+    for name in [n for n in known if n in assigned and not known[n]]:
+        if proposal.signs.angle_open or is_turned:
+            text = f"In which direction does the {name} count?"
+            text += "" if proposal.signs.acts_on_open else " As the angle, by the pulses."
+            yield _open(f"channels.{name}.positive", text, *directions)
 
 
 def _people(proposal: Proposal) -> Iterator[Question]:
     unknown = [r.file for r in proposal.recordings if r.participant.value == OPEN]
     if unknown:
-        yield Question(
-            "recordings.participant",
-            f"Who is in {', '.join(unknown[:_MOST_ANSWERS])}? No name of a file or folder says it.",
-            (Answer("S01", ""),),
-            drafted=False,
-        )
+        files = ", ".join(unknown[:_MOST_ANSWERS])
+        text = f"Who is in {files}? No name of a file or folder says it."
+        yield _open("recordings.participant", text, ("S01", ""))
 
 
 def _sessions(proposal: Proposal) -> Iterator[Question]:
@@ -306,9 +312,6 @@ def _gait(proposal: Proposal) -> Iterator[Question]:
             (Answer(None, "unknown, or the same in all"), Answer("right", ""), Answer("left", "")),
         )
     if proposal.is_leg_open:
-        yield Question(
-            "recordings.side",
-            "Which leg wears the device? The file has columns of both.",
-            (Answer("right", "as drafted"), Answer("left", "name its columns in [channels]")),
-            drafted=False,
-        )
+        text = "Which leg wears the device? The file has columns of both."
+        answers = (("right", "as drafted"), ("left", "name its columns in [channels]"))
+        yield _open("recordings.side", text, *answers)

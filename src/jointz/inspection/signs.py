@@ -1,6 +1,7 @@
 """Directions of angle and torque, as far as the samples decide them."""
 
 import numpy as np
+from scipy.signal import find_peaks
 from scipy.special import stdtrit
 
 from jointz.inspection.guess import Assignments, si_of
@@ -8,63 +9,88 @@ from jointz.inspection.inspection_result import SeenClock
 
 _BENT_DEG, _STRETCHED_DEG = 35.0, 25.0  # a walking knee bends beyond, and stretches no further
 _MOST_BENT_DEG = 110.0
-#: Largest of an angle that is 180 where the knee is straight.
-_STRAIGHT_FROM_DEG, _STRAIGHT_TO_DEG = 130.0, 210.0
+#: Angle of a straight knee -> largest smallest bend; an included angle may have an offset.
+_LEAST_BENT_DEG = {0: 35.0, 180: 50.0}
 _SPANS_S = ((-0.045, 0.0), (0.005, 0.05))  # before an onset, and after it
 _FEWEST_PULSES, _FEWEST_SAMPLES = 5, 4
 _SURE = 0.997
 _CLEAR_OF_PULSES_S = 0.4
-_STRIDE_S, _ALIKE = (0.7, 2.0), 0.5
+_STRIDE_S, _ALIKE, _AS_HIGH = (0.7, 2.5), 0.4, 0.85
+_REPEAT_STEP_S, _REST_STEP_S = 0.01, 0.02
+_GAIT_DEG, _SLOW = 20.0, 0.15  # range of a knee or ankle; share of speed at rest
+_SINE, _HARMONIC = 0.01, 0.1  # power of the second harmonic, in that of the first
 _BENT_MORE_DEG = 15.0
 
 
-def angle_direction(assigned: Assignments) -> tuple[str, bool, str]:
+def angle_direction(assigned: Assignments) -> tuple[str, int, str]:
     """Return the direction in which a walking knee's angle grows, "" where its range is unclear.
 
-    Beside it stand whether 180 deg is straight, and the reason.
+    Beside it stand the angle of a straight knee, 0 or 180 deg, and the reason.
     """
     inspected, assignment = assigned["angle"]
     _, factor = si_of(assignment)
     values = np.rad2deg(factor * inspected.column.values)
     finite = values[np.isfinite(values)]
     if not finite.size:
-        return "", False, "no numbers"
+        return "", 0, "no numbers"
     low, high = np.percentile(finite, [1.0, 99.0])
-    seen = f"{low:.0f} to {high:.0f} deg"
-    if low > _BENT_DEG and _STRAIGHT_FROM_DEG < high < _STRAIGHT_TO_DEG:
-        return "extension", True, f"{seen}: 180 is straight"
-    if -_STRETCHED_DEG < low < _BENT_DEG < high < _MOST_BENT_DEG:
-        return "flexion", False, f"{seen}: a knee bends so far"
-    if -_MOST_BENT_DEG < low < -_BENT_DEG < high < _STRETCHED_DEG:
-        return "extension", False, f"{seen}: a knee does not stretch so far"
-    return "", False, seen
+    for straight, least_bent in _LEAST_BENT_DEG.items():
+        seen = f"{low:.0f} to {high:.0f} deg" + (f": {straight} is straight" if straight else "")
+        for direction, least, most in (
+            ("flexion", low - straight, high - straight),
+            ("extension", straight - high, straight - low),
+        ):
+            if -_STRETCHED_DEG < least < least_bent and _BENT_DEG < most < _MOST_BENT_DEG:
+                return direction, straight, f"{seen}: a knee bends so far"
+    return "", 0, f"{low:.0f} to {high:.0f} deg"
 
 
 def torque_side(
     time_s: np.ndarray, angle: np.ndarray, torque: np.ndarray, onsets_s: np.ndarray
-) -> float:
-    """Return how clearly pulses of torque move the joint in their own direction.
+) -> tuple[float, float]:
+    """Return how clearly pulses of torque move the joint in their own direction, and its inertia.
 
-    It is the mean change of acceleration along that of torque, less that in the strides before and
-    after, over the half-width of its interval: the torque acts on the joint above 1, on the device
-    below -1.
+    The torque acts on the joint above 1, on the device below -1. The inertia is the torque over the
+    acceleration that it causes.
     """
-    stride_s = _stride_s(time_s, angle)
-    turned = []
+    stride_s = repeat_s(time_s, angle)
+    moved = responses(time_s, angle, onsets_s, stride_s, of_bend=True)
+    pushed = responses(time_s, torque, onsets_s, stride_s)
+    bend = float(np.nanmean(turned)) if np.isfinite(turned := moved * np.sign(pushed)).any() else 0
+    inertia = float(np.nanmean(np.abs(pushed))) / (2 * bend) if bend else np.nan
+    return clearness(turned), abs(inertia)
+
+
+def responses(
+    time_s: np.ndarray,
+    values: np.ndarray,
+    onsets_s: np.ndarray,
+    stride_s: float,
+    *,
+    of_bend: bool = False,
+) -> np.ndarray:
+    """Return the change of a signal, or of its bend, at onsets, less that in the strides around.
+
+    It is NaN where samples are missing, or both strides have pulses themselves.
+    """
+    found = []
     for onset_s in onsets_s:
-        moved = _change(time_s, angle, onset_s, of_bend=True)
         near = [onset_s - stride_s, onset_s + stride_s] if stride_s else []
         alone = [t for t in near if np.abs(onsets_s - t).min() > _CLEAR_OF_PULSES_S]
-        beside = [_change(time_s, angle, t, of_bend=True) for t in alone] if stride_s else [0.0]
+        beside = [_change(time_s, values, t, of_bend=of_bend) for t in alone] if stride_s else [0.0]
         beside = [one for one in beside if np.isfinite(one)]
-        if np.isfinite(moved) and beside:
-            pushed = _change(time_s, torque, onset_s)
-            turned.append((moved - np.mean(beside)) * np.sign(pushed))
-    turned = [one for one in turned if np.isfinite(one)]
-    if len(turned) < _FEWEST_PULSES:
+        usual = np.mean(beside) if beside else np.nan
+        found.append(_change(time_s, values, onset_s, of_bend=of_bend) - usual)
+    return np.array(found)
+
+
+def clearness(changes: np.ndarray) -> float:
+    """Return the mean of changes over the half-width of its interval, 0 where there are few."""
+    changes = changes[np.isfinite(changes)]
+    if changes.size < _FEWEST_PULSES:
         return 0.0
-    error = float(np.std(turned, ddof=1) / np.sqrt(len(turned))) or 1.0
-    return float(np.mean(turned)) / error / float(stdtrit(len(turned) - 1, _SURE))
+    error = float(np.std(changes, ddof=1) / np.sqrt(changes.size)) or 1.0
+    return float(np.mean(changes)) / error / float(stdtrit(changes.size - 1, _SURE))
 
 
 def _change(
@@ -83,17 +109,51 @@ def _change(
     return float(found[1] - found[0])
 
 
-def _stride_s(time_s: np.ndarray, angle: np.ndarray) -> float:
+def step_of(time_s: np.ndarray) -> float:
+    """Return the usual time between samples, s."""
+    return float(np.nanmedian(np.diff(time_s)))
+
+
+def repeat_s(time_s: np.ndarray, angle: np.ndarray) -> float:
     """Return the time after which a walking joint's angle repeats, 0 where it does not."""
-    step = float(np.median(np.diff(time_s)))
-    moved = np.nan_to_num(angle - np.nanmean(angle))
+    every = max(1, round(_REPEAT_STEP_S / step_of(time_s)))
+    step = every * step_of(time_s)
+    moved = np.nan_to_num(angle - np.nanmean(angle))[::every]
     spectrum = np.fft.rfft(moved, 2 * moved.size)
-    repeats = np.fft.irfft(np.abs(spectrum) ** 2)[: moved.size]
-    first, last = (round(s / step) for s in _STRIDE_S)
-    if last >= moved.size or not repeats[0]:
-        return 0.0
-    best = first + int(np.argmax(repeats[first:last]))
-    return best * step if repeats[best] > _ALIKE * repeats[0] else 0.0
+    repeats = np.fft.irfft(np.abs(spectrum) ** 2)[: round(_STRIDE_S[1] / step)]
+    peaks, _ = find_peaks(repeats, height=_ALIKE * repeats[0]) if moved.any() else ([], {})
+    # A sine repeats after several periods, too: the first of the high ones counts.
+    high = [k for k in peaks if repeats[k] > _AS_HIGH * repeats[peaks].max()]
+    return high[0] * step if high and high[0] * step > _STRIDE_S[0] else 0.0
+
+
+def kind_of_motion(time_s: np.ndarray, angle: np.ndarray, *, is_range_sure: bool) -> str:
+    """Return how an angle (rad) moves: "gait", "sine", "aperiodic", or "" if it is unclear.
+
+    In walking, a knee or an ankle repeats with a clear second harmonic and is seldom at rest.
+    """
+    stride_s = repeat_s(time_s, angle)
+    n = round(stride_s / step_of(time_s))
+    cycles = angle[: angle.size // n * n].reshape(-1, n) if n else np.empty((0, 0))
+    cycles = cycles[np.isfinite(cycles).all(axis=1)]
+    low, high = np.rad2deg(np.nanpercentile(angle, [1.0, 99.0]))
+    is_small = is_range_sure and high - low < _GAIT_DEG
+    if not stride_s or (is_small and is_mostly_at_rest(time_s, angle)):
+        return "aperiodic"
+    power = np.abs(np.fft.rfft(cycles, axis=1)) ** 2
+    harmonic = float(np.median(power[:, 2] / power[:, 1])) if len(cycles) else np.nan
+    if harmonic < _SINE:
+        return "sine"
+    return "gait" if is_range_sure and not is_small and harmonic > _HARMONIC else ""
+
+
+def is_mostly_at_rest(time_s: np.ndarray, angle: np.ndarray) -> bool:
+    """Return whether an angle hardly moves in most samples, as between pulses and steps."""
+    every = max(1, round(_REST_STEP_S / step_of(time_s)))
+    whole = angle[: angle.size // every * every].reshape(-1, every)
+    speed = np.abs(np.diff(whole.mean(axis=1)))
+    speed = speed[np.isfinite(speed)]
+    return bool(speed.size and np.mean(speed < _SLOW * np.percentile(speed, 99.5)) > 0.5)
 
 
 def is_clear(score: float) -> bool:
@@ -121,11 +181,11 @@ def _is_low_on_ground(assigned: Assignments, clock: SeenClock) -> bool:
     if "angle" not in assigned or clock.rate_hz is None:
         return False
     inspected, assignment = assigned["angle"]
-    direction, from_180, _ = angle_direction(assigned)
+    direction, _, _ = angle_direction(assigned)
     if not direction:
         return False
     bend = np.rad2deg(si_of(assignment)[1] * inspected.column.values)
-    bend = (180.0 - bend if from_180 else -bend) if direction == "extension" else bend
+    bend = -bend if direction == "extension" else bend
     contact = assigned["contact"][0].column.values
     is_high = contact > (np.nanmin(contact) + np.nanmax(contact)) / 2
     rises, falls = (np.flatnonzero(np.diff(is_high.astype(int)) == step) for step in (1, -1))

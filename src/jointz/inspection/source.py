@@ -26,7 +26,7 @@ from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import JOINTS, Words, is_of_strikes, words_of
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.people import Person, people_of, person_of
-from jointz.inspection.problems import Pulses, find_pulses, not_a_recording
+from jointz.inspection.problems import Pulses, find_command, find_pulses, not_a_recording
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
 from jointz.inspection.signs import angle_direction, inverted_channels
@@ -221,11 +221,14 @@ def _source(
         },
         heel_strikes=_heel_strikes(columns, content.events, names.side),
     )  # fmt: skip
+    if not source.overflow:
+        assigned = find_command(source.in_group, assigned, source.clock)
     sound = {name: column for name, column in assigned.items() if name not in source.overflow}
     direction = angle_direction(assigned)[0] if "angle" in sound else ""
     joint, _ = guessed_joint(source.in_group, names)
     return replace(
         source,
+        assigned=assigned,
         pulses=find_pulses(sound, source.clock),
         angle_direction=direction,
         side=_side(source, joint),

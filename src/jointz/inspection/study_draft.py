@@ -1,14 +1,13 @@
 """Draft of a ``study.toml``, in which each guess is marked with its reason."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
-from jointz.inspection.guess import Assignment, Assignments, InspectedColumn, guessed_condition
+from jointz.inspection.guess import Assignment, Assignments, InspectedColumn
 from jointz.inspection.inspection_result import Question
 from jointz.inspection.own_clocks import HeelStrikes
 from jointz.inspection.problems import Pulses
@@ -17,6 +16,7 @@ from jointz.io.toml_text import written_comment, written_key, written_text
 
 _POSITIVE = {"ankle": "dorsiflexion"}
 _LONGEST_LIST = 12
+_DIRECTED = ("angle", "torque", "command", "current")
 _CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
 
 
@@ -59,6 +59,23 @@ class RecordingDraft:
     heel_strikes: HeelStrikes | None = None  # in another file
 
 
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """Directions of angle, torque and command, "" where unknown, and which of them are open."""
+
+    acts_on: Guess  # key ``torque_acts_on``
+    acts_on_open: bool
+    angle: Guess
+    angle_open: bool
+    angle_by_range: bool
+    straight_deg: int  # angle of a straight knee, 0 or 180
+    torque: Guess
+    command: Guess
+    current: Guess
+    current_open: bool
+    inertia: float  # kg m2, the torque over the acceleration at pulses; NaN without
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
     """Content of a ``study.toml``."""
@@ -67,16 +84,8 @@ class Proposal:
     assigned: Assignments  # channel -> column
     joint: Guess  # key ``joint``
     kind: Guess  # key ``kind``
-    acts_on: Guess  # key ``torque_acts_on``
     positive: Guess  # key ``positive``
-    angle: Guess = Guess("")  # direction of the angle; "" if unknown
-    straight_is_180: bool = False  # whether the angle of a straight knee is 180 deg
-    torque: Guess = Guess("")  # direction of the torque; "" if unknown
-    command: Guess = Guess("")  # direction of the command, where it is the opposite
-    current: Guess = Guess("")  # direction of the motor's current
-    is_current_open: bool = False
-    angle_sign_open: bool = False
-    acts_on_open: bool = False
+    signs: Signs
     inverted: frozenset[str] = frozenset()  # channels
     # meaning -> column and unit of the pulse tables; empty if their names say it
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -98,16 +107,6 @@ class Proposal:
     heel_strikes: HeelStrikes | None = None
     joined_channels: frozenset[str] = frozenset()  # of other files
 
-    @property
-    def directions(self) -> Mapping[str, Guess]:
-        """Positive direction of channels."""
-        return {
-            "angle": self.angle,
-            "torque": self.torque,
-            "command": self.command,
-            "current": self.current,
-        }
-
     def question(self, about: str) -> Question | None:
         """Return what is asked about a key and has no answer yet."""
         return next((q for q in self.questions if q.about == about and not q.drafted), None)
@@ -128,7 +127,7 @@ def study_text(proposal: Proposal) -> str:
         _line("joint", proposal.joint),
         _key(proposal, "kind", proposal.kind),
         _line("positive", proposal.positive),
-        _key(proposal, "torque_acts_on", proposal.acts_on),
+        _key(proposal, "torque_acts_on", proposal.signs.acts_on),
         *_coupling(proposal),
         *_rate(proposal),
     ]
@@ -146,9 +145,10 @@ def _first_file(proposal: Proposal) -> str:
 
 def _calibration(proposal: Proposal) -> list[str]:
     """Return the zero of an angle that is 180 deg where the knee is straight."""
-    if not proposal.straight_is_180:
+    if not proposal.signs.straight_deg:
         return []
-    zero = _inline({"value": -round(math.pi, 6), "sd": 0.05})
+    turned = -1 if proposal.signs.angle.value == "extension" else 1
+    zero = _inline({"value": turned * round(math.pi, 6), "sd": 0.05})
     return ["", "[calibration]", f"angle_zero_rad = {zero}  # guess: straight is 180 deg"]
 
 
@@ -227,15 +227,13 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         )
     if name in proposal.inverted and name == "ground_reaction_force":
         lines.append("invert = true  # guess: it is negative where the foot is loaded")
-    turned = proposal.directions.get(name, Guess(""))
+    turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
+    if name == "condition" and (question := proposal.question("channels.condition.values")):
+        lines.append(f"# {written_comment(question.in_a_line())}")
     if name == "condition" and proposal.levels:
-        levels = ", ".join(
-            f"{written_text(level)} = {written_text(condition)}"
-            for level, condition in proposal.levels.items()
-        )
-        meant = Guess(f"{{ {levels} }}", "likely meaning of the levels")
+        meant = Guess(_inline(proposal.levels), "meaning of the levels, by words or pulses")
         lines.append(_line("values", meant, raw=True))
     return lines
 
@@ -267,15 +265,8 @@ def _others(free: Sequence[InspectedColumn]) -> list[str]:
         return []
     names = [written_comment(c.title) for c in free[:_LONGEST_LIST]]
     more = f" and {len(free) - _LONGEST_LIST} more" if len(free) > _LONGEST_LIST else ""
-    word = re.sub(r"\W+", "_", names[0].casefold(), flags=re.ASCII).strip("_")
-    one = word if word and not word.isdecimal() else "own"
-    one = f"own_{one}" if one in _CHANNELS else one
-    return [
-        "",
-        f"# Columns without a channel: {', '.join(names)}{more}. To keep one of them:",
-        f"# [channels.{written_key(one)}]",
-        f"# column = {free[0].key if isinstance(free[0].key, int) else written_text(free[0].key)}",
-    ]
+    keep = "[channels.NAME] with its column keeps one"
+    return ["", f"# Columns without a channel: {', '.join(names)}{more}. {keep}."]
 
 
 def _states_mass(recording: RecordingDraft) -> bool:
@@ -360,7 +351,7 @@ def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
         lines.append(f"files = {_inline(layout)}")
     for name, (inspected, assignment) in one.assigned.items():
         keys = {"column": inspected.key} | ({"unit": assignment.unit} if assignment.unit else {})
-        turned = proposal.directions.get(name, Guess(""))
+        turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
         if turned.value not in ("", proposal.positive.value):
             keys["positive"] = turned.value
         asked = ("unit", "scale", "positive")
@@ -412,12 +403,6 @@ def _files(files: FilesSpec | None) -> list[str]:
         written = str(value).lower() if isinstance(value, bool | int) else written_text(value)
         lines.append(f"{name} = {written}")
     return lines
-
-
-def condition_levels(inspected: InspectedColumn) -> dict[str, str]:
-    """Return the likely meaning of the levels of a column of conditions."""
-    levels = [level for level in inspected.course.levels if level]
-    return {level: guessed_condition(level) or "unperturbed" for level in levels}
 
 
 def assignments_by_column(assigned: Assignments) -> dict[tuple[str, str | int], Assignment]:

@@ -8,6 +8,7 @@ USUAL = {
     "torque_acts_on": "joint",
     "unit": "N*m",
     "condition": "unperturbed",
+    "kind": "bench",
     "id": "S01",
     "participant": "S01",
     "first_sample": 1,
@@ -23,7 +24,9 @@ def open_keys(toml):
 def answered(toml, **answers):
     """Answer what is open: as given, else as is usual; what has no usual answer stays open."""
 
+    usual = USUAL | dict(re.findall(r'^(positive) = "(\w+)"', toml, re.MULTILINE)[:1])
+
     def line(found):
-        return f"{found[1]} = {json.dumps((USUAL | answers).get(found[1], '?'))}"
+        return f"{found[1]} = {json.dumps((usual | answers).get(found[1], '?'))}"
 
     return re.sub(r'^(\w+) = "\?".*$', line, toml, flags=re.MULTILINE)

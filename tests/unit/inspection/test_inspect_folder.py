@@ -24,7 +24,8 @@ def walk(*, pulses: bool = True, side: float = 1.0, straight: float = 0.0) -> pd
     """A knee that walks for 40 s; pulses of 15 N*m for 100 ms bend it."""
     s = np.arange(0.0, 40.0, 1 / RATE_HZ)
     cycle = 2 * np.pi * s / STRIDE_S
-    bend = 30.0 - 25.0 * np.cos(cycle - 0.6) + np.random.default_rng(1).normal(0.0, 0.02, s.size)
+    bend = 30.0 - 25.0 * np.cos(cycle - 0.6) + 4.0 * np.cos(2 * cycle)
+    bend += np.random.default_rng(1).normal(0.0, 0.02, s.size)
     torque = np.random.default_rng(2).normal(0.0, 0.05, s.size)
     for onset in ONSETS_S if pulses else ():
         after = np.clip(s - onset, 0.0, 0.1)

@@ -140,8 +140,16 @@ def test_the_offset_of_clocks_that_do_not_agree_is_asked(tmp_path):
 
 def test_a_trigger_decides_the_condition(tmp_path):
     write_csv(tmp_path, "P1", 1, pulses=False)
-    found = inspect_file(tmp_path)
-    assert [r.condition for r in found.recordings] == ["unperturbed"]
+    alone = inspect_file(tmp_path)
+    assert [r.condition for r in alone.recordings] == ["?"]  # it may be the wrong channel
+
+    write_csv(tmp_path, "P1", 2)
+    both = inspect_file(tmp_path)
+    assert {r.file: r.condition for r in both.recordings} == {
+        "P1_1_daq.csv": "unperturbed", "P1_2_daq.csv": "perturbed"
+    }  # fmt: skip
+    for file in tmp_path.glob("P1_2*"):
+        file.unlink()
 
     camera, card = trial()
     card.assign(trigger=5.0 - card["trigger"]).to_csv(tmp_path / "P1_1_daq.csv", index=False)
