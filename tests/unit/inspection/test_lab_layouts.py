@@ -143,7 +143,7 @@ def test_a_trigger_decides_the_condition(tmp_path):
     found = inspect_file(tmp_path)
     assert [r.condition for r in found.recordings] == ["unperturbed"]
 
-    camera, card = trial()
+    _, card = trial()
     card.assign(trigger=5.0 - card["trigger"]).to_csv(tmp_path / "P1_1_daq.csv", index=False)
     found = inspect_file(tmp_path)
 
