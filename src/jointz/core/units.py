@@ -36,6 +36,7 @@ degree_Celsius = kelvin; offset: 273.15 = degC = celsius
 radian = [angle] = rad
 degree = 3.141592653589793 / 180 * radian = deg
 turn = 2 * 3.141592653589793 * radian = rev = revolution
+degree_per_second = degree / second = dps
 joule = [energy] = J
 percent = 0.01
 standard_gravity = 9.80665 * meter / second ** 2 = g0
@@ -111,7 +112,12 @@ _WORDS: Mapping[str, str] = {
     **dict.fromkeys(("sek", "sekunden", "secondes", "segundos", "secondi", "seconden"), "second"),
     **dict.fromkeys(("newtonmeter", "newtonmeters"), "Nm"),
 }
+#: A pound times a length is a torque; a mass times a length measures nothing here.
+_POUND_LENGTH = re.compile(
+    r"(?P<length>ft|in)[-. ]?lbf?s?|lbf?s?[-. ]?(?P<after>ft|in)", re.IGNORECASE
+)
 _POWER = re.compile(r"-?\d")
+_COUNT = re.compile(r"[1-9]\d+")
 _NEWTON_METER = re.compile(r"(?P<prefix>[mku]?)N(?P<meter>m|mm|cm)(?P<second>s?)")
 _NEWTON_METER_SLIP = re.compile(r"[mk]?nm(?P<second>s?)", re.IGNORECASE)
 _PREFIXES: Mapping[str, str] = {"": "", "m": "milli", "k": "kilo", "u": "micro"}
@@ -121,6 +127,7 @@ _WRITTEN = (
     *("cm", "mm", "lbf", "in", "ft", "J", "W", "Pa", "kPa", "K", "degC", "newton", "meter"),
     *("degree", "radian", "second", "ampere", "volt", "percent", "rps"),
 )
+_SHORTEST_CAPITALS = 3  # DEG/SEC; "MA" may be mA, or a slip
 _SHORTEST_PLURAL = 4  # "rads" and "degrees" are plurals; "Ns" and "As" are products
 
 
@@ -209,6 +216,8 @@ class _Parser:
         text = unit.strip()
         for spelled, plain in _SPELLINGS.items():
             text = text.replace(spelled, plain)
+        if pound := _POUND_LENGTH.fullmatch(text):
+            text = f"lbf*{(pound['length'] or pound['after']).lower()}"
         self.tokens = _TOKEN.findall(text)
         if "".join(self.tokens) != re.sub(r"\s", "", text):
             raise _unreadable(unit)
@@ -223,7 +232,10 @@ class _Parser:
         product = self._power()
         while self.tokens and self.tokens[0] != ")":
             operator = self.tokens.pop(0) if self.tokens[0] in "*./-" else "*"
-            product = product / self._power() if operator == "/" else product * self._power()
+            if operator == "/" and self.tokens and _COUNT.fullmatch(self.tokens[0]):
+                product = product / _count(self.tokens.pop(0))  # turn/16384: a tick of an encoder
+            else:
+                product = product / self._power() if operator == "/" else product * self._power()
         return product
 
     def _power(self) -> Any:
@@ -255,6 +267,13 @@ class _Parser:
         return False
 
 
+def _count(number: str) -> Any:
+    name = f"count_{number}"
+    if name not in _registry():
+        _registry().define(f"{name} = {number}")
+    return _registry().Unit(name)
+
+
 def _resolved(unit: str, name: str) -> str:
     name = _WORDS.get(name.casefold(), name)
     compact = _NEWTON_METER.fullmatch(name)
@@ -269,6 +288,8 @@ def _resolved(unit: str, name: str) -> str:
         for prefix, whole, plural in _registry().parse_unit_name(name)
         if not plural or len(name) >= _SHORTEST_PLURAL
     ]
+    if not candidates and name.isupper() and len(name) >= _SHORTEST_CAPITALS:
+        return _resolved(unit, name.lower())
     if not candidates:
         raise _unreadable(unit, _guess(name))
     prefix, whole = min(candidates, key=lambda c: len(c[0]))  # "min" is no milli-inch

@@ -24,6 +24,7 @@ from jointz.io.formats.registry import (
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.text.delimited import as_written_with_point, stray_cells
+from jointz.io.text.recorder_exports import recorder_of
 from jointz.io.text.text_layout import TextLayout, find_layout
 from jointz.io.text.vendor_logs import with_vendor_units
 
@@ -82,7 +83,8 @@ def read_content(path: Path, layout: Mapping[str, Any] | None = None) -> Content
     """Read all columns of a file; unknown parts of a text file's layout are detected."""
     if not path.is_file():
         raise DataError(missing_file(path, "Correct the name."), path=str(path))
-    if path.name.lower().endswith(TEXT_SUFFIXES):
+    is_text = path.name.lower().endswith(TEXT_SUFFIXES)
+    if is_text and (layout or not recorder_of(path, FilesSpec())):
         content = _text_content(path, find_layout(path, layout))
     else:
         files = FilesSpec.model_validate(layout or {})

@@ -15,13 +15,13 @@ from jointz.inspection.names import (
     JOINTS,
     Words,
     channel_scores,
-    readable_unit,
     without_accents,
     word_set,
     words_of,
 )
 from jointz.inspection.signals import Course, course_of
 from jointz.io.text.clock_times import CLOCK_TEXT
+from jointz.io.text.column_names import readable_unit
 
 #: Order of assignment: channels with clear names come first.
 _ORDER = (

@@ -9,14 +9,10 @@ from importlib.resources import files
 from itertools import pairwise
 
 from jointz.core.channels import CHANNEL_UNITS
-from jointz.core.errors import UnitError
 from jointz.core.units import si_unit_of
-from jointz.io.text.column_names import unit_in_name
+from jointz.io.text.column_names import is_unit, unit_in_name, written_unit
 
 _WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
-_BRACKETS = re.compile(r"[\[(]([^\])=,;]*)[^\])]*[\])]\s*$")
-_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()=;]*)")
-_TAIL = re.compile(r"[_ ]([A-Za-z%°][A-Za-z0-9*/^°%.·]*)$")
 
 
 def word_set(text: str) -> frozenset[str]:
@@ -24,19 +20,7 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-#: Last parts of names that are axes, counters or words, although they also spell a unit.
-_NO_UNIT_TEXTS = ("", "-", "--", "1", "n/a", "na", "none", "a.u.", "au", "bool", "counts", "text")
-_NO_UNIT_WORDS = word_set(
-    "x y z in t h g k j w c l r rev max min mean out id no m a n",
-)
-#: Common spellings of units in column names.
-_SPELLINGS: Mapping[str, str] = {
-    "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
-    "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
-    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg", "1/min": "rpm", "min-1": "rpm",
-    "min^-1": "rpm", "volts": "V",
-}  # fmt: skip
-
+_NO_UNIT_TEXTS = ("--", "na", "a.u.", "au", "bool", "counts", "text")
 #: English word -> words of other languages for it.
 _OTHER_LANGUAGES: Mapping[str, str] = tomllib.loads(
     files("jointz.inspection").joinpath("words.toml").read_text("utf-8")
@@ -79,7 +63,7 @@ def words_of(name: str) -> Words:
         joint=next((joint for joint in JOINTS if joint in found), ""),
         side=next((side for word, side in SIDES.items() if word in found), ""),
         direction=next((d for d in DIRECTIONS if d in found), ""),
-        unit=_unit_of(name),
+        unit=written_unit(name),
     )
 
 
@@ -103,37 +87,11 @@ def _inner_words(part: str) -> list[str]:
     return [word for word in known if part.startswith(word) or part.endswith(word)]
 
 
-def _unit_of(name: str) -> str:
-    """Return the unit at the end of a name, in brackets or after a blank."""
-    if _BRACKETS.search(name):
-        inside = [text.split(",")[0] for text in _IN_BRACKETS.findall(name)]
-        return next(filter(None, map(readable_unit, reversed(inside))), "")
-    tail = _TAIL.search(re.sub(r"[_ ]per[_ ]|(?<=Nm)_(?=kg$)", "/", name))
-    if tail is None or tail[1].casefold() in _NO_UNIT_WORDS:
-        camel = _WORD.findall(name)[-1:] or [""]
-        last = camel[0].casefold()
-        return _SPELLINGS.get(last, last) if last in ("deg", "rad", "degrees", "radians") else ""
-    return readable_unit(tail[1])
-
-
-def readable_unit(text: str) -> str:
-    """Return a unit in readable spelling, "" if it is unknown."""
-    plain = _SPELLINGS.get(text.strip().casefold(), text.strip()) if text.strip() != "N" else "N"
-    if not plain or plain in ("1", "-") or plain.isdecimal():
-        return ""
-    try:
-        si_unit_of(plain)
-    except UnitError:
-        return ""
-    return plain
-
-
 def unreadable_unit(name: str, stated: str) -> str:
     """Return the unit of a column that cannot be read, "" if there is none."""
     unit = (stated or unit_in_name(name)).strip()
-    if unit.casefold() in _NO_UNIT_TEXTS or unit.isdecimal():
-        return ""
-    return "" if readable_unit(unit) else unit
+    known = unit.isdecimal() or unit.casefold() in _NO_UNIT_TEXTS or is_unit(unit)
+    return "" if known else unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +142,7 @@ _RULES = (
     _Rule("command", word_set("command cmd commanded"),
           _ANGLES | word_set("current speed velocity")),
     _Rule("reference", word_set("reference ref") | _COMMANDED, word_set("current"), _ANGLES, 4),
-    _Rule("current", word_set("current curr amps iq"), _COMMANDED, score=3),
+    _Rule("current", word_set("current curr cur amps iq"), _COMMANDED, score=3),
     _Rule("motor_velocity", _MOTOR, _TORQUES | _COMMANDED,
           word_set("speed velocity vel omega"), 4),
     _Rule("motor_acceleration", _MOTOR, _TORQUES | _COMMANDED,

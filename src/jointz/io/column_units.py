@@ -16,7 +16,7 @@ from jointz.core.errors import DataError, UnitError
 from jointz.core.study import ChannelSpec, RecordingSpec, StudySpec
 from jointz.core.units import conversion, si_unit_of
 from jointz.io.text.column_arguments import Column
-from jointz.io.text.column_names import EITHER, known_unit_in_name
+from jointz.io.text.column_names import EITHER, known_unit_in_name, written_unit
 
 #: Units of channels that may be given per body mass, and how that is written.
 PER_MASS, OVER_MASS = ("N*m", "N"), "/kg"
@@ -50,7 +50,7 @@ def unit_in_study(
     name, column = channel
     if name == "trigger":  # its levels are compared with a threshold in the same unit
         return ColumnUnit(column.unit or "1", 1.0, 0.0, column.unit or "1")
-    stated = "" if name == "contact" else stated_unit(name, str(column.column), units)
+    stated = "" if name == "contact" else stated_unit(name, str(column.column), units, column.unit)
     where = f"{file}, channel '{name}'"
     if stated and column.scale is not None:
         if column.unit is None:
@@ -84,7 +84,7 @@ def unit_in_record(name: str, column: Column, units: Mapping[str, str], *, file:
     """Return the unit of a column named in a command or in :func:`jointz.read`."""
     if name in UNITLESS_RECORD_COLUMNS:
         return ColumnUnit("1", 1.0, 0.0, "1")
-    stated = "" if column.factor is not None else stated_unit(name, column.name, units)
+    stated = "" if column.factor is not None else stated_unit(name, column.name, units, column.unit)
     try:
         unit = _settle(
             name,
@@ -103,13 +103,17 @@ def unit_in_record(name: str, column: Column, units: Mapping[str, str], *, file:
     return replace(unit, factor=unit.factor * (1.0 if column.factor is None else column.factor))
 
 
-def stated_unit(name: str, column: str, units: Mapping[str, str]) -> str:
-    """Return the unit that a file states for a column, also at the end of the column's name."""
+def stated_unit(name: str, column: str, units: Mapping[str, str], given: str | None = None) -> str:
+    """Return the unit that a file states for a column.
+
+    What the end of a name says, as in ``knee_deg``, counts where no other unit is given.
+    """
     if stated := units.get(column) or known_unit_in_name(column):
         return stated
-    _, colon, after = column.rpartition(":")  # as in knee:deg
+    written = "" if given else written_unit(column)
     si_units = CHANNEL_UNITS.get(name) or (RECORD_UNITS.get(name, ""),)
-    return after if colon and any(same_quantity(after, si) for si in si_units if si) else ""
+    quantity = si_unit_of(written)[0].removesuffix(OVER_MASS)
+    return written if written and quantity in si_units else ""
 
 
 def same_quantity(unit: str, si_unit: str) -> bool:

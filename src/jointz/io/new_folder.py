@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from jointz.core.errors import OutputError, WriteError
+from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.stop_signals import signals_held
 from jointz.io.folder_place import FolderState, beside, check_name, take_place
 from jointz.io.small_files import read_json
@@ -116,7 +116,7 @@ def new_folder(
         before = check_free(out, marker=marker, overwrite=overwrite, made_by=made_by)
     with _write_errors(out), _parents(out), _partial_folder(out) as partial:
         yield partial
-        with suppress(FileNotFoundError):  # replaced by another process: take_place sees it
+        with suppress(FileNotFoundError, DataError):  # replaced by another: take_place sees it
             if (out / marker).exists() and FolderState.of(out) == before:
                 _check_kind(out, out / marker, _kind(partial / marker))
         with signals_held():

@@ -12,7 +12,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError, UnitError
 from jointz.core.study import PulseColumn, RecordingSpec, Study, StudySpec, name_problem
-from jointz.core.units import conversion
+from jointz.core.units import conversion, si_unit_of
 from jointz.io.column_units import SAMPLE, same_unit
 from jointz.io.formats.columns import LARGEST_SAMPLE, file_error
 from jointz.io.formats.registry import (
@@ -23,7 +23,7 @@ from jointz.io.formats.registry import (
 )
 from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
-from jointz.io.text.column_names import known_unit_in_name
+from jointz.io.text.column_names import known_unit_in_name, written_unit
 from jointz.io.text.delimited import (
     MISSING_TEXT,
     is_number,
@@ -39,7 +39,6 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name in ("timing_point", "recording", "participant", "session", "side")},
 }
 _NUMBERS = {"onset": "s", "duration": "s", "amplitude": "N*m"}
-_UNIT_OF_END = {"_s": "s", "_ms": "ms", "_sample": SAMPLE, "_samples": SAMPLE, "_nm": "N*m"}
 _MOST_LINES_ABOVE = 50
 _LINE_ENDS = re.compile(r"\r\n|\r|\n")
 _THOUSANDS, _FEWEST_THOUSANDS = re.compile(r"\d{1,3}[.,]\d{3}"), 3
@@ -214,10 +213,10 @@ def agreed_unit(
 
 def unit_in(name: str) -> str | None:
     """Return the unit that a column's name states in brackets or at its end."""
-    lower = name.casefold()
-    end = next((unit for end, unit in _UNIT_OF_END.items() if lower.endswith(end)), None)
-    bracketed = re.search(r"[\[(]samples?[\])]\s*$", lower)
-    return SAMPLE if bracketed else known_unit_in_name(name) or end
+    in_samples = re.search(r"([\[(]samples?[\])]|_samples?)\s*$", name.casefold())
+    end = written_unit(name)
+    end = end if si_unit_of(end)[0] in _NUMBERS.values() else ""  # else no unit of a pulse
+    return SAMPLE if in_samples else known_unit_in_name(name) or end or None
 
 
 def _own_rows(table: _Table, spec: StudySpec, entry: RecordingSpec) -> _Table:

@@ -1,7 +1,7 @@
 """Problems of a TOML file, in sentences that begin with the key's full path."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError, create_model
@@ -58,8 +58,8 @@ def open_questions(raw: Any, place: Location = ()) -> list[str]:
         return [
             f'{place_of(place)}: open. Replace "?" by an answer; its line says which there are.'
         ]
-    entries = raw.items() if isinstance(raw, Mapping) else ()
-    entries = enumerate(raw) if isinstance(raw, list) else entries
+    entries: Iterable[tuple[str | int, Any]] = enumerate(raw) if isinstance(raw, list) else ()
+    entries = raw.items() if isinstance(raw, Mapping) else entries
     return [text for key, value in entries for text in open_questions(value, (*place, key))]
 
 

@@ -108,8 +108,8 @@ def test_session_side_and_kind_of_contact_are_kept(study, line, kind):
 # --- units and signs -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("line", "factor"), [('unit = "mrad"\n', 1e-3), ("", 1.0)])
-def test_an_angle_is_in_radians_unless_another_unit_is_given(study, line, factor):
+@pytest.mark.parametrize(("line", "factor"), [('unit = "mrad"\n', 1e-3), ("", np.deg2rad(1.0))])
+def test_the_end_of_a_name_states_the_unit_unless_another_is_given(study, line, factor):
     with_columns(study, knee_angle_deg=0.1 * np.arange(50))
     study.edit('unit = "deg"\n', line)
 

@@ -148,7 +148,7 @@ def test_a_log_of_an_actpack_has_the_units_of_its_fields(tmp_path):
     found = signals(content)
 
     units = [signal.unit for signal in found.values()]
-    assert units == ["ms", "", "deg/s", "mA", "mV", "", ""]
+    assert units == ["ms", "turn/16384", "deg/s", "mA", "mV", "", ""]
     assert "reading.log" in content.metadata
     np.testing.assert_allclose(content.groups[0].time_s, [0.010, 0.012], rtol=1e-15)
 

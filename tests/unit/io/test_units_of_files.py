@@ -15,6 +15,7 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import UnitError
 from jointz.core.study import FilesSpec
 from jointz.identification.identify_file import identify_file
+from jointz.inspection.inspect_file import inspect_file
 from jointz.io.formats.registry import list_columns, write_acquisition
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
@@ -276,3 +277,55 @@ def test_a_unit_of_another_quantity_needs_a_factor(tmp_path):
         jointz.read(path, torque="load cell [V]:N*m")
     recording = jointz.read(path, torque="load cell [V]:12.5*N*m")
     assert recording["torque"].values.tolist() == [12.5, 25.0]
+
+
+NAMES_WITH_UNITS = {
+    "torque_lbf_in": ("torque", 0.1129848),
+    "TORQUE (FT-LBS)": ("torque", 1.3558179),
+    "torque_ft_lbs": ("torque", 1.3558179),
+    "torque_Nm": ("torque", 1.0),
+    "jointTorqueNm": ("torque", 1.0),
+    "POSITION (DEGREES)": ("angle", np.pi / 180.0),
+    "kneeAngleDeg": ("angle", np.pi / 180.0),
+    "VELOCITY (DEG/SEC)": ("velocity", np.pi / 180.0),
+    "gyro_shank_dps": ("shank_velocity", np.pi / 180.0),
+    "motor_current_mA": ("current", 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", NAMES_WITH_UNITS)
+def test_a_name_says_its_unit_to_readers_and_to_inspect_alike(tmp_path, name):
+    channel, factor = NAMES_WITH_UNITS[name]
+    path = tmp_path / "a.csv"
+    path.write_text(f"time_s,{name}\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(100)))
+
+    found = jointz.read(path, **{channel: name})[channel]
+
+    np.testing.assert_allclose(found, factor * (np.arange(100) % 7), rtol=1e-6)
+    seen = inspect_file(path).channel(channel)
+    assert (seen.column, seen.unit_is) == (name, "stated")
+
+
+def test_a_torque_per_mass_by_its_name_is_no_torque(tmp_path):
+    (tmp_path / "a.csv").write_text("torque_Nm_kg\n1\n2\n")
+    with pytest.raises(UnitError, match="per body mass"):
+        jointz.read(tmp_path / "a.csv", torque="torque_Nm_kg")
+
+
+def test_a_given_unit_is_stronger_than_the_end_of_a_name(tmp_path):
+    (tmp_path / "a.csv").write_text("torque_nm\n1\n2\n")
+    read = jointz.read(tmp_path / "a.csv", torque="torque_nm:mN*m")
+    np.testing.assert_allclose(read["torque"], [1e-3, 2e-3])
+
+
+@pytest.mark.parametrize("name", ["motorCurrent", "mot_cur"])
+def test_a_motors_current_is_known_by_its_name(tmp_path, name):
+    path = tmp_path / "a.csv"
+    path.write_text(f"time_s,{name}\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(100)))
+    assert inspect_file(path).channel("current").column == name
+
+
+def test_a_unit_may_be_a_part_of_another(tmp_path):
+    (tmp_path / "a.csv").write_text("ticks\n0\n4096\n")
+    read = jointz.read(tmp_path / "a.csv", angle="ticks:turn/16384")
+    np.testing.assert_allclose(read["angle"], [0.0, np.pi / 2.0])

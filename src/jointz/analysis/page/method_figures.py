@@ -146,7 +146,7 @@ def _draw_method_panel(
         _draw_method(axes, at, np.array(means, dtype=float), colour=colour, marker=marker)
         for place, own, mean in zip(at, found, means, strict=True):
             if np.isnan(mean[0]):
-                values = [p.value for p in own]
+                values = np.array([p.value for p in own], dtype=float)
                 axes.plot([place] * len(own), values, ".", markersize=3.0, color=colour, alpha=0.6)
     for edge in range(1, len(names)):
         axes.axvline(edge - 0.5, color=FAINT, linewidth=0.4, zorder=0)

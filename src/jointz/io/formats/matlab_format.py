@@ -37,8 +37,15 @@ from jointz.io.formats.columns import (
     missing_columns,
 )
 from jointz.io.formats.losses import listed
-from jointz.io.formats.matlab_variables import load_variables, series_at, series_names, value_at
+from jointz.io.formats.matlab_variables import (
+    column_labels,
+    load_variables,
+    series_at,
+    series_names,
+    value_at,
+)
 from jointz.io.text.column_names import READING, is_time, unique_names, with_clock
+from jointz.io.text.text_layout import stated_rate
 
 ROOT = "jointz"
 #: ``jointz.version`` of an acquisition, and of a whole study.
@@ -75,7 +82,10 @@ class MatlabFormat:
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested series, flattened."""
         names = [str(c) for c in request.columns]
-        content, has_objects = load_variables(path, {name.partition(".")[0] for name in names})
+        # Cell arrays may state the unit of a matrix's column.
+        of_matrix = any(name.rpartition(".")[2].isdecimal() for name in names)
+        variables = None if of_matrix else {name.partition(".")[0] for name in names}
+        content, has_objects = load_variables(path, variables)
         values = {name: value_at(content, name.split(".")) for name in names}
         missing = [name for name, value in values.items() if value is None]
         if missing:
@@ -84,7 +94,8 @@ class MatlabFormat:
             raise missing_columns(path, missing, list(series_names(content)), hint)
         series = {name: series_at(path, name, value) for name, value in values.items()}
         clocks = _clocks(content, series) if request.several_clocks else {}
-        return make_table(path, request, lambda c: series[c], {}, clocks=clocks)
+        units = {name: unit for name, (_, unit) in column_labels(content) if unit}
+        return make_table(path, request, lambda c: series[c], units, clocks=clocks)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str] | None:  # noqa: ARG002
         """Return None: the names inside structs are known only after reading all."""
@@ -227,11 +238,17 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     by_length: dict[int, list[Signal]] = {}
     metadata: dict[str, str] = {}
     left_out: list[str] = []
+    labels = dict(column_labels(content))
+    texts = {text for label in labels.values() for text in label}
     for name in series_names(content):
         value = value_at(content, name.split("."))
         values = _series(value)
+        if isinstance(value, list) and texts.issuperset(map(str, value)):
+            continue  # names or units of a matrix's columns
         if values is not None:
-            by_length.setdefault(len(values), []).append(Signal(name, values))
+            title, unit = labels.get(name, ("", ""))
+            signal = Signal(title or name, values, unit, column=name)
+            by_length.setdefault(len(values), []).append(signal)
         elif isinstance(value, str | int | float):
             metadata[name] = str(value)
         elif np.size(value):
@@ -242,6 +259,8 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
     if has_objects or left_out:
         what = [*left_out, *([_OBJECT_NOTE] if has_objects else [])]
         metadata[f"{READING}left_out"] = f"no series of samples: {listed(what)}"
+    lines = [f"{name.rpartition('.')[2]}: {value}" for name, value in metadata.items()]
+    rates = {hz for line in lines if (hz := stated_rate(f"{line} Hz") or stated_rate(line))}
     groups = []
     for length, signals in sorted(by_length.items(), reverse=True):
         name = f"n{length}" if len(by_length) > 1 else ""
@@ -250,24 +269,26 @@ def _foreign(path: Path, content: Mapping[str, Any], *, has_objects: bool) -> Ac
         group, notes = _with_clock(name, signals)
         groups.append(group)
         metadata |= notes
+    if len(rates) == 1 and groups[0].time_s is None:  # that of the longest series
+        groups[0] = replace(groups[0], rate_hz=rates.pop())
     return Acquisition(tuple(groups), (), metadata)
 
 
 def _with_clock(name: str, signals: Sequence[Signal]) -> tuple[SignalGroup, dict[str, str]]:
     """Make a group; the time of a struct is its clock where the struct holds all of it."""
-    times = [s.name for s in signals if is_time(s.name.rpartition(".")[2])]
+    times = [s.column for s in signals if is_time(s.name.rpartition(".")[2])]
     structs = [time[: time.rfind(".") + 1] for time in times]
-    shared = [p for p in structs if all(signal.name.startswith(p) for signal in signals)]
+    shared = [p for p in structs if all(signal.column.startswith(p) for signal in signals)]
     # A series alone, such as times of events, is the clock of nothing.
     prefix = shared[0] if shared and len(signals) > 1 else ""
-    bare = [replace(s, name=s.name.removeprefix(prefix), column=s.name) for s in signals]
+    bare = [replace(s, name=s.name.removeprefix(prefix)) for s in signals]
     group, notes = with_clock(name, bare)
     if times and not shared and group.time_s is None:
         notes[f"{READING}clock.{name}"] = (
             f"not the clock, as its struct does not hold all series of this length: {listed(times)}"
         )
-    whole = tuple(replace(signal, name=signal.column, column="") for signal in group.signals)
-    return replace(group, signals=whole), notes
+    own = {signal.column: signal for signal in signals}
+    return replace(group, signals=tuple(own[signal.column] for signal in group.signals)), notes
 
 
 def _series(value: Any) -> np.ndarray | None:

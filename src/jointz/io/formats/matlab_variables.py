@@ -18,6 +18,7 @@ from jointz.core.errors import DataError
 from jointz.io.formats.columns import damaged, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
+from jointz.io.text.column_names import is_unit
 
 #: First number of a handle of an object, and the fields that scipy gives one of version 5.
 _HANDLE, _HANDLE_FIELDS = 0xDD000000, {"s0", "s1", "s2", "arr"}
@@ -227,3 +228,22 @@ def series_names(content: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
             yield from (f"{prefix}{name}.{i + 1}" for i in range(value.shape[1]))
         elif value is not None:
             yield prefix + name
+
+
+def column_labels(
+    content: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield columns of matrices, each with name and unit out of cell arrays of text beside it."""
+    texts = [
+        v for v in content.values() if isinstance(v, list) and all(isinstance(t, str) for t in v)
+    ]
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from column_labels(value, f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray) and value.ndim == 2:
+            nothing = [""] * value.shape[1]
+            beside = [text for text in texts if len(text) == len(nothing)]
+            units = next((text for text in beside if all(map(is_unit, text))), nothing)
+            names = next((text for text in beside if text is not units), nothing)
+            for k, label in enumerate(zip(names, units, strict=True), start=1):
+                yield f"{prefix}{name}.{k}", label

@@ -19,6 +19,25 @@ READING = "reading."
 #: Metadata that keep the name of the column a group's clock was taken from.
 _TIME_COLUMN = "time.column"
 
+#: What a row of units says of a number without one.
+NO_UNIT = ("", "-", "1", "n/a", "none")
+#: Last parts of names that are axes, counters or words, although they also spell a unit.
+_NO_UNIT_WORDS = frozenset(
+    [*"xyzthgkjwclrman", "in", "rev", "max", "min", "mean", "out", "id", "no"]
+)
+#: Common spellings of units in column names.
+_SPELLINGS: Mapping[str, str] = {
+    "nm": "N*m", "n.m": "N*m", "mnm": "mN*m", "nm/kg": "N*m/kg", "v": "V", "a": "A", "ma": "mA",
+    "n": "N", "hz": "Hz", "degrees": "deg", "radians": "rad", "sec": "s", "msec": "ms",
+    "seconds": "s", "milliseconds": "ms", "n/kg": "N/kg", "1/min": "rpm", "min-1": "rpm",
+    "min^-1": "rpm", "volts": "V", "deg": "deg", "rad": "rad", "s": "s", "ms": "ms", "us": "us",
+}  # fmt: skip
+_BRACKETS = re.compile(r"[\[(]([^\])=,;]*)[^\])]*[\])]\s*$")
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()=;]*)")
+_TAIL = re.compile(r"(?:[_ :]|^(?=.*/))([A-Za-z%°][A-Za-z0-9*/^°%.·-]*)$")
+_PRODUCT = re.compile(r"(?<![A-Za-z])(N|lbf?|lbs|ft|in)_(m|in|ft|lbf?s?)$", re.IGNORECASE)
+_PER = re.compile(r"(?<=[A-Za-z])_(?=(?:kg|s2?|sec)$)")
+_CAMEL = re.compile(r"(?<=[a-z\d]{2})(?:Deg|Rad|Nm)$|(?<![A-Za-z])(?:deg|rad|degrees|radians)$")
 _BRACKETED = re.compile(r"\[([^\[\]]+)\]\s*$|\(([^()]+)\)\s*$")
 _TIME = re.compile(
     r"[%#]?\s*(?:(?:loop|state|elapsed|system|host|sample)[\s_.]*)?time(?:[\s_.]*stamps?)?"
@@ -26,13 +45,6 @@ _TIME = re.compile(
     r"|[%#]?\s*(?:(?-i:t)|t_(?P<short>s|ms|us))",  # a bare T is a temperature, or a torque
     re.IGNORECASE,
 )
-#: Units of time as people write them, capitals or not.
-_UNITS_OF_TIME = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), "ms"),
-    **dict.fromkeys(("us", "usec", "usecs", "microsecond", "microseconds"), "us"),
-    **dict.fromkeys(("min", "minute", "minutes"), "min"),
-}
 
 
 def unit_in_name(name: str) -> str:
@@ -48,6 +60,32 @@ def known_unit_in_name(name: str) -> str:
     """Return the unit in brackets, or as in ``moment_Nm_kg``; "" where it cannot be read."""
     unit = unit_in_name(name) or ("N*m/kg" if name.endswith("_Nm_kg") else "")
     return unit if unit and all(map(_readable, unit.split(EITHER))) else ""
+
+
+def written_unit(name: str) -> str:
+    """Return the unit that a name seems to state, in brackets or at its end, readably spelled."""
+    if _BRACKETS.search(name):
+        inside = [text.split(",")[0] for text in _IN_BRACKETS.findall(name)]
+        return next(filter(None, map(readable_unit, reversed(inside))), "")
+    joined = _PRODUCT.sub(r"\1-\2", name.replace("_per_", "/").replace(" per ", "/"))
+    for text in (_PER.sub("/", joined), joined):  # torque_Nm_kg, then time_s
+        tail = _TAIL.search(text)
+        if tail and tail[1].casefold() not in _NO_UNIT_WORDS and (unit := readable_unit(tail[1])):
+            return unit
+    last = _CAMEL.search(name)
+    return readable_unit(last[0].lower()) if last else ""
+
+
+def readable_unit(text: str) -> str:
+    """Return a unit in readable spelling, "" if it is unknown."""
+    plain = text.strip()
+    plain = plain if plain == "N" else _SPELLINGS.get(plain.casefold(), plain)
+    return "" if plain in ("", "1", "-") or plain.isdecimal() or not _readable(plain) else plain
+
+
+def is_unit(cell: str) -> bool:
+    """Return whether a cell holds a unit, or says that there is none."""
+    return cell.lower() in NO_UNIT or bool(readable_unit(cell))
 
 
 def name_with_unit(signal: Signal) -> str:
@@ -170,7 +208,7 @@ def _time_unit(signal: Signal) -> str:
     match = _time_match(signal.name)
     written = match.group("unit") or match.group("short") if match else None
     stated = signal.unit or _in_brackets(signal.name) or written or ""
-    return _UNITS_OF_TIME.get(stated.lower(), stated)
+    return readable_unit(stated) or stated
 
 
 def _clearest(named: Sequence[Signal], row: int) -> tuple[Signal | None, str]:

@@ -3,7 +3,6 @@
 import csv
 import gzip
 import io
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from jointz.core.acquisition import Acquisition, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, TableRequest, file_error
+from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import (
     first_group,
     has_text,
@@ -34,26 +34,26 @@ from jointz.io.text.delimited import (
     MISSING_TEXT,
     decompressed_text,
     default_delimiter,
+    is_number,
     list_delimited,
     read_delimited,
 )
+from jointz.io.text.recorder_exports import read_export, recorder_of
 from jointz.io.text.text_layout import DELIMITERS
 from jointz.io.text.vendor_logs import with_vendor_units
 
-#: A number with a point or a comma as decimal sign; the other sign is told as an error.
-_NUMBER = re.compile(
-    r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*|[+-]?inf(inity)?", re.IGNORECASE
-)
 _PEEKED_ROWS = 200
 
 
-class TextFormat:
+class TextFormat(GroupFormat):
     """Reads every column, as numbers where it holds numbers; writes one group."""
 
     name = "text table"
 
     def read(self, path: Path, files: FilesSpec) -> Acquisition:
-        """Return all columns under their own names."""
+        """Return all columns under their own names; of a recorder's export, its tables."""
+        if recorder := recorder_of(path, files):
+            return read_export(path, files, recorder)
         files, notes = _with_delimiter(path, files)
         names: list[str | int] = list(list_delimited(path, files))
         if not files.header:
@@ -83,11 +83,14 @@ class TextFormat:
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested columns, by name, or by number where there is no header."""
+        if recorder_of(path, request.files):
+            return super().read_columns(path, request)
         return read_delimited(path, request)
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:
         """Return the names in the header, or numbers from 1 where there is none."""
-        return list_delimited(path, files)
+        exported = recorder_of(path, files)
+        return super().list_columns(path, files) if exported else list_delimited(path, files)
 
     def losses(self, content: Acquisition) -> list[str]:
         """Name what a text table cannot hold: other groups, events, metadata, some texts."""
@@ -164,8 +167,12 @@ def _text_columns(path: Path, files: FilesSpec, names: list[str | int]) -> set[s
 
 def _is_text(cells: list[str]) -> bool:
     filled = [cell.strip() for cell in cells if cell.strip() not in MISSING_TEXT]
-    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in filled)
+    numbers = sum(map(_is_number, filled))
     return 2 * numbers < len(filled)
+
+
+def _is_number(cell: str) -> bool:  # the other decimal sign is told as an error
+    return is_number(cell) or is_number(cell, ",")
 
 
 def _text_after_all(
@@ -212,7 +219,7 @@ def _plain_name(name: str) -> str:
     """Return a name that a header can hold: one line, no blanks at its ends, no number."""
     odd = not is_plain(name) or name != name.strip() or _one_line(name) != name
     plain = " ".join(name.replace("\0", "").split()) if odd else name
-    return f"column {plain}" if _NUMBER.fullmatch(plain) or not plain else plain
+    return f"column {plain}" if _is_number(plain) or not plain else plain
 
 
 def _written(content: Acquisition, group: SignalGroup, path: Path) -> str:

@@ -10,12 +10,13 @@ import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_error
+from jointz.io.text.column_names import is_unit
 from jointz.io.text.delimited import (
     MISSING_TEXT,
     check_signs,
@@ -55,7 +56,7 @@ _RATE = re.compile(
 #: What says the time between two samples, likewise.
 _INTERVAL = re.compile(
     r"""\W*(?:
-        (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | delta_x | dt
+        (?:sampl\w*|abtast|mess)[ _-]?(?:interval|intervall|period|periode|time|zeit) | dt
         | (?:intervall[eo]|intervalo|periodo|periode)[ ]d.{0,3}[ ]?\w*(?:echan|muest|camp)\w*
     )(?![a-z]) [^a-z\d.+-]* (?:[\[(]?(?P<before>ms|s|us)[\])]?)? [^a-z\d.+-]*
     (?P<named>\d*[.,]?\d+) (?:\s*(?P<after>ms|s|us|sec|msec))? \W*
@@ -63,8 +64,6 @@ _INTERVAL = re.compile(
     re.VERBOSE,
 )
 _SECONDS = {"s": 1.0, "sec": 1.0, "": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
-#: Headings of an export of motion capture, each with a rate in the line below.
-_SECTIONS = ("devices", "trajectories", "model outputs", "joints", "segments")
 _MASS = re.compile(
     r"\W*(?:(?:body|subject\w*|participant\w*|patient\w*|proband\w*)\W*)?"
     r"(?:mass|masse|gewicht|korpergewicht|korpermasse|poids|peso|massa|weight)"
@@ -77,14 +76,6 @@ _FASTEST_HZ = 1e5
 _SLOWEST_HZ = 20.0  # of a joint's recording: 1.000 Hz is a thousand
 _BRACKETED = re.compile(r"^[\[(].*[\])]$")
 _UNIT_LIKE = re.compile(r"[\w%°µ·*/^.\-⁻²]{1,12}")
-#: Words that stand in a row of units and nowhere else.
-_UNIT_WORDS = frozenset(
-    [
-        *("s", "ms", "us", "sec", "seconds", "rad", "deg", "°", "degrees", "radians", "nm", "n*m"),
-        *("n.m", "mnm", "nmm", "n", "m", "mm", "cm", "a", "ma", "v", "mv", "volts", "n/a", "-"),
-        *("1", "%", "hz", "w", "kg", "rad/s", "deg/s", "°/s", "m/s", "m/s^2", "degc", "none"),
-    ]
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +132,7 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     if mass_kg is not None and not _LIGHTEST_KG <= mass_kg <= _HEAVIEST_KG:
         mass_kg = None
     layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
-    rates = {rate for part in said if (rate := _stated_rate(part))}
-    rates |= {float(b) for a, b in pairwise(above) if _plain(a) in _SECTIONS and is_number(b)}
+    rates = {rate for part in said if (rate := stated_rate(part))}
     other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
     if rates and len(rates | other_rates) > 1:
         rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
@@ -151,12 +141,12 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
     return replace(layout, rate_hz=min(rates, default=None))
 
 
-def _stated_rate(line: str) -> float | None:
+def stated_rate(line: str) -> float | None:
     """Return the sampling rate in Hz that a line above a table states, None where it states none.
 
-    >>> _stated_rate("Abtastrate: 500 Hz"), _stated_rate("fs: 1 kHz"), _stated_rate("cutoff: 20 Hz")
+    >>> stated_rate("Abtastrate: 500 Hz"), stated_rate("fs: 1 kHz"), stated_rate("cutoff: 20 Hz")
     (500.0, 1000.0, None)
-    >>> _stated_rate("2 msec/sample"), _stated_rate("Abtastintervall [s]: 0,001")
+    >>> stated_rate("2 msec/sample"), stated_rate("Abtastintervall [s]: 0,001")
     (500.0, 1000.0)
     """
     plain = _plain(line)
@@ -341,7 +331,7 @@ def _is_units(row: tuple[str, ...]) -> bool:
     written = [cell for cell in row if cell]
     bare = _bare(tuple(written))
     likely = [
-        bool(_BRACKETED.match(cell)) or name.casefold() in _UNIT_WORDS
+        bool(_BRACKETED.match(cell)) or is_unit(name)
         for cell, name in zip(written, bare, strict=True)
     ]
     return (

@@ -13,14 +13,14 @@ from jointz.io.formats.losses import NOTE
 #: Fields of a Dephy ActPack as flexsea streams and logs them: integers before the gear.
 _DEPHY: Mapping[str, tuple[str, str]] = {
     "state_time": ("ms", "the device's clock"),
-    "mot_ang": ("", "counts of the motor's encoder, 16384 a turn, before the gear"),
+    "mot_ang": ("turn/16384", "counts of the motor's encoder, before the gear"),
     "mot_vel": ("deg/s", "of the motor, before the gear"),
     "mot_cur": ("mA", "q-axis current of the motor"),
     "mot_volt": ("mV", "q-axis voltage of the motor"),
     "batt_volt": ("mV", "of the battery"),
     "batt_curr": ("mA", "of the battery"),
     "temperature": ("degC", "of the case"),
-    "ank_ang": ("", "counts of the joint's encoder, 16384 a turn"),
+    "ank_ang": ("turn/16384", "counts of the joint's encoder"),
     "status_ex": ("", "bits of the execute board"),
     **{f"accel{axis}": ("", "counts of the IMU, 8192 a standard gravity") for axis in "xyz"},
     **{f"gyro{axis}": ("", "counts of the IMU") for axis in "xyz"},

@@ -16,14 +16,19 @@ from typing import Any, NoReturn
 import numpy as np
 
 from jointz.core.acquisition import Signal, SignalGroup
-from jointz.core.errors import DataError, UnitError
-from jointz.core.units import si_unit_of
+from jointz.core.errors import DataError
 from jointz.io.formats.losses import NOTE, text_array
-from jointz.io.text.column_names import is_time, seconds_of_one, unit_in_name, with_clock
+from jointz.io.text.column_names import (
+    NO_UNIT,
+    is_time,
+    is_unit,
+    seconds_of_one,
+    unit_in_name,
+    with_clock,
+)
 
 _COMMA_NUMBER = re.compile(r"\s*[+-]?(\d{1,3}(\.\d{3})+|\d+),\d+([eE][+-]?\d+)?\s*")
 _POINT_NUMBER = re.compile(r"\s*[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\s*")
-_NO_UNIT = ("", "-", "1", "n/a", "none")
 _MOST_HEADER_ROWS = 200
 _DATES = (dt.date, dt.time, dt.timedelta)
 _DATE_NOTE = NOTE + "dates and times, written as ISO 8601"
@@ -164,19 +169,11 @@ def _is_units(sheet: Sheet, row: int) -> bool:
     if not cells or not all(isinstance(cell, str) for cell in cells):
         return False
     units = [_bare_unit(cell) for cell in cells]
-    return 2 * sum(_is_unit(unit) for unit in units) >= len(units)
+    return 2 * sum(is_unit(unit) for unit in units) >= len(units)
 
 
 def _bare_unit(cell: str) -> str:
     return cell.strip().strip("[]()").strip()
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        si_unit_of(text)
-    except UnitError:
-        return text.lower() in _NO_UNIT
-    return True
 
 
 def _names(sheet: Sheet, table: Table) -> dict[int, str]:
@@ -218,7 +215,7 @@ def _refuse_names_above(sheet: Sheet, table: Table) -> None:
     upper, lower = ([str(sheet.rows[r][k]) for k in table.columns] for r in (above, above + 1))
     if not all(isinstance(sheet.rows[above][k], str) for k in table.columns):
         return
-    units = any(_is_unit(_bare_unit(cell)) for cell in lower)
+    units = any(is_unit(_bare_unit(cell)) for cell in lower)
     if units or (any(map(is_time, upper)) and not any(map(is_time, lower))):
         sheet.refuse(
             above,
@@ -349,7 +346,7 @@ def _unit(sheet: Sheet, table: Table, column: int, name: str) -> str:
     if table.units_row is None or _is_empty(sheet.rows[table.units_row][column]):
         return unit_in_name(name)
     stated = _bare_unit(str(sheet.rows[table.units_row][column]))
-    return "" if stated.lower() in _NO_UNIT[1:] and stated != "1" else stated
+    return "" if stated.lower() in NO_UNIT[1:] and stated != "1" else stated
 
 
 def _kind(cell: Any) -> str:
