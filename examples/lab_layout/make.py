@@ -9,7 +9,6 @@ trigger of the motor. Heel strikes are times. ``docs/lab-layout.md`` leads from 
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,19 +20,20 @@ from jointz.sim.plant_build import Grid
 from jointz.sim.presets import preset
 from jointz.sim.rig import SimulatedRig
 
-SEED = 8
-CAMERA_HZ, CARD_HZ = 240.0, 1000.0
+SEED, CAMERA_HZ, CARD_HZ = 8, 240.0, 1000.0
 TIMING_POINTS = {"stance": 21.5, "push_off": 56.0, "swing": 81.0}
 PULSE = WALKING_PULSE.model_copy(update={"direction": "both"})
 PLANS = {
     "normal": WalkPlan(per_point=0, warm_up_strides=20),
     "pulses": WalkPlan(10, PULSE, timing_points=TIMING_POINTS, gap_strides=(2, 3)),
 }
-NO_FRICTION = {"coulomb_friction": 0.0, "gear_friction": 0.0, "rotor_inertia": 0.0}
+NO_FRICTION = dict.fromkeys(
+    ("coulomb_friction", "gear_friction", "rotor_inertia", "friction_error_sd"), 0.0
+)
 TRIGGER_V, TRIGGER_NOISE_V = 5.0, 0.02
 
 
-def trial(rig: SimulatedRig, name: str) -> dict[str, Any]:
+def trial(rig: SimulatedRig, name: str) -> dict[str, dict[str, np.ndarray]]:
     """Return the tables of a trial, by the device that wrote them."""
     walk = walk_directly(rig, name, plan=PLANS[name])
     noise = np.random.default_rng([SEED, rig.person.number]).standard_normal(walk.time_s.size)
@@ -42,18 +42,16 @@ def trial(rig: SimulatedRig, name: str) -> dict[str, Any]:
     volts = TRIGGER_V * (walk.channels["command"] != 0.0) + TRIGGER_NOISE_V * noise
     motion = rig.motion(name, 0)
     strikes = [motion.next().start_s for _ in range(int(walk.end_s))]
-    return {
-        "mocap": {"time": camera_s, "kneeAngle": angle},
-        "daq": {"time": walk.time_s, "motorCurrent": -walk.channels["current"], "trigger": volts},
-        "events": {"heelStrike": np.array([s for s in strikes if 0.0 < s < walk.end_s])},
-    }
+    card = {"time": walk.time_s, "motorCurrent": -walk.channels["current"], "trigger": volts}
+    events = {"heelStrike": np.array([s for s in strikes if 0.0 < s < walk.end_s])}
+    return {"mocap": {"time": camera_s, "kneeAngle": angle}, "daq": card, "events": events}
 
 
 def make(folder: Path, form: str) -> None:
     """Write the folder: a ``.mat`` a person, or a csv file a device and a table of people."""
     folder.mkdir(parents=True)
     lab = preset("nominal")
-    lab = replace(lab, actuator=replace(lab.actuator, **NO_FRICTION, friction_error_sd=0.0))
+    lab = replace(lab, actuator=replace(lab.actuator, **NO_FRICTION))
     people = {}
     for number in (0, 1):
         rig = SimulatedRig(draw_person(number, seed=SEED), lab, grid=Grid(CARD_HZ))
@@ -63,11 +61,10 @@ def make(folder: Path, form: str) -> None:
             rows = [{"name": each, **tables} for each, tables in trials.items()]
             subject = {"id": name, "mass": people[name]}
             savemat(folder / f"{name}.mat", {"subject": subject, "trial": rows})
-            continue
-        for each, tables in trials.items():
-            for device, table in tables.items():
-                file = folder / f"{name}_{each}_{device}.csv"
-                pd.DataFrame(table).round(5).to_csv(file, index=False)
+        else:
+            tables = {f"{name}_{each}_{k}": t for each, ts in trials.items() for k, t in ts.items()}
+            for file, table in tables.items():
+                pd.DataFrame(table).round(5).to_csv(folder / f"{file}.csv", index=False)
     if form == "csv":
         table = pd.Series(people, name="mass_kg").rename_axis("participant_id")
         table.to_csv(folder / "participants.tsv", sep="\t")

@@ -1,4 +1,4 @@
-"""The page of labs' layouts: its commands and answers lead from files to estimates, in both forms."""
+"""The page of layouts: its commands and answers lead from files to estimates, in both forms."""
 
 import re
 import shlex

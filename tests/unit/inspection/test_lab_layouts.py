@@ -151,7 +151,7 @@ def test_a_trigger_decides_the_condition(tmp_path):
     for file in tmp_path.glob("P1_2*"):
         file.unlink()
 
-    camera, card = trial()
+    _, card = trial()
     card.assign(trigger=5.0 - card["trigger"]).to_csv(tmp_path / "P1_1_daq.csv", index=False)
     found = inspect_file(tmp_path)
 
@@ -197,7 +197,8 @@ def test_people_have_what_a_table_states(tmp_path):
     assert [r.spec.side for r in study.recordings] == ["right", "left"]
 
 
-def test_groups_with_events_are_one_recording(tmp_path):
+@pytest.mark.parametrize("has_stamps", [False, True])
+def test_groups_with_events_are_one_recording(tmp_path, has_stamps):
     camera, card = trial()
     axes = [
         Signal("KneeAngle.x", camera["kneeAngle"].to_numpy(), "deg"),
@@ -208,9 +209,12 @@ def test_groups_with_events_are_one_recording(tmp_path):
         Signal("current", card["motorCurrent"].to_numpy(), "A"),
         Signal("trigger", card["trigger"].to_numpy(), "V"),
     ]
+    clocks = [{"rate_hz": RATE_HZ / 2}, {"rate_hz": RATE_HZ}]
+    if has_stamps:
+        clocks = [{"time_s": table["time"].to_numpy()} for table in (camera, card)]
     groups = (
-        SignalGroup("points", tuple(axes), time_s=camera["time"].to_numpy()),
-        SignalGroup("analogs", tuple(channels), time_s=card["time"].to_numpy()),
+        SignalGroup("points", tuple(axes), **clocks[0]),
+        SignalGroup("analogs", tuple(channels), **clocks[1]),
     )
     strikes = tuple(Event(time_s, "Right Foot Strike") for time_s in STRIKES_S.tolist())
     write_acquisition(Acquisition(groups, strikes), tmp_path / "P1.nc")

@@ -70,6 +70,7 @@ class NetcdfFormat:
         """Return the requested variables; fill values become NaN, packed ones are unpacked."""
         by_group: dict[str, list[str]] = defaultdict(list)
         variables: dict[str, xr.DataArray] = {}
+        clocks: dict[str, np.ndarray] = {}
         with _opened(path) as file:
             names, available = [str(c) for c in request.columns], _variable_names(file, "")
             missing = [name for name in names if name not in available]
@@ -77,13 +78,18 @@ class NetcdfFormat:
                 raise missing_columns(path, missing, available)
             for name in names:
                 by_group[name.rpartition("/")[0]].append(name)
+            several = request.several_clocks and len(by_group) > 1 and _LAYOUT in file.attrs
             for group, members in by_group.items():
                 short = {member: member.rpartition("/")[2] for member in members}
                 dataset = load_group(file[group] if group else file, short.values())
                 variables |= {member: _variable(dataset, name) for member, name in short.items()}
+                if several and "rate_hz" in dataset.attrs:
+                    clocks |= dict.fromkeys(members, _uniform_times(dataset))
             history = _history(file)
         units = {n: str(v.attrs["units"]) for n, v in variables.items() if "units" in v.attrs}
-        return make_table(path, request, lambda c: variables[c].values, units, history=history)
+        return make_table(
+            path, request, lambda c: variables[c].values, units, history=history, clocks=clocks
+        )
 
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
         """Return the variables of all groups."""
@@ -131,6 +137,12 @@ def _variable(dataset: xr.Dataset, name: str) -> xr.DataArray:
         return dataset[name]
     matrix, _, number = name.rpartition(".")
     return dataset[matrix][:, int(number) - 1]
+
+
+def _uniform_times(dataset: xr.Dataset) -> np.ndarray:
+    """Return the times of the samples of a group that jointz wrote, s."""
+    start_s, rate_hz = dataset.attrs["start_s"], dataset.attrs["rate_hz"]
+    return np.asarray(start_s + np.arange(dataset.sizes["sample"]) / rate_hz)
 
 
 def _history(file: Any) -> tuple[dict[str, Any], ...]:
