@@ -40,7 +40,8 @@ def parts_of(content: Content) -> tuple[FilePart, ...]:
     splits = [(place, found) for place in places if (found := _split(series, tokens, place))]
     if not splits:
         return ()
-    place, best = max(splits, key=lambda split: _n_channels(split[1]))  # the first of equals
+    # The first of equals; a part that holds two recordings has fewer parts than one of each.
+    place, best = max(splits, key=lambda split: (_n_channels(split[1]), len(split[1])))
     return tuple(_part(content, name, columns, place, len(best)) for name, columns in best.items())
 
 

@@ -31,8 +31,9 @@ _ORDER = (
     *(*MOTION_SENSORS, "velocity", "cycle"),
 )
 _PART_AT_END = re.compile(r"[./](?:\{part\}|\d+)$")  # behind which a unit may stand
-_AXIS_AT_END = re.compile(r"(.+)[./_ ][xyz]", re.IGNORECASE)
-_N_AXES, _FAR_MORE = 3, 3.0  # range of the axis of flexion over those of the others
+#: Axis behind a name, before the number of a sensor and a unit.
+_AXIS_AT_END = re.compile(r"(.+?)[./_ ][xyz](?:\s+\d+)?(?:\s*[\[(][^\])]*[\])])?", re.IGNORECASE)
+_FAR_MORE = 3.0  # range of the axis of flexion over those of the others
 _OF_DEVICE = {"torque", "current", "command"}
 _NEVER_CONSTANT = ("angle", "contact", "ground_reaction_force")
 _BARE_T = re.compile(r"[%#]?\s*T\s*")
@@ -163,13 +164,14 @@ def _main_axes(columns: Sequence[InspectedColumn]) -> list[InspectedColumn]:
             points.setdefault(found[1], []).append(column)
     kept = {id(c): c for c in columns}
     for name, axes in points.items():
-        words = words_of(name)
-        spans = sorted((_span(c) for c in axes), reverse=True)
-        if len(axes) == _N_AXES and spans[0] > _FAR_MORE * spans[1] and _is_joint(words):
+        best = max(axes, key=_span)
+        words = replace(words_of(name), unit=best.words.unit)
+        others = [_span(c) for c in axes if c is not best]
+        far_more = _span(best) > _FAR_MORE * max(others, default=0.0)
+        if far_more and (words.joint or others) and _is_joint(words):
             for axis in axes:
                 del kept[id(axis)]
-            best = max(axes, key=_span)
-            kept[id(best)] = replace(best, words=replace(words, unit=best.words.unit))
+            kept[id(best)] = replace(best, words=words)
     return list(kept.values())
 
 
@@ -231,6 +233,7 @@ def _score(channel: str, inspected: InspectedColumn) -> tuple[float, float]:
     if channel == "ground_reaction_force":  # of three axes, the one that carries the body
         values = inspected.column.values
         level = float(abs(np.nanmean(values))) if np.isfinite(values).any() else 0.0
+    level -= float(inspected.words.unit.endswith("/kg"))  # a moment that was computed
     steady = inspected.course.low == inspected.course.high
     return channel_scores(inspected.words)[channel] - 2 * steady, level
 

@@ -117,12 +117,16 @@ def _sources_in(
         tables += own_tables
         people |= found[0].people
         used = own_tables or found[0].people
-        pieces += [without_samples(s) for s in found if not used and not is_whole(s)]
+        others = (s for s in found if not is_whole(s) and (s.is_recording or not used))
+        pieces += map(without_samples, others)
         # Of all files but the most telling one only what a line of the study needs is kept.
         sources = with_most_telling_first([*sources, *whole]) if whole else sources
     trials, pieces = trials_of(pieces)
     sources = [*sources, *trials, *(p for p in pieces if p.is_recording)]
     sources, pieces = with_strikes(sources, [p for p in pieces if not p.is_recording])
+    if not sources:  # which columns hold what is asked
+        sources = [p for p in pieces if p.is_series]
+        pieces = [p for p in pieces if not p.is_series]
     notes += [f"left out: {p.shown} holds no angle and no torque in time." for p in pieces]
     if sources:
         best = most_telling(sources)

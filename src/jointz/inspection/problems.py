@@ -38,7 +38,7 @@ from jointz.inspection.signs import (
 _FEWEST_PULSES = 3
 _LEVEL_SHARE = 0.1  # of its span, within which the levels of a trigger lie
 _CUTOFF_HZ = 20.0
-_FEWEST_SAMPLES = 100
+FEWEST_SAMPLES = 100
 _LONGEST_LIST = 3
 _LATER_S = 0.05  # after an onset: the torque has risen
 _MOST_ON = 0.25  # share of samples in pulses: a footswitch is on for longer
@@ -156,7 +156,7 @@ def stride_notes(assigned: Assignments, clock: SeenClock, *, walking: bool) -> l
 def _steps_of_feet(assigned: Assignments, time: np.ndarray) -> xr.Dataset | None:
     """Return the channels that show heel strikes, None if there are none."""
     names = [name for name in ("contact", "ground_reaction_force") if name in assigned]
-    if not names or time.size < _FEWEST_SAMPLES or not np.isfinite(time).all():
+    if not names or time.size < FEWEST_SAMPLES or not np.isfinite(time).all():
         return None
     kind = "voltage" if "contact" in assigned and assigned["contact"][1].unit else "contact"
     units = {name: si_of(assigned[name][1])[0] for name in names if assigned[name][1].unit}
@@ -189,7 +189,7 @@ def pulses_of_table(
 ) -> OwnPulses | None:
     """Return the onsets of a recording in a pulse table, None without a clock or a torque."""
     time = _time(assigned, clock)
-    if time is None or "torque" not in assigned or time.size < _FEWEST_SAMPLES:
+    if time is None or "torque" not in assigned or time.size < FEWEST_SAMPLES:
         return None
     command = assigned["command"][0].column.values if "command" in assigned else None
     return own_pulses(table, rows, time, _si(assigned, "torque"), command)

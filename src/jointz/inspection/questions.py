@@ -37,6 +37,7 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     found = [
         *_kind(proposal),
         *_missing(proposal),
+        *_heel_strikes(proposal),
         *_clock(proposal, clock),
         *_offsets(proposal),
         *_pulses(proposal),
@@ -94,6 +95,19 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
             "the data sheet, or jointz identify actuator measures it.",
             ("gear_ratio", "turns of the motor a turn of the joint"),
             ("torque_constant", "N*m/A at the motor's shaft"),
+        )
+
+
+def _heel_strikes(proposal: Proposal) -> Iterator[Question]:
+    channels = {"contact", "ground_reaction_force", "cycle"}
+    files = all(r.heel_strikes for r in proposal.recordings)
+    if proposal.kind.value == "bench" or channels & set(proposal.assigned):
+        return
+    if proposal.heel_strikes is None and not files and proposal.kind.value != OPEN:
+        yield _open(
+            "channels.heel_strikes.column",
+            "Where are the heel strikes? A study of walking needs a footswitch, a ground reaction "
+            "force, or times of heel strikes, in a file of their own, too.",
         )
 
 

@@ -26,7 +26,13 @@ from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import JOINTS, Words, is_of_strikes, words_of
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.people import Person, people_of, person_of
-from jointz.inspection.problems import Pulses, find_command, find_pulses, not_a_recording
+from jointz.inspection.problems import (
+    FEWEST_SAMPLES,
+    Pulses,
+    find_command,
+    find_pulses,
+    not_a_recording,
+)
 from jointz.inspection.pulse_columns import PulseColumns, pulse_columns
 from jointz.inspection.signals import clock_of, overflow_note
 from jointz.inspection.signs import angle_direction, inverted_channels
@@ -75,6 +81,11 @@ class Source:
     def in_group(self) -> list[InspectedColumn]:
         """The columns that were sampled together with those of the study."""
         return [c for c in self.columns if c.column.group == self.group]
+
+    @property
+    def is_series(self) -> bool:
+        """Return whether a file holds samples, whatever they are."""
+        return self.clock.n >= FEWEST_SAMPLES and self.heel_strikes is None
 
     @property
     def is_recording(self) -> bool:

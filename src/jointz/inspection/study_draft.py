@@ -239,6 +239,8 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
 
 
 def _heel_strikes(proposal: Proposal) -> list[str]:
+    if proposal.question(about := "channels.heel_strikes.column"):
+        return ["", "[channels.heel_strikes]", _key(proposal, about, Guess(""))]
     if proposal.heel_strikes is None:
         return []
     strikes = proposal.heel_strikes

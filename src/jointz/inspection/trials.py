@@ -9,7 +9,7 @@ from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.source import JoinedSource, Source
 
-_SAME_LENGTH = 0.05  # of files of one trial
+_SAME_LENGTH = 0.2  # of files of one trial, whose devices start and stop by themselves
 _BEYOND_STRIKES_S = 5.0  # of a recording before the first heel strike and after the last
 _SAME_END = 2.0  # periods of the slower clock, within which clocks begin and end together
 _TORQUES = {"torque", "current"}

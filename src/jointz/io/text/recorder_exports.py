@@ -173,14 +173,18 @@ def _labchart(blocks: Sequence[_Block]) -> _Tables:
 
 
 def _spike2(blocks: Sequence[_Block]) -> _Tables:
-    rates: dict[str, float] = {}
+    rates: dict[str, list[float]] = {}
     for head, body in blocks:
         rows = [_cells(line) for line in head if line.strip()]
-        # A row of the summary: number, kind, title, unit, ideal and actual rate of a channel.
-        rates |= {row[0]: float(row[5]) for row in rows if len(row) > 5}
+        # A row of the summary: number, kind, title, unit, rates of a channel.
+        rates |= {row[0]: [*map(float, row[4:])] for row in rows if len(row) > 5}
         if rows[-1][0] == "START":
-            (_, number), *_, (title,), (unit, *_), (_, start_s, _) = rows[-6:]
-            yield _Head((title,), (unit,), "\t", "", rates[number], float(start_s)), body
+            at = max(k for k, row in enumerate(rows) if row[0] == "CHANNEL")
+            (_, number), _kind, _comment, (title, *_), (unit, *_) = rows[at : at + 5]
+            _, start_s, step_s = rows[-1]
+            rate_hz = 1.0 / float(step_s)  # of few digits
+            rate_hz = min((*rates[number], rate_hz), key=lambda hz: abs(hz - rate_hz))
+            yield _Head((title,), (unit,), "\t", "", rate_hz, float(start_s)), body
 
 
 def _nexus(blocks: Sequence[_Block]) -> _Tables:
