@@ -28,7 +28,7 @@ from jointz.results.bench.stiffness_fit import StiffnessFit
 from jointz.results.estimates import ParameterEstimate
 from jointz.tasks.engine import Task
 from jointz.tasks.progress import Progress
-from reproduction import printed_numbers
+from reproduction import literature, printed_numbers
 from reproduction.chapter_runs import in_processes, run_study, study_truth
 from reproduction.printed_settings import MODEL, SENSOR_NOISE, SPRING, printed_settings
 from reproduction.reproduction_result import Reproduction
@@ -100,7 +100,7 @@ def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
         by_sensor = dither.rows[0].dissertation or spring
         pulses, pulse_curves = perturbation(studies["qdd-perturbation"], by_sensor, spring)
     settings = printed_settings(3, preset)
-    devices = device_table(3, chapter3.OTHER_DEVICES)
+    devices = device_table(3, literature.DEVICES_3)
     return Reproduction.of_chapter(
         3,
         (settings, models, chirp_table, static, dither, pulses, devices, audit_claims(3)),
@@ -185,7 +185,7 @@ def _model_rows(number: str, fit: ActuatorFit, truth: Mapping[str, float]) -> li
         )
         for p in fit.parameters
     ]
-    error, rms = fit.rms_error_nm, chapter3.TORQUE_RMS[number]
+    error, rms = fit.rms_error_nm, printed_numbers.TORQUE_RMS[number]
     return [*rows, compare(f"model {number}: RMS error", "N*m", rms, error, error, built_in=MODEL)]
 
 
@@ -281,7 +281,7 @@ def static_stiffness(
         compare(
             "size of the difference from the torque sensor",
             "%",
-            chapter3.STATIC_STIFFNESS_ERROR,
+            printed_numbers.STATIC_STIFFNESS_ERROR,
             100.0 * abs(by_model / by_sensor - 1.0),
             100.0 * abs(known / by_sensor - 1.0),
         ),
@@ -327,7 +327,7 @@ def dither_stiffness(record: BenchRecord, truth: float, *, gain_sd: float) -> Co
         compare(
             "stiffness, dither",
             _UNIT,
-            chapter3.DITHER_STIFFNESS,
+            printed_numbers.DITHER_STIFFNESS,
             by_sensor,
             (ours.value, *_interval(ours, gain_sd)),
             truth=truth,
@@ -383,7 +383,7 @@ def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTabl
         "dither": dither,
         **{name: {"mean": mean, "sd": sd} for name, (mean, sd) in means.items()},
         "printed": {
-            "dither": chapter3.DITHER_STIFFNESS.value,
+            "dither": printed_numbers.DITHER_STIFFNESS.value,
             **{name: [number.value, number.sd] for name, number in printed.items()},
         },
         "truth": truth,

@@ -10,8 +10,9 @@ import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.reference import chapter4, literature, row_mean
-from reproduction import printed_numbers
+from jointz.reference import chapter4, row_mean
+from jointz.reference.literature import stated_stiffness_range
+from reproduction import literature, printed_numbers
 from reproduction.chapter4.walking import WalkedStudy
 from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.printed_settings import PEOPLE
@@ -256,7 +257,7 @@ def _stated_ranges() -> list[dict[str, Any]]:
     rows = []
     for study in STUDIES:
         for point in TIMING_POINTS:
-            stated = literature.stated_stiffness_range(study, point)
+            stated = stated_stiffness_range(study, point)
             if stated is not None:
                 name = literature.STUDIES[study].name
                 rows.append({"study": name, "point": point, "low": stated[0], "high": stated[1]})
