@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import pandas as pd
@@ -19,38 +18,36 @@ if TYPE_CHECKING:
 STEPS = ("zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring")
 
 #: What a step may find -> SI unit. Gains and ``friction_gain`` have no unit.
-ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        "angle_zero_rad": "rad",
-        "contact_threshold_v": "V",
-        "contact_release_v": "V",
-        "angle_lag_s": "s",
-        "angle_gain": "1",
-        "intrinsic_stiffness": "N*m/rad",
-        "intrinsic_damping": "N*m*s/rad",
-        "intrinsic_inertia": "kg*m^2",
-        "torque_gain": "1",
-        "friction_gain": "1",
-        "tissue_hz": "Hz",
-        "angle_per_torque": "rad/(N*m)",
-        "contact_level_v": "V",
-        "open_level_v": "V",
-        "angle_delay_s": "s",
-        "inertia": "kg*m^2",
-        "inertia_weighted": "kg*m^2",
-        "stiffness": "N*m/rad",
-        "stiffness_weighted": "N*m/rad",
-        "damping": "N*m*s/rad",
-        "damping_weighted": "N*m*s/rad",
-        "tissue_damping": "1",
-        "strap_compliance": "rad/(N*m)",
-        "strap_damping_time_s": "s",
-        "motion_per_torque": "rad/(N*m)",
-        "torque_constant": "N*m/A",
-        "coulomb_friction": "N*m",
-        "gear_friction": "N*m/A",
-    }
-)
+ENTRY_UNITS: Mapping[str, str] = {
+    "angle_zero_rad": "rad",
+    "contact_threshold_v": "V",
+    "contact_release_v": "V",
+    "angle_lag_s": "s",
+    "angle_gain": "1",
+    "intrinsic_stiffness": "N*m/rad",
+    "intrinsic_damping": "N*m*s/rad",
+    "intrinsic_inertia": "kg*m^2",
+    "torque_gain": "1",
+    "friction_gain": "1",
+    "tissue_hz": "Hz",
+    "angle_per_torque": "rad/(N*m)",
+    "contact_level_v": "V",
+    "open_level_v": "V",
+    "angle_delay_s": "s",
+    "inertia": "kg*m^2",
+    "inertia_weighted": "kg*m^2",
+    "stiffness": "N*m/rad",
+    "stiffness_weighted": "N*m/rad",
+    "damping": "N*m*s/rad",
+    "damping_weighted": "N*m*s/rad",
+    "tissue_damping": "1",
+    "strap_compliance": "rad/(N*m)",
+    "strap_damping_time_s": "s",
+    "motion_per_torque": "rad/(N*m)",
+    "torque_constant": "N*m/A",
+    "coulomb_friction": "N*m",
+    "gear_friction": "N*m/A",
+}
 
 
 @dataclass(frozen=True, slots=True)
