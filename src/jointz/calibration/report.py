@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import pandas as pd
 
 from jointz.core.study import CalibrationSpec
-from jointz.results.base import Result
+from jointz.results.base import Axes, Result
 from jointz.results.bench.calibration_fit import CalibrationFit
 from jointz.results.figure_style import axes_or_new, in_figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _COLUMNS = ("participant", "step", "entry", "used", "value", "sd", "unit", "status", "reason")
 

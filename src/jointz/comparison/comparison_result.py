@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
+from jointz.results.base import Axes, Result
 from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.statistics.comparison_rows import (
     UNDECIDED,
@@ -19,9 +19,6 @@ from jointz.results.statistics.comparison_rows import (
     SourceMean,
     difference_text,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)

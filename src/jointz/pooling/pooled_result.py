@@ -3,20 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import pandas as pd
 
 from jointz.pooling.conditions import CONDITION_COLUMNS
 from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
 from jointz.report.wording import ABSOLUTE, format_count, parameter_label, point_name
-from jointz.results.base import Result, checked_values, summary_text
+from jointz.results.base import Axes, Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
 from jointz.results.figure_style import in_figure_style
 from jointz.results.statistics.random_effects_fit import draw_forest
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Status of the mean of a single study, and of a mean whose interval reaches zero; others are
 #: ``ok`` and ``failed:too_few_studies``.

@@ -2,18 +2,14 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")

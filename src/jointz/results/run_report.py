@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import PlottedResult, Result
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.base import Axes, PlottedResult, Result
 
 _COLUMNS = (
     "participant",

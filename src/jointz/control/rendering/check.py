@@ -1,7 +1,7 @@
 """Check of an actuator against a profile, with intervals and a figure."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -25,11 +25,8 @@ from jointz.control.rendering.varying import (
     largest_multiplier,
 )
 from jointz.core.errors import DataError
-from jointz.results.base import Array, PlottedResult, summary_text
+from jointz.results.base import Array, Axes, PlottedResult, summary_text
 from jointz.results.figure_style import BLUE, GREEN, INK, MUTED, SKY
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Deviation from the mean stride for which torque must be left, rad.
 DEVIATION_RAD = 0.1

@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import PlottedResult, summary_text
+from jointz.results.base import Axes, PlottedResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -3,16 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.results.base import PlottedResult, Result, summary_text
+from jointz.results.base import Axes, PlottedResult, Result, summary_text
 from jointz.results.bench.calibration_failure import CalibrationFailure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: The steps, in the order in which a lab takes them.
 STEPS = ("zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring")

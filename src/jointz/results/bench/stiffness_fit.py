@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_line
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _TITLES = {
     "static": "Static stiffness (3.2.2), slope of torque over angle",

@@ -1,15 +1,11 @@
 """A frequency response with its confidence band, and how it is drawn."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import Result
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.base import Axes, Result
 
 #: Okabe and Ito's palette, safe for colour-blind readers.
 INK, BAND, MODEL = "#0072b2", "#7fb2d3", "#d55e00"

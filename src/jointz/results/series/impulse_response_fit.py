@@ -2,20 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import BAND, INK, MODEL
 from jointz.results.series.second_order_verdict import SecondOrderCheck
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Response -> its unit.
 RESPONSE_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}

@@ -2,16 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import INK, MODEL
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _REFLEX = "#009e73"
 _INTRINSIC = "0.55"

@@ -2,18 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import ParameterResult, summary_text
+from jointz.results.base import Axes, ParameterResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL
 from jointz.results.series.impulse_response_fit import RESPONSE_UNITS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
 
 _CURVES = ("t", "difference", "ci_low", "ci_high", "p")
 _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-flip max-t test"}
