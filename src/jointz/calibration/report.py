@@ -87,8 +87,7 @@ class Calibration(Result):
             axes.plot(shown.x, shown.measured, ".", ms=2.0, color=colour, label=participant)
             if shown.modelled:
                 axes.plot(shown.x, shown.modelled, linewidth=1.2, color=colour)
-            axes.set_xlabel(shown.x_label)
-            axes.set_ylabel(shown.y_label)
+            axes.set(xlabel=shown.x_label, ylabel=shown.y_label)
         axes.set_title(f"Calibration: {self.step}; points measured, lines modelled")
         if self.fits:
             axes.legend(markerscale=4.0)

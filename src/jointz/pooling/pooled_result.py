@@ -136,8 +136,7 @@ class PooledStudies(Result):
         used = studies_of(self.studies, row)
         axes = draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
         name, level = parameter_label(row["parameter"]), f"{100 * self.ci_level:g} %"
-        axes.set_xlabel(f"{name}, {level} intervals")
-        axes.set_title(cell_text(row))
+        axes.set(xlabel=f"{name}, {level} intervals", title=cell_text(row))
         return axes
 
     def to_dict(self) -> dict[str, Any]:

@@ -140,9 +140,7 @@ class RenderingCheck(PlottedResult):
             axes.plot(*point, "o", color=INK, markersize=3.0)
             axes.annotate(f"{self.gait_pct[place]:.0f} %", point, (3, 3),
                           textcoords="offset points", fontsize=7.0)  # fmt: skip
-        axes.set_xlim(0.0, ends[0])
-        axes.set_ylim(0.0, ends[1])
-        axes.set_xlabel("stiffness (N*m/rad)")
+        axes.set(xlim=(0.0, ends[0]), ylim=(0.0, ends[1]), xlabel="stiffness (N*m/rad)")
         axes.set_ylabel("damping (N*m*s/rad)")
         axes.legend(loc="upper right", markerscale=4.0)
 

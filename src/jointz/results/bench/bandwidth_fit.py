@@ -132,8 +132,7 @@ class BandwidthFit(PlottedResult):
             linewidth=3.0,
             label=f"resolution {self.resolution_hz:.2g} Hz",
         )
-        axes.set_xscale("log")
-        axes.set_xlabel("frequency (Hz)")
+        axes.set(xscale="log", xlabel="frequency (Hz)")
         axes.set_title(
             f"bandwidth {self.bandwidth_hz:.3g} Hz ({self.ci_low_hz:.3g} to "
             f"{self.ci_high_hz:.3g}), coherence {self.coherence:.3f}",

@@ -173,8 +173,7 @@ class CalibrationFit(PlottedResult):
         axes.plot(shown.x, shown.measured, ".", markersize=2.0, label="measured")
         if shown.modelled:
             axes.plot(shown.x, shown.modelled, linewidth=1.2, label="model")
-        axes.set_xlabel(shown.x_label or "time (s)")
-        axes.set_ylabel(shown.y_label or "nothing to show")
+        axes.set(xlabel=shown.x_label or "time (s)", ylabel=shown.y_label or "nothing to show")
         axes.set_title("\n".join([f"Calibration: {self.step}", *map(_line, self.entries)]))
         axes.title.set_fontsize("medium")
         axes.legend()

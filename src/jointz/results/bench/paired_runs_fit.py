@@ -111,7 +111,6 @@ class PairedRunsFit(Fit):
         """Draw the mean torque response and the model's."""
         axes.plot(self.response.time_s, self.response.measured, label="perturbed - unperturbed")
         axes.plot(self.response.time_s, self.response.modelled, linestyle="--", label="model")
-        axes.set_xlabel("time from the onset (s)")
-        axes.set_ylabel("torque (N*m)")
+        axes.set(xlabel="time from the onset (s)", ylabel="torque (N*m)")
         axes.set_title(", ".join(parameter_label(p) for p in self.parameters), fontsize="medium")
         axes.legend()

@@ -93,7 +93,6 @@ class StiffnessFit(Fit):
         angle = self.series.angle
         axes.plot(angle, self.series.measured, ".", markersize=2.0, label="measured")
         axes.plot(angle, self.series.modelled, linewidth=1.5, label="model")
-        axes.set_xlabel("angle (rad)")
-        axes.set_ylabel("torque (N*m)")
+        axes.set(xlabel="angle (rad)", ylabel="torque (N*m)")
         axes.set_title(parameter_line(self.stiffness), fontsize="medium")
         axes.legend()

@@ -164,8 +164,7 @@ class PhaseCurve(Result):
             axes.plot(self.gait_pct, main.value, color=INK, label=main.participant)
             _draw_points(axes, main.points)
             axes.legend(loc="upper right", frameon=False)
-        axes.set_xlim(0.0, 100.0)
-        axes.set_xlabel("gait cycle (%)")
+        axes.set(xlim=(0.0, 100.0), xlabel="gait cycle (%)")
         axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
         return axes
 

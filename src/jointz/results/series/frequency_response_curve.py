@@ -40,8 +40,7 @@ def draw_gain(ax: "Axes", curve: ResponseCurve, *, label: str) -> None:
     ax.plot(frequency, curve.gain, color=INK, label="measured")
     if curve.fitted_gain:
         ax.plot(frequency, curve.fitted_gain, color=MODEL, linestyle="--", label="second order")
-    ax.set_yscale("log")
-    ax.set_ylabel(f"gain ({label})")
+    ax.set(yscale="log", ylabel=f"gain ({label})")
     if curve.gain:
         # The band runs off to nowhere where nothing is coherent; the curve must stay readable.
         shown = np.array([*curve.gain, *curve.fitted_gain])

@@ -103,9 +103,7 @@ class FrequencyResponseFit(Fit):
         draw_gain(gain, self.response, label="N·m/rad")
         draw_phase(phase, self.response)
         coherence.plot(self.response.frequency_hz, self.response.coherence, color=INK)
-        coherence.set_ylim(0.0, 1.05)
-        coherence.set_ylabel("coherence")
-        coherence.set_xlabel("frequency (Hz)")
+        coherence.set(ylim=(0.0, 1.05), ylabel="coherence", xlabel="frequency (Hz)")
         for part in (gain, phase, coherence):
             part.set_xscale("log")
             part.label_outer()

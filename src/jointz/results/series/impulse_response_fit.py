@@ -141,8 +141,7 @@ class ImpulseResponseFit(Fit):
             milliseconds, self.curve.fitted, color=MODEL, linestyle="--", label="second order"
         )
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
-        axes.set_xlabel("lag (ms)")
-        axes.set_ylabel(f"{self.response_of} impulse response ({self.unit})")
+        axes.set(xlabel="lag (ms)", ylabel=f"{self.response_of} impulse response ({self.unit})")
         drawn = ", ".join(parameter_label(p) for p in self.parameters)
         vaf = f"VAF of the {self.vaf_of} {self.vaf_pct:.2f} %"
         second = f"second order {self.second_order_vaf_pct:.2f} %"

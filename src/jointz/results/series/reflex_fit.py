@@ -144,8 +144,7 @@ class ReflexFit(Fit):
             ("reflex", "reflex path", {"color": _REFLEX, "linewidth": 1.2}),
         ):
             axes.plot(self.series.time_s, getattr(self.series, name), label=label, **style)
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel("torque less its slow part (N*m)")
+        axes.set(xlabel="time (s)", ylabel="torque less its slow part (N*m)")
         axes.set_title(self._title(), fontsize="medium")
         axes.legend(ncols=4, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.17))
 

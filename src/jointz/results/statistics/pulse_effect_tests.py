@@ -239,8 +239,7 @@ class PulseEffects(PlottedResult):
         axes.axhline(self.alpha, color="0.4", linestyle=":", label=f"{self.alpha:g}")
         axes.set_yscale("log")
         axes.set_xticks(range(len(names)), names)
-        axes.set_xlabel("case and trajectory")
-        axes.set_ylabel("p, trial as a random factor")
+        axes.set(xlabel="case and trajectory", ylabel="p, trial as a random factor")
         axes.legend(fontsize="small", ncols=2)
 
 

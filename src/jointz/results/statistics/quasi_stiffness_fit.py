@@ -168,8 +168,7 @@ class QuasiStiffness(PlottedResult):
                 linestyle="-" if e.status == "ok" else "--",
                 label=f"{e.timing_point} {e.value:.2f}",
             )
-        axes.set_xlabel("angle (deg)")
-        axes.set_ylabel(f"moment ({self.unit.replace('/rad', '')})")
+        axes.set(xlabel="angle (deg)", ylabel=f"moment ({self.unit.replace('/rad', '')})")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(title=self.unit, fontsize="small")
 

@@ -195,8 +195,7 @@ class WaveformTest(PlottedResult):
                 axes.axhline(side * self.equivalence_margin, color="0.4", linestyle=":")
         for cluster in self.clusters:
             axes.axvspan(cluster.start_node, cluster.end_node, color="C1", alpha=0.2)
-        axes.set_xlabel("node")
-        axes.set_ylabel("difference")
+        axes.set(xlabel="node", ylabel="difference")
         title = f"{self.verdict}: |t| > {self.threshold:.4g}, p {self.p_value:.3g}"
         axes.set_title(title, fontsize="medium")
         axes.legend(fontsize="small")
