@@ -1,12 +1,10 @@
 """The fit of an intrinsic and a reflex path to one time series of a joint."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jointz.results.base import Axes, summary_text
-from jointz.results.estimates import ParameterEstimate
-from jointz.results.fit import Fit, parameter_label, parameter_line
+from jointz.results.fit import RecordFit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import INK, MODEL
 
 _REFLEX = "#009e73"
@@ -35,8 +33,8 @@ class ReflexPath:
     p_value: float = 1.0  # probability of as large a response in records without a reflex
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ReflexFit(Fit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class ReflexFit(RecordFit):
     """Intrinsic and reflex impedance of a joint from one time series.
 
     Parameters
@@ -85,27 +83,12 @@ class ReflexFit(Fit):
 
     SCHEMA: ClassVar[str] = "jointz.ReflexFit/1"
 
-    model: str
-    estimator: str
-    input: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
     intrinsic_vaf_pct: float
     reflex_vaf_pct: float
     linear_vaf_pct: float
     linear_stiffness: float
-    vaf_of: str
-    status: str
     path: ReflexPath
-    n_samples: int
-    rate_hz: float
     fit_rate_hz: float
-    cutoff_hz: float
-    condition_number: float
-    covariance: tuple[tuple[float, ...], ...]
-    ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     series: ReflexSeries = field(default_factory=ReflexSeries)
 
     def summary(self) -> str:
