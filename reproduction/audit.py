@@ -109,7 +109,7 @@ def _chapter2_statements() -> Iterable[Finding]:
 
 
 def _chapter3_statements() -> Iterable[Finding]:
-    truth = printed_numbers.DITHER_STIFFNESS.value
+    truth = chapter3.DITHER_STIFFNESS.value
     pulses = (
         printed_numbers.POSITIVE_PULSE_STIFFNESS.value,
         printed_numbers.NEGATIVE_PULSE_STIFFNESS.value,

@@ -12,10 +12,8 @@ from types import MappingProxyType
 from typing import Final, Literal
 
 from jointz.reference import Printed
-from jointz.reference.literature import STIFFNESS_FACTOR
 
 Approach = Literal["perturbation", "model"]
-Relation = Literal["similar", "higher", "lower", "different"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +44,6 @@ class Study:
     window: Printed | None = None  # time window of the analysis, with its unit
     vaf: Printed | None = None  # fit of the model, with its unit
     note: str = ""  # points that the text leaves open
-
-
-@dataclass(frozen=True, slots=True)
-class StatedComparison:
-    """What the text says of a study's values beside the dissertation's."""
-
-    study: str  # key of :data:`STUDIES`
-    # ``stiffness``, ``damping`` or ``inertia``
-    quantity: Literal["stiffness", "damping", "inertia"]
-    # compared timing points; empty for all where the study has values
-    timing_points: tuple[str, ...]
-    # of the study's values to the dissertation's: ``similar``, ``higher``, ``lower``, ``different``
-    relation: Relation
-    factor_low: float | None  # printed lower end of the study's value over the dissertation's
-    factor_high: float | None  # printed upper end of the study's value over the dissertation's
-    source: str  # section of the dissertation
-    words: str  # statement in the words of the text
 
 
 #: 2.4.1 and 3.4: other devices, by chapter.
@@ -174,51 +155,4 @@ STUDIES: Final[Mapping[str, Study]] = MappingProxyType(
             note="'[81, 48]' is read in the order in which the text names the two",
         ),
     }
-)
-
-_STANCE_EARLY, _STANCE_MID, _STANCE_END = ("LRE",), ("MST",), ("TST",)
-_SWING = ("ISW", "MSW")
-#: 20 and 30 % of a swing from 62 to 100 % are 69.6 and 73.4 % of the cycle.
-_TUCKER_SWING = ("ISW",)
-_MATCH = "matched results from other knee perturbation studies closely"
-_HIGHER = "all of our damping estimates were higher than the corresponding literature"
-_EARLY = "among the largest differences: early stance and swing"
-
-
-def _said(
-    study: str,
-    quantity: Literal["stiffness", "damping", "inertia"],
-    relation: Relation,
-    words: str,
-    *,
-    points: tuple[str, ...] = (),
-    factor: tuple[float, float] | None = None,
-) -> StatedComparison:
-    low, high = factor or (None, None)
-    return StatedComparison(study, quantity, points, relation, low, high, "4.4", words)
-
-
-#: Every comparison of values in 4.4, by study, quantity and timing point.
-COMPARISONS: Final = (
-    _said("kooij", "stiffness", "similar", _MATCH, points=_SWING),
-    _said("kooij", "inertia", "similar", _MATCH, points=_SWING),
-    _said("kooij", "damping", "lower", _HIGHER, points=_SWING),
-    _said("tucker", "stiffness", "similar", _MATCH, points=_TUCKER_SWING),
-    _said("tucker", "inertia", "similar", _MATCH, points=_TUCKER_SWING),
-    _said("tucker", "damping", "lower", _HIGHER, points=_TUCKER_SWING),
-    _said("pfeifer", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
-    _said("pfeifer", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
-    _said("pfeifer", "stiffness", "higher", "higher than our estimates", points=_STANCE_END),
-    _said(
-        "pfeifer",
-        "stiffness",
-        "higher",
-        "larger than ours by a factor of approximately two or three",
-        points=_SWING,
-        factor=STIFFNESS_FACTOR,
-    ),
-    _said("sartori", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
-    _said("sartori", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
-    _said("sartori", "stiffness", "similar", "matched ours well", points=_STANCE_END),
-    _said("sartori", "stiffness", "different", _EARLY, points=_SWING),
 )

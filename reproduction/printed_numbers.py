@@ -174,23 +174,7 @@ UNDERESTIMATED_BY_PAIR: Final[Mapping[str, Printed]] = MappingProxyType(
 
 # --- 3.3: the actuator on the bench ---------------------------------------------------------------
 
-#: Table 3.1, RMS torque error of each model.
-TORQUE_RMS: Final[Mapping[str, Printed]] = MappingProxyType(
-    {
-        "3.1": Printed(0.88, None, "N*m", "Table 3.1"),
-        "3.2": Printed(0.44, None, "N*m", "Table 3.1"),
-        "3.3": Printed(0.38, None, "N*m", "Table 3.1"),
-    }
-)
 CHIRP_RMS: Final = Printed(0.33, None, "N*m", "3.3.1", "model 3.3")
-STATIC_STIFFNESS_ERROR: Final = Printed(0.81, None, "%", "3.3.2", "'sub one percent'")
-DITHER_STIFFNESS: Final = Printed(
-    146.39,
-    None,
-    "N*m/rad",
-    "3.3.3",
-    "3.2 says two springs of 150 N*m/rad in parallel, which would be 300",
-)
 POSITIVE_PULSE_STIFFNESS: Final = Printed(145.13, 2.45, "N*m/rad", "3.3.3")
 NEGATIVE_PULSE_STIFFNESS: Final = Printed(162.57, 2.96, "N*m/rad", "3.3.3")
 DYNAMIC_STIFFNESS_ERROR: Final = Printed(

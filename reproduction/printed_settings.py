@@ -49,7 +49,7 @@ def printed_settings(chapter: int, preset: str) -> ComparedTable:
     rows = [_row(name, attrgetter(key)(settings), number) for key, name, number in own]
     if chapter == 3:
         spring = attrgetter("stiffness.value")(load_protocol("qdd-static").loads[0])
-        rows.append(_row(SPRING, spring, printed_numbers.DITHER_STIFFNESS))
+        rows.append(_row(SPRING, spring, chapter3.DITHER_STIFFNESS))
     rows += _of_people() if chapter == 4 else []
     return ComparedTable("printed_settings", **texts()["printed_settings"], rows=tuple(rows))
 

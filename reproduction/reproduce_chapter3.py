@@ -185,7 +185,7 @@ def _model_rows(number: str, fit: ActuatorFit, truth: Mapping[str, float]) -> li
         )
         for p in fit.parameters
     ]
-    error, rms = fit.rms_error_nm, printed_numbers.TORQUE_RMS[number]
+    error, rms = fit.rms_error_nm, chapter3.TORQUE_RMS[number]
     return [*rows, compare(f"model {number}: RMS error", "N*m", rms, error, error, built_in=MODEL)]
 
 
@@ -281,7 +281,7 @@ def static_stiffness(
         compare(
             "size of the difference from the torque sensor",
             "%",
-            printed_numbers.STATIC_STIFFNESS_ERROR,
+            chapter3.STATIC_STIFFNESS_ERROR,
             100.0 * abs(by_model / by_sensor - 1.0),
             100.0 * abs(known / by_sensor - 1.0),
         ),
@@ -327,7 +327,7 @@ def dither_stiffness(record: BenchRecord, truth: float, *, gain_sd: float) -> Co
         compare(
             "stiffness, dither",
             _UNIT,
-            printed_numbers.DITHER_STIFFNESS,
+            chapter3.DITHER_STIFFNESS,
             by_sensor,
             (ours.value, *_interval(ours, gain_sd)),
             truth=truth,
@@ -383,7 +383,7 @@ def perturbation(study: Path, dither: float, truth: float) -> tuple[ComparedTabl
         "dither": dither,
         **{name: {"mean": mean, "sd": sd} for name, (mean, sd) in means.items()},
         "printed": {
-            "dither": printed_numbers.DITHER_STIFFNESS.value,
+            "dither": chapter3.DITHER_STIFFNESS.value,
             **{name: [number.value, number.sd] for name, number in printed.items()},
         },
         "truth": truth,

@@ -11,7 +11,7 @@ import pandas as pd
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4, row_mean
-from jointz.reference.literature import stated_stiffness_range
+from jointz.reference.literature import COMPARISONS, stated_stiffness_range
 from reproduction import literature, printed_numbers
 from reproduction.chapter4.walking import WalkedStudy
 from reproduction.printed_numbers import PARAMETER_NAMES
@@ -283,7 +283,7 @@ def literature_figure(study: WalkedStudy) -> dict[str, Any]:
 
 def _words(study: str, point: str) -> str:
     """Return what the text says of a study's stiffness at a timing point beside the printed."""
-    for said in literature.COMPARISONS:
+    for said in COMPARISONS:
         if (said.study, said.quantity) != (study, "stiffness") or point not in said.timing_points:
             continue
         if said.factor_low is not None and said.factor_high is not None:

@@ -52,3 +52,20 @@ TORQUE_MODELS: Final[Mapping[str, Mapping[str, Printed]]] = {
         ),
     },
 }
+#: Table 3.1, RMS torque error of each model.
+TORQUE_RMS: Final[Mapping[str, Printed]] = {
+    "3.1": Printed(0.88, None, "N*m", _TABLE),
+    "3.2": Printed(0.44, None, "N*m", _TABLE),
+    "3.3": Printed(0.38, None, "N*m", _TABLE),
+}
+
+# --- 3.3.2 and 3.3.3: stiffness of the bench -----------------------------------------------------
+
+STATIC_STIFFNESS_ERROR: Final = Printed(0.81, None, "%", "3.3.2", "'sub one percent'")
+DITHER_STIFFNESS: Final = Printed(
+    146.39,
+    None,
+    "N*m/rad",
+    "3.3.3",
+    "3.2 says two springs of 150 N*m/rad in parallel, which would be 300",
+)
