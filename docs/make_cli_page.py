@@ -74,10 +74,13 @@ def _paragraphs(text: str) -> str:
 def _choices(command: Any) -> dict[str, list[str]]:
     """Return the choices of every parameter that has a fixed set of them."""
     found = {}
-    for name, hint in typing.get_type_hints(command.callback).items():
+    for name, parameter in inspect.signature(command.callback).parameters.items():
+        hint = next(iter(typing.get_args(parameter.annotation)), None)  # Annotated[hint, option]
         for kind in (hint, *typing.get_args(hint)):
             if isinstance(kind, type) and issubclass(kind, Enum):
                 found[name] = [str(member.value) for member in kind]
+            elif typing.get_origin(kind) is typing.Literal:
+                found[name] = list(typing.get_args(kind))
     return found
 
 

@@ -24,7 +24,7 @@ from jointz.kernels.series.spectra import blackman_tukey
 from jointz.reference import chapter2
 from jointz.tasks.engine import Task
 from jointz.tasks.progress import Progress
-from reproduction import chapter2_loads
+from reproduction import chapter2_loads, literature
 from reproduction.chapter2_loads import PARAMETERS
 from reproduction.chapter2_mechanisms import mechanism_errors, mechanism_table, mechanisms
 from reproduction.chapter_runs import in_processes, run_study, study_truth
@@ -83,7 +83,7 @@ def reproduce_chapter2(seed: int, preset: str, tell: Progress) -> Reproduction:
             claims,
             mechanism_table(errors),
             chapter2_loads.pair_table(pairs),
-            device_table(2, chapter2.OTHER_DEVICES),
+            device_table(2, literature.DEVICES_2),
             audit_claims(2),
         ),
         {

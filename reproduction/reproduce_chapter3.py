@@ -28,7 +28,7 @@ from jointz.results.bench.stiffness_fit import StiffnessFit
 from jointz.results.estimates import ParameterEstimate
 from jointz.tasks.engine import Task
 from jointz.tasks.progress import Progress
-from reproduction import printed_numbers
+from reproduction import literature, printed_numbers
 from reproduction.chapter_runs import in_processes, run_study, study_truth
 from reproduction.printed_settings import MODEL, SENSOR_NOISE, SPRING, printed_settings
 from reproduction.reproduction_result import Reproduction
@@ -100,7 +100,7 @@ def reproduce_chapter3(seed: int, preset: str, tell: Progress) -> Reproduction:
         by_sensor = dither.rows[0].dissertation or spring
         pulses, pulse_curves = perturbation(studies["qdd-perturbation"], by_sensor, spring)
     settings = printed_settings(3, preset)
-    devices = device_table(3, chapter3.OTHER_DEVICES)
+    devices = device_table(3, literature.DEVICES_3)
     return Reproduction.of_chapter(
         3,
         (settings, models, chirp_table, static, dither, pulses, devices, audit_claims(3)),

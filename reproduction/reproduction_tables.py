@@ -13,9 +13,10 @@ from typing import Annotated, Any, Final, Literal, get_args
 import pandas as pd
 from pydantic import Field
 
-from jointz.reference import OtherDevice, Printed
+from jointz.reference import Printed
 from jointz.results.estimates import ParameterEstimate
 from reproduction.audit import audit
+from reproduction.literature import OtherDevice
 
 #: What became of a printed statement. ``not shown``: the test comes out as printed, and what the
 #: text makes of it does not follow, as likeness from a test that did not reject.

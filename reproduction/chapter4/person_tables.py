@@ -10,8 +10,9 @@ import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.reference import chapter4, literature, row_mean
-from reproduction import printed_numbers
+from jointz.reference import chapter4, row_mean
+from jointz.reference.literature import COMPARISONS, stated_stiffness_range
+from reproduction import literature, printed_numbers
 from reproduction.chapter4.walking import WalkedStudy
 from reproduction.printed_numbers import PARAMETER_NAMES
 from reproduction.printed_settings import PEOPLE
@@ -256,7 +257,7 @@ def _stated_ranges() -> list[dict[str, Any]]:
     rows = []
     for study in STUDIES:
         for point in TIMING_POINTS:
-            stated = literature.stated_stiffness_range(study, point)
+            stated = stated_stiffness_range(study, point)
             if stated is not None:
                 name = literature.STUDIES[study].name
                 rows.append({"study": name, "point": point, "low": stated[0], "high": stated[1]})
@@ -282,7 +283,7 @@ def literature_figure(study: WalkedStudy) -> dict[str, Any]:
 
 def _words(study: str, point: str) -> str:
     """Return what the text says of a study's stiffness at a timing point beside the printed."""
-    for said in literature.COMPARISONS:
+    for said in COMPARISONS:
         if (said.study, said.quantity) != (study, "stiffness") or point not in said.timing_points:
             continue
         if said.factor_low is not None and said.factor_high is not None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from reproduction import printed_numbers
+from reproduction.literature import STUDIES
 
 from jointz.reference import chapter4
-from jointz.reference.literature import STUDIES
 
 TABLES = {"stiffness": printed_numbers.STIFFNESS_ERRORS, "inertia": printed_numbers.INERTIA_ERRORS}
 

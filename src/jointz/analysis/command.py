@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from jointz.core.method_names import RECOMMENDED
-from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
+from jointz.terminal.options import Printing, SchedulerOption
 from jointz.terminal.output import (
     EXIT_NO_ESTIMATE,
     EXIT_OK,
@@ -70,9 +70,7 @@ def analyze(
             help="Recover damaged recordings from the session's logs, without the damaged parts.",
         ),
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Estimate joint impedance from the recordings of a study.
 
@@ -81,7 +79,6 @@ def analyze(
 
     Example: jointz analyze my-study --out results
     """
-    del debug
     from jointz.io.study_reader import open_study
     from jointz.tasks.open_engine import open_engine
 
@@ -111,7 +108,7 @@ def analyze(
         store = _store(out)  # from which a run that ended early continues
         before = check_free(out, marker=MARKER, overwrite=overwrite, made_by=ANALYSIS)
         with (
-            progress_bar(shown=not (quiet or as_json)) as progress,
+            progress_bar(shown=not (printing.quiet or printing.as_json)) as progress,
             store.noting_kept_results() if store else nullcontext(),
             _salvage_advised(study),
         ):
@@ -139,15 +136,15 @@ def analyze(
         complete = not _has_broken(analysis)
         if store and complete:
             store.clear()
-    if store and not complete and not quiet:
+    if store and not complete and not printing.quiet:
         typer.echo(
             f"{store.folder}: contains the participants whose analysis did not fail; the same "
             "command with --overwrite repeats the others only.",
             err=True,
         )
-    if as_json:
+    if printing.as_json:
         emit_json(_as_json(analysis, out))
-    elif not quiet:
+    elif not printing.quiet:
         from jointz.analysis.printed_analysis import print_analysis
 
         print_analysis(analysis, report)

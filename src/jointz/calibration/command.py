@@ -1,13 +1,12 @@
 """``jointz calibrate``: estimates instruments from a calibration study."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from jointz.terminal.file_options import Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
 from jointz.terminal.printout import check_figure, save_canvas
 
@@ -21,16 +20,8 @@ _PANEL = (8.0, 3.6)  # inches
 _MOST_PANELS = 12
 
 
-class Step(StrEnum):
-    """Choices of ``STEP``."""
-
-    zero = "zero"
-    footswitch = "footswitch"
-    hinge = "hinge"
-    frame = "frame"
-    leg = "leg"
-    torsion = "torsion"
-    spring = "spring"
+#: Choices of ``STEP``.
+Step = Literal["zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring"]
 
 
 def calibrate(
@@ -62,9 +53,7 @@ def calibrate(
         ),
     ] = None,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Calibrate instruments: entries of [calibration] with their standard deviations.
 
@@ -76,18 +65,17 @@ def calibrate(
 
     Example: jointz calibrate hinge hinge-study --out calibration.toml
     """
-    del debug
     check_figure(figure)
     from jointz.calibration.calibrate import calibrate as calibrate_study
 
     calibration = calibrate_study(
-        study, step=step.value, protocol=protocol, entries=entry or None, out=out, into=into
+        study, step=step, protocol=protocol, entries=entry or None, out=out, into=into
     )
     if figure is not None:
         _save(calibration, figure)
-    if as_json:
+    if printing.as_json:
         emit_json(_without_series(calibration))
-    elif not quiet:
+    elif not printing.quiet:
         _print(calibration)
     raise typer.Exit(EXIT_OK if calibration.standing else EXIT_NO_ESTIMATE)
 

@@ -2,23 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import pandas as pd
 
 from jointz.core.study import CalibrationSpec
-from jointz.results.base import Result
+from jointz.results.base import Axes, PlottedResult
 from jointz.results.bench.calibration_fit import CalibrationFit
-from jointz.results.figure_style import axes_or_new, in_figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _COLUMNS = ("participant", "step", "entry", "used", "value", "sd", "unit", "status", "reason")
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Calibration(Result):
+class Calibration(PlottedResult):
     """One step of the calibration, participant by participant.
 
     Parameters
@@ -70,29 +66,14 @@ class Calibration(Result):
         lines = [f"{name}: {fit.summary()}" for name, fit in self.fits.items()]
         return "\n".join([head, *lines, *(f"Note: {note}" for note in self.notes)])
 
-    @in_figure_style
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw measured and modelled samples of all participants in one figure.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; a new figure by default.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        axes = axes_or_new(ax, (8.0, 4.0))
+    def _draw(self, axes: "Axes") -> None:
+        """Draw measured and modelled samples of all participants in one figure."""
         for k, (participant, fit) in enumerate(self.fits.items()):
             shown, colour = fit.series, f"C{k % 10}"
             axes.plot(shown.x, shown.measured, ".", ms=2.0, color=colour, label=participant)
             if shown.modelled:
                 axes.plot(shown.x, shown.modelled, linewidth=1.2, color=colour)
-            axes.set_xlabel(shown.x_label)
-            axes.set_ylabel(shown.y_label)
+            axes.set(xlabel=shown.x_label, ylabel=shown.y_label)
         axes.set_title(f"Calibration: {self.step}; points measured, lines modelled")
         if self.fits:
             axes.legend(markerscale=4.0)
-        return axes

@@ -22,6 +22,7 @@ from jointz.core.stop_signals import is_stop_noted
 from jointz.io.formats.memory_limit import VARIABLE
 from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
 from jointz.terminal.exit_status import EXIT_STOPPED, note_command
+from jointz.terminal.options import Commands
 from jointz.terminal.output import (
     EXIT_BAD_INPUT,
     EXIT_DEVICE,
@@ -130,7 +131,7 @@ def _first_argument(arguments: Sequence[str]) -> str:
 def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
     """Return the commands; only the one that the arguments begin with if there is one."""
     named = _first_argument(arguments)
-    app = typer.Typer(
+    app = Commands(
         name="jointz",
         no_args_is_help=True,
         pretty_exceptions_enable=False,

@@ -1,37 +1,23 @@
 """``jointz compare``: conditions, days, groups, timing points and studies, over people."""
 
 from collections.abc import Mapping, Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from jointz.core.errors import EstimationError
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json, emit_table
 
-
-class Df(StrEnum):
-    """Choices of ``--df``."""
-
-    KENWARD_ROGER = "kenward-roger"
-    SATTERTHWAITE = "satterthwaite"
+#: Choices of ``--df``.
+Df = Literal["kenward-roger", "satterthwaite"]
+#: Choices of ``--adjust``.
+Adjust = Literal["bonferroni", "holm", "none"]
 
 
-class Adjust(StrEnum):
-    """Choices of ``--adjust``."""
-
-    BONFERRONI = "bonferroni"
-    HOLM = "holm"
-    NONE = "none"
-
-
-class Error(StrEnum):
-    """Choices of ``--error``."""
-
-    POOLED = "pooled"
-    PAIRED = "paired"
+#: Choices of ``--error``.
+Error = Literal["pooled", "paired"]
 
 
 def compare(
@@ -108,9 +94,7 @@ def compare(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an existing comparison.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Compare results over people: conditions, days, groups, timing points, published values.
 
@@ -124,7 +108,6 @@ def compare(
 
     Example: jointz compare results-loaded results-unloaded --margin 20 --out comparison
     """
-    del debug
     columns = {"--response": response, "--within": within, "--participant": participant}
     option_names = [name for name, value in columns.items() if value]
     is_table = _is_table(results, option_names)
@@ -132,9 +115,8 @@ def compare(
         if nested:
             raise typer.BadParameter("--nested is for a table, not for results folders.")
         options = {"paired": paired, "days": days, "margin_pct": margin,
-                   "df": df and df.value, "adjust": adjust and adjust.value,
-                   "error": error and error.value}  # fmt: skip
-        _compare_folders(results, out, options, overwrite=overwrite, as_json=as_json, quiet=quiet)
+                   "df": df, "adjust": adjust, "error": error}  # fmt: skip
+        _compare_folders(results, out, options, overwrite=overwrite, printing=printing)
         return
     if len(option_names) < len(columns):
         lacking = ", ".join(name for name in columns if name not in option_names)
@@ -147,12 +129,12 @@ def compare(
         Path(results[0]),
         responses=list(dict.fromkeys(response or ())),
         columns=(within or [], str(participant)),
-        model={"nested": nested, "df": (df or Df.KENWARD_ROGER).value},
+        model={"nested": nested, "df": df or "kenward-roger"},
         pairs={
-            "adjust": (adjust or Adjust.BONFERRONI).value,
-            "error": (error or Error.POOLED).value,
+            "adjust": adjust or "bonferroni",
+            "error": error or "pooled",
         },
-        form=(as_json, quiet),
+        printing=printing,
     )
 
 
@@ -175,14 +157,14 @@ def _fit_table(
     columns: tuple[Sequence[str], str],
     model: Mapping[str, Any],
     pairs: Mapping[str, str],
-    form: tuple[bool, bool],
+    printing: Printing,
 ) -> None:
     from jointz.comparison.comparison_table import read_responses
     from jointz.comparison.comparison_text import fit_dict, fit_tables
     from jointz.stats import mixed_model
     from jointz.stats.mixed_model_rows import refuse_several
 
-    (factors, who), (as_json, quiet) = columns, form
+    factors, who = columns
     refuse_several(factors, responses[0], who)
     (within,) = factors
     table = read_responses(file, responses=responses, within=within, participant=who)
@@ -192,17 +174,17 @@ def _fit_table(
             for name in responses
         ]
     except EstimationError as exc:
-        if as_json:
+        if printing.as_json:
             emit_json({"status": f"failed:{exc.code}", "message": str(exc)})
         else:
             typer.echo(f"jointz: {exc}", err=True)
         raise typer.Exit(EXIT_NO_ESTIMATE) from exc
-    if as_json:
+    if printing.as_json:
         results = [{"status": "ok", "table": str(file)} | fit_dict(fit, **pairs) for fit in fits]
         several = {"status": "ok", "responses": dict(zip(responses, results, strict=True))}
         emit_json(results[0] if len(results) == 1 else several)
         return
-    for fit in fits if not quiet else ():
+    for fit in fits if not printing.quiet else ():
         emit(fit.summary())
         for title, header, rows in fit_tables(fit, **pairs):
             emit_table(rows, header, title=title)
@@ -218,8 +200,7 @@ def _compare_folders(
     options: Mapping[str, Any],
     *,
     overwrite: bool,
-    as_json: bool,
-    quiet: bool,
+    printing: Printing,
 ) -> None:
     from jointz.comparison.compare import check_out, compare_results, write_comparison
     from jointz.comparison.comparison_text import comparison_tables
@@ -228,10 +209,10 @@ def _compare_folders(
         check_out(out, results, overwrite=overwrite)
     comparison = compare_results(results, **options)
     page = None if out is None else write_comparison(comparison, out, overwrite=overwrite)
-    if as_json:
+    if printing.as_json:
         status = "ok" if comparison.available else "nothing_stands"
         emit_json({"status": status, "page": page and str(page)} | comparison.to_dict())
-    elif not quiet:
+    elif not printing.quiet:
         for title, header, rows in comparison_tables(comparison):
             emit_table(rows, header, title=title)
         for note in comparison.notes:

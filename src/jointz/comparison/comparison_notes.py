@@ -58,9 +58,7 @@ def comparison_references(
         for key, study in STUDIES.items() if parameter == "stiffness_per_mass" else ():
             with suppress(KeyError):  # a timing point of the user's own
                 if stated := stated_stiffness_range(key, point):
-                    references.append(
-                        ReferenceRange(study.name, parameter, point, None, *stated, words)
-                    )
+                    references.append(ReferenceRange(study, parameter, point, None, *stated, words))
     return tuple(references)
 
 

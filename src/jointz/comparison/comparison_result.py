@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import Result
-from jointz.results.figure_style import axes_or_new, in_figure_style
+from jointz.results.base import Axes, PlottedResult
 from jointz.results.statistics.comparison_rows import (
     UNDECIDED,
     Difference,
@@ -20,12 +19,9 @@ from jointz.results.statistics.comparison_rows import (
     difference_text,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Comparison(Result):
+class Comparison(PlottedResult):
     """Results compared over people; replicates and pulses do not count as people.
 
     Parameters
@@ -59,6 +55,7 @@ class Comparison(Result):
     """
 
     SCHEMA: ClassVar[str] = "jointz.Comparison/1"
+    FIGURE_SIZE: ClassVar[tuple[float, float]] = (6.0, 4.0)
 
     sources: tuple[Source, ...]
     values: tuple[PersonValue, ...]
@@ -142,21 +139,8 @@ class Comparison(Result):
             lines += [f"    {difference_text(d)}" for d in below]
         return "\n".join([*lines, *(f"  Note: {note}" for note in self.notes)])
 
-    @in_figure_style
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw the mean of every source with its interval, for the first parameter.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default of a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-            The axes drawn on.
-        """
-        axes = axes_or_new(ax, (6.0, 4.0))
+    def _draw(self, axes: "Axes") -> None:
+        """Draw the mean of every source with its interval, for the first parameter."""
         parameter = next(iter(self.parameters), "")
         shown = [m for m in self.means if m.parameter == parameter and m.mean is not None]
         points = list(dict.fromkeys(m.timing_point for m in shown))
@@ -171,7 +155,6 @@ class Comparison(Result):
         axes.set_ylabel(f"{parameter} ({unit}), mean and {100 * self.ci_level:g} % interval")
         if shown:
             axes.legend()
-        return axes
 
 
 def _frame(rows: Sequence[Any], kind: type[Any]) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from jointz.session.command import (
     PresetOption,
 )
 from jointz.terminal.exit_status import EXIT_STOPPED
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_error, emit_json
 
 DEFAULT_PORT = 8700
@@ -49,9 +49,7 @@ def console(
         int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any.")
     ] = DEFAULT_PORT,
     listen: Annotated[str, typer.Option("--listen", help="Address to listen on.")] = "127.0.0.1",
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Run an experiment from a page: watch the device, start, pause and stop the session.
 
@@ -62,11 +60,10 @@ def console(
 
     Example: jointz console walking --out study --participants 2 --seed 1
     """
-    del debug, quiet
     from jointz.console.console_app import open_console
 
     def announce(address: str) -> None:
-        if as_json:
+        if printing.as_json:
             emit_json({"status": "serving", "address": address})
         else:  # also with --quiet: nobody can open the page without its token
             emit(f"Console: {address}")
@@ -88,7 +85,7 @@ def console(
         port=port,
         announce=announce,
     )
-    if as_json:
+    if printing.as_json:
         emit_error("KeyboardInterrupt", left)
     sys.stderr.write(f"jointz: {left}\n")
     sys.exit(EXIT_STOPPED)  # not by typer, which has its own message for Ctrl-C

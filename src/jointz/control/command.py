@@ -1,8 +1,7 @@
 """``jointz control``: from a measured impedance to a controller."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -10,14 +9,14 @@ from jointz.control.design_command import design
 from jointz.control.rendering.command import check
 from jointz.core.errors import DataError
 from jointz.terminal.file_options import Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Commands, Printing
 from jointz.terminal.output import emit, emit_json
 from jointz.terminal.printout import check_figure, save_drawn
 
 if TYPE_CHECKING:
     from jointz.control.impedance_profile import ImpedanceProfile
 
-control = typer.Typer(
+control = Commands(
     no_args_is_help=True,
     rich_markup_mode=None,
     help="Impedance over the gait cycle for a controller: make, draw and export a profile.",
@@ -27,11 +26,8 @@ _SIZE = (7.0, 7.5)
 _File = Annotated[Path, typer.Argument(dir_okay=False, help="A file of jointz control profile.")]
 
 
-class Source(StrEnum):
-    """Choices of ``--from``."""
-
-    results = "results"
-    published = "published"
+#: Choices of ``--from``.
+Source = Literal["results", "published"]
 
 
 @control.callback()
@@ -63,15 +59,13 @@ def profile(
         typer.Option(
             "--from", help="Results, or a published knee (the dissertation's, and Winter)."
         ),
-    ] = Source.results,
+    ] = "results",
     mass: Annotated[
         float | None,
         typer.Option("--mass", min=1.0, help="Body mass for a mean or a published knee (kg)."),
     ] = None,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Make a profile: stiffness, damping and equilibrium angle over the gait cycle.
 
@@ -81,9 +75,8 @@ def profile(
 
     Example: jointz control profile results --participant S01 --out S01.json
     """
-    del debug
     check_figure(figure)
-    if (results is None) != (source is Source.published):
+    if (results is None) != (source == "published"):
         raise DataError("expected a results folder, or --from published without one.")
     from jointz.control.make_profile import impedance_profile
     from jointz.control.profile_file import write_profile
@@ -95,26 +88,23 @@ def profile(
 
         made = impedance_profile(load(results), participant, mass_kg=mass)
     write_profile(made, out)
-    _report(made, figure, written=out, as_json=as_json, quiet=quiet)
+    _report(made, figure, written=out, printing=printing)
 
 
 @control.command("show")
 def show(
     file: _File,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Print a profile, and draw it with --figure.
 
     Example: jointz control show S01.json --figure S01.svg
     """
-    del debug
     check_figure(figure)
     from jointz.control.profile_file import read_profile
 
-    _report(read_profile(file), figure, written=None, as_json=as_json, quiet=quiet)
+    _report(read_profile(file), figure, written=None, printing=printing)
 
 
 @control.command("export")
@@ -126,9 +116,7 @@ def export(
             help="File to write: .h (C), .mat (MATLAB), .csv, or .py (Open-Source Leg)."
         ),
     ],
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Write a profile for other software; torques agree with the profile to 1e-9 N*m.
 
@@ -136,7 +124,6 @@ def export(
 
     Example: jointz control export S01.json knee.h
     """
-    del debug
     from jointz.control.profile_file import read_profile
     from jointz.control.state_machine import fit_state_machine
     from jointz.control.writers import export_profile, fit_text
@@ -144,12 +131,12 @@ def export(
     found = read_profile(file)
     export_profile(found, out)
     fit = fit_state_machine(found) if out.suffix.lower() == ".py" else None
-    if as_json:
+    if printing.as_json:
         errors = (
             {} if fit is None else {"rms_nm": fit.rms_nm, "rms_deviated_nm": fit.rms_deviated_nm}
         )
         emit_json({"status": "ok", "written": str(out), **errors})
-    elif not quiet:
+    elif not printing.quiet:
         for text in () if fit is None else fit_text(fit)[:1]:
             emit(text)
         emit(f"Written: {out}")
@@ -164,17 +151,16 @@ def _report(
     figure: Path | None,
     *,
     written: Path | None,
-    as_json: bool,
-    quiet: bool,
+    printing: Printing,
 ) -> None:
     if figure is not None:
         from jointz.control.impedance_profile import draw_profile
 
         save_drawn(lambda canvas: draw_profile(canvas, found), figure, _SIZE)
     files = {"written": str(written)} if written else {}
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", **found.to_dict(), **files})
-    elif not quiet:
+    elif not printing.quiet:
         emit(found.summary())
         for file in files.values():
             emit(f"Written: {file}")

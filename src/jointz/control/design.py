@@ -486,9 +486,7 @@ def _draw_power(axes: "Axes", design: ProfileDesign) -> None:
     axes.fill_between(at, lost, color=BLUE, alpha=0.4, linewidth=0.0, label=f"{work[1]:.1f} J")
     axes.plot(at, power, color=INK)
     axes.axhline(0.0, color=MUTED, linewidth=0.6)
-    axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("gait cycle (%)")
-    axes.set_ylabel("power (W)")
+    axes.set(xlim=(0.0, 100.0), xlabel="gait cycle (%)", ylabel="power (W)")
     axes.legend()
 
 
@@ -501,5 +499,4 @@ def _draw_torque(axes: "Axes", design: ProfileDesign) -> None:
     ):
         axes.plot(angle, np.append(torque, torque[0]), color=color, label=label, linestyle=style)
     axes.axhline(0.0, color=MUTED, linewidth=0.6)
-    axes.set_xlabel("angle (rad)")
-    axes.set_ylabel("torque (N*m)")
+    axes.set(xlabel="angle (rad)", ylabel="torque (N*m)")

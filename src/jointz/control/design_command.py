@@ -8,7 +8,7 @@ import typer
 from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing
 from jointz.terminal.file_options import Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json
 from jointz.terminal.printout import check_figure, save_drawn
 
@@ -31,9 +31,7 @@ def design(
         typer.Option("--efficiency", help="Part of negative power that can be stored, 0 to 1."),
     ] = 0.6,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Compute what a joint must be able to do for profiles, and springs and gears that come near.
 
@@ -41,7 +39,6 @@ def design(
 
     Example: jointz control design S01.json --motor motor.toml --figure design.svg
     """
-    del debug
     check_figure(figure)
     if figure is not None:
         refuse_existing(figure)
@@ -55,9 +52,9 @@ def design(
     if figure is not None:
         size = (_WIDTH, _ROW * len(found.profiles))
         save_drawn(lambda canvas: draw_design(canvas, found), figure, size)
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", **found.to_dict()})
-    elif not quiet:
+    elif not printing.quiet:
         emit(found.summary())
     if found.ratio is None:
         raise typer.Exit(EXIT_NO_ESTIMATE)

@@ -279,8 +279,7 @@ def draw_band(axes: "Axes", profile: ImpedanceProfile, name: str, label: str = "
             axes.vlines(place, ends[1], ends[2], color=INK, linewidth=0.8)
             axes.plot(place, ends[0], "o", color=INK, markersize=3.0)
         axes.set_ylim(bottom=0.0)
-    axes.set_xlim(0.0, 100.0)
-    axes.set_ylabel(f"{name} ({PROFILE_UNITS[name]})")
+    axes.set(xlim=(0.0, 100.0), ylabel=f"{name} ({PROFILE_UNITS[name]})")
 
 
 def _draw_stride(axes: "Axes", profile: ImpedanceProfile, name: str) -> None:

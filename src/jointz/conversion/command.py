@@ -1,28 +1,18 @@
 """``jointz convert``: files to other formats, studies to Motion-BIDS."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from jointz.terminal.file_options import (
-    Decimal,
-    DecimalSign,
-    Delimiter,
-    Encoding,
-    NoHeader,
-    SkipRows,
-    text_layout,
+    TextOptions,
 )
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 
-
-class To(StrEnum):
-    """Choices of ``--to``."""
-
-    BIDS = "bids"
+#: Choices of ``--to``.
+To = Literal["bids"]
 
 
 def convert(
@@ -45,14 +35,8 @@ def convert(
         bool, typer.Option("--lossy", help="Leave out what OUT cannot hold, and name it.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT.")] = False,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Convert a file of any format that jointz reads to csv, tsv, txt or nc.
 
@@ -61,20 +45,19 @@ def convert(
 
     Example: jointz convert walk.c3d walk.nc
     """
-    del debug
     from jointz.conversion.convert import convert as convert_file
     from jointz.core.study import FilesSpec
 
-    layout = text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
+    layout = text.layout()
     conversion = convert_file(
         source,
         target,
-        to=None if to is None else to.value,
+        to=to,
         files=FilesSpec(**layout),
         lossy=lossy,
         overwrite=overwrite,
     )
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", **conversion.to_dict()})
-    elif not quiet:
+    elif not printing.quiet:
         emit(conversion.summary())

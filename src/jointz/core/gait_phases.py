@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from math import isfinite, sqrt
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -10,23 +9,26 @@ import numpy as np
 _Phase = TypeVar("_Phase", float, np.ndarray)
 
 #: Phase name -> (start, end), % of the gait cycle.
-PHASES: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "ICO": (0.0, 2.0),
-        "LRE": (2.0, 12.0),
-        "MST": (12.0, 31.0),
-        "TST": (31.0, 50.0),
-        "PSW": (50.0, 62.0),
-        "ISW": (62.0, 75.0),
-        "MSW": (75.0, 87.0),
-        "TSW": (87.0, 100.0),
-    }
-)
+PHASES: Mapping[str, tuple[float, float]] = {
+    "ICO": (0.0, 2.0),
+    "LRE": (2.0, 12.0),
+    "MST": (12.0, 31.0),
+    "TST": (31.0, 50.0),
+    "PSW": (50.0, 62.0),
+    "ISW": (62.0, 75.0),
+    "MSW": (75.0, 87.0),
+    "TSW": (87.0, 100.0),
+}
 
 #: The six timing points of the dissertation (4.2.2), % of the gait cycle.
-TIMING_POINTS: Mapping[str, float] = MappingProxyType(
-    {"LRE": 7.0, "MST": 21.5, "TST": 40.5, "PSW": 56.0, "ISW": 68.5, "MSW": 81.0}
-)
+TIMING_POINTS: Mapping[str, float] = {
+    "LRE": 7.0,
+    "MST": 21.5,
+    "TST": 40.5,
+    "PSW": 56.0,
+    "ISW": 68.5,
+    "MSW": 81.0,
+}
 
 #: Stands where a timing point could, for all of a participant's; no timing point has this name.
 ALL_POINTS = "all"

@@ -17,7 +17,6 @@ import zlib
 from collections.abc import Mapping
 from enum import IntFlag
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -160,25 +159,23 @@ BENCH_CONTACT = Layout(
 )
 
 #: What walking may be measured with besides: time and value, in this order behind all else.
-WALKING_EXTRAS: Mapping[str, tuple[Field, Field]] = MappingProxyType(
-    {
-        "moment": (
-            Field("moment_time_ns", "q", "ns", "when the joint moment was measured, by its clock"),
-            Field("joint_moment", "d", "N*m", "internal moment of the joint"),
-        ),
-        **{
-            name: (
-                Field(f"{name}_time_ns", "q", "ns", "when it was measured, by its clock"),
-                Field(name, "d", CHANNEL_UNITS[name][0], meaning),
-            )
-            for name, meaning in (
-                ("joint_encoder", "joint angle of the device's encoder"),
-                ("shank_velocity", "gyroscope on the shank, about the joint's axis"),
-                ("thigh_velocity", "gyroscope on the thigh, about the joint's axis"),
-            )
-        },
-    }
-)
+WALKING_EXTRAS: Mapping[str, tuple[Field, Field]] = {
+    "moment": (
+        Field("moment_time_ns", "q", "ns", "when the joint moment was measured, by its clock"),
+        Field("joint_moment", "d", "N*m", "internal moment of the joint"),
+    ),
+    **{
+        name: (
+            Field(f"{name}_time_ns", "q", "ns", "when it was measured, by its clock"),
+            Field(name, "d", CHANNEL_UNITS[name][0], meaning),
+        )
+        for name, meaning in (
+            ("joint_encoder", "joint angle of the device's encoder"),
+            ("shank_velocity", "gyroscope on the shank, about the joint's axis"),
+            ("thigh_velocity", "gyroscope on the thigh, about the joint's axis"),
+        )
+    },
+}
 
 
 def _walking_with(extras: tuple[str, ...]) -> Layout:
@@ -187,13 +184,11 @@ def _walking_with(extras: tuple[str, ...]) -> Layout:
 
 
 #: Layouts of walking, by what is measured besides.
-WALKING_LAYOUTS: Mapping[tuple[str, ...], Layout] = MappingProxyType(
-    {
-        extras: _walking_with(extras) if extras else WALKING
-        for count in range(len(WALKING_EXTRAS) + 1)
-        for extras in combinations(WALKING_EXTRAS, count)
-    }
-)
+WALKING_LAYOUTS: Mapping[tuple[str, ...], Layout] = {
+    extras: _walking_with(extras) if extras else WALKING
+    for count in range(len(WALKING_EXTRAS) + 1)
+    for extras in combinations(WALKING_EXTRAS, count)
+}
 
 #: Name -> layout.
 LAYOUTS = {layout.name: layout for layout in (*WALKING_LAYOUTS.values(), BENCH, BENCH_CONTACT)}

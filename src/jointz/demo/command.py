@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json, emit_table
 from jointz.terminal.progress_bars import experiment_bars
 
@@ -23,9 +23,7 @@ def demo(
         bool, typer.Option("--quick", help="Two people with 8 pulses a timing point.")
     ] = False,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 1,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Run two walking protocols on the same simulated people and compare them with the truth.
 
@@ -34,10 +32,9 @@ def demo(
 
     Example: jointz demo --quick
     """
-    del debug
     from jointz.demo.demo_study import run_demo
 
-    shown = not (quiet or as_json)
+    shown = not (printing.quiet or printing.as_json)
     if shown:
         emit(_QUICK if quick else _WHOLE)
     with experiment_bars(shown=shown) as bars:
@@ -45,7 +42,7 @@ def demo(
             out, quick=quick, seed=seed, run_progress=bars.experiment, progress=bars.analysis
         )
     accuracy = demonstration.accuracy().to_dict("records")
-    if as_json:
+    if printing.as_json:
         emit_json(
             {
                 "status": "ok",
@@ -56,7 +53,7 @@ def demo(
             }
         )
         return
-    if quiet:
+    if printing.quiet:
         return
     titles = {
         one.protocol.name: one.protocol.title

@@ -27,7 +27,6 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from math import isfinite
-from types import MappingProxyType
 from typing import Any
 
 from jointz.core.clock import Clock
@@ -331,14 +330,12 @@ DRIVER = Driver(DephySpec, DephyActPack, package="flexsea")
 
 
 I2T, TOO_HOT, CLOCK, GARBAGE = 1, 2, 4, 8
-FAULT_NAMES: Mapping[int, str] = MappingProxyType(
-    {
-        I2T: "average current (I2t) limit of the firmware",
-        TOO_HOT: "winding (estimated) or case too hot",
-        CLOCK: "the device's clock went back: it was restarted",
-        GARBAGE: "values that cannot be",
-    }
-)
+FAULT_NAMES: Mapping[int, str] = {
+    I2T: "average current (I2t) limit of the firmware",
+    TOO_HOT: "winding (estimated) or case too hot",
+    CLOCK: "the device's clock went back: it was restarted",
+    GARBAGE: "values that cannot be",
+}
 #: Bit of ``status_ex``. Single bits flip on the way: two samples in a row make a fault.
 _STATUS_I2T = 0b10
 _BELIEVED = {I2T: 2, CLOCK: 2, GARBAGE: 3}

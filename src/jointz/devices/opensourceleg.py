@@ -28,7 +28,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
-from types import MappingProxyType
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -59,16 +58,14 @@ from jointz.devices.repeating import Repeat, Repeating, RepeatingThread
 
 NO_HEARTBEAT = "not read; no heartbeat: only this program keeps the command timeout"
 #: Exceptions of opensourceleg's ``update`` that are faults of a device which still answers.
-FAULTS: Mapping[str, int] = MappingProxyType({"ThermalLimitException": 1, "I2tLimitException": 2})
+FAULTS: Mapping[str, int] = {"ThermalLimitException": 1, "I2tLimitException": 2}
 _DRIVER_ERROR, _HANG = 4, 8
-_FAULT_NAMES = MappingProxyType(
-    {
-        1: "software thermal limit",
-        2: "I2t limit",
-        _DRIVER_ERROR: "error of the motor driver",
-        _HANG: "a call of opensourceleg hung for longer than the command timeout",
-    }
-)
+_FAULT_NAMES = {
+    1: "software thermal limit",
+    2: "I2t limit",
+    _DRIVER_ERROR: "error of the motor driver",
+    _HANG: "a call of opensourceleg hung for longer than the command timeout",
+}
 _log = logging.getLogger(__name__)
 #: One sensor for all channels that name it, for as long as one of them is there.
 _sources: WeakValueDictionary[str, OpenSourceLegSource] = WeakValueDictionary()

@@ -3,7 +3,6 @@
 import inspect
 import os
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -36,13 +35,11 @@ class Profile(CheckedModel):
 
 
 #: By the name of the class, its own or one that it inherits from.
-PROFILES: Mapping[str, Profile] = MappingProxyType(
-    {
-        "DephyActuator": Profile(supply="battery_voltage", gains={}),
-        "TMotorServoActuator": Profile(ampere=1.0),
-        "JointzActuator": Profile(supply="battery_voltage"),
-    }
-)
+PROFILES: Mapping[str, Profile] = {
+    "DephyActuator": Profile(supply="battery_voltage", gains={}),
+    "TMotorServoActuator": Profile(ampere=1.0),
+    "JointzActuator": Profile(supply="battery_voltage"),
+}
 
 
 class ActuatorSetup(CheckedModel):

@@ -17,7 +17,6 @@ import zlib
 from contextlib import suppress
 from enum import IntEnum
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple
 
 from jointz.core.errors import DataError
@@ -79,12 +78,7 @@ class ControlBox:
     def __enter__(self) -> "ControlBox":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._map.close()
         self._file.close()
         with suppress(OSError):  # gone, or held by the page (Windows)

@@ -5,20 +5,14 @@ from typing import Annotated
 import typer
 
 from jointz.terminal.file_options import (
-    Decimal,
-    DecimalSign,
-    Delimiter,
-    Encoding,
     Figure,
     File,
-    NoHeader,
     Rate,
-    SkipRows,
+    TextOptions,
     Time,
     given_columns,
-    text_layout,
 )
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.printout import Output
 
 Angle = Annotated[str, typer.Option("--angle", help="COL[:unit] of the deflection (rad).")]
@@ -47,30 +41,23 @@ def static(
         typer.Option("--cutoff-hz", help="Low-pass of angle and torque, by default none."),
     ] = None,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit the slope of torque over angle to a slow bench record.
 
     Example: jointz identify static bench.csv --angle q:deg --torque tau:Nm --time t
     """
-    del debug
     from jointz.identification.identify_file import identify_file
     from jointz.identify.bench.static_stiffness import identify_static_stiffness
 
-    output = Output("static", figure, as_json, quiet, _SIZE)
+    output = Output("static", figure, printing, _SIZE)
     with output.failures():
         fit, columns = identify_file(
             identify_static_stiffness,
             file,
             given_columns(angle=angle, torque=torque, direction=direction, time=time),
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             rate_hz=rate,
             cutoff_hz=cutoff_hz,
         )
@@ -95,32 +82,25 @@ def dither(
         ),
     ] = "0",
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit stiffness and damping to torque and angle at the frequency of a dither.
 
     Example: jointz identify dither bench.csv --angle q --torque tau --rate 500 --frequency-hz 5
     """
-    del debug
     from jointz.identification.identify_file import identify_file
     from jointz.identify.bench.dither_stiffness import identify_dither_stiffness
     from jointz.io.text.column_arguments import parse_quantity
 
-    output = Output("dither", figure, as_json, quiet, _SIZE)
+    output = Output("dither", figure, printing, _SIZE)
     moved = parse_quantity(inertia, "inertia")
     with output.failures():
         fit, columns = identify_file(
             identify_dither_stiffness,
             file,
             given_columns(angle=angle, torque=torque, time=time),
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             rate_hz=rate,
             frequency_hz=frequency_hz,
             inertia=moved,

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -14,40 +13,22 @@ from jointz.identification.bench_commands import dither, static
 from jointz.identification.cycle_commands import phase_curve, time_varying
 from jointz.identification.stride_command import stride
 from jointz.terminal.file_options import (
-    ActsOn,
-    Decimal,
-    DecimalSign,
-    Delimiter,
-    Encoding,
     Figure,
     File,
     Input,
-    NoHeader,
-    Perturbed,
     Rate,
-    SkipRows,
+    TextOptions,
     Time,
     TorqueActsOn,
     given_columns,
-    text_layout,
 )
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Commands, Printing
 from jointz.terminal.printout import Output
 
-
-class TorqueModel(StrEnum):
-    """Choices of ``--model``."""
-
-    CURRENT = "current"
-    MOTOR = "motor"
-    FRICTION = "friction"
-
-
-class Sign(StrEnum):
-    """Choices of ``--torque-sign``."""
-
-    SAME = "1"
-    OPPOSITE = "-1"
+#: Choices of ``--model``.
+TorqueModel = Literal["current", "motor", "friction"]
+#: Choices of ``--torque-sign``.
+Sign = Literal["1", "-1"]
 
 
 def actuator(
@@ -80,10 +61,10 @@ def actuator(
             help="current (3.1); motor (3.2): viscous friction, rotor inertia; friction (3.3): "
             "Coulomb and gear friction, rotor inertia.",
         ),
-    ] = TorqueModel.FRICTION,
+    ] = "friction",
     torque_sign: Annotated[
         Sign, typer.Option("--torque-sign", help="-1: the sensor counts against the motor.")
-    ] = Sign.SAME,
+    ] = "1",
     rotor_inertia: Annotated[
         str | None,
         typer.Option(
@@ -98,25 +79,18 @@ def actuator(
         ),
     ] = None,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit a torque model to a bench record with a torque sensor.
 
     Example: jointz identify actuator bench.csv --current i --velocity w --torque tau --gear-ratio 9
     """
-    del debug
     from jointz.identification.identify_file import identify_file
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.io.text.column_arguments import parse_quantity
 
-    output = Output(model.value, figure, as_json, quiet, (7.1, 4.6))
+    output = Output(model, figure, printing, (7.1, 4.6))
     columns = given_columns(
         current=current, velocity=velocity, torque=torque, acceleration=acceleration, time=time
     )
@@ -127,23 +101,20 @@ def actuator(
             identify_actuator,
             file,
             columns,
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             rate_hz=rate,
             needs_clock=False,
             gear_ratio=gear_ratio,
-            model=model.value,
-            torque_sign=float(torque_sign.value),
+            model=model,
+            torque_sign=float(torque_sign),
             rotor_inertia=inertia,
             smooth_velocity_rad_s=smooth,
         )
     output.report(fit, parsed, file=file)
 
 
-class Method(StrEnum):
-    """Choices of ``--method``."""
-
-    WELCH = "welch"
-    BLACKMAN_TUKEY = "blackman_tukey"
+#: Choices of ``--method``.
+Method = Literal["welch", "blackman_tukey"]
 
 
 def bandwidth(
@@ -158,7 +129,7 @@ def bandwidth(
     rate: Rate = None,
     method: Annotated[
         Method, typer.Option("--method", help="How the spectra are estimated.")
-    ] = Method.WELCH,
+    ] = "welch",
     window_s: Annotated[
         float | None,
         typer.Option(
@@ -170,27 +141,20 @@ def bandwidth(
         float, typer.Option("--drop-db", help="Loss of gain that ends the bandwidth, dB.")
     ] = 3.0,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Find the frequency at which a torque loop has lost 3 dB.
 
     Example: jointz identify bandwidth bench.csv --command cmd:Nm --torque tau:Nm --rate 1000
     """
-    del debug
     from jointz.identification.identify_file import identify_file
     from jointz.identify.actuators.bandwidth import identify_bandwidth
 
     if not 0.0 < drop_db < float("inf"):
         raise typer.BadParameter(f"--drop-db {drop_db:g}: expected > 0 dB.")
-    output = Output("bandwidth", figure, as_json, quiet, (7.1, 4.0))
-    files = text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
+    output = Output("bandwidth", figure, printing, (7.1, 4.0))
+    files = text.layout()
     with output.failures(), _reference_advised(file, command, files):
         fit, columns = identify_file(
             identify_bandwidth,
@@ -198,7 +162,7 @@ def bandwidth(
             given_columns(command=command, torque=torque, time=time),
             files=files,
             rate_hz=rate,
-            method=method.value,
+            method=method,
             window_s=window_s,
             drop_db=drop_db,
         )
@@ -233,33 +197,21 @@ def _reference_advised(file: Path, command: str, files: Mapping[str, Any]) -> It
         ) from exc
 
 
-class Model(StrEnum):
-    """Choices of ``--model``."""
-
-    KBJ = "kbj"
-    IRF = "irf"
-    FRF = "frf"
-    REFLEX = "reflex"
-
-
-class Estimator(StrEnum):
-    """Choices of ``--estimator``."""
-
-    LEAST_SQUARES = "least_squares"
-    BOUNDED_LEAST_SQUARES = "bounded_least_squares"
-    ADMITTANCE = "admittance"
-    INSTRUMENTAL_VARIABLE = "instrumental_variable"
+#: Choices of ``--model``.
+Model = Literal["kbj", "irf", "frf", "reflex"]
+#: Choices of ``--estimator``.
+Estimator = Literal["least_squares", "bounded_least_squares", "admittance", "instrumental_variable"]
 
 
 #: Size of the figure, inches: the frequency response has three parts.
 _SIZES = {
-    Model.KBJ: (7.1, 3.5),
-    Model.IRF: (7.1, 4.0),
-    Model.FRF: (7.1, 6.0),
-    Model.REFLEX: (7.1, 4.0),
+    "kbj": (7.1, 3.5),
+    "irf": (7.1, 4.0),
+    "frf": (7.1, 6.0),
+    "reflex": (7.1, 4.0),
 }
 
-identify = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Fit a model to a file.")
+identify = Commands(no_args_is_help=True, rich_markup_mode=None, help="Fit a model to a file.")
 
 
 @identify.callback()
@@ -278,8 +230,8 @@ def joint(
     ] = None,
     time: Time = None,
     rate: Rate = None,
-    perturbed: Input = Perturbed.TORQUE,
-    torque_acts_on: TorqueActsOn = ActsOn.JOINT,
+    perturbed: Input = "torque",
+    torque_acts_on: TorqueActsOn = "joint",
     model: Annotated[
         Model,
         typer.Option(
@@ -288,7 +240,7 @@ def joint(
             "response, both with the second-order joint behind them. reflex: stiffness, damping, "
             "inertia beside a stretch reflex with gain and delay.",
         ),
-    ] = Model.KBJ,
+    ] = "kbj",
     estimator: Annotated[
         Estimator | None,
         typer.Option(
@@ -306,14 +258,8 @@ def joint(
         ),
     ] = None,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit torque = K*angle + B*velocity + J*acceleration to one recording.
 
@@ -322,24 +268,23 @@ def joint(
 
     Example: jointz identify joint knee.csv --angle knee:deg --torque tau:Nm --time t
     """
-    del debug
     from jointz.identification.doubtful_values import with_doubtful_values
     from jointz.identification.identify_file import identify_file
     from jointz.identify.series.joint import identify_joint
 
-    output = Output(model.value, figure, as_json, quiet, _SIZES[model])
+    output = Output(model, figure, printing, _SIZES[model])
     with output.failures():
         fit, columns = identify_file(
             identify_joint,
             file,
             given_columns(angle=angle, torque=torque, time=time, command=command),
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             rate_hz=rate,
-            input=perturbed.value,
-            model=model.value,
-            estimator=estimator.value if estimator else None,
+            input=perturbed,
+            model=model,
+            estimator=estimator,
             cutoff_hz=cutoff_hz,
-            torque_acts_on=torque_acts_on.value,
+            torque_acts_on=torque_acts_on,
         )
     output.report(with_doubtful_values(fit), columns, file=file)
 

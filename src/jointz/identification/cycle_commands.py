@@ -6,24 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from jointz.terminal.file_options import (
-    ActsOn,
-    Decimal,
-    DecimalSign,
-    Delimiter,
-    Encoding,
     Figure,
     File,
     Input,
-    NoHeader,
-    Perturbed,
     Rate,
-    SkipRows,
+    TextOptions,
     Time,
     TorqueActsOn,
     given_columns,
-    text_layout,
 )
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.printout import Output, check_table, file_origin
 
 if TYPE_CHECKING:
@@ -69,8 +61,8 @@ def time_varying(
     ] = None,
     time: Time = None,
     rate: Rate = None,
-    perturbed: Input = Perturbed.TORQUE,
-    torque_acts_on: TorqueActsOn = ActsOn.JOINT,
+    perturbed: Input = "torque",
+    torque_acts_on: TorqueActsOn = "joint",
     segment_s: Annotated[
         float, typer.Option("--segment-s", help="Length of the segments about each phase, s.")
     ] = 0.1,
@@ -94,14 +86,8 @@ def time_varying(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling.")] = 0,
     out: Out = None,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit K, B and J at phases of the gait cycle to walking with a random torque.
 
@@ -109,11 +95,10 @@ def time_varying(
 
     Example: jointz identify time-varying walk.csv --angle q --torque tau --contact foot --time t
     """
-    del debug
     if sum(source is not None for source in (contact, force, heel_strikes)) != 1:
         raise typer.BadParameter("Give --contact, --force or --heel-strikes, one of them.")
     check_table(out)
-    output = Output("time_varying", figure, as_json, quiet, _SIZE)
+    output = Output("time_varying", figure, printing, _SIZE)
     from jointz.identification.identify_file import identify_file
     from jointz.identify.over_cycle.time_varying import identify_time_varying
 
@@ -130,11 +115,11 @@ def time_varying(
                 contact=contact,
                 ground_reaction_force=force,
             ),
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             rate_hz=rate,
             heel_strikes=strikes_s,
-            input=perturbed.value,
-            torque_acts_on=torque_acts_on.value,
+            input=perturbed,
+            torque_acts_on=torque_acts_on,
             segment_s=segment_s,
             n_phases=n_phases,
             cutoff_hz=cutoff_hz,
@@ -174,22 +159,19 @@ def phase_curve(
     ] = None,
     out: Out = None,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Draw stiffness and damping of a walking study as smooth curves over the gait cycle.
 
     Example: jointz identify phase-curve results --out curves.csv --figure stiffness.svg
     """
-    del debug
     check_table(out)
-    output = Output("phase_curve", figure, as_json, quiet, _SIZE)
+    output = Output("phase_curve", figure, printing, _SIZE)
     from functools import partial
 
     from jointz.identify.over_cycle.phase_curve import phase_curve as curves_of
 
-    analysis = _load(results, quiet=quiet)
+    analysis = _load(results, quiet=printing.quiet)
     chosen = {"parameters": parameter} if parameter else {}
     with output.failures():
         curves = curves_of(analysis, participant, **chosen)

@@ -6,17 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from jointz.terminal.file_options import (
-    Decimal,
-    DecimalSign,
-    Delimiter,
-    Encoding,
     Figure,
-    NoHeader,
-    SkipRows,
+    TextOptions,
     given_columns,
-    text_layout,
 )
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.printout import Output, check_table, file_origin
 
 if TYPE_CHECKING:
@@ -66,14 +60,8 @@ def stride(
         typer.Option("--out", help="Write a csv file, one row a timing point and measure."),
     ] = None,
     figure: Figure = None,
-    encoding: Encoding = None,
-    delimiter: Delimiter = None,
-    decimal: DecimalSign = Decimal.POINT,
-    skip_rows: SkipRows = 0,
-    no_header: NoHeader = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    text: TextOptions = TextOptions(),
+    printing: Printing = Printing(),
 ) -> None:
     """Fit the quasi-stiffness of a mean stride: slope of torque over angle at six timing points.
 
@@ -81,11 +69,10 @@ def stride(
 
     Example: jointz identify stride mean.csv --angle knee:deg --torque-per-mass tau --gait-pct pct
     """
-    del debug
     if (torque is None) == (torque_per_mass is None):
         raise typer.BadParameter("Give --torque or --torque-per-mass, one of them.")
     check_table(out)
-    output = Output("quasi_stiffness", figure, as_json, quiet, (6.0, 4.5))
+    output = Output("quasi_stiffness", figure, printing, (6.0, 4.5))
     from jointz.identification.identify_file import identify_file
 
     with output.failures():
@@ -95,7 +82,7 @@ def stride(
             given_columns(
                 angle=angle, torque=torque, torque_per_mass=torque_per_mass, gait_pct=gait_pct
             ),
-            files=text_layout(encoding, delimiter, decimal, skip_rows, no_header=no_header),
+            files=text.layout(),
             needs_clock=False,
             window_pct=window_pct,
         )

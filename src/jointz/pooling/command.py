@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json
 
 
@@ -23,9 +23,7 @@ def pool(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace existing pooled results.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Pool results of several studies: one table, and means over studies (random effects, REML).
 
@@ -36,14 +34,13 @@ def pool(
 
     Example: jointz pool results-a results-b --conditions conditions.csv --out pooled
     """
-    del debug
     from jointz.pooling.pool import PAGE, pool
 
     pooled = pool(results, conditions=conditions, out=out, overwrite=overwrite)
-    if as_json:
+    if printing.as_json:
         status = "ok" if pooled.available else "nothing_stands"
         emit_json({"status": status, "page": str(out / PAGE)} | pooled.to_dict())
-    elif not quiet:
+    elif not printing.quiet:
         emit(pooled.summary())
         emit(f"Page: {out / PAGE}")
     raise typer.Exit(EXIT_OK if pooled.available else EXIT_NO_ESTIMATE)

@@ -3,20 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import pandas as pd
 
 from jointz.pooling.conditions import CONDITION_COLUMNS
 from jointz.pooling.plain_tables import Kind, plain_rows, typed_table
 from jointz.report.wording import ABSOLUTE, format_count, parameter_label, point_name
-from jointz.results.base import Result, checked_values, summary_text
+from jointz.results.base import Axes, Result, checked_values, summary_text
 from jointz.results.estimates import ESTIMATE_COLUMNS
 from jointz.results.figure_style import in_figure_style
 from jointz.results.statistics.random_effects_fit import draw_forest
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Status of the mean of a single study, and of a mean whose interval reaches zero; others are
 #: ``ok`` and ``failed:too_few_studies``.
@@ -139,8 +136,7 @@ class PooledStudies(Result):
         used = studies_of(self.studies, row)
         axes = draw_forest(used[used["status"] == "ok"].to_dict("records"), row, ax)
         name, level = parameter_label(row["parameter"]), f"{100 * self.ci_level:g} %"
-        axes.set_xlabel(f"{name}, {level} intervals")
-        axes.set_title(cell_text(row))
+        axes.set(xlabel=f"{name}, {level} intervals", title=cell_text(row))
         return axes
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,19 +23,6 @@ class Printed:
     note: str = ""  # context in the text, or a finding of our audit
 
 
-@dataclass(frozen=True, slots=True)
-class OtherDevice:
-    """What the dissertation prints about another device."""
-
-    quantity: str  # estimated quantity, or its error
-    low: float  # lower end of the printed error, in ``unit``
-    high: float  # upper end of the printed error, in ``unit``; equal to ``low`` for a single number
-    unit: str  # unit of ``low`` and ``high``
-    citations: tuple[int, ...]  # the dissertation's own citation numbers
-    source: str  # section of the dissertation
-    note: str = ""  # context in the text
-
-
 def row_mean(row: Mapping[str, Printed]) -> float:
     """Return the mean of the numbers of a printed row.
 

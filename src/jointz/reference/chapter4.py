@@ -53,7 +53,7 @@ def _row(source: str, unit: str, *values: float, **repaired: str) -> Row:
         Printed(value, None, unit, source, _note(value, repaired.get(subject, "")))
         for subject, value in zip(SUBJECTS, values, strict=True)
     )
-    return MappingProxyType(dict(zip(SUBJECTS, cells, strict=True)))
+    return dict(zip(SUBJECTS, cells, strict=True))
 
 
 def _means(source: str, unit: str, *values: float, **notes: str) -> Row:
@@ -61,7 +61,7 @@ def _means(source: str, unit: str, *values: float, **notes: str) -> Row:
         Printed(value, None, unit, source, notes.get(point, ""))
         for point, value in zip(TIMING_POINTS, values, strict=True)
     )
-    return MappingProxyType(dict(zip(TIMING_POINTS, cells, strict=True)))
+    return dict(zip(TIMING_POINTS, cells, strict=True))
 
 
 _K = ("Table 4.1", "N*m/rad/kg")
@@ -70,7 +70,7 @@ _J = ("Table 4.3", "kg*m^2")
 _VAF = ("Table 4.4", "%")
 
 # fmt: off
-STIFFNESS: Final[Table] = MappingProxyType({
+STIFFNESS: Final[Table] = {
     "LRE": _row(*_K, 1.88, 1.76, 4.23, 1.72, 2.12e-14, 1.58, 0.54, 6.59, 1.78, 1.23),
     "MST": _row(*_K, 0.76, 0.60, 0.17, 0.09, 0.21, 0.24, 0.71, 1.79, 0.78, 0.82),
     "TST": _row(*_K, 1.52, 0.72, 1.31, 2.03, 1.00, 1.08e-4, 0.82, 2.26, 0.60, 1.21),
@@ -79,10 +79,10 @@ STIFFNESS: Final[Table] = MappingProxyType({
                 S6=_stray("20.048")),
     "MSW": _row(*_K, 0.68, 0.22, 2.04e-5, 0.004, 0.62, 0.43, 0.51, 0.54, 0.69, 0.11,
                 S5=_stray("20.62")),
-})
+}
 STIFFNESS_MEANS: Final = _means(*_K, 2.13, 0.62, 1.15, 1.16, 0.31, 0.38)
 
-DAMPING: Final[Table] = MappingProxyType({
+DAMPING: Final[Table] = {
     "LRE": _row(*_B, 0.024, 0.074, 1.07e-11, 0.073, 0.073, 0.047, 0.064, 1.68e-11, 0.023, 0.008),
     "MST": _row(*_B, 0.055, 0.046, 0.076, 0.060, 0.057, 0.040, 0.043, 3.65e-12, 0.031, 0.011),
     "TST": _row(*_B, 0.051, 0.060, 0.058, 0.081, 0.028, 0.096, 0.074, 0.019, 0.066, 4.30e-4),
@@ -90,11 +90,11 @@ DAMPING: Final[Table] = MappingProxyType({
                 S9=_stray("80.018")),
     "ISW": _row(*_B, 0.031, 0.063, 0.053, 0.053, 0.056, 0.032, 0.020, 0.028, 0.020, 0.026),
     "MSW": _row(*_B, 0.035, 0.042, 0.043, 0.049, 0.015, 0.015, 0.014, 0.025, 0.014, 0.034),
-})
+}
 DAMPING_MEANS: Final = _means(*_B, 0.039, 0.042, 0.053, 0.030, 0.038, 0.029, LRE=_stray("20.039"))
 
 #: Of device and joint together.
-INERTIA: Final[Table] = MappingProxyType({
+INERTIA: Final[Table] = {
     "LRE": _row(*_J, 0.018, 0.014, 0.001, 0.011, 0.068, 0.051, 0.047, 0.030, 0.021, 0.008,
                 S4=_stray("50.011")),
     "MST": _row(*_J, 0.003, 0.010, 0.027, 0.14, 0.031, 0.065, 0.033, 0.047, 0.005, 0.002,
@@ -108,35 +108,36 @@ INERTIA: Final[Table] = MappingProxyType({
     "ISW": _row(*_J, 0.019, 0.032, 0.030, 0.023, 0.032, 0.043, 0.069, 0.030, 0.018, 0.038),
     "MSW": _row(*_J, 5.02e-11, 0.011, 0.024, 0.016, 0.053, 0.029, 0.040, 0.030, 0.013, 0.011,
                 S1=_split("5.02e- 11")),
-})
+}
 INERTIA_MEANS: Final = _means(
     *_J, 0.027, 0.036, 0.024, 0.040, 0.033, 0.023,
     LRE=_stray("00.027"), MST=_stray("60.036"), TST=_stray("10.024"),
 )
 
-VAF: Final[Table] = MappingProxyType({
+VAF: Final[Table] = {
     "LRE": _row(*_VAF, 97.51, 97.82, 93.68, 92.93, 45.20, 75.79, 94.38, 84.48, 96.95, 99.65),
     "MST": _row(*_VAF, 96.75, 98.28, 93.46, 98.96, 92.48, 94.50, 90.76, 86.50, 98.22, 99.30),
     "TST": _row(*_VAF, 96.56, 96.68, 98.62, 96.78, 93.18, 93.02, 99.24, 96.02, 99.24, 99.83),
     "PSW": _row(*_VAF, 93.54, 98.37, 64.90, 88.72, 91.20, 94.02, 94.38, 64.04, 95.19, 93.37),
     "ISW": _row(*_VAF, 91.36, 98.79, 78.31, 78.45, 80.97, 91.69, 66.85, 96.03, 93.30, 86.82),
     "MSW": _row(*_VAF, 85.41, 97.03, 80.08, 92.99, 87.95, 91.83, 90.76, 84.19, 94.07, 95.90),
-})
+}
 VAF_MEANS: Final = _means(*_VAF, 87.84, 94.92, 96.92, 87.77, 86.26, 90.02)
 # fmt: on
 
 #: Tables 4.1 to 4.4 and the printed means of their rows, by what they hold.
-TABLES: Final[Mapping[str, Table]] = MappingProxyType(
-    {"stiffness_per_mass": STIFFNESS, "damping_per_mass": DAMPING, "inertia": INERTIA, "vaf": VAF}
-)
-MEANS: Final[Mapping[str, Row]] = MappingProxyType(
-    {
-        "stiffness_per_mass": STIFFNESS_MEANS,
-        "damping_per_mass": DAMPING_MEANS,
-        "inertia": INERTIA_MEANS,
-        "vaf": VAF_MEANS,
-    }
-)
+TABLES: Final[Mapping[str, Table]] = {
+    "stiffness_per_mass": STIFFNESS,
+    "damping_per_mass": DAMPING,
+    "inertia": INERTIA,
+    "vaf": VAF,
+}
+MEANS: Final[Mapping[str, Row]] = {
+    "stiffness_per_mass": STIFFNESS_MEANS,
+    "damping_per_mass": DAMPING_MEANS,
+    "inertia": INERTIA_MEANS,
+    "vaf": VAF_MEANS,
+}
 
 
 def participant_table() -> pd.DataFrame:

@@ -11,10 +11,8 @@ import numpy as np
 import pandas as pd
 from pydantic import BeforeValidator, InstanceOf, TypeAdapter
 
+from jointz.results.figure_style import Axes as Axes
 from jointz.results.figure_style import axes_or_new, in_figure_style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _JSON_SCALARS = {bool, int, float, str, type(None)}
 _REPR_LINES = 10

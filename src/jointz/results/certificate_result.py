@@ -2,19 +2,14 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 _DECIDED = ("ok", "at_bound")
@@ -36,56 +31,54 @@ class Statistic:
 _LARGER = "errors can be larger than stated"
 _OTHER = "the stated errors are of other joints"
 #: What a study is compared by; chosen before any comparison was made.
-STATISTICS: Mapping[str, Statistic] = MappingProxyType(
-    {
-        "unexplained_pct": Statistic(
-            "unexplained variance",
-            "%",
-            f"The fit explains less of your responses than of the simulated ones: {_LARGER}",
-            "The fit explains more of your responses than of the simulated ones: errors are "
-            "probably smaller than stated",
-        ),
-        "misfit": Statistic(
-            "misfit over the noise of the average response",
-            "",
-            f"Your responses have a form that the model does not explain: {_LARGER}",
-            "The fit leaves less than the noise of the simulated people explains: noise or "
-            f"number of pulses is unlike the simulated one, and {_LARGER}",
-        ),
-        "unpredictability_deg": Statistic(
-            "unpredictability of a stride",
-            "deg",
-            f"Your strides are less predictable than the simulated ones: {_LARGER}",
-            "Your strides are more predictable than the simulated ones: errors are probably "
-            "smaller than stated",
-        ),
-        "displacement_deg": Statistic(
-            "displacement by a pulse",
-            "deg",
-            f"Your pulses move the joint further than the simulated ones: {_OTHER}",
-            f"Your pulses move the joint less than the simulated ones: {_LARGER}",
-        ),
-        "natural_frequency_hz": Statistic(
-            "natural frequency",
-            "Hz",
-            f"Your joints are stiffer or lighter than the simulated ones: {_OTHER}",
-            f"Your joints are softer or heavier than the simulated ones: {_OTHER}",
-        ),
-        "damping_ratio": Statistic(
-            "damping ratio",
-            "",
-            f"Your joints are more damped than the simulated ones: {_OTHER}",
-            f"Your joints are less damped than the simulated ones: {_OTHER}",
-        ),
-        "without_value_pct": Statistic(
-            "estimates without a value",
-            "%",
-            f"More of your estimates are undecided, doubted or failed: {_LARGER}",
-            "Fewer of your estimates are undecided, doubted or failed: the method sees less "
-            "uncertainty than in the simulated people, which can be wrong",
-        ),
-    }
-)
+STATISTICS: Mapping[str, Statistic] = {
+    "unexplained_pct": Statistic(
+        "unexplained variance",
+        "%",
+        f"The fit explains less of your responses than of the simulated ones: {_LARGER}",
+        "The fit explains more of your responses than of the simulated ones: errors are "
+        "probably smaller than stated",
+    ),
+    "misfit": Statistic(
+        "misfit over the noise of the average response",
+        "",
+        f"Your responses have a form that the model does not explain: {_LARGER}",
+        "The fit leaves less than the noise of the simulated people explains: noise or "
+        f"number of pulses is unlike the simulated one, and {_LARGER}",
+    ),
+    "unpredictability_deg": Statistic(
+        "unpredictability of a stride",
+        "deg",
+        f"Your strides are less predictable than the simulated ones: {_LARGER}",
+        "Your strides are more predictable than the simulated ones: errors are probably "
+        "smaller than stated",
+    ),
+    "displacement_deg": Statistic(
+        "displacement by a pulse",
+        "deg",
+        f"Your pulses move the joint further than the simulated ones: {_OTHER}",
+        f"Your pulses move the joint less than the simulated ones: {_LARGER}",
+    ),
+    "natural_frequency_hz": Statistic(
+        "natural frequency",
+        "Hz",
+        f"Your joints are stiffer or lighter than the simulated ones: {_OTHER}",
+        f"Your joints are softer or heavier than the simulated ones: {_OTHER}",
+    ),
+    "damping_ratio": Statistic(
+        "damping ratio",
+        "",
+        f"Your joints are more damped than the simulated ones: {_OTHER}",
+        f"Your joints are less damped than the simulated ones: {_OTHER}",
+    ),
+    "without_value_pct": Statistic(
+        "estimates without a value",
+        "%",
+        f"More of your estimates are undecided, doubted or failed: {_LARGER}",
+        "Fewer of your estimates are undecided, doubted or failed: the method sees less "
+        "uncertainty than in the simulated people, which can be wrong",
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,9 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from matplotlib.axes import Axes as Axes
+else:  # matplotlib is loaded when a result is drawn
+    Axes = Any
 
 _Plot = TypeVar("_Plot", bound=Callable[..., Any])
 

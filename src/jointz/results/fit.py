@@ -1,6 +1,7 @@
 """Base of fits, and their parameters as text."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import pandas as pd
@@ -44,6 +45,27 @@ class Fit(ParameterResult[ParameterEstimate]):
             for name, entry in checked_values(data, cls.SCHEMA)["parameters"].items()
         ]
         return super().from_dict({**data, "parameters": parameters})
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class RecordFit(Fit):
+    """Base of fits of one record of a joint; a subclass describes the fields."""
+
+    model: str
+    estimator: str
+    input: str
+    parameters: tuple[ParameterEstimate, ...]
+    vaf_pct: float
+    vaf_of: str
+    status: str
+    n_samples: int
+    rate_hz: float
+    cutoff_hz: float
+    condition_number: float
+    covariance: tuple[tuple[float, ...], ...]
+    ci_method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def parameter_line(

@@ -1,17 +1,14 @@
 """Joint posterior of a person's impedance at all timing points, beside its prior."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.events import row_label
-from jointz.results.base import Array, PlottedResult
+from jointz.results.base import Array, Axes, PlottedResult
 from jointz.results.estimates import REACH_95
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Columns of ``log_posterior.csv``.
 LOG_POSTERIOR_COLUMNS = (

@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import PlottedResult, Result
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.base import Axes, PlottedResult, Result
 
 _COLUMNS = (
     "participant",
@@ -129,8 +126,7 @@ class RunReport(PlottedResult):
         axes.plot(table["planned_pct"], table["error_sd_pct"], "o", alpha=0.5, label="measured")
         theory = table.groupby("planned_pct")["theory_sd_pct"].mean()
         axes.plot(theory.index, theory.to_numpy(), "-", color="0.3", label="from stride variation")
-        axes.set_xlabel("Planned onset (% of gait cycle)")
-        axes.set_ylabel("SD of onset (% of gait cycle)")
+        axes.set(xlabel="Planned onset (% of gait cycle)", ylabel="SD of onset (% of gait cycle)")
         axes.legend(frameon=False)
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.events import GapRecord, PulseEstimate, PulseRecord, StrideRecord, row_label
-from jointz.results.base import Result, record_frame, summary_text
+from jointz.results.base import Axes, Result, record_frame, summary_text
 from jointz.results.certificate_result import Certificate
 from jointz.results.estimates import COVARIANCE_COLUMNS, ESTIMATE_COLUMNS, CellEstimate
 from jointz.results.figure_style import BLUE, FAINT, axes_or_new, in_figure_style
@@ -18,10 +18,6 @@ from jointz.results.mean_stride import MeanStride
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.run_report import RunReport
 from jointz.results.study_counts import study_counts
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Marks that tell people apart in grey, too.
 _MARKS = "osD^vPX*"

@@ -3,15 +3,14 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from jointz.core.errors import DeviceError, EngineError, WorkerLostError, WriteError
 from jointz.terminal.exit_status import STILL_THERE
-from jointz.terminal.options import Debug, Json, Quiet, SchedulerOption
+from jointz.terminal.options import Printing, SchedulerOption
 from jointz.terminal.output import emit, emit_json, emit_table
 from jointz.terminal.progress_bars import experiment_bars
 
@@ -19,27 +18,14 @@ if TYPE_CHECKING:
     from jointz.results.run_report import StudyRun
 
 
-class Device(StrEnum):
-    """Devices an experiment can be run on."""
-
-    sim = "sim"
-
-
-class Preset(StrEnum):
-    """Quality of a simulated rig and its people."""
-
-    clean = "clean"
-    nominal = "nominal"
-    hard = "hard"
-    anthropometric = "anthropometric"
-    realistic = "realistic"
+#: Devices an experiment can be run on.
+Device = Literal["sim"]
+#: Quality of a simulated rig and its people.
+Preset = Literal["clean", "nominal", "hard", "anthropometric", "realistic"]
 
 
-class ClockName(StrEnum):
-    """Clocks."""
-
-    fast = "fast"
-    real = "real"
+#: Clocks.
+ClockName = Literal["fast", "real"]
 
 
 DeviceOption = Annotated[
@@ -135,9 +121,7 @@ def run(
         typer.Option("--attended", hidden=True, help="A page starts, pauses and stops it."),
     ] = False,
     calibration: CalibrationOption = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Run an experiment on devices or their simulation, and write its study.
 
@@ -146,20 +130,22 @@ def run(
 
     Example: jointz run walking --out study --participants 2 --seed 1
     """
-    del debug
     from jointz.session.run import run as run_study
 
-    real = clock is ClockName.real or config is not None
-    with experiment_bars(shown=not (quiet or as_json)) as bars, _resume_advised(out):
+    real = clock == "real" or config is not None
+    with (
+        experiment_bars(shown=not (printing.quiet or printing.as_json)) as bars,
+        _resume_advised(out),
+    ):
         made = run_study(
             protocol,
-            device=device.value if device else None,
+            device=device,
             config=config,
             out=out,
             seed=seed,
-            preset=preset.value if preset else None,
+            preset=preset,
             sensors=sensors.replace(" ", "").split(",") if sensors else None,
-            clock=clock.value if clock else None,
+            clock=clock,
             participants=participants,
             workers=workers or (1 if real or attended else os.cpu_count() or 1),
             scheduler=scheduler,
@@ -170,9 +156,9 @@ def run(
             operator=_Prompting(bars.paused) if real else None,
             progress=bars.experiment,
         )
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", "study": str(made.study), **_numbers(made)})
-    elif not quiet:
+    elif not printing.quiet:
         _print(made)
 
 

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Commands, Debug, Json, Printing, Quiet
 from jointz.terminal.output import EXIT_BAD_INPUT, emit, emit_json, emit_table
 
 if TYPE_CHECKING:
     from jointz.core.protocols.protocol import Protocol
 
-protocols = typer.Typer(
+protocols = Commands(
     invoke_without_command=True,
     rich_markup_mode=None,
     help="Show the experiments that come with jointz, check your own; alone it lists them.",
@@ -26,28 +26,23 @@ def _protocols(
 ) -> None:
     """Show the experiments that come with jointz, check your own; alone it lists them."""
     if context.invoked_subcommand is None:
-        list_protocols(as_json, quiet, debug)
+        list_protocols(Printing(as_json, quiet, debug))
     elif as_json or quiet:
         raise typer.BadParameter("give --json and --quiet after the command, not before it.")
 
 
 @protocols.command("list")
-def list_protocols(
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
-) -> None:
+def list_protocols(printing: Printing = Printing()) -> None:
     """List the experiments that come with jointz.
 
     Example: jointz protocols list
     """
-    del debug
     from jointz.io.protocols import builtin_protocols, load_protocol
 
     about = [_about(load_protocol(name)) for name in builtin_protocols()]
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", "protocols": about})
-    elif not quiet:
+    elif not printing.quiet:
         rows = [
             [
                 entry["name"],
@@ -66,9 +61,7 @@ def list_protocols(
 @protocols.command("show")
 def show(
     name: Annotated[str, typer.Argument(help="A built-in protocol, or a protocol file.")],
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Print a protocol as TOML, to read or to start your own from.
 
@@ -76,15 +69,14 @@ def show(
 
     Example: jointz protocols show walking
     """
-    del debug
     from jointz.io.protocols import load_protocol, protocol_text
 
     protocol, text = load_protocol(name), protocol_text(name)
-    if as_json:
+    if printing.as_json:
         content = protocol.model_dump(mode="json", exclude_none=True)
         emit_json({"status": "ok", **_about(protocol), "protocol": content, "text": text})
         return
-    if not quiet:
+    if not printing.quiet:
         from textwrap import wrap
 
         from jointz.session.pulse_drawing import drawn_pulses
@@ -99,9 +91,7 @@ def show(
 @protocols.command("check")
 def check(
     file: Annotated[str, typer.Argument(help="A protocol file, or a built-in protocol.")],
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Check a protocol and report every problem at once.
 
@@ -110,21 +100,20 @@ def check(
 
     Example: jointz protocols check my-protocol.toml
     """
-    del debug
     from jointz.core.errors import ProtocolError
     from jointz.io.protocols import load_protocol
 
     try:
         protocol = load_protocol(file)
     except ProtocolError as exc:
-        if not as_json:
+        if not printing.as_json:
             raise
         report = {"status": "error", "error": "ProtocolError", "message": str(exc)}
         emit_json({**report, "problems": list(exc.problems)})
         raise typer.Exit(EXIT_BAD_INPUT) from exc
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", **_about(protocol), "problems": []})
-    elif not quiet:
+    elif not printing.quiet:
         emit(f"{file}: no problems. {_told(protocol)}")
 
 

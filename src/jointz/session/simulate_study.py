@@ -16,6 +16,7 @@ from jointz.io.toml_text import written_table, written_text
 from jointz.session.run import TRUTH_FILE
 from jointz.session.run_claim import STUDY_FILE
 from jointz.session.run_settings import pulses_name, recording_name
+from jointz.session.study_file import STUDY_UNITS
 from jointz.sim.descriptions import exoskeleton
 from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.sim.motion_sensors import draw_motion_instruments
@@ -27,15 +28,7 @@ from jointz.sim.rig import SimulatedRig
 _LEVEL, _PULSES = "unperturbed", "perturbed"
 _PLAN = WalkPlan(per_point=10)
 _MOST_PARTICIPANTS = 1000
-_UNITS = {
-    "time": "s",
-    "angle": "rad",
-    "current": "A",
-    "motor_angle": "rad",
-    "motor_velocity": "rad/s",
-    "command": "N*m",
-    "joint_moment": "N*m",
-}
+_UNITS = STUDY_UNITS | {"joint_moment": "N*m"}
 
 
 def simulate_study(

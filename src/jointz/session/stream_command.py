@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from jointz.core.stop_signals import end_listening
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 
 
@@ -15,9 +15,7 @@ def stream(
     name: Annotated[
         str, typer.Option("--name", help="Of the stream of channels; markers: NAME markers.")
     ] = "jointz",
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Put every channel of a session and its events on Lab Streaming Layer.
 
@@ -27,7 +25,6 @@ def stream(
 
     Example: jointz stream study --name knee
     """
-    del debug
     from jointz.session.live.lab_stream import stream_session
 
     sent: dict[str, int] = {}
@@ -35,7 +32,7 @@ def stream(
 
     def announce(channels: str, markers: str) -> None:
         streams[:] = [channels, markers]
-        if not (quiet or as_json):
+        if not (printing.quiet or printing.as_json):
             emit(f"Streams: {channels}, {markers}  (Ctrl-C ends it)")
 
     def count(samples: int, markers: int) -> None:
@@ -45,7 +42,7 @@ def stream(
         stream_session(session, name=name, announce=announce, count=count)
     except KeyboardInterrupt:  # the usual end
         end_listening()
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", "streams": streams, **sent})
-    elif not quiet and sent:
+    elif not printing.quiet and sent:
         emit(f"Sent {sent['samples']} samples and {sent['markers']} markers.")

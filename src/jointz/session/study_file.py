@@ -17,24 +17,17 @@ from jointz.io.toml_text import written_table, written_text, written_value
 from jointz.session.run_settings import has_pulse_table, pulses_name, recording_name
 from jointz.session.session_recordings import gives_volts
 
-_WALKING_UNITS = {
+#: Channels of every simulated study.
+STUDY_UNITS = {
     "time": "s",
     "angle": "rad",
     "current": "A",
     "motor_angle": "rad",
     "motor_velocity": "rad/s",
     "command": "N*m",
-    "applied_torque": "N*m",
 }
-_BENCH_UNITS = {
-    "time": "s",
-    "angle": "rad",
-    "current": "A",
-    "motor_angle": "rad",
-    "motor_velocity": "rad/s",
-    "command": "N*m",
-    "reference": "N*m",
-}
+_WALKING_UNITS = STUDY_UNITS | {"applied_torque": "N*m"}
+_BENCH_UNITS = STUDY_UNITS | {"reference": "N*m"}
 #: Chapter II states no filter; this one takes away encoder noise and leaves loads alone.
 _BENCH_CUTOFF_HZ = 100.0
 _PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")

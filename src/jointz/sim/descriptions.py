@@ -1,5 +1,7 @@
 """Descriptions of the simulated devices that a participant wears."""
 
+from dataclasses import replace
+
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
@@ -48,49 +50,36 @@ def exoskeleton(build: PlantBuild) -> ActuatorDescription:
 
 def goniometer(build: PlantBuild) -> SensorDescription:
     """Describe the electrogoniometer across the knee."""
-    return SensorDescription(
-        name="goniometer",
-        model="jointz simulated electrogoniometer",
-        serial=build.person.id,
-        channel="angle",
-        unit="rad",
-        sample_rate_hz=build.grid.sample_rate_hz,
-    )
+    return _sensor(build, "goniometer", "electrogoniometer", channel="angle", unit="rad")
 
 
 def motion_sensor(build: PlantBuild, channel: str) -> SensorDescription:
     """Describe the device's encoder, or the gyroscope on shank or thigh."""
     encoder = channel == "joint_encoder"
-    return SensorDescription(
-        name="joint encoder" if encoder else f"{channel.partition('_')[0]} gyroscope",
-        model=f"jointz simulated {'encoder' if encoder else 'gyroscope'}",
-        serial=build.person.id,
-        channel=channel,
-        unit=CHANNEL_UNITS[channel][0],
-        sample_rate_hz=build.grid.sample_rate_hz,
-    )
+    name = "joint encoder" if encoder else f"{channel.partition('_')[0]} gyroscope"
+    model = "encoder" if encoder else "gyroscope"
+    return _sensor(build, name, model, channel=channel, unit=CHANNEL_UNITS[channel][0])
 
 
 def inverse_dynamics(build: PlantBuild) -> SensorDescription:
     """Describe the motion capture and force plates that give the knee's internal moment."""
-    return SensorDescription(
-        name="inverse dynamics",
-        model="jointz simulated motion capture",
-        serial=build.person.id,
-        channel="joint_moment",
-        unit="N*m",
-        sample_rate_hz=build.grid.sample_rate_hz,
-    )
+    return _sensor(build, "inverse dynamics", "motion capture", channel="joint_moment", unit="N*m")
 
 
 def footswitch(build: PlantBuild) -> SensorDescription:
     """Describe the switch under the heel."""
+    described = _sensor(build, "footswitch", "heel switch", channel="contact", unit="1")
+    return replace(described, kind="contact")
+
+
+def _sensor(
+    build: PlantBuild, name: str, model: str, *, channel: str, unit: str
+) -> SensorDescription:
     return SensorDescription(
-        name="footswitch",
-        model="jointz simulated heel switch",
+        name=name,
+        model=f"jointz simulated {model}",
         serial=build.person.id,
-        channel="contact",
-        unit="1",
+        channel=channel,
+        unit=unit,
         sample_rate_hz=build.grid.sample_rate_hz,
-        kind="contact",
     )

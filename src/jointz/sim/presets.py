@@ -8,7 +8,6 @@ these by :mod:`jointz.sim.people`.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import radians
-from types import MappingProxyType
 from typing import Literal, TypeVar
 
 from jointz.core.errors import DataError
@@ -344,15 +343,13 @@ _REALISTIC = replace(
 )
 
 #: Name -> preset.
-PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {
-        "clean": _CLEAN,
-        "nominal": _NOMINAL,
-        "hard": _HARD,
-        "anthropometric": _ANTHROPOMETRIC,
-        "realistic": _REALISTIC,
-    }
-)
+PRESETS: Mapping[str, Preset] = {
+    "clean": _CLEAN,
+    "nominal": _NOMINAL,
+    "hard": _HARD,
+    "anthropometric": _ANTHROPOMETRIC,
+    "realistic": _REALISTIC,
+}
 
 
 def preset(name: str) -> Preset:

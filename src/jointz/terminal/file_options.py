@@ -1,8 +1,9 @@
 """Options that the commands of ``jointz identify`` share, and what they mean together."""
 
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -14,18 +15,10 @@ class Decimal(StrEnum):
     COMMA = ","
 
 
-class Perturbed(StrEnum):
-    """Choices of ``--input``."""
-
-    TORQUE = "torque"
-    ANGLE = "angle"
-
-
-class ActsOn(StrEnum):
-    """Choices of ``--torque-acts-on``."""
-
-    JOINT = "joint"
-    DEVICE = "device"
+#: Choices of ``--input``.
+Perturbed = Literal["torque", "angle"]
+#: Choices of ``--torque-acts-on``.
+ActsOn = Literal["joint", "device"]
 
 
 File = Annotated[
@@ -80,3 +73,18 @@ def text_layout(
         "skip_rows": skip_rows,
         "header": not no_header,
     }
+
+
+@dataclass(frozen=True, slots=True)
+class TextOptions:
+    """Options of a text file."""
+
+    encoding: Encoding = None
+    delimiter: Delimiter = None
+    decimal: DecimalSign = Decimal.POINT
+    skip_rows: SkipRows = 0
+    no_header: NoHeader = False
+
+    def layout(self) -> dict[str, Any]:
+        """Return the layout of the file, as under ``[files]`` of a study."""
+        return text_layout(**asdict(self))

@@ -1,6 +1,10 @@
 """Options that several commands share."""
 
-from typing import Annotated
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, signature
+from typing import Annotated, Any
 
 import typer
 
@@ -19,3 +23,48 @@ SchedulerOption = Annotated[
         "workers must see the folder.",
     ),
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class Printing:
+    """Options of every command about what it prints; the command line itself reads ``debug``."""
+
+    as_json: Json = False
+    quiet: Quiet = False
+    debug: Debug = False
+
+
+class Commands(typer.Typer):
+    """Commands with groups of options: a parameter that is a dataclass has an option a field."""
+
+    def command(self, *args: Any, **kwargs: Any) -> Callable[[Any], Any]:
+        """Register a command, as :meth:`typer.Typer.command` does."""
+        register = super().command(*args, **kwargs)
+
+        def add(command: Callable[..., None]) -> Callable[..., None]:
+            register(_with_single_options(command))
+            return command
+
+        return add
+
+
+def _with_single_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that takes each option of its groups by itself."""
+    own = signature(command, eval_str=True)
+    parameters = own.parameters.items()
+    groups: dict[str, Any] = {
+        name: p.annotation for name, p in parameters if is_dataclass(p.annotation)
+    }
+
+    @wraps(command)
+    def run(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{f.name: values.pop(f.name) for f in fields(group)})
+        command(**values)
+
+    options: list[Parameter] = []
+    for name, parameter in parameters:
+        group = groups.get(name)
+        options += signature(group).parameters.values() if group else [parameter]
+    run.__signature__ = own.replace(parameters=options)  # type: ignore[attr-defined]
+    return run

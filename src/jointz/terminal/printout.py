@@ -10,6 +10,7 @@ import typer
 
 from jointz.core.errors import EstimationError
 from jointz.core.whole_file import whole_file
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
 
 if TYPE_CHECKING:
@@ -60,8 +61,7 @@ class Output:
 
     model: str  # fitted model, for the JSON of a failure
     figure: Path | None  # path of the figure
-    as_json: bool  # ``--json``
-    quiet: bool  # ``--quiet``
+    printing: Printing
     size: tuple[float, float] = (7.1, 3.5)  # inches: size of the figure
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class Output:
         try:
             yield
         except EstimationError as exc:
-            if self.as_json:
+            if self.printing.as_json:
                 content = {"model": self.model, "status": f"failed:{exc.code}"}
                 emit_json({**content, "message": str(exc)})
             else:
@@ -93,10 +93,10 @@ class Output:
         if self.figure is not None:
             _save(fit.plot, self.figure, self.size)
         table = fit.to_frame()
-        if self.as_json:
+        if self.printing.as_json:
             content = {k: v for k, v in fit.to_dict().items() if k != _FOR_FIGURES}
             emit_json({**content, **(more or {}), **file_origin(file, columns)})
-        elif not self.quiet:
+        elif not self.printing.quiet:
             _print_table(table)
             emit(_without_rows(fit.summary(), set(table["parameter"])))
         self._leave(standing=bool(table["status"].isin(["ok", "at_bound"]).any()))
@@ -116,14 +116,14 @@ class Output:
         if out is not None:
             with whole_file(out, _UNWRITTEN) as partial:
                 curves.to_frame().to_csv(partial, index=False)
-        if self.as_json:
+        if self.printing.as_json:
             emit_json({**curves.to_dict(), **more})
-        elif not self.quiet:
+        elif not self.printing.quiet:
             emit(curves.summary())
         self._leave(standing=standing)
 
     def _leave(self, *, standing: bool) -> None:
-        if not (standing or self.as_json or self.quiet):
+        if not (standing or self.printing.as_json or self.printing.quiet):
             emit("No estimate stands: a finding about the record, exit status 1.")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 

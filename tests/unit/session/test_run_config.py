@@ -9,7 +9,6 @@ import pytest
 from jointz.console.command import _arguments
 from jointz.core.errors import DataError, DeviceFileError, StudyError
 from jointz.io.protocols import protocol_text
-from jointz.session.command import Device, Preset
 
 from .laboratory import ACTUATOR, ANGLE, CONTACT
 
@@ -74,7 +73,7 @@ def test_the_console_hands_the_file_or_the_simulation_to_the_run(config, tmp_pat
     assert real[real.index("--config") + 1] == str(config)
     assert not {"--device", "--preset"} & set(real)
     assert real[real.index("--clock") + 1] == "real"
-    made = _arguments("walking", tmp_path, Device.sim, Preset.hard, config=None, **about)
+    made = _arguments("walking", tmp_path, "sim", "hard", config=None, **about)
     assert made[made.index("--device") + 1] == "sim"
     assert made[made.index("--preset") + 1] == "hard"
 
@@ -92,9 +91,7 @@ def test_the_console_hands_a_calibration_to_the_run(tmp_path):
 
 def test_the_console_tells_what_is_wrong_before_its_page_is_served(config, tmp_path):
     with pytest.raises(DataError, match="config"):
-        _arguments(
-            "walking", tmp_path, Device.sim, None, config=config, participants=None, seed=None
-        )
+        _arguments("walking", tmp_path, "sim", None, config=config, participants=None, seed=None)
     config.write_text(ACTUATOR + CONTACT)
     with pytest.raises(DeviceFileError, match="angle"):
         _arguments("walking", tmp_path, None, None, config=config, participants=None, seed=None)

@@ -197,8 +197,7 @@ def _draw_truth_panel(axes: "Axes", rows: pd.DataFrame, parameter: str) -> None:
             x[mask], y[mask], linestyle="none", marker="o", markersize=3.0,
             markerfacecolor=face, markeredgecolor=colour, markeredgewidth=0.7,
         )  # fmt: skip
-    axes.set_xlim(start, reach)
-    axes.set_ylim(start, reach)
+    axes.set(xlim=(start, reach), ylim=(start, reach))
     axes.set_xlabel(f"Truth ({pretty_unit(PARAMETER_UNITS[parameter])})")
     axes.set_ylabel("Estimate (same unit)")
     from matplotlib.ticker import MaxNLocator

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
-from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -143,6 +142,4 @@ def _series_elastic() -> Actuator:
     )
 
 
-BUILT_IN: Mapping[str, Actuator] = MappingProxyType(
-    {"qdd": _quasi_direct_drive(), "sea": _series_elastic()}
-)
+BUILT_IN: Mapping[str, Actuator] = {"qdd": _quasi_direct_drive(), "sea": _series_elastic()}

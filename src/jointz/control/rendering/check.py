@@ -1,7 +1,7 @@
 """Check of an actuator against a profile, with intervals and a figure."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -25,11 +25,8 @@ from jointz.control.rendering.varying import (
     largest_multiplier,
 )
 from jointz.core.errors import DataError
-from jointz.results.base import Array, PlottedResult, summary_text
+from jointz.results.base import Array, Axes, PlottedResult, summary_text
 from jointz.results.figure_style import BLUE, GREEN, INK, MUTED, SKY
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Deviation from the mean stride for which torque must be left, rad.
 DEVIATION_RAD = 0.1
@@ -143,9 +140,7 @@ class RenderingCheck(PlottedResult):
             axes.plot(*point, "o", color=INK, markersize=3.0)
             axes.annotate(f"{self.gait_pct[place]:.0f} %", point, (3, 3),
                           textcoords="offset points", fontsize=7.0)  # fmt: skip
-        axes.set_xlim(0.0, ends[0])
-        axes.set_ylim(0.0, ends[1])
-        axes.set_xlabel("stiffness (N*m/rad)")
+        axes.set(xlim=(0.0, ends[0]), ylim=(0.0, ends[1]), xlabel="stiffness (N*m/rad)")
         axes.set_ylabel("damping (N*m*s/rad)")
         axes.legend(loc="upper right", markerscale=4.0)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from jointz.terminal.file_options import Figure
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
 from jointz.terminal.printout import check_figure, save_drawn
 
@@ -33,9 +33,7 @@ def check(
         float, typer.Option("--share", help="Share of the profile that the actuator gives.")
     ] = 1.0,
     figure: Figure = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Check whether an actuator can render a profile: stability, passivity, torque, bandwidth.
 
@@ -44,7 +42,6 @@ def check(
 
     Example: jointz control check S01.json --actuator qdd --figure check.svg
     """
-    del debug
     check_figure(figure)
     from jointz.control.profile_file import read_profile
     from jointz.control.rendering.actuators import read_actuator
@@ -55,9 +52,9 @@ def check(
     )
     if figure is not None:
         save_drawn(lambda canvas: found.plot(canvas.subplots()), figure, found.FIGURE_SIZE)
-    if as_json:
+    if printing.as_json:
         emit_json({"status": "ok", **found.to_dict()})
-    elif not quiet:
+    elif not printing.quiet:
         emit_table(
             [_row(one) for one in found.findings],
             ["condition", "holds", "value", "95 % interval", "limit", "unit", "holds in draws"],

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal
 
 from jointz.core.checked_model import Problem
@@ -21,17 +20,15 @@ class StepRules:
 
 
 #: Step -> what it is made of.
-STEP_RULES: Mapping[str, StepRules] = MappingProxyType(
-    {
-        "zero": StepRules(("straight",), "none"),
-        "footswitch": StepRules(("walking",), "none"),
-        "hinge": StepRules(("swing",), "none"),
-        "frame": StepRules(("pulses",), "pulses"),
-        "leg": StepRules(("bare", "weighted"), "pulses", {"weighted": ("inertia", "stiffness")}),
-        "torsion": StepRules(("locked",), "torque_nm"),
-        "spring": StepRules(("spring",), "torque_nm", {"spring": ("stiffness",)}),
-    }
-)
+STEP_RULES: Mapping[str, StepRules] = {
+    "zero": StepRules(("straight",), "none"),
+    "footswitch": StepRules(("walking",), "none"),
+    "hinge": StepRules(("swing",), "none"),
+    "frame": StepRules(("pulses",), "pulses"),
+    "leg": StepRules(("bare", "weighted"), "pulses", {"weighted": ("inertia", "stiffness")}),
+    "torsion": StepRules(("locked",), "torque_nm"),
+    "spring": StepRules(("spring",), "torque_nm", {"spring": ("stiffness",)}),
+}
 
 #: Keys of a condition that no calibration has a use for, and what they are by default.
 _WITHOUT_USE = {"session": None, "trials": 1, "position_rad": None, "velocity_rad_s": None}

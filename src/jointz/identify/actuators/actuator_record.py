@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +13,12 @@ from jointz.identify.series.joint_record import Samples, gather_record
 
 #: Largest magnitude an actuator of a joint can show, SI: what lies beyond is an overflow of
 #: a sensor or its driver, not a quantity. Ten times what the largest robot joints reach.
-LARGEST_PLAUSIBLE: Mapping[str, tuple[float, str]] = MappingProxyType(
-    {
-        "torque": (1e4, "N*m"),
-        "current": (1e3, "A"),
-        "velocity": (1e3, "rad/s"),
-        "acceleration": (1e6, "rad/s^2"),
-    }
-)
+LARGEST_PLAUSIBLE: Mapping[str, tuple[float, str]] = {
+    "torque": (1e4, "N*m"),
+    "current": (1e3, "A"),
+    "velocity": (1e3, "rad/s"),
+    "acceleration": (1e6, "rad/s^2"),
+}
 
 #: Variance of a third difference of white noise, over the noise's.
 _THIRD_DIFFERENCE = 20.0

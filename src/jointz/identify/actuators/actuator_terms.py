@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -11,19 +10,17 @@ from jointz.identify.bench.bench_estimates import is_constant
 
 #: Model -> its parameters. The order is that of rank: where two terms cannot be told apart,
 #: the later one is left out.
-MODEL_TERMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "current": ("bias", "torque_constant"),
-        "motor": ("bias", "torque_constant", "viscous_friction", "rotor_inertia"),
-        "friction": (
-            "bias",
-            "torque_constant",
-            "coulomb_friction",
-            "gear_friction",
-            "rotor_inertia",
-        ),
-    }
-)
+MODEL_TERMS: Mapping[str, tuple[str, ...]] = {
+    "current": ("bias", "torque_constant"),
+    "motor": ("bias", "torque_constant", "viscous_friction", "rotor_inertia"),
+    "friction": (
+        "bias",
+        "torque_constant",
+        "coulomb_friction",
+        "gear_friction",
+        "rotor_inertia",
+    ),
+}
 
 #: A term whose regressor is explained by the others but for this share of its variance is left
 #: out: its standard error would be 30 times that of the term alone.

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import cos, exp, hypot, isfinite, radians, sin, tau
 from statistics import NormalDist
-from types import MappingProxyType
 
 from jointz.core.gait_phases import PHASES
 from jointz.core.study import CalibrationSpec, DeviceSpec, ParticipantSpec
@@ -41,16 +40,14 @@ class _Proportions:
 # table ends at the medial malleolus: hip height .530 less ankle height .039. The figure has no
 # lengths for foot and hand as the table defines them (to the second metatarsal, second knuckle):
 # their centres are estimated from .152 and .108 of height, and less certain.
-_PROPORTIONS: Mapping[str, _Proportions] = MappingProxyType(
-    {
-        "knee": _Proportions("shank and foot", 0.061, 0.606 * 0.246),
-        "hip": _Proportions("leg", 0.161, 0.447 * (0.530 - 0.039)),
-        "ankle": _Proportions("foot", 0.0145, 0.038, 0.3),
-        "shoulder": _Proportions("arm", 0.050, 0.530 * (0.186 + 0.146)),
-        "elbow": _Proportions("forearm and hand", 0.022, 0.682 * 0.146),
-        "wrist": _Proportions("hand", 0.006, 0.045, 0.3),
-    }
-)
+_PROPORTIONS: Mapping[str, _Proportions] = {
+    "knee": _Proportions("shank and foot", 0.061, 0.606 * 0.246),
+    "hip": _Proportions("leg", 0.161, 0.447 * (0.530 - 0.039)),
+    "ankle": _Proportions("foot", 0.0145, 0.038, 0.3),
+    "shoulder": _Proportions("arm", 0.050, 0.530 * (0.186 + 0.146)),
+    "elbow": _Proportions("forearm and hand", 0.022, 0.682 * 0.146),
+    "wrist": _Proportions("hand", 0.006, 0.045, 0.3),
+}
 
 # Flexion of the thigh from the vertical, deg: mean, then cosine and sine of the first three
 # harmonics of the gait cycle. Winter's hip angle at natural cadence (51 points), trunk upright;

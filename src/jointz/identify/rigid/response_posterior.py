@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from jointz.identify.rigid.reflex_hypothesis import with_reflexes
 from jointz.identify.rigid.response_model import (
@@ -72,7 +73,7 @@ class JointPosterior:
     @classmethod
     def weighed(cls, posteriors: Sequence[Posterior]) -> "JointPosterior":
         """Return hypotheses weighted by their evidence."""
-        return cls(tuple(posteriors), _weights(posteriors))
+        return cls(tuple(posteriors), softmax([p.log_evidence for p in posteriors]))
 
     @property
     def best(self) -> Posterior:
@@ -167,7 +168,8 @@ def estimate_responses(
     """Fit all hypotheses to the responses of a participant."""
     posteriors: list[Posterior] = []
     model = ResponseModel(cells, priors, _INTERMEDIATE, window_s=window_s)
-    for sensor, chance in zip(sensors, _weights(sensors), strict=True):
+    chances = softmax([sensor.log_evidence for sensor in sensors])
+    for sensor, chance in zip(sensors, chances, strict=True):
         if chance < _UNLIKELY:
             continue
         hypotheses = _hypotheses(sensor.hypothesis, curves=len(cells) >= _FEWEST_FOR_CURVE)
@@ -235,12 +237,6 @@ def _mixture(
     mean = weights @ means
     off = means - mean
     return mean, np.asarray(np.tensordot(weights, within, 1) + (weights * off.T) @ off)
-
-
-def _weights(posteriors: Sequence[Posterior]) -> np.ndarray:
-    logs = np.array([p.log_evidence for p in posteriors])
-    chances = np.exp(logs - logs.max())
-    return np.asarray(chances / chances.sum())
 
 
 def _without_impedance_prior(posterior: Posterior) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,6 @@ differ in which signal holds the error:
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import expm
@@ -178,14 +177,12 @@ def admittance(signals: JointSignals) -> Solution:
 
 
 #: Estimators by name.
-ESTIMATORS: Mapping[str, Callable[[JointSignals], Solution]] = MappingProxyType(
-    {
-        "least_squares": least_squares,
-        "bounded_least_squares": bounded_least_squares,
-        "admittance": admittance,
-        "instrumental_variable": instrumental_variable,
-    }
-)
+ESTIMATORS: Mapping[str, Callable[[JointSignals], Solution]] = {
+    "least_squares": least_squares,
+    "bounded_least_squares": bounded_least_squares,
+    "admittance": admittance,
+    "instrumental_variable": instrumental_variable,
+}
 
 
 def _torque_solution(

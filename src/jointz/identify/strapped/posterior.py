@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import softmax
 
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
@@ -60,7 +61,7 @@ def explain(
         if one_mode:
             starts = others if fits else starts[:2]
         fits.append(MapSearch(model, prior).best(starts))
-    return LegPosterior(model, tuple(fits), _weights(fits))
+    return LegPosterior(model, tuple(fits), softmax([fit.log_evidence for fit in fits]))
 
 
 def _other_starts(model: LegModel, mean: np.ndarray) -> list[np.ndarray]:
@@ -73,9 +74,3 @@ def _other_starts(model: LegModel, mean: np.ndarray) -> list[np.ndarray]:
             start[model.layout.shared(name)] += change
         starts.append(start)
     return starts
-
-
-def _weights(fits: Sequence[MapFit]) -> np.ndarray:
-    evidence = np.array([fit.log_evidence for fit in fits])
-    weights = np.exp(evidence - evidence.max())
-    return np.asarray(weights / weights.sum())

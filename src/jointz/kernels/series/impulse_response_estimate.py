@@ -20,8 +20,7 @@ class ImpulseEstimate:
 
     ``lags`` (m,) samples: lags of the response; ``response`` (m,): output unit over input unit, for
     one sample; ``sd`` (m,): sd of ``response`` by noise alone; ``basis`` (m, r): the directions
-    that were inverted; ``singular`` (r,): their singular values; ``projected`` (r,):
-    cross-correlation along them; ``projected_covariance`` (r, r): its covariance; ``residual``
+    that were inverted; ``singular`` (r,): their singular values; ``residual``
     (k,): output minus prediction; ``measured`` (k,): the output, mean removed.
     """
 
@@ -30,8 +29,6 @@ class ImpulseEstimate:
     sd: np.ndarray
     basis: np.ndarray
     singular: np.ndarray
-    projected: np.ndarray
-    projected_covariance: np.ndarray
     residual: np.ndarray
     measured: np.ndarray
 
@@ -68,8 +65,7 @@ def estimate_response(
         normal, right, power=float(y_kept @ y_kept) / n, n=n, floor=floor
     )
     basis, kept = vectors[:, order], singular[order]
-    projected = basis.T @ right
-    response = basis @ (projected / kept)
+    response = basis @ (basis.T @ right / kept)
     residual = y_kept - (X @ response - centre @ response)
     inside = X[:, -first_lag if first_lag < 0 else 0]
     covariance = basis.T @ _score_covariance(inside, residual, m) @ basis
@@ -80,8 +76,6 @@ def estimate_response(
         sd=np.sqrt(np.einsum("ij,jk,ik->i", scaled, covariance, scaled)),
         basis=basis,
         singular=kept,
-        projected=projected,
-        projected_covariance=covariance,
         residual=residual,
         measured=y_kept,
     )

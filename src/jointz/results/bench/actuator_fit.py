@@ -3,17 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_line
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _EQUATIONS = {"current": "3.1", "motor": "3.2", "friction": "3.3"}
 _REGIME_COLOURS = ("#2c5c8f", "#5b9bc4", "#a9c9dd", "#f0b88a", "#d9763f", "#9c3a1c")
@@ -131,8 +127,7 @@ class ActuatorFit(Fit):
             lower.plot(position[inside], (measured - modelled)[inside], **dots)
         lower.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
         upper.set_ylabel("torque (N·m)")
-        lower.set_ylabel("residual (N·m)")
-        lower.set_xlabel("time (s)" if series.in_seconds else "sample")
+        lower.set(ylabel="residual (N·m)", xlabel="time (s)" if series.in_seconds else "sample")
         upper.sharex(lower)
         upper.tick_params(labelbottom=False)
         upper.set_title(self._title(), fontsize="medium")

@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import PlottedResult, summary_text
+from jointz.results.base import Axes, PlottedResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL, ResponseCurve, draw_gain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -135,8 +132,7 @@ class BandwidthFit(PlottedResult):
             linewidth=3.0,
             label=f"resolution {self.resolution_hz:.2g} Hz",
         )
-        axes.set_xscale("log")
-        axes.set_xlabel("frequency (Hz)")
+        axes.set(xscale="log", xlabel="frequency (Hz)")
         axes.set_title(
             f"bandwidth {self.bandwidth_hz:.3g} Hz ({self.ci_low_hz:.3g} to "
             f"{self.ci_high_hz:.3g}), coherence {self.coherence:.3f}",

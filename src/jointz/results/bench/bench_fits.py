@@ -2,18 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import SYMBOLS, Fit, parameter_label, parameter_line
 from jointz.results.impedance_limits import without_negative
 from jointz.results.series.joint_fit import FitSeries
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -3,54 +3,48 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.results.base import PlottedResult, Result, summary_text
+from jointz.results.base import Axes, PlottedResult, Result, summary_text
 from jointz.results.bench.calibration_failure import CalibrationFailure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: The steps, in the order in which a lab takes them.
 STEPS = ("zero", "footswitch", "hinge", "frame", "leg", "torsion", "spring")
 
 #: What a step may find -> SI unit. Gains and ``friction_gain`` have no unit.
-ENTRY_UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        "angle_zero_rad": "rad",
-        "contact_threshold_v": "V",
-        "contact_release_v": "V",
-        "angle_lag_s": "s",
-        "angle_gain": "1",
-        "intrinsic_stiffness": "N*m/rad",
-        "intrinsic_damping": "N*m*s/rad",
-        "intrinsic_inertia": "kg*m^2",
-        "torque_gain": "1",
-        "friction_gain": "1",
-        "tissue_hz": "Hz",
-        "angle_per_torque": "rad/(N*m)",
-        "contact_level_v": "V",
-        "open_level_v": "V",
-        "angle_delay_s": "s",
-        "inertia": "kg*m^2",
-        "inertia_weighted": "kg*m^2",
-        "stiffness": "N*m/rad",
-        "stiffness_weighted": "N*m/rad",
-        "damping": "N*m*s/rad",
-        "damping_weighted": "N*m*s/rad",
-        "tissue_damping": "1",
-        "strap_compliance": "rad/(N*m)",
-        "strap_damping_time_s": "s",
-        "motion_per_torque": "rad/(N*m)",
-        "torque_constant": "N*m/A",
-        "coulomb_friction": "N*m",
-        "gear_friction": "N*m/A",
-    }
-)
+ENTRY_UNITS: Mapping[str, str] = {
+    "angle_zero_rad": "rad",
+    "contact_threshold_v": "V",
+    "contact_release_v": "V",
+    "angle_lag_s": "s",
+    "angle_gain": "1",
+    "intrinsic_stiffness": "N*m/rad",
+    "intrinsic_damping": "N*m*s/rad",
+    "intrinsic_inertia": "kg*m^2",
+    "torque_gain": "1",
+    "friction_gain": "1",
+    "tissue_hz": "Hz",
+    "angle_per_torque": "rad/(N*m)",
+    "contact_level_v": "V",
+    "open_level_v": "V",
+    "angle_delay_s": "s",
+    "inertia": "kg*m^2",
+    "inertia_weighted": "kg*m^2",
+    "stiffness": "N*m/rad",
+    "stiffness_weighted": "N*m/rad",
+    "damping": "N*m*s/rad",
+    "damping_weighted": "N*m*s/rad",
+    "tissue_damping": "1",
+    "strap_compliance": "rad/(N*m)",
+    "strap_damping_time_s": "s",
+    "motion_per_torque": "rad/(N*m)",
+    "torque_constant": "N*m/A",
+    "coulomb_friction": "N*m",
+    "gear_friction": "N*m/A",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,8 +173,7 @@ class CalibrationFit(PlottedResult):
         axes.plot(shown.x, shown.measured, ".", markersize=2.0, label="measured")
         if shown.modelled:
             axes.plot(shown.x, shown.modelled, linewidth=1.2, label="model")
-        axes.set_xlabel(shown.x_label or "time (s)")
-        axes.set_ylabel(shown.y_label or "nothing to show")
+        axes.set(xlabel=shown.x_label or "time (s)", ylabel=shown.y_label or "nothing to show")
         axes.set_title("\n".join([f"Calibration: {self.step}", *map(_line, self.entries)]))
         axes.title.set_fontsize("medium")
         axes.legend()

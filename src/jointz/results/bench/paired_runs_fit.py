@@ -2,16 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import record_frame, summary_text
+from jointz.results.base import Axes, record_frame, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_label, parameter_line
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +111,6 @@ class PairedRunsFit(Fit):
         """Draw the mean torque response and the model's."""
         axes.plot(self.response.time_s, self.response.measured, label="perturbed - unperturbed")
         axes.plot(self.response.time_s, self.response.modelled, linestyle="--", label="model")
-        axes.set_xlabel("time from the onset (s)")
-        axes.set_ylabel("torque (N*m)")
+        axes.set(xlabel="time from the onset (s)", ylabel="torque (N*m)")
         axes.set_title(", ".join(parameter_label(p) for p in self.parameters), fontsize="medium")
         axes.legend()

@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from jointz.results.base import summary_text
+from jointz.results.base import Axes, summary_text
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.fit import Fit, parameter_line
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _TITLES = {
     "static": "Static stiffness (3.2.2), slope of torque over angle",
@@ -97,7 +93,6 @@ class StiffnessFit(Fit):
         angle = self.series.angle
         axes.plot(angle, self.series.measured, ".", markersize=2.0, label="measured")
         axes.plot(angle, self.series.modelled, linewidth=1.5, label="model")
-        axes.set_xlabel("angle (rad)")
-        axes.set_ylabel("torque (N*m)")
+        axes.set(xlabel="angle (rad)", ylabel="torque (N*m)")
         axes.set_title(parameter_line(self.stiffness), fontsize="medium")
         axes.legend()

@@ -2,19 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import Result, summary_text
+from jointz.results.base import Axes, Result, summary_text
 from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Whose curve the one over people is.
 MEAN = "mean over people"
@@ -168,8 +164,7 @@ class PhaseCurve(Result):
             axes.plot(self.gait_pct, main.value, color=INK, label=main.participant)
             _draw_points(axes, main.points)
             axes.legend(loc="upper right", frameon=False)
-        axes.set_xlim(0.0, 100.0)
-        axes.set_xlabel("gait cycle (%)")
+        axes.set(xlim=(0.0, 100.0), xlabel="gait cycle (%)")
         axes.set_ylabel(f"{parameter} ({PARAMETER_UNITS[parameter]})")
         return axes
 

@@ -1,15 +1,11 @@
 """A frequency response with its confidence band, and how it is drawn."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import Result
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.base import Axes, Result
 
 #: Okabe and Ito's palette, safe for colour-blind readers.
 INK, BAND, MODEL = "#0072b2", "#7fb2d3", "#d55e00"
@@ -44,8 +40,7 @@ def draw_gain(ax: "Axes", curve: ResponseCurve, *, label: str) -> None:
     ax.plot(frequency, curve.gain, color=INK, label="measured")
     if curve.fitted_gain:
         ax.plot(frequency, curve.fitted_gain, color=MODEL, linestyle="--", label="second order")
-    ax.set_yscale("log")
-    ax.set_ylabel(f"gain ({label})")
+    ax.set(yscale="log", ylabel=f"gain ({label})")
     if curve.gain:
         # The band runs off to nowhere where nothing is coherent; the curve must stay readable.
         shown = np.array([*curve.gain, *curve.fitted_gain])

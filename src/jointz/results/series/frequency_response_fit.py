@@ -1,21 +1,16 @@
 """The frequency response of a joint, and the second-order joint fitted to it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-from jointz.results.base import summary_text
-from jointz.results.estimates import ParameterEstimate
-from jointz.results.fit import Fit, parameter_label, parameter_line
+from jointz.results.base import Axes, summary_text
+from jointz.results.fit import RecordFit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import INK, ResponseCurve, draw_gain, draw_phase
 from jointz.results.series.second_order_verdict import SecondOrderCheck
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
-
-@dataclass(frozen=True, slots=True, repr=False)
-class FrequencyResponseFit(Fit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class FrequencyResponseFit(RecordFit):
     """Impedance of a joint over frequency (1.2), and K, B, J.
 
     Parameters
@@ -61,24 +56,9 @@ class FrequencyResponseFit(Fit):
     SCHEMA: ClassVar[str] = "jointz.FrequencyResponseFit/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 6.0)
 
-    model: str
-    estimator: str
-    input: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
-    vaf_of: str
-    status: str
     response: ResponseCurve
     resolution_hz: float
     n_averages: float
-    n_samples: int
-    rate_hz: float
-    cutoff_hz: float
-    condition_number: float
-    covariance: tuple[tuple[float, ...], ...]
-    ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
 
     def summary(self) -> str:
@@ -106,9 +86,7 @@ class FrequencyResponseFit(Fit):
         draw_gain(gain, self.response, label="N·m/rad")
         draw_phase(phase, self.response)
         coherence.plot(self.response.frequency_hz, self.response.coherence, color=INK)
-        coherence.set_ylim(0.0, 1.05)
-        coherence.set_ylabel("coherence")
-        coherence.set_xlabel("frequency (Hz)")
+        coherence.set(ylim=(0.0, 1.05), ylabel="coherence", xlabel="frequency (Hz)")
         for part in (gain, phase, coherence):
             part.set_xscale("log")
             part.label_outer()

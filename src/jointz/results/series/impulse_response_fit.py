@@ -1,21 +1,15 @@
 """The impulse response of a joint, and the second-order joint behind it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 
-from jointz.results.base import summary_text
-from jointz.results.estimates import ParameterEstimate
-from jointz.results.fit import Fit, parameter_label, parameter_line
+from jointz.results.base import Axes, summary_text
+from jointz.results.fit import RecordFit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import BAND, INK, MODEL
 from jointz.results.series.second_order_verdict import SecondOrderCheck
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 #: Response -> its unit.
 RESPONSE_UNITS = {"admittance": "rad/(N*m*s)", "impedance": "N*m/(rad*s)"}
@@ -39,8 +33,8 @@ class ImpulseCurve:
         return pd.DataFrame({name: list(getattr(self, name)) for name in self.__slots__})
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ImpulseResponseFit(Fit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class ImpulseResponseFit(RecordFit):
     """Impulse response of a joint (1.3, 1.4), and K, B, J.
 
     Parameters
@@ -91,26 +85,11 @@ class ImpulseResponseFit(Fit):
     SCHEMA: ClassVar[str] = "jointz.ImpulseResponseFit/1"
     FIGURE_SIZE: ClassVar[tuple[float, float]] = (7.0, 4.0)
 
-    model: str
-    estimator: str
-    input: str
     response_of: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
     second_order_vaf_pct: float
-    vaf_of: str
-    status: str
     curve: ImpulseCurve
     n_kept: int
     step_s: float
-    n_samples: int
-    rate_hz: float
-    cutoff_hz: float
-    condition_number: float
-    covariance: tuple[tuple[float, ...], ...]
-    ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
 
     @property
@@ -145,8 +124,7 @@ class ImpulseResponseFit(Fit):
             milliseconds, self.curve.fitted, color=MODEL, linestyle="--", label="second order"
         )
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
-        axes.set_xlabel("lag (ms)")
-        axes.set_ylabel(f"{self.response_of} impulse response ({self.unit})")
+        axes.set(xlabel="lag (ms)", ylabel=f"{self.response_of} impulse response ({self.unit})")
         drawn = ", ".join(parameter_label(p) for p in self.parameters)
         vaf = f"VAF of the {self.vaf_of} {self.vaf_pct:.2f} %"
         second = f"second order {self.second_order_vaf_pct:.2f} %"

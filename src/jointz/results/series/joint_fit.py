@@ -1,17 +1,11 @@
 """The fit of one time series of a joint: stiffness, damping, inertia."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-from jointz.results.base import summary_text
-from jointz.results.estimates import ParameterEstimate
-from jointz.results.fit import Fit, parameter_label, parameter_line
+from jointz.results.base import Axes, summary_text
+from jointz.results.fit import RecordFit, parameter_label, parameter_line
 from jointz.results.series.second_order_verdict import SecondOrderCheck
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _AXIS_LABELS = {"torque": "torque (N*m)", "angle": "angle (rad)"}
 
@@ -31,8 +25,8 @@ class FitSeries:
         axes.set_xlabel("time (s)")
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class JointFit(Fit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class JointFit(RecordFit):
     """Impedance of a joint from one time series.
 
     Parameters
@@ -75,22 +69,7 @@ class JointFit(Fit):
 
     SCHEMA: ClassVar[str] = "jointz.JointFit/1"
 
-    model: str
-    estimator: str
-    input: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
-    vaf_of: str
-    status: str
-    n_samples: int
-    rate_hz: float
-    cutoff_hz: float
-    condition_number: float
-    covariance: tuple[tuple[float, ...], ...]
     residual_correlation_time_s: float
-    ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     check: SecondOrderCheck = field(default_factory=SecondOrderCheck)
     series: FitSeries = field(default_factory=FitSeries)
 

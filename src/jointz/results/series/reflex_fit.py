@@ -1,17 +1,11 @@
 """The fit of an intrinsic and a reflex path to one time series of a joint."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-from jointz.results.base import summary_text
-from jointz.results.estimates import ParameterEstimate
-from jointz.results.fit import Fit, parameter_label, parameter_line
+from jointz.results.base import Axes, summary_text
+from jointz.results.fit import RecordFit, parameter_label, parameter_line
 from jointz.results.series.frequency_response_curve import INK, MODEL
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 _REFLEX = "#009e73"
 _INTRINSIC = "0.55"
@@ -39,8 +33,8 @@ class ReflexPath:
     p_value: float = 1.0  # probability of as large a response in records without a reflex
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class ReflexFit(Fit):
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class ReflexFit(RecordFit):
     """Intrinsic and reflex impedance of a joint from one time series.
 
     Parameters
@@ -89,27 +83,12 @@ class ReflexFit(Fit):
 
     SCHEMA: ClassVar[str] = "jointz.ReflexFit/1"
 
-    model: str
-    estimator: str
-    input: str
-    parameters: tuple[ParameterEstimate, ...]
-    vaf_pct: float
     intrinsic_vaf_pct: float
     reflex_vaf_pct: float
     linear_vaf_pct: float
     linear_stiffness: float
-    vaf_of: str
-    status: str
     path: ReflexPath
-    n_samples: int
-    rate_hz: float
     fit_rate_hz: float
-    cutoff_hz: float
-    condition_number: float
-    covariance: tuple[tuple[float, ...], ...]
-    ci_method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     series: ReflexSeries = field(default_factory=ReflexSeries)
 
     def summary(self) -> str:
@@ -148,8 +127,7 @@ class ReflexFit(Fit):
             ("reflex", "reflex path", {"color": _REFLEX, "linewidth": 1.2}),
         ):
             axes.plot(self.series.time_s, getattr(self.series, name), label=label, **style)
-        axes.set_xlabel("time (s)")
-        axes.set_ylabel("torque less its slow part (N*m)")
+        axes.set(xlabel="time (s)", ylabel="torque less its slow part (N*m)")
         axes.set_title(self._title(), fontsize="medium")
         axes.legend(ncols=4, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.17))
 

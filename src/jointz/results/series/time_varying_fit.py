@@ -2,18 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from jointz.core.channels import PARAMETER_UNITS
-from jointz.results.base import ParameterResult, summary_text
+from jointz.results.base import Axes, ParameterResult, summary_text
 from jointz.results.series.frequency_response_curve import INK, MODEL
 from jointz.results.series.impulse_response_fit import RESPONSE_UNITS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,8 +192,7 @@ class TimeVaryingFit(ParameterResult[ParameterCurve]):
             on.set_ylabel(f"{name} ({curve.unit})", color=style)
             if curve.n_decided:
                 on.set_ylim(min(0.0, 1.1 * float(np.nanmin(low))), 1.15 * float(np.nanmax(high)))
-        axes.set_xlim(0.0, 100.0)
-        axes.set_xlabel("gait cycle (%)")
+        axes.set(xlim=(0.0, 100.0), xlabel="gait cycle (%)")
         text = f"{self.n_used} strides, resolution {self.resolution_pct:.2g} % of the cycle"
         axes.set_title(f"{text}, {self.ci_level:.0%} bands", fontsize="medium")
         axes.legend(handles=lines, loc="upper right", ncols=2, frameon=False)

@@ -2,16 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.errors import DataError
-from jointz.results.base import PlottedResult, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import Axes, PlottedResult, record_frame, summary_text
 
 ADJUSTMENTS = ("bonferroni", "holm", "none")
 ERRORS = ("pooled", "paired")

@@ -3,16 +3,19 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import pandas as pd
 
 from jointz.core.codes import Code
-from jointz.results.base import PlottedResult, Result, columns_with, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import (
+    Axes,
+    PlottedResult,
+    Result,
+    columns_with,
+    record_frame,
+    summary_text,
+)
 
 _RESPONSE_SYMBOLS = {"stiffness": "K", "inertia": "J"}
 _EFFECT_MARKERS = {"type": "o", "direction": "s", "type:direction": "^", "joint": "D"}
@@ -236,8 +239,7 @@ class PulseEffects(PlottedResult):
         axes.axhline(self.alpha, color="0.4", linestyle=":", label=f"{self.alpha:g}")
         axes.set_yscale("log")
         axes.set_xticks(range(len(names)), names)
-        axes.set_xlabel("case and trajectory")
-        axes.set_ylabel("p, trial as a random factor")
+        axes.set(xlabel="case and trajectory", ylabel="p, trial as a random factor")
         axes.legend(fontsize="small", ncols=2)
 
 

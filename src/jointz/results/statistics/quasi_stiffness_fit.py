@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
 from jointz.core.codes import Code
-from jointz.results.base import PlottedResult, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from jointz.results.base import Axes, PlottedResult, record_frame, summary_text
 
 #: Slope over the phase; slope over a window about the timing point; moment over angle.
 MEASURES = ("slope", "local_slope", "secant")
@@ -171,8 +168,7 @@ class QuasiStiffness(PlottedResult):
                 linestyle="-" if e.status == "ok" else "--",
                 label=f"{e.timing_point} {e.value:.2f}",
             )
-        axes.set_xlabel("angle (deg)")
-        axes.set_ylabel(f"moment ({self.unit.replace('/rad', '')})")
+        axes.set(xlabel="angle (deg)", ylabel=f"moment ({self.unit.replace('/rad', '')})")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(title=self.unit, fontsize="small")
 

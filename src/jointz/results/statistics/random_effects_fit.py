@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -11,12 +11,9 @@ from pydantic import BeforeValidator, InstanceOf
 from scipy.special import stdtrit
 
 from jointz.kernels.statistics.between_study_variance import RandomEffectsFit
-from jointz.results.base import Result, summary_text
+from jointz.results.base import Axes, Result, summary_text
 from jointz.results.figure_style import axes_or_new, in_figure_style
 from jointz.results.series.frequency_response_curve import INK, MODEL
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def _rebuilt(kind: type, value: Any) -> Any:

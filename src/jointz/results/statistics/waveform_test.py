@@ -2,15 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import pandas as pd
 
-from jointz.results.base import PlottedResult, columns_with, record_frame, summary_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from jointz.results.base import Axes, PlottedResult, columns_with, record_frame, summary_text
 
 _CURVES = ("t", "difference", "ci_low", "ci_high", "p")
 _TITLES = {"random_field": "Statistical parametric mapping", "sign_flip": "Sign-flip max-t test"}
@@ -199,8 +195,7 @@ class WaveformTest(PlottedResult):
                 axes.axhline(side * self.equivalence_margin, color="0.4", linestyle=":")
         for cluster in self.clusters:
             axes.axvspan(cluster.start_node, cluster.end_node, color="C1", alpha=0.2)
-        axes.set_xlabel("node")
-        axes.set_ylabel("difference")
+        axes.set(xlabel="node", ylabel="difference")
         title = f"{self.verdict}: |t| > {self.threshold:.4g}, p {self.p_value:.3g}"
         axes.set_title(title, fontsize="medium")
         axes.legend(fontsize="small")

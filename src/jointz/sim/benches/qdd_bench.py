@@ -7,7 +7,6 @@ behind a 50:1 transmission, in one line. The physics is in :mod:`.qdd_bench_plan
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from types import MappingProxyType
 
 import numpy as np
 
@@ -103,13 +102,11 @@ _HARD = QddErrors(
 )
 
 #: Name -> preset.
-QDD_PRESETS: Mapping[str, QddSettings] = MappingProxyType(
-    {
-        "clean": QddSettings("clean"),
-        "nominal": QddSettings("nominal", errors=_NOMINAL),
-        "hard": QddSettings("hard", errors=_HARD),
-    }
-)
+QDD_PRESETS: Mapping[str, QddSettings] = {
+    "clean": QddSettings("clean"),
+    "nominal": QddSettings("nominal", errors=_NOMINAL),
+    "hard": QddSettings("hard", errors=_HARD),
+}
 
 
 def qdd_preset(name: str) -> QddSettings:

@@ -15,7 +15,6 @@ stiffness both go with the angle. The physics is in :mod:`jointz.sim.benches.sea
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import pi
-from types import MappingProxyType
 
 import numpy as np
 
@@ -155,13 +154,11 @@ _HARD_ERRORS = replace(
 )
 
 #: Name -> preset.
-SEA_PRESETS: Mapping[str, SeaSettings] = MappingProxyType(
-    {
-        "clean": SeaSettings("clean"),
-        "nominal": SeaSettings("nominal", errors=_NOMINAL_ERRORS),
-        "hard": SeaSettings("hard", errors=_HARD_ERRORS),
-    }
-)
+SEA_PRESETS: Mapping[str, SeaSettings] = {
+    "clean": SeaSettings("clean"),
+    "nominal": SeaSettings("nominal", errors=_NOMINAL_ERRORS),
+    "hard": SeaSettings("hard", errors=_HARD_ERRORS),
+}
 
 
 def sea_preset(name: str) -> SeaSettings:
