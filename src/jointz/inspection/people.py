@@ -13,7 +13,9 @@ from jointz.inspection.names import word_set, words_of
 _MASS: Final = word_set("mass weight bodymass bodyweight masse gewicht masa peso massa")
 _HEIGHT: Final = word_set("height stature bodyheight taille grosse groesse altura altezza lengte")
 _PERSON: Final = word_set("participant subject proband vp id sujet sujeto soggetto person name")
-_SIDE: Final = word_set("side leg tested limb seite bein cote jambe lado pierna lato gamba been")
+_SIDE: Final = word_set(
+    "side leg tested limb seite bein cote jambe lado pierna gamba been"  # codespell:ignore bein
+)
 _MASSES_KG, _HEIGHTS_M = (20.0, 250.0), (0.8, 2.5)
 _CM_OF_M = 100.0
 
