@@ -312,7 +312,8 @@ def _heel_strikes(
 
 def _weight(assigned: Assignments) -> int:
     # The torque's clock is that of the recording: its edges carry the timing.
-    return len(assigned) + sum(_WEIGHTS.get(name, 0) for name in assigned)
+    measured = [n for n, (_, a) in assigned.items() if not a.unit.endswith("/kg")]
+    return len(assigned) + sum(_WEIGHTS.get(name, 0) for name in measured)
 
 
 def _clock(stated: GroupClock, assigned: Assignments) -> SeenClock:

@@ -174,8 +174,9 @@ def _labchart(blocks: Sequence[_Block]) -> _Tables:
 
 def _spike2(blocks: Sequence[_Block]) -> _Tables:
     rates: dict[str, list[float]] = {}
+    rows: list[list[str]] = []
     for head, body in blocks:
-        rows = [_cells(line) for line in head if line.strip()]
+        rows += [_cells(line) for line in head if line.strip()]
         # A row of the summary: number, kind, title, unit, rates of a channel.
         rates |= {row[0]: [*map(float, row[4:])] for row in rows if len(row) > 5}
         if rows[-1][0] == "START":
@@ -185,6 +186,7 @@ def _spike2(blocks: Sequence[_Block]) -> _Tables:
             rate_hz = 1.0 / float(step_s)  # of few digits
             rate_hz = min((*rates[number], rate_hz), key=lambda hz: abs(hz - rate_hz))
             yield _Head((title,), (unit,), "\t", "", rate_hz, float(start_s)), body
+            rows = []
 
 
 def _nexus(blocks: Sequence[_Block]) -> _Tables:
