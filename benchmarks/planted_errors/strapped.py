@@ -104,8 +104,8 @@ def _clipped_walk(rig: SimulatedRig, condition: str, plan: WalkPlan) -> Walk:
     """Walk with a motor that gives less than its command."""
     advance = direct_walk._advance
     try:
-        direct_walk._advance = lambda build, strides, command, rng: advance(
-            build, strides, _clipped(command), rng
+        direct_walk._advance = lambda build, strides, command, *others: advance(
+            build, strides, _clipped(command), *others
         )
         return _walk(rig, condition, plan)
     finally:
