@@ -213,8 +213,8 @@ def _fits(channel: str, inspected: InspectedColumn) -> bool:
     if channel not in scores:
         return False
     if channel in _LABELS:
-        if {"angle", "torque", "current"} & set(scores):  # constant, in a struct named "trial"
-            return False
+        if channel not in channel_scores(words_of(inspected.title.rpartition(".")[2])):
+            return False  # in a struct named "trial"
         return _is_label(inspected, least=2 if channel == "condition" else 1)
     low = inspected.course.low
     if inspected.column.is_text or low is None:

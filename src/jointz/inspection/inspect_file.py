@@ -16,6 +16,7 @@ from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClo
 from jointz.inspection.names import unreadable_unit
 from jointz.inspection.people import Person
 from jointz.inspection.problems import (
+    FEWEST_SAMPLES,
     bad_channels,
     clock_obstacles,
     command_advice,
@@ -43,6 +44,7 @@ from jointz.inspection.study_draft import (
 from jointz.inspection.trials import is_whole, joined, trials_of, with_strikes
 from jointz.io.formats.losses import is_plain, plainly
 from jointz.io.formats.registry import format_of
+from jointz.io.text.clock_times import CLOCK_TEXT
 
 _SAME_RATE = 0.05
 _LONGEST_LIST = 3
@@ -250,7 +252,9 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
     asked = ("channels.angle.unit", "channels.torque.unit")
-    if any(map(proposal.question, asked)) or main.joined or main.part:
+    if any(map(proposal.question, asked)) or main.joined or main.part or main.clock_groups:
+        return ()
+    if main.clock.gaps or main.clock.n < FEWEST_SAMPLES or _is_of_day(proposal.assigned):
         return ()
     commands = command_advice(
         plainly(str(main.file)), proposal.assigned, main.clock, proposal.files,
@@ -259,6 +263,10 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if commands and proposal.question("torque_acts_on"):
         commands.append("If the torque acts on the device, write --torque-acts-on device.")
     return tuple(commands)
+
+
+def _is_of_day(assigned: Assignments) -> bool:
+    return "time" in assigned and assigned["time"][1].unit == CLOCK_TEXT
 
 
 def _layout(files: FilesSpec | None) -> dict[str, Any]:

@@ -1,23 +1,26 @@
 """Body mass, height and leg of people: from a table of participants, or single values of a file."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
+from jointz.core.errors import UnitError
+from jointz.core.units import conversion
 from jointz.inspection.guess import InspectedColumn
 from jointz.inspection.names import word_set, words_of
 
 _MASS: Final = word_set("mass weight bodymass bodyweight masse gewicht masa peso massa")
 _HEIGHT: Final = word_set("height stature bodyheight taille grosse groesse altura altezza lengte")
-_PERSON: Final = word_set("participant subject proband vp id sujet sujeto soggetto person name")
+_PERSON: Final = word_set(
+    "participant subject proband vp id sujet sujeto soggetto person name demographics patient"
+)
 _SIDE: Final = word_set(
     "side leg tested limb seite bein cote jambe lado pierna gamba been"  # codespell:ignore bein
 )
+_ABOUT: Final = {"mass": _MASS, "height": _HEIGHT, "side": _SIDE}
+_NOT_MEASURED: Final = word_set("dominant dominance other contralateral exo device robot")
 _MASSES_KG, _HEIGHTS_M = (20.0, 250.0), (0.8, 2.5)
-_CM_OF_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,52 +36,67 @@ def people_of(columns: Sequence[InspectedColumn]) -> dict[str, Person]:
     """Return the people of a table with a row for each; none of another table."""
     ids = next((c for c in columns if c.words.found & _PERSON), None)
     about = {
-        key: next((c for c in columns if c.words.found & words), None)
-        for key, words in (("mass", _MASS), ("height", _HEIGHT), ("side", _SIDE))
+        k: next((c for c in columns if c.words.found & words), None) for k, words in _ABOUT.items()
     }
     if ids is None or (about["mass"] is None and about["height"] is None):
         return {}
     found = {}
     for k, name in enumerate(map(label_of, ids.column.values)):
-        row = {key: c.column.values[k] for key, c in about.items() if c is not None}
+        row = {key: (c.column.values[k], c.words.unit) for key, c in about.items() if c is not None}
         found[name] = _person(row)
     return found
 
 
-def person_of(singles: Mapping[str, str]) -> Person:
-    """Return what single values of a file state of its person."""
-    row: dict[str, object] = {}
+def person_of(singles: Mapping[str, str], part: str = "", others: Sequence[str] = ()) -> Person:
+    """Return what single values of a file state of the person of a part.
+
+    They stand at the top, in a struct about a person, or in that of the part. What is stated twice
+    differently is not known.
+    """
+    found: dict[str, set[tuple[str, str]]] = {}
     for name, value in singles.items():
-        words = words_of(name.rpartition(".")[2]).found
-        for key, known in (("mass", _MASS), ("height", _HEIGHT), ("side", _SIDE)):
-            if words & known:
-                row.setdefault(key, value)
+        *above, last = name.split(".")
+        words = words_of(last)
+        if set(above) & set(others) or words.found & _NOT_MEASURED:
+            continue
+        is_own = not above or part in above or words_of(".".join(above)).found & _PERSON
+        for key, known in _ABOUT.items():
+            if is_own and words.found & known:
+                found.setdefault(key, set()).add((value, words.unit))
+    row = {key: next(iter(values)) for key, values in found.items() if len(values) == 1}
     return _person(row)
 
 
-def named(people: Mapping[str, Person], participant: str) -> Person:
-    """Return the person of a name, or the only one of the same number."""
+def named(people: Mapping[str, Person], participant: str, others: Collection[str]) -> Person:
+    """Return the person of a name, or the only one of the same number that has no other's name."""
     if (same := people.get(participant)) is not None:
         return same
     number = digits_of(participant)
-    alike = [p for name, p in people.items() if number and digits_of(name) == number]
-    return alike[0] if len(alike) == 1 else Person()
+    rivals = [name for name in others if name != participant and digits_of(name) == number]
+    alike = [person for name, person in people.items() if number and digits_of(name) == number]
+    return alike[0] if len(alike) == 1 and not rivals else Person()
 
 
-def _person(row: Mapping[str, object]) -> Person:
-    mass, height = _size(row.get("mass"), _MASSES_KG), _size(row.get("height"), _HEIGHTS_M)
-    if height is None and (cm := _size(row.get("height"), tuple(_CM_OF_M * h for h in _HEIGHTS_M))):
-        height = cm / _CM_OF_M
-    text = str(row.get("side", "")).strip()
+def _person(row: Mapping[str, tuple[object, str]]) -> Person:
+    """Return a person by values and their units."""
+    mass = _size(row.get("mass"), "kg", _MASSES_KG)
+    height = _size(row.get("height"), "m", _HEIGHTS_M)
+    if height is None and row.get("height", ("", "?"))[1] == "":
+        height = _size((row["height"][0], "cm"), "m", _HEIGHTS_M)
+    text = str(row.get("side", ("", ""))[0]).strip()
     return Person(mass, height, words_of(f"{text} ").side)
 
 
-def _size(value: object, span: tuple[float, ...]) -> float | None:
-    try:
-        number = float(str(value).replace(",", "."))
-    except ValueError:
+def _size(stated: tuple[object, str] | None, si: str, span: tuple[float, float]) -> float | None:
+    if stated is None:
         return None
-    return number if np.isfinite(number) and span[0] <= number <= span[1] else None
+    value, unit = stated
+    try:
+        factor, _ = conversion(unit or si, si)
+        number = factor * float(str(value).replace(",", "."))
+    except (ValueError, UnitError):
+        return None
+    return round(number, 3) if span[0] <= number <= span[1] else None
 
 
 def label_of(value: object) -> str:

@@ -1,7 +1,7 @@
 """The study that is proposed for the recordings of a file or a folder."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from typing import Any
@@ -67,9 +67,12 @@ def proposal_of(
     if table is not None:
         rows = table.rows_of(main.labels.participant, main.shown)
         own = pulses_of_table(assigned, clock, table, rows)
+    is_onset_open = shown_table is not None and not onset_unit
+    is_onset_open = is_onset_open and (own is None or not own.is_unit_clear)
+    rates = {s.clock.rate_hz if s.clock.source == "rate" else None for s in sources}
     signs = _signs(main, own, positive.value, walking=kind.value != "bench", knee=is_knee)
     recordings = [
-        _draft(s, t, main, signs, people, n_sources=len(sources))
+        _draft(s, t, main, signs, people, [one.labels.participant for one in sources])
         for s, t in zip(sources, tables_of, strict=True)
     ]
     recordings = [_as_in_tables(recording, tables) for recording in recordings]
@@ -80,18 +83,19 @@ def proposal_of(
         kind=kind,
         positive=positive,
         inverted=main.inverted,
-        table_columns={} if shown_table is None else _table_columns(shown_table, own),
+        table_columns={}
+        if shown_table is None
+        else _table_columns(shown_table, own, is_onset_open=is_onset_open),
         in_samples=SAMPLE in (onset_unit, own.unit if own else ""),
-        is_onset_unit_open=shown_table is not None
-        and not onset_unit
-        and (own is None or not own.is_unit_clear),
+        is_onset_unit_open=is_onset_open,
         is_leg_open=_is_leg_open(main, own),
         signs=signs,
         torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
         files=main.content.files,
-        rate_hz=clock.rate_hz if clock.source == "rate" else None,
+        rate_hz=next(iter(rates)) if len(rates) == 1 else None,
+        rates_hz=tuple(sorted(hz for hz in rates if hz)),
         obstacles=tuple(obstacles),
         free=tuple(
             c
@@ -159,10 +163,12 @@ def _likeness(a: str, b: str) -> int:
     return (place == other_place) * (1 + len(list(takewhile(lambda ab: ab[0] == ab[1], letters))))
 
 
-def _table_columns(table: PulseColumns, own: OwnPulses | None) -> dict[str, dict[str, Any]]:
+def _table_columns(
+    table: PulseColumns, own: OwnPulses | None, *, is_onset_open: bool
+) -> dict[str, dict[str, Any]]:
     if table.are_usual():
         return {}
-    usual = {"onset": own.unit if own else "s", "amplitude": "N*m"}
+    usual = {"onset": OPEN if is_onset_open or own is None else own.unit, "amplitude": "N*m"}
     usual["duration"] = usual["onset"]  # as the onsets are written
     columns: dict[str, dict[str, Any]] = {}
     for meaning, inspected in table.columns.items():
@@ -178,14 +184,13 @@ def _draft(
     main: Source,
     signs: Signs,
     people: Mapping[str, Person],
-    *,
-    n_sources: int,
+    participants: Collection[str],
 ) -> RecordingDraft:
     labels = source.labels
-    of_table, of_file = named(people, labels.participant), source.person
+    of_table, of_file = named(people, labels.participant, participants), source.person
     person = Guess(labels.participant, "its name, or that of the folder or part")
     if not person.value:
-        person = Guess(OPEN if n_sources > 1 else "S01", "the file does not state it")
+        person = Guess(OPEN if len(participants) > 1 else "S01", "the file does not state it")
     return RecordingDraft(
         file=source.shown,
         participant=person,
@@ -206,7 +211,10 @@ def _draft(
 
 def _side(source: Source, stated: str) -> Guess:
     """Return the leg by names, else the one that a table of people or a value states."""
-    return Guess(*source.side) if source.side[0] or not stated else Guess(stated)
+    side, why = source.side
+    if not stated or stated == side:
+        return Guess(side, why)
+    return Guess(OPEN if side else stated)
 
 
 def _joined(one: JoinedSource) -> JoinedDraft:
@@ -215,7 +223,7 @@ def _joined(one: JoinedSource) -> JoinedDraft:
     own = one.source.assigned
     return JoinedDraft(
         one.source.shown, offset, {n: own[n] for n in ("time", *one.channels) if n in own},
-        one.source.content.files,
+        one.source.content.files, Guess(one.source.angle_direction, "its range"),
     )  # fmt: skip
 
 
@@ -381,11 +389,13 @@ def _named_direction(assigned: Assignments, name: str) -> Guess:
 
 
 def _condition(source: Source, table: PulseColumns | None, main: Source) -> Guess:
+    named = source.labels.condition or source.labels.folder_condition
+    if source.pulses.source == "trigger" and named not in ("", "perturbed"):
+        return Guess(OPEN)  # a trigger may start a recorder
     if source.pulses.source:
         return Guess("perturbed", source.pulses.why)
     if table is not None:
         return Guess("perturbed", f"{table.file} has its pulses")
-    named = source.labels.condition or source.labels.folder_condition
     if named and (named != "perturbed" or source.pulses.n):
         return Guess(named, "its name, or that of the folder or part")
     shown = {"command", "trigger"} & set(source.assigned)

@@ -26,7 +26,7 @@ _WORDS: Mapping[str, frozenset[str]] = {
 }
 _NUMBERS = ("onset", "duration", "amplitude")
 _UNITS_OF_NAMES = {"onset_s": "s", "onset_ms": "ms", "onset_sample": SAMPLE}
-_LATER_S = 0.05  # after an onset: the torque has risen
+_SPAN_S = (-0.02, 0.05)  # about an onset: the torque has risen
 _CLEARLY = 3.0  # times the rise with onsets in another unit
 
 
@@ -146,7 +146,7 @@ def _rise(onsets_s: np.ndarray, time_s: np.ndarray, torque: np.ndarray) -> float
     """Return by how much the torque usually changes after onsets."""
     if not onsets_s.size:
         return 0.0
-    at = [np.interp(onsets_s + later, time_s, np.nan_to_num(torque)) for later in (0.0, _LATER_S)]
+    at = [np.interp(onsets_s + later, time_s, np.nan_to_num(torque)) for later in _SPAN_S]
     return float(np.median(np.abs(at[1] - at[0])))
 
 

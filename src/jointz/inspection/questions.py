@@ -15,6 +15,7 @@ from jointz.io.text.column_names import EITHER
 from jointz.io.toml_problems import OPEN
 
 _MOST_ANSWERS = 3
+_LEAST_DEG, _MOST_DEG = 5.0, 250.0  # between them a range without a unit is in degrees
 _ALIKE = 1.25  # times the command: beyond it a unit is not decided
 #: Inertia of limbs about a joint, kg m2, with a device; beyond so many times a unit is doubted.
 _INERTIA = {
@@ -122,6 +123,10 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
         answers = [(hz, f"strides then last {s:.3g} s") for hz, s in likely]
         usual = [(hz, "a usual rate") for hz in (1000.0, 500.0, 100.0)]
         text = "At what rate, in Hz, was it sampled? It scales K, B and J."
+        if len(proposal.rates_hz) > 1:
+            text = "The recordings have several rates, and a study without time has one. Add a "
+            text += "column of time, or make a study of each rate."
+            answers = [(hz, "of some") for hz in proposal.rates_hz]
         yield _open("sample_rate_hz", text, *(answers or usual))
         return
     if "time" in proposal.assigned:
@@ -217,9 +222,18 @@ def _angle_unit(proposal: Proposal) -> Iterator[Question]:
     inspected, assignment = proposal.assigned["angle"]
     low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
     as_gait = proposal.kind.value == "walking" and _GAIT_RAD[0] < high - low < _GAIT_RAD[1]
-    if assignment.unit_why and assignment.unit == "rad" and not as_gait:
-        text = f"In what unit is the angle '{inspected.title}', {low:.3g} to {high:.3g}?"
+    decided = as_gait if assignment.unit == "rad" else _is_in_degrees(proposal, inspected)
+    if assignment.unit_why and not inspected.column.unit_why and not decided:
+        text = f"In what unit is the angle '{inspected.title}', {low:.3g} to {high:.3g}? "
+        text += "Counts and volts need scale, too: the angle of one in that unit."
         yield _open("channels.angle.unit", text, ("deg", ""), ("rad", ""), ("turn", ""))
+
+
+def _is_in_degrees(proposal: Proposal, inspected: InspectedColumn) -> bool:
+    """Return whether the range of a joint's angle can only be one of degrees."""
+    low, high = inspected.course.low or 0.0, inspected.course.high or 0.0
+    far = _LEAST_DEG < high - low < _MOST_DEG and max(abs(low), abs(high)) < _MOST_DEG
+    return proposal.signs.angle_by_range or (far and not inspected.course.whole)
 
 
 def _torque_unit(proposal: Proposal) -> Iterator[Question]:

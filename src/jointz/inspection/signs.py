@@ -121,6 +121,8 @@ def repeat_s(time_s: np.ndarray, angle: np.ndarray) -> float:
     moved = np.nan_to_num(angle - np.nanmean(angle))[::every]
     spectrum = np.fft.rfft(moved, 2 * moved.size)
     repeats = np.fft.irfft(np.abs(spectrum) ** 2)[: round(_STRIDE_S[1] / step)]
+    if not repeats.size:  # sampled too slowly
+        return 0.0
     peaks, _ = find_peaks(repeats, height=_ALIKE * repeats[0]) if moved.any() else ([], {})
     # A sine repeats after several periods, too: the first of the high ones counts.
     high = [k for k in peaks if repeats[k] > _AS_HIGH * repeats[peaks].max()]

@@ -152,12 +152,11 @@ def read_sources(
     columns = tuple(inspect_column(column) for column in content.columns)
     by_group = [[c for c in columns if c.column.group == g.group] for g in content.clocks]
     tables = [t for group in by_group if (t := pulse_columns(shown, group)) is not None]
-    person = person_of(content.singles)
     people = {name: one for group in by_group for name, one in people_of(group).items()}
     parts = parts_of(content)
     if not parts:
         whole = _source(file, shown, "", content, columns, folders=folders)
-        whole = replace(whole, person=person, people=people)
+        whole = replace(whole, person=person_of(content.singles), people=people)
         # A table of pulses alone is no recording, and a recording no table of pulses.
         if tables and not whole.is_recording:
             return [whole], tables
@@ -169,7 +168,15 @@ def read_sources(
         usual = next(joint for joint in JOINTS if joint in joints)
         parts = tuple(part for part in parts if words_of(part.name).joint in ("", usual))
     found = [_source_of_part(file, shown, part, inside, folders) for part in parts]
-    return [replace(one, person=person, people=people) for one in found], tables
+    names = [one.part for one in found]
+    return [
+        replace(
+            one,
+            person=person_of(content.singles, one.part, [n for n in names if n != one.part]),
+            people=people,
+        )
+        for one in found
+    ], tables
 
 
 def _folders(file: Path, root: Path | None) -> list[str]:
@@ -306,8 +313,9 @@ def _heel_strikes(
     named = [c for c in columns if is_of_strikes(c.title) and c.course.rises]
     labels = [HeelStrikes(label) for label in dict.fromkeys(events) if is_of_strikes(label)]
     found = [HeelStrikes(str(c.key), c.words.unit) for c in named] + labels
+    sides = {words_of(one.column).side for one in found} - {""}
     own = [one for one in found if words_of(one.column).side in ("", side)]
-    return next(iter(own or found), None)
+    return next(iter(own if side or len(sides) > 1 else found), None)
 
 
 def _weight(assigned: Assignments) -> int:

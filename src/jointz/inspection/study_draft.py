@@ -36,6 +36,7 @@ class JoinedDraft:
     offset: Guess  # s
     assigned: Assignments
     files: FilesSpec | None
+    angle: Guess  # direction by the range of its own angle, "" where that does not decide it
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,8 @@ class Proposal:
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
     files: FilesSpec | None = None  # layout of a text file; None for other formats
-    rate_hz: float | None = None  # rate stated by the file; None if not stated
+    rate_hz: float | None = None  # rate stated by the files; None if not stated, or of several
+    rates_hz: tuple[float, ...] = ()  # stated by the files of the recordings
     obstacles: tuple[str, ...] = ()  # reasons why the file cannot be analysed
     free: tuple[InspectedColumn, ...] = ()  # columns without a channel
     # level of the column of conditions -> condition
@@ -354,6 +356,7 @@ def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
     for name, (inspected, assignment) in one.assigned.items():
         keys = {"column": inspected.key} | ({"unit": assignment.unit} if assignment.unit else {})
         turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
+        turned = one.angle if name == "angle" and one.angle.value else turned
         if turned.value not in ("", proposal.positive.value):
             keys["positive"] = turned.value
         asked = ("unit", "scale", "positive")

@@ -6,12 +6,21 @@ from dataclasses import replace
 from difflib import SequenceMatcher
 
 from jointz.inspection.inspection_result import SeenClock
+from jointz.inspection.names import word_set
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
 from jointz.inspection.source import JoinedSource, Source
 
 _SAME_LENGTH = 0.2  # of files of one trial, whose devices start and stop by themselves
 _BEYOND_STRIKES_S = 5.0  # of a recording before the first heel strike and after the last
 _SAME_END = 2.0  # periods of the slower clock, within which clocks begin and end together
+#: Words by which files of one trial differ.
+_DEVICES = word_set(
+    "ik id exo mocap daq gonio goniometer goniometers emg imu force forces grf plate fp angle "
+    "angles "
+    "torque torques knee ankle hip kinematics kinetics cam camera motor log data analog analogs a "
+    "markers motion joint joints state states encoder device robot sensor sensors strikes events "
+    "heel heelstrikes steps trc qtm vicon nexus labview"
+)
 _TORQUES = {"torque", "current"}
 
 
@@ -109,9 +118,18 @@ def _may_be_of(recording: Source, file: Source) -> bool:
     labels = ((a.participant, b.participant), (a.session, b.session), (a.side, b.side))
     if any(one and other and one.casefold() != other.casefold() for one, other in labels):
         return False
+    if _words(recording) != _words(file):
+        return False
     length, own = _length_s(recording.clock), _length_s(file.clock)
     most = _SAME_LENGTH * length + (_BEYOND_STRIKES_S if file.heel_strikes else 0.0)
     return not own or not length or abs(own - length) <= most
+
+
+def _words(source: Source) -> list[str]:
+    """Return the words of a file and its folders, without those of devices."""
+    place = source.shown.rpartition(".")[0] or source.shown
+    words = re.findall(r"[a-z]+|\d+", place.casefold())
+    return sorted(w.lstrip("0") or "0" if w.isdecimal() else w for w in words if w not in _DEVICES)
 
 
 def _length_s(clock: SeenClock) -> float:
