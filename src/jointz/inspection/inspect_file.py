@@ -14,7 +14,7 @@ from jointz.inspection.content import Content
 from jointz.inspection.guess import Assignments, InspectedColumn
 from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock, SeenRecording
 from jointz.inspection.names import unreadable_unit
-from jointz.inspection.people import Person
+from jointz.inspection.people import Person, people_in
 from jointz.inspection.problems import (
     FEWEST_SAMPLES,
     bad_channels,
@@ -109,6 +109,9 @@ def _sources_in(
     people: dict[str, Person] = {}
     notes: list[str] = []
     for file in files_in(folder):
+        if listed := people_in(file):  # a table of text, or with few numbers
+            people |= listed
+            continue
         try:
             found, own_tables = read_sources(file, layout, study_folder, folder)
         except DataError as exc:

@@ -1,13 +1,18 @@
 """Body mass, height and leg of people: from a table of participants, or single values of a file."""
 
+import csv
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
+
+import pandas as pd
 
 from jointz.core.errors import UnitError
 from jointz.core.units import conversion
-from jointz.inspection.guess import InspectedColumn
+from jointz.inspection.content import Column
+from jointz.inspection.guess import InspectedColumn, inspect_column
 from jointz.inspection.names import word_set, words_of
 
 _MASS: Final = word_set("mass weight bodymass bodyweight masse gewicht masa peso massa")
@@ -20,6 +25,7 @@ _SIDE: Final = word_set(
 )
 _ABOUT: Final = {"mass": _MASS, "height": _HEIGHT, "side": _SIDE}
 _NOT_MEASURED: Final = word_set("dominant dominance other contralateral exo device robot")
+_TABLES, _LARGEST_BYTES = (".csv", ".tsv", ".txt"), 100_000
 _MASSES_KG, _HEIGHTS_M = (20.0, 250.0), (0.8, 2.5)
 
 
@@ -42,9 +48,25 @@ def people_of(columns: Sequence[InspectedColumn]) -> dict[str, Person]:
         return {}
     found = {}
     for k, name in enumerate(map(label_of, ids.column.values)):
-        row = {key: (c.column.values[k], c.words.unit) for key, c in about.items() if c is not None}
+        known = {key: c for key, c in about.items() if c is not None}
+        row = {key: (c.column.values[k], c.words.unit) for key, c in known.items()}  # noqa: PD011
         found[name] = _person(row)
     return found
+
+
+def people_in(file: Path) -> dict[str, Person]:
+    """Return the people of a table of text with a short row for each; none of another file."""
+    if file.suffix.lower() not in _TABLES or file.stat().st_size > _LARGEST_BYTES:
+        return {}
+    try:
+        table = pd.read_csv(file, sep=None, engine="python", dtype=str, keep_default_na=False)
+    except (ValueError, csv.Error):  # no table, or no text
+        return {}
+    columns = [
+        inspect_column(Column("", str(name), "", table[name].to_numpy(dtype=object)))
+        for name in table
+    ]
+    return people_of(columns)
 
 
 def person_of(singles: Mapping[str, str], part: str = "", others: Sequence[str] = ()) -> Person:
