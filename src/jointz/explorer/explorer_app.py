@@ -114,8 +114,10 @@ class Explorer:
         self._take(changed)
 
     def compare(self, method: str) -> None:
-        """Estimate all participants by another method."""
-        if method in self._results.more_methods():
+        """Estimate all participants by another method, on the pulses of the numbers shown."""
+        if self.stale:
+            self._say("Re-estimate first: the numbers shown are from before the exclusions.")
+        elif method in self._results.more_methods():
             for person in self._results.people:
                 self._begin(f"estimating {person} by {method}", self._estimate_by(method, person))
 

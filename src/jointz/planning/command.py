@@ -144,7 +144,8 @@ def plan(
     }
     with progress_bar(shown=not (quiet or as_json)) as progress:
         made = _made(protocol, study, study_folder, of_lab, wishes, seed=seed, progress=progress)
-    page = "" if made.refused else str(write_plan(made, out, overwrite=overwrite))
+    keeps = made.recorded or not made.refused
+    page = str(write_plan(made, out, overwrite=overwrite)) if keeps else ""
     if as_json:
         status = "refused" if made.refused else "ok"
         emit_json({"status": status, "page": page, "plan": made.to_dict()})

@@ -52,14 +52,14 @@ def write_plan(plan: Plan, out: str | os.PathLike[str], *, overwrite: bool = Fal
     Raises
     ------
     DataError
-        If wishes were refused.
+        If wishes were refused, unless the study was recorded already.
     OutputError
         If the folder exists, or is not one of a plan.
     WriteError
         If it cannot be written.
     """
     path = Path(out)
-    if plan.refused:
+    if plan.refused and not plan.recorded:
         raise DataError("plan: wishes were refused, nothing is written. " + " ".join(plan.refused))
     if not overwrite:
         refuse_existing(path, "folder")

@@ -260,8 +260,8 @@ class Planner:
         if (nearest := rounded_up(100.0 * narrowest / _SURELY)) <= 100.0 * WIDEST:
             return f"--half-width {nearest:g}"
         counts = widths.fewest(self._wanted, self._wishes.share, _SURELY * WIDEST)
-        if len(counts) == len(self._points):
-            minutes = rounded_up(self.minutes(counts))
+        minutes = rounded_up(self.minutes(counts)) if counts else 0.0
+        if len(counts) == len(self._points) and minutes <= MOST_MINUTES:
             return f"--half-width {100.0 * WIDEST:g} --minutes {minutes:g}"
         return (
             "more --motion, --torque or sensors, a smaller --share, or other timing points "
@@ -437,8 +437,9 @@ class Planner:
         share = pulse_choice.aborted_share(self._lab, legs, design, self._limit_rad, joint.inertia)
         self._notes.append(
             f"The limit of displacement ({self._limit_rad:g} rad) is expected to abort "
-            f"{100.0 * share:.1f} % of the pulses; jointz run repeats them."
-            + " Plan with a smaller --motion to lose fewer."
+            f"{100.0 * share:.1f} % of the pulses at their first try. jointz run repeats them, and "
+            "withdraws a kind of pulse that is aborted three times in a person."
+            + " With a smaller --motion fewer are aborted."
             * (share > _MANY_ABORTED)
         )
         return share

@@ -153,7 +153,8 @@ def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:
             f"({int(bad.any(axis=0).sum())}) in everybody."
         )
     along_rows, along_columns = _neighbour_correlation(curves.T), _neighbour_correlation(curves)
-    if along_rows > _OF_NODES > along_columns:
+    more_rows = curves.shape[0] > curves.shape[1]  # than columns: fewer people than nodes are usual
+    if more_rows and along_rows > _OF_NODES > along_columns:
         raise DataError(
             f"{where}: expected one row a participant in {name}, got {n} rows that resemble their "
             f"neighbours (r = {along_rows:.2f}), as nodes do. Pass {name}.T."

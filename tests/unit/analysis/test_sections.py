@@ -157,6 +157,6 @@ def test_a_parameter_that_is_seldom_decided_has_no_coverage(certificate):
 
 
 def test_published_inertias_are_called_smaller_than_a_leg(recommended, bench):
-    said = "The published values are a tenth of that"
+    said = "the published values are a tenth of these"
     assert said in render_report(recommended, {}, title="x")
     assert said not in render_report(bench, {}, title="x")

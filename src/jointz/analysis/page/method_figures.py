@@ -96,8 +96,8 @@ def methods_caption(analysis: StudyAnalysis) -> str:
         "The chosen method beside the others on the same recordings; each method excludes the "
         f"pulses that it cannot use. Points: means over the {words.many} with an estimate. Bars: "
         f"t interval over {words.many}; with one {words.one}, the {words.one}'s own interval. An "
-        "estimate at its bound counts with the value of the bound. Dots: each estimate, where "
-        f"their mean is undecided.{other_means} "
+        "estimate at its bound counts with the value of the bound. Dots: the single estimates, "
+        f"where their mean is undecided.{other_means} "
         f"n: {counted_people(analysis)}."
     )
 
