@@ -36,6 +36,7 @@ class PulseColumns:
 
     file: str  # as the study names it
     columns: Mapping[str, InspectedColumn]
+    has_others: bool = False  # columns that mean nothing here
 
     @property
     def names_recordings(self) -> bool:
@@ -44,7 +45,9 @@ class PulseColumns:
 
     def are_usual(self) -> bool:
         """Return whether all columns have names that a study need not state."""
-        return all(str(column.key) in NAMES[meaning] for meaning, column in self.columns.items())
+        return not self.has_others and all(
+            str(column.key) in NAMES[meaning] for meaning, column in self.columns.items()
+        )
 
     def name_of(self, participant: str) -> str:
         """Return what the table calls a person: the same name, or the same number."""
@@ -91,7 +94,7 @@ def pulse_columns(file: str, columns: Sequence[InspectedColumn]) -> PulseColumns
     onset = found.get("onset")
     if onset is None or onset.course.n > _MOST_PULSES:
         return None
-    return PulseColumns(file, found)
+    return PulseColumns(file, found, has_others=len(columns) > len(found))
 
 
 def _fits(meaning: str, inspected: InspectedColumn) -> bool:

@@ -124,3 +124,12 @@ def test_a_trigger_of_a_recording_without_pulses_by_its_name_is_asked(tmp_path):
         file.rename(tmp_path / file.name.replace("P1_1", "P1_normal"))
     found = inspect_file(tmp_path)
     assert [r.condition for r in found.recordings] == ["?"]
+
+
+def test_a_pulse_table_with_a_column_of_its_own_is_drafted_with_its_names(tmp_path):
+    frame = recording().drop(columns="command_Nm")
+    frame.to_csv(tmp_path / "P01_pulses.csv", index=False)
+    table = pd.DataFrame({"onset_s": [4.6, 6.9, 9.2], "stride": [4, 6, 8]})
+    table.to_csv(tmp_path / "P01_onsets.csv", index=False)
+    study = tomllib.loads(inspect_file(tmp_path).toml)
+    assert study["perturbations"]["columns"] == {"onset": {"column": "onset_s", "unit": "s"}}
