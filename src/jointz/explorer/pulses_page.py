@@ -215,15 +215,13 @@ class PulsesTab(Tab):
 def _row(
     k: int, pulse: PulseRecord, window: Window | None, *, out: bool, picked: bool
 ) -> dict[str, Any]:
-    excluded_by = "aborted" if pulse.code == Exclusion.ABORTED else "excluded" if out else "used"
-    state = excluded_by if pulse.code in ("", *LISTED) else pulse.code.replace("_", " ")
     row = {
         "number": k + 1,
         "onset": f"{pulse.onset_s:.1f}",
         "phase": "" if pulse.measured_pct is None else f"{pulse.measured_pct:.1f}",
         "size": None,
         "misfit": None,
-        "state": state,
+        "state": (state := _short_state(pulse, out=out)),
         "picked": picked,
         "out": state != "used",
     }
@@ -233,6 +231,17 @@ def _row(
             scale = _DEG if window.fits == "angle" else 1.0
             row["misfit"] = round(window.misfit * scale, 3)
     return row
+
+
+def _short_state(pulse: PulseRecord, *, out: bool) -> str:
+    """Return whether a pulse counts: ``out`` says whether it is excluded now."""
+    if not pulse.code:
+        return "excluded, still counted" if out else "used"
+    if pulse.code not in LISTED:
+        return pulse.code.replace("_", " ")
+    if not out:
+        return "restored, not counted"
+    return "aborted" if pulse.code == Exclusion.ABORTED else "excluded"
 
 
 def _about(pulse: PulseRecord, unit: str) -> str:
