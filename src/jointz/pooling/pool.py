@@ -63,7 +63,7 @@ def pool(
     Raises
     ------
     StudyError
-        If the studies cannot be pooled; a :class:`DataError` with all reasons.
+        If the studies cannot be pooled; a ``DataError`` with all reasons.
     OutputError
         If ``out`` exists or is one of the results folders.
     """
