@@ -1,7 +1,7 @@
 """Participant, session, side and condition in the name of a file and of its folder."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,3 +85,8 @@ def _has_a_meaning(word: str) -> bool:
 
 def _spaced(text: str) -> str:
     return text.replace("_", " ")
+
+
+def agree(pairs: Iterable[tuple[str, str]]) -> bool:
+    """Return whether no pair of labels differs, where both are known."""
+    return all(not a or not b or a.casefold() == b.casefold() for a, b in pairs)

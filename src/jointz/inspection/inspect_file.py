@@ -10,6 +10,7 @@ import numpy as np
 
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
+from jointz.identify.preparation.pulses import runs_of
 from jointz.inspection.content import Content
 from jointz.inspection.guess import Assignments, InspectedColumn
 from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock, SeenRecording
@@ -343,14 +344,14 @@ def _group_notes(source: Source, of_tables: Collection[str]) -> list[str]:
     if others:
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
         notes.append(f"the study takes nothing of {text}.")
+    apart = {*source.clock_groups, *source.joined_channels}
     for channel in ("angle", "torque"):
-        apart = {*source.clock_groups, *(n for one in source.joined for n in one.channels)}
         if channel in assigned and channel not in apart:
             values = assigned[channel][0].column.values
-            starts = np.flatnonzero(np.diff(np.isnan(values).astype(np.int8), prepend=0) == 1)
-            if starts.size:
+            runs = runs_of(np.isnan(values))
+            if runs.size:
                 notes.append(
-                    f"{channel}: numbers are missing in {starts.size} place(s), first from sample "
-                    f"{int(starts[0]) + 1} on; an analysis leaves out what they touch."
+                    f"{channel}: numbers are missing in {len(runs)} place(s), first from sample "
+                    f"{int(runs[0, 0]) + 1} on; an analysis leaves out what they touch."
                 )
     return notes

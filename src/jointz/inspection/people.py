@@ -31,7 +31,7 @@ _MASSES_KG, _HEIGHTS_M = (20.0, 250.0), (0.8, 2.5)
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """What files state of a person; None and "" where they do not."""
+    """Body mass, height and leg of a person; None and "" where no file states them."""
 
     mass_kg: float | None = None
     height_m: float | None = None
@@ -46,9 +46,9 @@ def people_of(columns: Sequence[InspectedColumn]) -> dict[str, Person]:
     }
     if ids is None or (about["mass"] is None and about["height"] is None):
         return {}
+    known = {key: c for key, c in about.items() if c is not None}
     found = {}
     for k, name in enumerate(map(label_of, ids.column.values)):
-        known = {key: c for key, c in about.items() if c is not None}
         row = {key: (c.column.values[k], c.words.unit) for key, c in known.items()}  # noqa: PD011
         found[name] = _person(row)
     return found

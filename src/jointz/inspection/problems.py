@@ -77,7 +77,7 @@ def find_pulses(assigned: Assignments, clock: SeenClock) -> Pulses:
 
 def _steps(assigned: Assignments, clock: SeenClock) -> Pulses:
     time = _time(assigned, clock)
-    if time is None or clock.restarts or clock.n_back or (clock.rate_hz or 0.0) < 5 * _CUTOFF_HZ:
+    if time is None or not _is_steady(clock) or (clock.rate_hz or 0.0) < 5 * _CUTOFF_HZ:
         return Pulses()
     angle = _si(assigned, "angle")
     if not is_mostly_at_rest(time, angle):
@@ -114,8 +114,9 @@ def find_command(
     free = [c for c in columns if id(c) not in used and not c.column.is_text]
     for column in free if _is_steady(clock) else ():
         values = column.column.values[: time.size]
-        runs = runs_of(_is_on(values))[:_MOST_PULSES]
-        if len(runs) < _FEWEST_PULSES or _is_on(values).mean() > _MOST_ON:
+        there = _is_on(values)
+        runs = runs_of(there)[:_MOST_PULSES]
+        if len(runs) < _FEWEST_PULSES or there.mean() > _MOST_ON:
             continue
         stride_s = repeat_s(time, _si(assigned, "angle"))
         risen = responses(time, _si(assigned, "torque"), time[runs[:, 0]], stride_s)
@@ -140,7 +141,7 @@ def likely_rates(assigned: Assignments, clock: SeenClock) -> dict[float, float]:
 def stride_notes(assigned: Assignments, clock: SeenClock, *, walking: bool) -> list[str]:
     """Return a note if strides are longer or shorter than those of walking people."""
     time = _time(assigned, clock)
-    if not walking or time is None or clock.restarts or clock.n_back:
+    if not walking or time is None or not _is_steady(clock):
         return []
     recording = _steps_of_feet(assigned, time)
     stride = None if recording is None else median_stride_s(recording)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jointz.core.channels import OPPOSITE_DIRECTION
-from jointz.inspection.file_labels import labels_of
+from jointz.inspection.file_labels import agree, labels_of
 from jointz.inspection.guess import (
     Assignments,
     InspectedColumn,
@@ -53,6 +53,7 @@ def proposal_of(
     """Return the study for recordings, of which the first shows what the columns mean."""
     main = sources[0]
     assigned, clock = main.assigned, main.clock
+    taken = assignments_by_column(assigned)
     others = [c for one in main.joined for c in one.source.columns]
     joint, why = guessed_joint([*main.columns, *others], main.names)
     kind = _kind(main)
@@ -97,15 +98,11 @@ def proposal_of(
         rate_hz=next(iter(rates)) if len(rates) == 1 else None,
         rates_hz=tuple(sorted(hz for hz in rates if hz)),
         obstacles=tuple(obstacles),
-        free=tuple(
-            c
-            for c in main.in_group
-            if (c.column.group, c.key) not in assignments_by_column(assigned)
-        ),
+        free=tuple(c for c in main.in_group if (c.column.group, c.key) not in taken),
         levels=condition_levels(assigned),
         own_times=main.own_times,
         heel_strikes=next((one for s in sources if (one := s.heel_strikes) and not one.file), None),
-        joined_channels=frozenset(n for one in main.joined for n in one.channels),
+        joined_channels=main.joined_channels,
     )
 
 
@@ -151,7 +148,7 @@ def _may_be_of(table: PulseColumns, source: Source) -> bool:
         (labels.session, source.labels.session),
         (labels.side, source.side[0]),
     )
-    return all(not a or not b or a.casefold() == b.casefold() for a, b in pairs)
+    return agree(pairs)
 
 
 def _likeness(a: str, b: str) -> int:
@@ -265,8 +262,7 @@ def _changes(source: Source, main: Source, signs: Signs) -> dict[str, dict[str, 
     """Return what a recording's channels have differently from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
     for name, (inspected, assignment) in source.assigned.items():
-        apart = {n for one in source.joined for n in one.channels}
-        if source is main or name not in main.assigned or name in apart:
+        if source is main or name not in main.assigned or name in source.joined_channels:
             continue
         first, of_first = main.assigned[name]
         change: dict[str, Any] = {}

@@ -83,6 +83,11 @@ class Source:
         return [c for c in self.columns if c.column.group == self.group]
 
     @property
+    def joined_channels(self) -> frozenset[str]:
+        """The channels that other files bring."""
+        return frozenset(name for one in self.joined for name in one.channels)
+
+    @property
     def is_series(self) -> bool:
         """Return whether a file holds samples, whatever they are."""
         return self.clock.n >= FEWEST_SAMPLES and self.heel_strikes is None

@@ -113,6 +113,10 @@ class Proposal:
         """Return what is asked about a key and has no answer yet."""
         return next((q for q in self.questions if q.about == about and not q.drafted), None)
 
+    def direction_of(self, channel: str) -> Guess:
+        """Return the direction in which a channel is positive, "" where it has or needs none."""
+        return getattr(self.signs, channel) if channel in _DIRECTED else Guess("")
+
 
 def study_text(proposal: Proposal) -> str:
     """Return the text."""
@@ -229,7 +233,7 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         )
     if name in proposal.inverted and name == "ground_reaction_force":
         lines.append("invert = true  # guess: it is negative where the foot is loaded")
-    turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
+    turned = proposal.direction_of(name)
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
     if name == "condition" and (question := proposal.question("channels.condition.values")):
@@ -339,10 +343,10 @@ def _strikes_of(proposal: Proposal, recording: RecordingDraft) -> list[str]:
     own = recording.heel_strikes
     if own is None:
         return []
-    name = f"channels.heel_strikes.column = {written_text(own.column)}"
-    return [f"heel_strikes = {written_text(own.file)}"] + [name] * (
-        proposal.heel_strikes is not None
-    )
+    lines = [f"heel_strikes = {written_text(own.file)}"]
+    if proposal.heel_strikes is not None:
+        lines.append(f"channels.heel_strikes.column = {written_text(own.column)}")
+    return lines
 
 
 def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
@@ -355,8 +359,8 @@ def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
         lines.append(f"files = {_inline(layout)}")
     for name, (inspected, assignment) in one.assigned.items():
         keys = {"column": inspected.key} | ({"unit": assignment.unit} if assignment.unit else {})
-        turned = getattr(proposal.signs, name) if name in _DIRECTED else Guess("")
-        turned = one.angle if name == "angle" and one.angle.value else turned
+        is_own = name == "angle" and one.angle.value
+        turned = one.angle if is_own else proposal.direction_of(name)
         if turned.value not in ("", proposal.positive.value):
             keys["positive"] = turned.value
         asked = ("unit", "scale", "positive")

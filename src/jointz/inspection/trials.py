@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from difflib import SequenceMatcher
 
+from jointz.inspection.file_labels import agree
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import word_set
 from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
@@ -16,10 +17,9 @@ _SAME_END = 2.0  # periods of the slower clock, within which clocks begin and en
 #: Words by which files of one trial differ.
 _DEVICES = word_set(
     "ik id exo mocap daq gonio goniometer goniometers emg imu force forces grf plate fp angle "
-    "angles "
-    "torque torques knee ankle hip kinematics kinetics cam camera motor log data analog analogs a "
-    "markers motion joint joints state states encoder device robot sensor sensors strikes events "
-    "heel heelstrikes steps trc qtm vicon nexus labview"
+    "angles torque torques knee ankle hip kinematics kinetics cam camera motor log data analog "
+    "analogs a markers motion joint joints state states encoder device robot sensor sensors "
+    "strikes events heel heelstrikes steps trc qtm vicon nexus labview"
 )
 _TORQUES = {"torque", "current"}
 
@@ -34,8 +34,9 @@ def trials_of(pieces: Sequence[Source]) -> tuple[list[Source], list[Source]]:
     mains = [p for p in pieces if _TORQUES & set(p.assigned)]
     angles = [p for p in pieces if "angle" in p.assigned and p not in mains]
     angle_of = _pairs(mains, angles)
-    trials = [joined(main, [angle_of[id(main)]]) for main in mains if id(main) in angle_of]
-    used = {id(p) for main in mains if id(main) in angle_of for p in (main, angle_of[id(main)])}
+    pairs = [(main, angle_of[id(main)]) for main in mains if id(main) in angle_of]
+    trials = [joined(main, [angle]) for main, angle in pairs]
+    used = {id(p) for pair in pairs for p in pair}
     return trials, [p for p in pieces if id(p) not in used]
 
 
@@ -116,9 +117,7 @@ def _may_be_of(recording: Source, file: Source) -> bool:
     """Return whether a file contradicts a recording neither by its labels nor by its length."""
     a, b = recording.labels, file.labels
     labels = ((a.participant, b.participant), (a.session, b.session), (a.side, b.side))
-    if any(one and other and one.casefold() != other.casefold() for one, other in labels):
-        return False
-    if _words(recording) != _words(file):
+    if not agree(labels) or _words(recording) != _words(file):
         return False
     length, own = _length_s(recording.clock), _length_s(file.clock)
     most = _SAME_LENGTH * length + (_BEYOND_STRIKES_S if file.heel_strikes else 0.0)
@@ -128,8 +127,12 @@ def _may_be_of(recording: Source, file: Source) -> bool:
 def _words(source: Source) -> list[str]:
     """Return the words of a file and its folders, without those of devices."""
     place = source.shown.rpartition(".")[0] or source.shown
-    words = re.findall(r"[a-z]+|\d+", place.casefold())
+    words = _words_and_numbers(place)
     return sorted(w.lstrip("0") or "0" if w.isdecimal() else w for w in words if w not in _DEVICES)
+
+
+def _words_and_numbers(name: str) -> list[str]:
+    return re.findall(r"[a-z]+|\d+", name.casefold())
 
 
 def _length_s(clock: SeenClock) -> float:
@@ -138,5 +141,5 @@ def _length_s(clock: SeenClock) -> float:
 
 def _likeness(recording: Source, file: Source) -> int:
     """Return how many words of their names and folders two files share in the same order."""
-    a, b = (re.findall(r"[a-z]+|\d+", s.shown.casefold()) for s in (recording, file))
+    a, b = (_words_and_numbers(source.shown) for source in (recording, file))
     return sum(block.size for block in SequenceMatcher(None, a, b).get_matching_blocks())

@@ -525,10 +525,10 @@ def _joined_problems(
     own_files: FilesSpec,
 ) -> Problems:
     problems: Problems = []
-    taken = {
-        n: c for n, c in own.items() if _has_column(root, str(entry.get("file")), c, own_files)
-    }
-    for k, joined in enumerate(_entries(entry, "joined"), start=1):
+    if not (joined_files := _entries(entry, "joined")):
+        return problems
+    taken = _known_columns(root, str(entry.get("file")), own, own_files)
+    for k, joined in enumerate(joined_files, start=1):
         name = joined.get("file")
         if not isinstance(name, str):
             continue  # reported already
@@ -551,13 +551,16 @@ def _joined_problems(
     return problems
 
 
-def _has_column(root: Path, file: str, column: str | int, files: FilesSpec) -> bool:
-    """Return whether a file is known to have a column."""
+def _known_columns(
+    root: Path, file: str, columns: Mapping[str, str | int], files: FilesSpec
+) -> dict[str, str | int]:
+    """Return those of the columns that a file is known to have."""
     try:
         with named_as_written(root, file) as path:
-            return str(column) in map(str, list_columns(path, files) or ())
+            known = set(map(str, list_columns(path, files) or ()))
     except DataError:
-        return False
+        return {}
+    return {name: column for name, column in columns.items() if str(column) in known}
 
 
 def _path_problem(root: Path, name: str) -> str:

@@ -1,4 +1,4 @@
-"""What the dissertation states of other studies of the knee and ankle (4.4, appendix A).
+"""Other studies of the knee and ankle, as the dissertation states them (4.4, appendix A).
 
 Only what the text states stands here: where figures 4.4 and A.1 show other people's values, the
 text gives no number but for one factor.

@@ -34,7 +34,7 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
 class _Head(NamedTuple):
-    """What is stated above a table; its columns without a name are dropped."""
+    """Names, units and clock of a table; a column without a name is dropped."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
