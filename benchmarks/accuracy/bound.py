@@ -92,7 +92,7 @@ def participant_information(simulated: Simulated, row: Row) -> dict[str, PointIn
     for name, true in cell_truth(simulated.truth).items():
         joint = _joint_of(build, true)
         onsets_s = pulses.loc[pulses["timing_point"] == name, "onset_s"].to_numpy()
-        n_time = int((WINDOW_S + _total_lag_s(joint)) / step_s) + 1
+        n_time = int((WINDOW_S + joint.lag_s) / step_s) + 1
         left = surprises(learnt, asked, onsets_s, n_time)
         points[name] = _information(joint, left, priors, onsets_s.size, step_s)
     return points
@@ -120,11 +120,6 @@ def participant_bound(
     """
     priors = prior_sds(simulated.rig.build(worn=True), row)
     return bound_of(points, priors, inertia_spread=row.inertia_spread, weak_sd=_WEAK_SD)
-
-
-def _total_lag_s(joint: Joint) -> float:
-    tissue_s = joint.tissue_damping / (np.pi * joint.tissue_hz) if joint.tissue_hz else 0.0
-    return joint.lag_s + tissue_s
 
 
 def _long_walk(rig: SimulatedRig, build: PlantBuild) -> Walked:

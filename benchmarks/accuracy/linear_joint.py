@@ -136,7 +136,8 @@ def _system(joint: Joint) -> tuple[np.ndarray, np.ndarray]:
     if joint.tissue_hz:
         w = 2.0 * np.pi * joint.tissue_hz
         flow[_Y, _YD] = 1.0
-        flow[_YD, [_X, _Y, _YD]] = w**2, -(w**2), -2.0 * joint.tissue_damping * w
+        damper = 2.0 * joint.tissue_damping * w  # between bone and sensor, as the spring
+        flow[_YD, [_X, _V, _Y, _YD]] = w**2, damper, -(w**2), -damper
     lag_s = joint.lag_s * (1.0 - joint.delay_share)
     if lag_s > 0.0:
         flow[_LAG, _Y if joint.tissue_hz else _X] = 1.0 / lag_s

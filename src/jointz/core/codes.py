@@ -270,8 +270,8 @@ class Doubt(Code):
     )
     LAG_UNLIKELY = (
         "lag_unlikely",
-        "the responses contradict the calibrated lag by more than 100 to 1: a lag error of "
-        "5 ms changes J by a third",
+        "the responses contradict the calibrated lag (strapped: by 3.5 sds; rigid: by more than "
+        "100 to 1): a lag error of 5 ms changes J by a third",
     )
     INERTIA_UNLIKE_BODY = (
         "inertia_unlike_body",
@@ -286,9 +286,10 @@ class Doubt(Code):
     )
     INSTRUMENTS_UNLIKELY = (
         "instruments_unlikely",
-        "the responses need a sensor, strap or reflex more than 2.5 prior sds from the "
-        "usual: a signal may be late or wrong, or the device is not strapped to soft "
-        "tissue; K, B and J are undecided",
+        "the responses need a sensor, strap or reflex too far from the usual (more than 2.5 prior "
+        "sds; with several sensors 3.5, or all together beyond 99.9 %): a signal may be late or "
+        "wrong, or the device is not strapped to soft tissue; K, B and J are undecided; a note "
+        "names the parameter",
     )
     SENSORS_CONTRADICT = (
         "sensors_contradict",

@@ -96,9 +96,9 @@ def predicted_moments(
     values, gradient = logs.values, logs.gradient
     means, covariances, prior_means, prior_covariances, evidence = [], [], [], [], []
     for prior in priors:
-        curvature = information + prior.precision
+        precision, pull = prior.normal(theta)
+        curvature = information + precision
         covariance = np.linalg.inv(curvature)
-        pull = prior.precision @ (prior.mean - theta)
         shift = covariance @ pull
         evidence.append(
             -0.5 * prior.misfit(theta)
@@ -135,7 +135,7 @@ def reflex_bias(
         answer = solve_triangular(factor, model.points[k].fitted(missed), lower=True)
         information[np.ix_(columns, columns)] += slopes.T @ slopes
         pushed[columns] += slopes.T @ answer
-    curvature = (information + prior.precision)[np.ix_(free, free)]
+    curvature = (information + prior.normal(theta)[0])[np.ix_(free, free)]
     shift = np.zeros(theta.size)
     shift[free] = np.linalg.solve(curvature, pushed[free])
     return np.asarray(np.expm1(logs.gradient @ shift))

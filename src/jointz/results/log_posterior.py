@@ -26,6 +26,36 @@ LOG_POSTERIOR_COLUMNS = (
 _DODGE = 0.6
 
 
+@dataclass(frozen=True, slots=True)
+class UnlikelyParameter:
+    """A parameter of instruments or leg that is far from what was known before the data.
+
+    Parameters
+    ----------
+    name : str
+        As ``[priors]`` or ``[calibration]`` names it.
+    value : float
+        What the responses need, SI.
+    expected, low, high : float
+        Median and 95 % interval of prior or calibration, SI.
+    sds : float
+        How many standard deviations the value is off, on the scale of the prior.
+    """
+
+    name: str
+    value: float
+    expected: float
+    low: float
+    high: float
+    sds: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name} is {self.value:.3g}, expected {self.expected:.3g} "
+            f"({self.low:.3g} to {self.high:.3g}): {self.sds:.1f} SDs off"
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LogPosterior(PlottedResult):
     """Normal posterior of the logarithms of a person's impedance, beside its prior.
@@ -51,6 +81,8 @@ class LogPosterior(PlottedResult):
         Of the perturbed recordings; "" if the study does not state them.
     doubts : tuple of str
         Codes of :class:`~jointz.core.codes.Doubt`: why some values are undecided.
+    unlikely : tuple of UnlikelyParameter
+        Parameters from which doubts about instruments and lag follow.
     doubted : tuple of bool
         Whether a doubt speaks against each element; empty for none.
     intrinsic : tuple of (str, float)
@@ -81,6 +113,7 @@ class LogPosterior(PlottedResult):
     session: str = ""
     side: str = ""
     doubts: tuple[str, ...] = ()
+    unlikely: tuple[UnlikelyParameter, ...] = ()
     doubted: tuple[bool, ...] = ()
     intrinsic: tuple[tuple[str, float], ...] = ()
     gain_sd: float = 0.0

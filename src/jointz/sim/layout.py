@@ -76,7 +76,7 @@ class State(IntEnum):
     REFLEX = 3
     REFLEX_RATE = 4
     TISSUE = 5  # angle behind the tissue
-    TISSUE_RATE = 6
+    TISSUE_PULL = 6  # rate behind the tissue, less 2 zeta omega times the angle before it
     EXO_ANGLE = 7  # deviation of the frame from the unperturbed path
     EXO_VELOCITY = 8
     ACCELERATION = 9  # of the deviation, as last computed; not integrated

@@ -192,10 +192,13 @@ def _slopes(
     s[k + State.ANGLE], s[k + State.VELOCITY] = v, acceleration
     shown = theta + x
     if p[Param.TISSUE_RATE] > 0.0:
-        w, y, rate = p[Param.TISSUE_RATE], s[i + State.TISSUE], s[i + State.TISSUE_RATE]
+        # The damper is between bone and sensor, too. The state is y' - 2 zeta w u, so that the
+        # velocity of the bone is not needed.
+        w, y = p[Param.TISSUE_RATE], s[i + State.TISSUE]
+        damper = 2.0 * p[Param.TISSUE_DAMPING] * w
+        rate = s[i + State.TISSUE_PULL] + damper * shown
         s[k + State.TISSUE] = rate
-        pull = w * w * (shown - y)
-        s[k + State.TISSUE_RATE] = pull - 2.0 * p[Param.TISSUE_DAMPING] * w * rate
+        s[k + State.TISSUE_PULL] = w * w * (shown - y) - damper * rate
         shown = y
     s[k + State.LAGGED] = p[Param.ANGLE_LAG_RATE] * (shown - s[i + State.LAGGED])
 
@@ -273,7 +276,8 @@ def begin(p: np.ndarray, state: np.ndarray, gait: np.ndarray, history: np.ndarra
     state[: State.COMMAND] = 0.0
     _know_path(state, gait, 0.0)
     state[State.LAGGED] = state[State.TISSUE] = state[State.PATH]
-    state[State.TISSUE_RATE] = state[State.PATH_RATE]
+    damper = 2.0 * p[Param.TISSUE_DAMPING] * p[Param.TISSUE_RATE]
+    state[State.TISSUE_PULL] = state[State.PATH_RATE] - damper * state[State.PATH]
     state[State.TEMPERATURE] = p[Param.AMBIENT_C]
     history[:] = 0.0
     history[:, 3] = state[State.PATH]

@@ -175,7 +175,8 @@ class Reference:
         tissue, shown = 0.0, theta + x
         if self.preset.goniometer.tissue_range_hz is not None:
             w = 2 * pi * self.tools.tissue_hz
-            tissue = w**2 * (theta + x - y) - 2 * self.preset.goniometer.tissue_damping * w * yd
+            damper = 2 * self.preset.goniometer.tissue_damping * w
+            tissue = w**2 * (theta + x - y) + damper * (rate + v - yd)
             shown = y
         lag = self.tools.angle_lag_s - self.preset.goniometer.delay_s
         lagged = (shown - g) / lag if lag > 0 else 0.0

@@ -1,5 +1,7 @@
 """Tables beside ``estimates.csv``: details of each estimate, and the model of each person."""
 
+from collections.abc import Sequence
+from dataclasses import astuple, fields
 from typing import Any, Final
 
 import numpy as np
@@ -7,6 +9,7 @@ import pandas as pd
 
 from jointz.report.wording import ABSOLUTE, AT_ONSET
 from jointz.results.estimates import FIT_SOURCES, CellEstimate
+from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
 from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -70,10 +73,27 @@ def details_frame(analysis: StudyAnalysis) -> pd.DataFrame:
 
 
 def models_frame(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return the model of each person's joint and sensor, one row for each person."""
+    """Return the model of each person's joint and sensor, one row for each person.
+
+    Of the method ``strapped``, doubts, and a row for each parameter from which they follow.
+    """
+    if not analysis.models:
+        return _doubts_frame(analysis.log_posteriors)
     columns = list(ParticipantModel.__slots__)
     rows = [model.to_dict() | {"doubts": " ".join(model.doubts)} for model in analysis.models]
     return pd.DataFrame(rows, columns=columns)
+
+
+def _doubts_frame(posteriors: Sequence[LogPosterior]) -> pd.DataFrame:
+    parameters = [field.name for field in fields(UnlikelyParameter)]
+    columns = ["participant", "session", "side", "doubts", *parameters]
+    rows = [
+        (p.participant, p.session, p.side, " ".join(p.doubts), *values)
+        for p in posteriors
+        for values in [astuple(u) for u in p.unlikely] or [(None,) * len(parameters)]
+        if p.doubts
+    ]
+    return pd.DataFrame(rows, columns=columns).rename(columns={"name": "parameter"})
 
 
 def variance_shares(cell: CellEstimate, parameter: str) -> dict[str, float]:

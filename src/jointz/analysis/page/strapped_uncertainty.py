@@ -38,6 +38,7 @@ _MEASUREMENTS: Final[Mapping[str, str]] = {
 _WORTH_NAMING: Final = 0.1
 _MOST_NAMED: Final = 3
 _NOTHING_ALONE: Final = "no single measurement"
+_NO_INTERVAL: Final = "the posterior has no interval that means anything"
 
 _Row = dict[str, Any]
 
@@ -45,9 +46,9 @@ _Row = dict[str, Any]
 def strapped_undecided(analysis: StudyAnalysis) -> list[_Row]:
     """Return a row for each undecided K, B and J."""
     sds = {key: sd for posterior in analysis.log_posteriors for key, sd in log_sds(posterior)}
-    doubts = {posterior.label: posterior.doubts for posterior in analysis.log_posteriors}
+    doubts = {posterior.label: _doubts(posterior) for posterior in analysis.log_posteriors}
     return [
-        _row(cell, estimate, sds, doubts.get(cell.label, ()))
+        _row(cell, estimate, sds, doubts.get(cell.label, ""))
         for cell in analysis.cells
         for name in ABSOLUTE
         if (estimate := cell.parameter(name)) is not None and estimate.status == "undecided"
@@ -69,7 +70,7 @@ def _row(
     cell: CellEstimate,
     estimate: ParameterEstimate,
     sds: Mapping[_Key, float],
-    doubts: Sequence[str],
+    doubts: str,
 ) -> _Row:
     sd = sds.get((cell.label, estimate.name, cell.timing_point))
     others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
@@ -81,14 +82,15 @@ def _row(
         "parameter": parameter_name(estimate.name),
         "value": format_number(estimate.unbounded),
         "unit": f"{pretty_unit(estimate.unit)}{reach}",
-        "why": _doubted(doubts) if withheld else _too_wide(sd, others),
+        "why": (doubts or _NO_INTERVAL) if withheld else _too_wide(sd, others),
         "remedy": "checking what the reason names" if withheld else _remedy(cell, estimate, sd),
     }
 
 
-def _doubted(doubts: Sequence[str]) -> str:
-    meanings = [Doubt(code).meaning for code in doubts]
-    return "; ".join(meanings) or "the posterior has no interval that means anything"
+def _doubts(posterior: LogPosterior) -> str:
+    """Say what speaks against a person's model, and which parameters do."""
+    meanings = [Doubt(code).meaning for code in posterior.doubts]
+    return "; ".join([*meanings, *map(str, posterior.unlikely)])
 
 
 def _too_wide(sd: float | None, others: Sequence[float]) -> str:

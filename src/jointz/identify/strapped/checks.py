@@ -50,8 +50,7 @@ def _signed_response(point: PointResponse, stride: np.ndarray, k: int) -> tuple[
 
 def lag_failure(posterior: LegPosterior) -> Failure | None:
     """Return a failure if the sensor is later than any that is modelled."""
-    lags = [posterior.shared_moments(name)[0] for name in ("sensor_delay_s", "sensor_lag_s")]
-    return Failure.LAG_OUT_OF_RANGE if float(np.exp(lags).sum()) > _LONGEST_LAG_S else None
+    return Failure.LAG_OUT_OF_RANGE if posterior.lag_moments()[0] > _LONGEST_LAG_S else None
 
 
 def differs_with_size(posterior: LegPosterior) -> bool:

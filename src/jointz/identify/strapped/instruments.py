@@ -12,14 +12,18 @@ from jointz.identify.preparation.raw_signals import (
     ENCODER,
     JOINT_VELOCITY,
     SHANK_VELOCITY,
+    THIGH_VELOCITY,
     sensor_lag,
 )
 from jointz.identify.preparation.sources import FRICTION_OF_MODEL, Source
 from jointz.identify.strapped.posterior import LegPosterior
+from jointz.identify.strapped.prior import LAG_MODEL_S
 from jointz.results.estimates import REACH_95, ParameterEstimate
 
 #: Error of the friction in a torque model, as a share; its spread is that of unknown friction.
 _FRICTION_ERROR = 0.1
+#: Of the joint's velocity that the gyroscope on the thigh tells.
+_THIGH_SHARE = 0.4
 
 
 def instrument_priors(
@@ -85,22 +89,30 @@ def lags_of_instruments(
     posterior: LegPosterior, known: CalibrationSpec
 ) -> Iterator[ParameterEstimate]:
     """Yield the lags of the goniometer and of further sensors, calibrated part included."""
-    yield _lag_of_angle(posterior)
+    yield _lag("angle", posterior.lag_moments(), calibrated_lag(known), LAG_MODEL_S)
     for sensor in posterior.model.layout.sensors:
         name, channel = _names_of(sensor)
-        known_s = value_of(sensor_lag(known, channel), 0.0)
+        stated, model_sd = sensor_lag(known, channel), LAG_MODEL_S
         mean, sd = posterior.shared_moments(f"{name}_delay_s")
-        lag, reach = known_s + mean, REACH_95 * sd
-        yield ParameterEstimate(f"{sensor}_lag", lag, lag - reach, lag + reach, "ok")
+        if sensor == JOINT_VELOCITY:
+            thigh = calibration_sd(sensor_lag(known, THIGH_VELOCITY))
+            model_sd = float(np.hypot(model_sd, _THIGH_SHARE * thigh))
+        yield _lag(sensor, (value_of(stated, 0.0) + mean, sd), stated, model_sd)
 
 
-def _lag_of_angle(posterior: LegPosterior) -> ParameterEstimate:
-    """Return the lag of the goniometer: delay and first-order lag together."""
-    moments = [posterior.shared_moments(name) for name in ("sensor_delay_s", "sensor_lag_s")]
-    values = [float(np.exp(mean)) for mean, _ in moments]
-    sds = [value * sd for value, (_, sd) in zip(values, moments, strict=True)]
-    lag, reach = sum(values), REACH_95 * float(np.linalg.norm(sds))
-    return ParameterEstimate("angle_lag", lag, max(lag - reach, 0.0), lag + reach, "ok")
+def _lag(
+    sensor: str, moments: tuple[float, float], stated: Calibrated | None, model_sd: float
+) -> ParameterEstimate:
+    """Return a sensor's lag: that of the fit, less the error of the model.
+
+    A calibration tells how much of the fit's lag that error is.
+    """
+    lag, sd = moments
+    share = 1.0 if stated is None else stated.sd**2 / (stated.sd**2 + model_sd**2)
+    if stated is not None:
+        lag = share * lag + (1.0 - share) * stated.value
+    reach = REACH_95 * float(np.hypot(share * sd, np.sqrt(share) * model_sd))
+    return ParameterEstimate(f"{sensor}_lag", lag, lag - reach, lag + reach, "ok")
 
 
 def _names_of(sensor: str) -> tuple[str, str]:

@@ -163,8 +163,7 @@ class MapSearch:
         self, theta: np.ndarray, residuals: Sequence[np.ndarray], weights: _Weights
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return Gauss and Newton's matrix and the direction of descent."""
-        hessian = self._prior.precision.copy()
-        gradient = -self._prior.precision @ (theta - self._prior.mean)
+        hessian, gradient = self._prior.normal(theta)
         for k, residual in enumerate(residuals):
             columns, slopes = self._slopes(theta, weights, k)
             hessian[np.ix_(columns, columns)] += slopes.T @ slopes

@@ -8,7 +8,7 @@ from scipy.special import softmax
 
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
-from jointz.identify.strapped.prior import LegPriors
+from jointz.identify.strapped.prior import LAG_PARTS, LegPriors
 
 #: Shares of K's and B's variance that follow one curve of the gait cycle: hypotheses.
 CYCLE_SHARES = (0.9, 0.0)
@@ -41,6 +41,15 @@ class LegPosterior:
         mean = float(self.weights @ means)
         variance = float(self.weights @ (variances + (means - mean) ** 2))
         return mean, float(np.sqrt(variance))
+
+    def lag_moments(self) -> tuple[float, float]:
+        """Return mean and sd of the goniometer's lag, s: delay and first-order lag together."""
+        places = [self.model.layout.shared(name) for name in LAG_PARTS]
+        parts = np.stack([np.exp(fit.theta[places]) for fit in self.fits])
+        lags, among = parts.sum(axis=1), np.ix_(places, places)
+        variances = [p @ f.covariance[among] @ p for p, f in zip(parts, self.fits, strict=True)]
+        mean = float(self.weights @ lags)
+        return mean, float(np.sqrt(self.weights @ (np.array(variances) + (lags - mean) ** 2)))
 
 
 def explain(

@@ -33,7 +33,6 @@ from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sensor_agreement import SensorChoice, with_goniometer_gain
 from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
-from jointz.identify.rigid.response_checks import DOUBTFUL_ODDS
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import differs_with_size, lag_failure, response_failure
 from jointz.identify.strapped.decisions import (
@@ -43,6 +42,7 @@ from jointz.identify.strapped.decisions import (
     leaves_limits_only,
     speaks_against,
     unlikely_instruments,
+    unlikely_lag,
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments, log_moments
 from jointz.identify.strapped.information import remaining_sds
@@ -70,7 +70,7 @@ from jointz.results.estimates import (
     Response,
 )
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
-from jointz.results.log_posterior import LogPosterior
+from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
 
 LONGEST_WINDOW_S = 0.25
 #: Beyond the data that are used, for sensors that lag.
@@ -156,19 +156,26 @@ class _Explained:
     remaining: Mapping[str, np.ndarray]  # source -> sds of all logarithms if it were known
     body: Body
     known: CalibrationSpec
-    lag_unlikely: bool  # whether the responses contradict the calibrated lag
+    instruments: tuple[UnlikelyParameter, ...]  # of instruments and reflex
+    unlikely_lag: UnlikelyParameter | None  # where the responses contradict the calibrated lag
     # responses by shape with fit, and VAF (%), of each timing point
     fits: tuple[tuple[tuple[Response, ...], float], ...]
     sensors_contradict: bool  # whether a sensor was left out, or trusted for less
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
-        of_person = {Doubt.LAG_UNLIKELY} if self.lag_unlikely else set()
+        of_person = {Doubt.LAG_UNLIKELY} if self.unlikely_lag else set()
         if differs_with_size(self.posterior):
             of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
         if self.sensors_contradict:
             of_person.add(Doubt.SENSORS_CONTRADICT)
-        return tuple(d | of_person for d in doubts_of(self.posterior, self.moments, self.body))
+        found = doubts_of(self.posterior, self.moments, self.body, self.instruments)
+        return tuple(doubts | of_person for doubts in found)
+
+    @property
+    def unlikely(self) -> tuple[UnlikelyParameter, ...]:
+        """Parameters that speak against the model."""
+        return (*([self.unlikely_lag] if self.unlikely_lag else []), *self.instruments)
 
 
 class _Participant:
@@ -208,17 +215,17 @@ class _Participant:
         if len(sensors) > 1:
             yield from ((name,) for name in sensors)
         if self._choice.closely and _OF_SENSORS.isdisjoint(
-            unlikely_instruments(self._fitted.posterior)
+            parameter.name for parameter in self._fitted.instruments
         ):
             yield ()
 
     def note_without(self, sensors: Sequence[str]) -> str:
         """Return the note about estimates of fewer sensors."""
         names = [name for name in self._predictor.sensors if name not in sensors]
-        unlikely = unlikely_instruments(self._fitted.posterior) if self._fitted else []
+        unlikely = self._fitted.instruments if self._fitted else ()
         return (
             f"{self._name}: the model of all sensors is unlikely "
-            f"({', '.join(unlikely) or 'misfit'})"
+            f"({'; '.join(map(str, unlikely)) or 'misfit'})"
             f"; without {' and '.join(names)} it is not, and values are from the others."
         )
 
@@ -272,8 +279,9 @@ class _Participant:
         return Estimates(tuple(cells), records, notes=self._notes(), log_posterior=posterior)
 
     def _notes(self) -> tuple[str, ...]:
-        """Name sensors that are not used."""
-        return tuple(f"{self._name}: {note}" for note in self._choice.notes())
+        """Name sensors that are not used, and parameters that speak against the model."""
+        unlikely = self._fitted.unlikely if self._fitted else ()
+        return tuple(f"{self._name}: {note}" for note in (*self._choice.notes(), *unlikely))
 
     # --- before the fit ------------------------------------------------------------------------
 
@@ -338,7 +346,8 @@ class _Participant:
             remaining=remaining_sds(posterior),
             body=body,
             known=known,
-            lag_unlikely=priors.lag is not None and _contradicts(posterior, priors),
+            instruments=unlikely_instruments(posterior),
+            unlikely_lag=_unlikely_lag(model, priors),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
             sensors_contradict=bool(self._choice.odd)
             or self._choice.goniometer_gain is not None
@@ -438,6 +447,7 @@ class _Participant:
             prior_mean=moments.prior_mean,
             prior_covariance=moments.prior_covariance,
             doubts=tuple(ordered),
+            unlikely=explained.unlikely,
             doubted=tuple(
                 bool(failures[cell.label])
                 or speaks_against(name, found)
@@ -465,11 +475,10 @@ class _Participant:
         )
 
 
-def _contradicts(posterior: LegPosterior, priors: LegPriors) -> bool:
-    """Return whether the evidence speaks against the calibrated lag by the odds of a doubt."""
-    free = explain(posterior.model, replace(priors, lag=None))
-    evidence = [max(fit.log_evidence for fit in p.fits) for p in (free, posterior)]
-    return bool(evidence[0] - evidence[1] > np.log(DOUBTFUL_ODDS))
+def _unlikely_lag(model: LegModel, priors: LegPriors) -> UnlikelyParameter | None:
+    if priors.lag is None:
+        return None
+    return unlikely_lag(explain(model, replace(priors, lag=None)), priors.lag)
 
 
 def _failures_after(explained: _Explained) -> dict[str, Failure | None]:

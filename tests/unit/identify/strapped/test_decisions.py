@@ -16,6 +16,8 @@ from jointz.identify.strapped.decisions import (
     decided_rows,
     doubts_of,
     holds_one_torque,
+    unlikely_instruments,
+    unlikely_lag,
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import Layout
@@ -138,11 +140,11 @@ def test_after_a_held_torque_inertia_alone_is_decided():
     )
 
 
-def posterior(misfits, *, off_sd=0.0, of="sensor_delay_s"):
-    layout = Layout(len(misfits), 2)
+def posterior(misfits, *, off_sd=0.0, of=("sensor_delay_s",), sensors=()):
+    layout = Layout(len(misfits), 2, sensors)
     theta = np.zeros(layout.size)
-    theta[layout.shared(of)] = 0.8 * off_sd
-    prior = SimpleNamespace(mean=np.zeros(layout.size), covariance=0.64 * np.eye(layout.size))
+    theta[[layout.shared(name) for name in of]] = 0.8 * off_sd
+    prior = SimpleNamespace(mean=np.zeros(layout.size), sd=np.full(layout.size, 0.8))
     return SimpleNamespace(
         model=SimpleNamespace(points=[pulses(BOTH_WAYS)] * len(misfits), layout=layout),
         best=SimpleNamespace(misfits=misfits, theta=theta, prior=prior),
@@ -160,10 +162,47 @@ def posterior(misfits, *, off_sd=0.0, of="sensor_delay_s"):
 )
 def test_an_instrument_far_from_its_prior_is_a_doubt(of, off_sd, doubted):
     body = Body(LogPrior(median=0.3, log_sd=0.45), LogPrior(median=70, log_sd=1), 0, 0.45, True)
-    far = posterior((0.8, 0.9), off_sd=off_sd, of=of)
-    found = doubts_of(far, moments(same(NARROW, points=2)), body)
+    unlikely = unlikely_instruments(far := posterior((0.8, 0.9), off_sd=off_sd, of=(of,)))
+    found = doubts_of(far, moments(same(NARROW, points=2)), body, unlikely)
 
     assert [Doubt.INSTRUMENTS_UNLIKELY in doubts for doubts in found] == [doubted] * 2
+    assert [(u.name, u.sds) for u in unlikely] == [(of, pytest.approx(abs(off_sd)))] * doubted
+
+
+SEVERAL = ("joint_encoder", "joint_velocity")
+INSTRUMENTS = Layout(1, 2, SEVERAL).shared_names[2:5] + Layout(1, 2, SEVERAL).shared_names[15:]
+
+
+@pytest.mark.parametrize(
+    ("of", "off_sd", "doubted"),
+    [
+        (("goniometer_gain",), -3.4, []),
+        (("goniometer_gain",), -3.6, ["goniometer_gain"]),
+        (("reflex_latency_s",), -5.0, []),  # early reflexes speak against no sensor
+        (INSTRUMENTS, 1.5, []),
+        (INSTRUMENTS, 2.0, list(INSTRUMENTS)),
+    ],
+)
+def test_several_sensors_may_each_be_farther_off_but_not_all_together(of, off_sd, doubted):
+    far = posterior((0.8, 0.9), off_sd=off_sd, of=of, sensors=SEVERAL)
+
+    assert sorted(u.name for u in unlikely_instruments(far)) == sorted(doubted)
+
+
+def test_a_parameter_that_speaks_against_the_model_stands_as_the_priors_state_it():
+    (late,) = unlikely_instruments(posterior((0.8,), off_sd=3.0))
+
+    assert (late.value, late.expected) == pytest.approx((np.exp(2.4), 1.0))
+    assert (late.low, late.high) == pytest.approx((np.exp(-1.568), np.exp(1.568)), rel=1e-3)
+    assert str(late) == "sensor_delay_s is 11, expected 1 (0.208 to 4.8): 3.0 SDs off"
+
+
+@pytest.mark.parametrize(("lag_s", "sd_s", "doubted"), [(0.0137, 3e-4, True), (0.0132, 3e-4, False),
+                                                         (0.0137, 2e-3, False)])  # fmt: skip
+def test_a_calibrated_lag_is_contradicted_beyond_its_sd_and_that_of_the_model(lag_s, sd_s, doubted):
+    free = SimpleNamespace(lag_moments=lambda: (lag_s, 1e-4))
+
+    assert bool(unlikely_lag(free, Calibrated(value=0.01, sd=sd_s))) is doubted
 
 
 @pytest.mark.parametrize(
@@ -176,7 +215,7 @@ def test_an_instrument_far_from_its_prior_is_a_doubt(of, off_sd, doubted):
 )
 def test_misfits_and_an_inertia_unlike_the_body_are_doubts(median, known, expected):
     body = Body(LogPrior(median=median, log_sd=0.45), LogPrior(median=70, log_sd=1), 0, 0.45, known)
-    found = doubts_of(posterior((0.8, 2.5)), moments(same(NARROW, points=2)), body)
+    found = doubts_of(posterior((0.8, 2.5)), moments(same(NARROW, points=2)), body, ())
 
     assert [want <= doubts for want, doubts in zip(expected, found, strict=True)] == [True, True]
     assert (Doubt.INERTIA_UNLIKE_BODY in found[0]) is (median == 0.9 and known)

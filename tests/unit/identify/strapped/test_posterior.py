@@ -12,7 +12,9 @@ from tests.unit.identify.strapped.prior_draws import (
     standardised_errors,
 )
 
+from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.strapped.checks import differs_with_size
+from jointz.identify.strapped.instruments import lags_of_instruments
 from jointz.identify.strapped.posterior import explain
 
 STUDIES = {
@@ -58,6 +60,32 @@ def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs, se
     ]
 
     assert differs_with_size(explain(model.with_points(points), priors, (0.0,))) is differs
+
+
+def test_a_calibrated_lag_binds_the_sum_of_delay_and_first_order_lag():
+    model, priors, _ = simulated_person(3, **THREE_SENSORS, labels=FEW)
+    free = explain(model, priors, (0.0,)).lag_moments()
+    stated = Calibrated(value=free[0] + 5e-4, sd=1e-5)
+    bound = explain(model, replace(priors, lag=stated), (0.0,))
+
+    # With the model's error of 1 ms, about the precision-weighted mean of fit and calibration.
+    share = free[1] ** 2 / (free[1] ** 2 + 1e-6)
+    assert bound.lag_moments()[0] == pytest.approx(free[0] + share * 5e-4, abs=5e-5)
+    assert bound.lag_moments()[1] < 1.05 * free[1]
+    (lag, *_) = lags_of_instruments(bound, CalibrationSpec(angle_lag_s=stated))
+    assert lag.value == pytest.approx(stated.value, abs=1e-6)
+    assert lag.ci_high - lag.ci_low == pytest.approx(2 * 1.96e-5, rel=0.02)
+
+
+def test_the_normal_of_a_prior_with_a_lag_is_that_of_its_misfit():
+    model, priors, _ = simulated_person(3, **STUDIES["doublet"], labels=FEW)
+    lag = Calibrated(value=0.008, sd=0.002)
+    prior = replace(priors, lag=lag).build(model, follows_cycle=0.0)
+    theta = prior.mean + 0.1 * np.sin(np.arange(prior.mean.size))
+    step = 1e-5 * np.eye(theta.size)
+
+    slope = [(prior.misfit(theta + s) - prior.misfit(theta - s)) / 2e-5 for s in step]
+    np.testing.assert_allclose(prior.normal(theta)[1], -0.5 * np.array(slope), rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.slow
