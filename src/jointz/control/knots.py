@@ -199,13 +199,15 @@ def _of_posterior(posterior: LogPosterior, analysis: StudyAnalysis) -> Impedance
         where += sorted(placed, key=placed.__getitem__)
     # The device's own part is no unknown: what is left of the value has the whole error.
     values = np.array([point.value for curve in curves for point in curve.points])
-    own_share = np.exp(posterior.mean[where]) / values
+    scales = [posterior.scale(posterior.parameters[k]) for k in where]
+    wholes = [s.value(posterior.mean[k]) for s, k in zip(scales, where, strict=True)]
+    own_share, shares = np.array(wholes) / values, posterior.shares[where]
+    relative = posterior.covariance[np.ix_(where, where)] / np.outer(shares, shares)
     warnings = () if small else ("small displacements were not estimated: secants were taken",)
     return Impedance(
         curves[0],
         curves[1],
-        (posterior.covariance[np.ix_(where, where)] + posterior.gain_sd**2)
-        * np.outer(own_share, own_share),
+        (relative + posterior.gain_sd**2) * np.outer(own_share, own_share),
         "onset" if small else "window",
         _source(analysis, small=small),
         warnings,
@@ -215,12 +217,13 @@ def _of_posterior(posterior: LogPosterior, analysis: StudyAnalysis) -> Impedance
 def _of_element(posterior: LogPosterior, k: int, name: str, at: float) -> Point:
     """Return a point of a posterior, which smooths over the cycle: its error is shared."""
     device = dict(posterior.intrinsic).get(name, 0.0)
-    whole = float(np.exp(posterior.mean[k]))
+    scale = posterior.scale(name)
+    whole = float(scale.value(posterior.mean[k]))
     value = whole - device
-    sd = float(np.hypot(posterior.sd[k], posterior.gain_sd)) * whole / value
-    if value <= 0.0 or whole * np.exp(-REACH_95 * posterior.sd[k]) <= device:
+    if value <= 0.0 or scale.moved(whole, -REACH_95 * posterior.sd[k]) <= device:
         text = f"profile of {posterior.label}: {name} at {posterior.timing_points[k]} is that of"
         raise EstimationError("undecided", f"{text} the device alone: its interval reaches zero.")
+    sd = float(np.hypot(posterior.sd[k] / posterior.shares[k], posterior.gain_sd)) * whole / value
     return Point(posterior.timing_points[k], at, value, 0.0, sd)
 
 

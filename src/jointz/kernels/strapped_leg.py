@@ -164,7 +164,7 @@ def _respond(
             past = i + part - latency
             drive = share * _past(motion[_POSITION], past, i)
             drive += (1.0 - share) * _VELOCITY_S * _past(motion[_SPEED], past, i)
-            drive *= p[REFLEX_GAIN] * inputs[STIFFNESS]
+            drive *= p[REFLEX_GAIN] * max(inputs[STIFFNESS], 0.0)
             inputs[_DRIVE] = drive if drive > 0.0 else drive * p[REFLEX_SHORTENING]
             _slopes(trial, inputs, p, slopes[stage])
         for z in range(_STATES):

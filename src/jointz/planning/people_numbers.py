@@ -24,14 +24,17 @@ def expected_people(
     if not kept.size:
         return None
     square = np.ix_(kept, kept)
-    inverse = np.linalg.inv(moments.covariance[square])
-    values, vectors = np.linalg.eigh(inverse - np.linalg.inv(moments.prior_covariance[square]))
+    shares = moments.shares[kept]
+    relative = np.outer(shares, shares)
+    inverse = np.linalg.inv(moments.covariance[square] / relative)
+    prior_inverse = np.linalg.inv(moments.prior_covariance[square] / relative)
+    values, vectors = np.linalg.eigh(inverse - prior_inverse)
     n_points = decided.shape[1]
     return ExpectedPeople(
         parameters=kept // n_points,
         places=kept % n_points,
         precision=(vectors * values.clip(_LEAST_PRECISION)) @ vectors.T,
-        own_sd=np.sqrt(np.diag(moments.covariance)[kept]),
+        own_sd=np.sqrt(np.diag(moments.covariance)[kept]) / shares,
         gain_sd=gain_sd,
     )
 

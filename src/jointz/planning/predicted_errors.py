@@ -15,6 +15,7 @@ from jointz.identify.strapped.estimands import WIDER, LogMoments, log_gradient, 
 from jointz.identify.strapped.leg_model import REFLEX, LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.prior import Prior
+from jointz.results.value_scale import ValueScale
 
 #: Half a step of the central differences, of transformed parameters.
 _STEP = 1e-4
@@ -81,12 +82,13 @@ class LogValues:
 
     values: np.ndarray  # (estimand * point,)
     gradient: np.ndarray  # (estimand * point, parameter)
+    stiffness_scale: ValueScale
 
 
 def log_values(model: LegModel, theta: np.ndarray, prior: Prior, sd: float) -> LogValues:
     """Return the logarithms of all estimands; steps of the derivatives are shares of prior sds."""
     steps = MapFit(theta, sd**2 * prior.covariance, prior, 0.0, ())
-    return LogValues(*log_gradient(model, steps))
+    return LogValues(*log_gradient(model, steps), model.stiffness_scale)
 
 
 def predicted_moments(
@@ -114,7 +116,7 @@ def predicted_moments(
     weights /= weights.sum()
     mean, covariance = mixed_moments(weights, means, covariances)
     prior_mean, spread = mixed_moments(weights, prior_means, prior_covariances)
-    return LogMoments(mean, WIDER**2 * covariance, prior_mean, spread)
+    return LogMoments(mean, WIDER**2 * covariance, prior_mean, spread, logs.stiffness_scale)
 
 
 def reflex_bias(

@@ -11,7 +11,7 @@ from jointz.identify.strapped.decisions import (
     Decision,
     decided_rows,
     holds_one_torque,
-    with_model_error,
+    value_and_sd,
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.information import GROUPS, places_of
@@ -33,7 +33,6 @@ from jointz.planning.predicted_responses import (
     planned_points,
     with_usable_samples,
 )
-from jointz.results.estimates import relative_half_width
 
 #: As many pulses as nobody fires: what remains is not noise.
 ENDLESS = 1e7
@@ -133,13 +132,10 @@ class PlannedLeg:
 
 def _half_width(name: str, k: int, moments: LogMoments, decision: Decision) -> float:
     """Return the half-width of an estimate over its value, less the device's own part."""
-    mean, sd = moments.of(name, k)
-    own, own_sd = decision.intrinsic(name)
-    whole = float(np.exp(mean))
-    if whole <= own:
+    scale, (value, sd) = moments.scale(name), value_and_sd(name, k, moments, decision)
+    if value <= 0.0:
         return _NOTHING_LEFT
-    relative = float(np.hypot(with_model_error(name, sd), decision.gain_sd))
-    return relative_half_width(float(np.hypot(whole * relative, own_sd)) / (whole - own))
+    return scale.half_width(value, sd / float(scale.slope(value)))
 
 
 def planned_model(lab: Laboratory, design: Design, person: int = 0) -> LegModel:

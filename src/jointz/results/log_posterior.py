@@ -9,6 +9,7 @@ import pandas as pd
 from jointz.core.events import row_label
 from jointz.results.base import Array, Axes, PlottedResult
 from jointz.results.estimates import REACH_95
+from jointz.results.value_scale import ValueScale
 
 #: Columns of ``log_posterior.csv``.
 LOG_POSTERIOR_COLUMNS = (
@@ -63,7 +64,8 @@ class LogPosterior(PlottedResult):
     The arrays have one element for each parameter and timing point: the stiffness of all points,
     then the damping of all points and so on: inertia, then stiffness and damping at the onset
     (not in results that were written before them). Logarithms are natural and
-    those of values in SI.
+    those of values in SI. A parameter with a unit in ``scale_units`` has ``asinh(value / unit)``
+    in place of the logarithm: it may be zero.
 
     Parameters
     ----------
@@ -90,6 +92,8 @@ class LogPosterior(PlottedResult):
         does not.
     gain_sd : float
         Relative sd of the gains, which the covariance does not include.
+    scale_units : tuple of (str, float)
+        Unit of a parameter, SI, that is not estimated as a logarithm.
 
     Notes
     -----
@@ -117,6 +121,7 @@ class LogPosterior(PlottedResult):
     doubted: tuple[bool, ...] = ()
     intrinsic: tuple[tuple[str, float], ...] = ()
     gain_sd: float = 0.0
+    scale_units: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.parameters)
@@ -143,6 +148,27 @@ class LogPosterior(PlottedResult):
         """Standard deviations of the prior, (n,)."""
         return np.asarray(np.sqrt(np.diag(self.prior_covariance)))
 
+    def scale(self, name: str) -> ValueScale:
+        """Return the scale of a parameter.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``stiffness``.
+        """
+        return ValueScale(dict(self.scale_units).get(name, 0.0))
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Sd of each element over the relative sd of its value, (n,): 1 for a logarithm."""
+        scales = [self.scale(name) for name in self.parameters]
+        return np.array([s.share(s.value(m)) for s, m in zip(scales, self.mean, strict=True)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, ready for JSON; without ``scale_units`` if there are none."""
+        values = PlottedResult.to_dict(self)
+        return {k: v for k, v in values.items() if v or k != "scale_units"}
+
     def rows(self) -> list[tuple[Any, ...]]:
         """Return one row for each element, in the columns of ``log_posterior.csv``."""
         numbers = np.column_stack([self.mean, self.sd, self.prior_mean, self.prior_sd]).tolist()
@@ -160,9 +186,10 @@ class LogPosterior(PlottedResult):
     def summary(self) -> str:
         """Return a short text: what the posterior holds, and its width beside the prior's."""
         names, points = dict.fromkeys(self.parameters), dict.fromkeys(self.timing_points)
+        scales = "logarithms or asinh" if self.scale_units else "logarithms"
         share = float(np.median(self.sd / self.prior_sd))
         return (
-            f"Posterior of {self.label}: logarithms of {', '.join(names)} at {len(points)} timing "
+            f"Posterior of {self.label}: {scales} of {', '.join(names)} at {len(points)} timing "
             f"point(s). Its standard deviations are {share:.2g} times the prior's (median)."
         )
 
@@ -175,14 +202,16 @@ class LogPosterior(PlottedResult):
             own = np.array([p == name for p in self.parameters])
             at = np.array([place[t] for t in self.timing_points])[own]
             x = at + _DODGE * ((k + 0.5) / len(names) - 0.5)
-            reach, prior_reach = REACH_95 * self.sd[own], REACH_95 * self.prior_sd[own]
-            middle = (self.mean - self.prior_mean)[own]
-            (line,) = axes.plot(x, np.exp(middle), "o", label=name)
+            scale, reach = self.scale(name), np.array([[-REACH_95], [0.0], [REACH_95]])
+            median = scale.value(self.prior_mean[own])
+            prior = scale.value(self.prior_mean[own] + reach * self.prior_sd[own]) / median
+            low, middle, high = scale.value(self.mean[own] + reach * self.sd[own]) / median
+            (line,) = axes.plot(x, middle, "o", label=name)
             colour = line.get_color()
-            axes.vlines(x, np.exp(-prior_reach), np.exp(prior_reach), colour, lw=6.0, alpha=0.2)
-            axes.vlines(x, np.exp(middle - reach), np.exp(middle + reach), colour)
+            axes.vlines(x, prior[0], prior[2], colour, lw=6.0, alpha=0.2)
+            axes.vlines(x, low, high, colour)
         axes.axhline(1.0, color="black", linewidth=0.8)
-        axes.set_yscale("log")
+        axes.set_yscale("symlog" if self.scale_units else "log")  # values may be zero
         axes.set_xticks(range(len(points)), points)
         axes.set_ylabel("value / median of the prior")
         axes.set_title("Lines: 95 % intervals; wide pale lines: those of the prior")

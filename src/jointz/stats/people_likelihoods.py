@@ -13,6 +13,7 @@ from jointz.results.statistics.pooled_estimates import (
     has_budget,
     unbounded_estimate,
 )
+from jointz.results.value_scale import ValueScale
 
 #: Timing point and parameter.
 Place = tuple[str, str]
@@ -64,13 +65,14 @@ class PeopleResults:
 class PeopleLikelihoods:
     """Likelihoods of people about values on the scale of the model.
 
-    The scale is logarithmic, or relative to ``unit``: values / ``unit``.
+    The scale is relative to ``unit``: values / ``unit``; or, if ``logarithmic``, that of
+    ``ValueScale(unit)``: a logarithm, or asinh.
     """
 
     people: tuple[str, ...]
     places: tuple[Place, ...]
     logarithmic: np.ndarray  # (d,) bool
-    unit: np.ndarray  # (d,) SI; 1 where logarithmic
+    unit: np.ndarray  # (d,) SI; 0 where a logarithm
     precision: np.ndarray  # (n, d, d)
     weighted: np.ndarray  # (n, d): precision times mean
     own_sd: np.ndarray  # (n, d): of each person's estimate, on the scale; NaN without one
@@ -194,14 +196,25 @@ def _of_posteriors(
     known = {key for p in results.posteriors
              for key in zip(p.timing_points, p.parameters, strict=True)}  # fmt: skip
     places = [(t, name) for name in parameters for t in points if (t, names[name]) in known]
-    units = [_of_posterior(p, places, results.masses_kg) for p in results.posteriors]
-    return places, units, np.ones(len(places), dtype=bool), np.ones(len(places))
+    scales = {place: _common_scale(results, place[1]) for place in places}
+    units = [_of_posterior(p, scales, results.masses_kg) for p in results.posteriors]
+    scale_units = np.array([scale.unit for scale in scales.values()])
+    return places, units, np.ones(len(places), dtype=bool), scale_units
+
+
+def _common_scale(results: PeopleResults, name: str) -> ValueScale:
+    """Return the scale of a parameter for all people; per kg, that of a person of mean mass."""
+    absolute = name.removesuffix(PER_MASS)
+    unit = max(p.scale(absolute).unit for p in results.posteriors)
+    masses_kg = list(results.masses_kg.values()) if name != absolute else []
+    return ValueScale(unit / float(np.exp(np.mean(np.log(masses_kg or [1.0])))))
 
 
 def _of_posterior(
-    posterior: LogPosterior, places: Sequence[Place], masses_kg: Mapping[str, float]
+    posterior: LogPosterior, scales: Mapping[Place, ValueScale], masses_kg: Mapping[str, float]
 ) -> _Unit:
     """Return a posterior's elements, without those that a doubt speaks against."""
+    places = list(scales)
     keys = zip(posterior.timing_points, posterior.parameters, strict=True)
     doubted = posterior.doubted or (False,) * len(posterior.parameters)
     found = {key: k for k, key in enumerate(keys) if not doubted[k]}
@@ -213,15 +226,34 @@ def _of_posterior(
     ]
     own = [found[places[e][0], places[e][1].removesuffix(PER_MASS)] for e in at]
     mass_kg = masses_kg.get(posterior.participant, 1.0)
-    shift = np.array([np.log(mass_kg) if places[e][1].endswith(PER_MASS) else 0.0 for e in at])
-    square = np.ix_(own, own)
+    rows = [
+        _moved(posterior, k, scales[places[e]], mass_kg if PER_MASS in places[e][1] else 1.0)
+        for k, e in zip(own, at, strict=True)
+    ]
+    factor, shift = np.array(rows, dtype=float).reshape(-1, 2).T
+    square, factors = np.ix_(own, own), np.outer(factor, factor)
     return _Unit(
         posterior.participant,
         np.array(at, dtype=int),
-        posterior.mean[own] - shift,
-        posterior.covariance[square],
-        (posterior.prior_mean[own] - shift, posterior.prior_covariance[square]),
+        factor * posterior.mean[own] - shift,
+        factors * posterior.covariance[square],
+        (factor * posterior.prior_mean[own] - shift, factors * posterior.prior_covariance[square]),
     )
+
+
+def _moved(
+    posterior: LogPosterior, k: int, scale: ValueScale, mass_kg: float
+) -> tuple[float, float]:
+    """Return by what an element is multiplied, and what is then subtracted, on another scale.
+
+    To first order about its mean.
+    """
+    own, mean = posterior.scale(posterior.parameters[k]), posterior.mean[k]
+    if not scale.unit:
+        return 1.0, float(np.log(mass_kg))
+    value = own.value(mean)
+    factor = own.slope(value) / (mass_kg * scale.slope(value / mass_kg))
+    return float(factor), float(factor * mean - scale.of(value / mass_kg))
 
 
 def _of_cells(
@@ -255,7 +287,7 @@ def _of_cells(
                 np.diag((sds / np.where(logs, positive, unit[at])) ** 2),
             )
         )
-    return places, units, logarithmic, unit
+    return places, units, logarithmic, np.where(logarithmic, 0.0, unit)
 
 
 def _cell_rows(

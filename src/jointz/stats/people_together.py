@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.kernels.statistics.people_model import PeopleData, draw_people
 from jointz.results.estimates import FEWEST_PEOPLE, REACH_95, decides
+from jointz.results.value_scale import ValueScale
 from jointz.stats.people_likelihoods import (
     PER_MASS,
     PeopleLikelihoods,
@@ -66,12 +67,13 @@ class _Fitted:
 
     places: tuple[tuple[int, Place], ...]  # condition, and place, of each element
     whole: np.ndarray  # (draw, d) SI: means over people, the device's own part included
-    relative_sd: np.ndarray  # (draw, d): between people
+    size: np.ndarray  # (draw, d) SI: of a change of the scale by 1
+    relative_sd: np.ndarray  # (draw, d): between people, over ``size``
     level_variance: np.ndarray  # (draw, d): of that, what a person has at all places
     response_variance: np.ndarray  # (draw, d): of that, a person's own response to the condition
     intrinsic: np.ndarray  # (d,) SI
     logarithmic: np.ndarray  # (d,) bool
-    unit: np.ndarray  # (d,) SI: of the scale of the model; 1 where logarithmic
+    unit: np.ndarray  # (d,) SI: of the scale of the model; 0 where a logarithm
     own_sd: np.ndarray  # (d,): error of a typical person's own estimate, on that scale
     n_people: np.ndarray  # (d,)
     gain_sd: float
@@ -134,8 +136,9 @@ class PeopleTogether:
         f, k = self._of[element]
         fit = self._fits[f]
         wrong = SHARED * fit.own_sd[k] * self._model[element[1]]
-        whole, gain = fit.whole[:, k], np.exp(self._gains[f])
-        whole = whole * np.exp(wrong) if fit.logarithmic[k] else whole + fit.unit[k] * wrong
+        whole, gain, unit = fit.whole[:, k], np.exp(self._gains[f]), float(fit.unit[k])
+        linear = not fit.logarithmic[k]
+        whole = whole + unit * wrong if linear else ValueScale(unit).moved(whole, wrong)
         return np.asarray(whole * gain - fit.intrinsic[k])
 
     def mean(self, condition: int, place: Place) -> PeopleMean | None:
@@ -162,12 +165,13 @@ class PeopleTogether:
             return None
         value = float(np.median(fit.whole[:, k])) - float(fit.intrinsic[k])
         low, high = np.percentile(self._draws(element), _TAILS).tolist()
-        reach = REACH_95 * fit.own_sd[k]
-        typical = abs(value) * np.sinh(reach) if fit.logarithmic[k] else fit.unit[k] * reach
+        reach, unit = REACH_95 * fit.own_sd[k], float(fit.unit[k])
+        sized = ValueScale(unit).slope(value) * np.sinh(reach)
+        typical = sized if fit.logarithmic[k] else unit * reach
         half = max((high - low) / 2.0, float(typical))
         return PeopleMean(
             value=value,
-            sd=float(np.median(np.abs(fit.whole[:, k]) * fit.relative_sd[:, k])),
+            sd=float(np.median(np.abs(fit.size[:, k]) * fit.relative_sd[:, k])),
             ci_low=low,
             ci_high=high,
             n_people=int(fit.n_people[k]),
@@ -227,7 +231,7 @@ class PeopleTogether:
         """Return the sd over people of their differences; of groups, their own sd."""
         (f, a), (g, b) = self._of[first], self._of[second]
         fit, other = self._fits[f], self._fits[g]
-        x, y = fit.whole[:, a], other.whole[:, b]
+        x, y = fit.size[:, a], other.size[:, b]
         if f != g:
             squares = (x * fit.relative_sd[:, a]) ** 2 + (y * other.relative_sd[:, b]) ** 2
             return np.asarray(np.sqrt(squares / 2.0))
@@ -356,12 +360,18 @@ def _in_si(
         whole = np.where(logarithmic, np.exp(logs), unit * middle)
         linear_sd = np.sqrt(variance) / np.abs(middle)
         relative_sd = np.where(logarithmic, np.sqrt(np.expm1(variance)), linear_sd)
+        curved = logarithmic & (unit > 0.0)
+        asinh_mean, asinh_sd = _of_asinh(middle, variance, unit)
+        whole = np.where(curved, asinh_mean, whole)
+        size = np.where(curved, np.hypot(whole, unit), whole)
+        relative_sd = np.where(curved, asinh_sd / size, relative_sd)
     scale = np.where(logarithmic, 1.0, 1.0 / middle**2)
     own_sd = np.concatenate([_typical(one.own_sd) for one in conditions])
     counts = [one.counts.sum(axis=0) for one in conditions]
     return _Fitted(
         places=tuple(places),
         whole=whole,
+        size=size,
         relative_sd=relative_sd,
         level_variance=level * scale,
         response_variance=drawn.response[:, data.kinds] * scale,
@@ -374,6 +384,15 @@ def _in_si(
         correlations=_correlations(drawn.correlation, names),
         session_sd=conditions[0].session_sd,
     )
+
+
+def _of_asinh(
+    middle: np.ndarray, variance: np.ndarray, unit: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and sd of ``unit * sinh(x)`` of a normal x."""
+    mean = unit * np.exp(variance / 2.0) * np.sinh(middle)
+    square = np.expm1(variance) * (np.exp(variance) * np.cosh(2.0 * middle) + 1.0) / 2.0
+    return mean, unit * np.sqrt(square)
 
 
 def _typical(own_sd: np.ndarray) -> np.ndarray:

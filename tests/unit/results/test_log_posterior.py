@@ -78,6 +78,23 @@ def test_a_study_keeps_the_posteriors_of_its_people(tmp_path):
     assert len(table) == 12
 
 
+def test_a_stiffness_that_may_be_zero_states_its_scale(tmp_path):
+    one = posterior()
+    near_zero = np.where([p == "stiffness" for p in one.parameters], 0.0, one.mean)
+    scaled = replace(one, mean=near_zero, scale_units=(("stiffness", 8.0),))
+
+    Analysis(cells=(), log_posteriors=(scaled,)).save(tmp_path / "results")
+    loaded = jointz.load(tmp_path / "results").log_posteriors[0]
+
+    assert loaded == scaled
+    assert loaded.scale("stiffness").value(1.0) == pytest.approx(8.0 * np.sinh(1.0))
+    assert loaded.scale("damping").value(1.0) == pytest.approx(np.e)
+    assert loaded.shares.tolist() == [0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert loaded.plot().get_yscale() == "symlog"
+    # Files of logarithms stay as they were.
+    assert "scale_units" not in one.to_dict()
+
+
 def test_a_study_without_posteriors_has_no_such_file(tmp_path):
     analysis = Analysis(cells=())
     old = {k: v for k, v in analysis.to_dict().items() if k != "log_posteriors"}

@@ -8,6 +8,7 @@ import pytest
 from jointz.core.errors import DataError
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.log_posterior import LogPosterior
+from jointz.results.value_scale import ValueScale
 from jointz.stats.people_likelihoods import PeopleResults
 from jointz.stats.people_together import together
 
@@ -152,6 +153,54 @@ def test_where_mass_explains_the_people_the_spread_per_kg_is_smaller():
     per_kg = means_of(heavy, PER_KG, masses)["LRE", "stiffness_per_mass"]
     assert whole.sd / whole.value > 0.18
     assert per_kg.sd / per_kg.value < 0.12
+
+
+SCALE = ValueScale(8.0)
+
+
+def on_asinh(sound, values):
+    """Return the same people with other stiffnesses, N*m/rad, on the scale of asinh."""
+    return [
+        replace(
+            p,
+            mean=np.concatenate([SCALE.of(own) * np.ones(2), p.mean[2:]]),
+            prior_mean=np.concatenate([SCALE.of(60.0) * np.ones(2), p.prior_mean[2:]]),
+            covariance=np.diag([0.02**2] * 2 + np.diag(p.covariance)[2:].tolist()),
+            scale_units=(("stiffness", SCALE.unit),),
+        )
+        for p, own in zip(sound, values, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("per_kg", [0.04, 0.0, 0.8])
+def test_a_mean_per_kg_may_be_small_or_zero(per_kg):
+    rng = np.random.default_rng(4)
+    masses = {f"S{k}": 50.0 + 6.0 * k for k in range(10)}
+    kg = np.array(list(masses.values()))
+    values = kg * (per_kg + 0.01 * rng.standard_normal(10))
+    legs = on_asinh(people(10), values)
+    mean = means_of(legs, PER_KG, masses)["LRE", "stiffness_per_mass"]
+    whole = means_of(legs, NAMES)["LRE", "stiffness"]
+    assert mean.value == pytest.approx(float((values / kg).mean()), abs=0.01 + 0.01 * per_kg)
+    assert whole.value == pytest.approx(float(values.mean()), abs=0.7 + 0.02 * values.mean())
+    assert mean.ci_low < per_kg < mean.ci_high
+    assert (mean.decided, mean.n_people) == (per_kg > 0.0, 10)
+    assert mean.sd < 0.05 + 0.1 * per_kg
+
+
+def test_people_on_either_scale_have_one_mean():
+    sound = people(10)
+    values = 100.0 * np.exp(0.1 * np.random.default_rng(5).standard_normal(10))
+    logs = [
+        replace(p, mean=np.concatenate([np.log(v) * np.ones(2), p.mean[2:]]),
+                prior_mean=np.concatenate([np.log(60.0) * np.ones(2), p.prior_mean[2:]]),
+                covariance=other.covariance, scale_units=())
+        for p, v, other in zip(sound, values, on_asinh(sound, values), strict=True)
+    ]  # fmt: skip
+    mixed = [*on_asinh(sound, values)[:5], *logs[5:]]
+    alone, both = (means_of(p)["LRE", "stiffness"] for p in (logs, mixed))
+    assert both.value == pytest.approx(alone.value, rel=0.02)
+    assert both.ci_high - both.ci_low == pytest.approx(alone.ci_high - alone.ci_low, rel=0.2)
 
 
 def test_a_mean_that_is_the_device_s_own_is_undecided(sound):

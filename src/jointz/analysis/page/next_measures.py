@@ -121,7 +121,7 @@ def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[
                 continue
             if cell.method == STRAPPED:
                 sd = sds.get((cell.label, name, cell.timing_point))
-                if sd is not None and estimate.ci_low is not None:
+                if sd is not None and np.isfinite(sd) and estimate.ci_low is not None:
                     yield _strapped_gain(cell, estimate, sd)
             elif cell.budget.get(name):
                 yield _rigid_gain(cell, estimate)

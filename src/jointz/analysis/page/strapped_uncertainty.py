@@ -59,10 +59,11 @@ _Key = tuple[str, str, str]
 
 
 def log_sds(posterior: LogPosterior) -> Iterator[tuple[_Key, float]]:
-    """Yield participant, parameter and timing point with the sd of the logarithm."""
+    """Yield participant, parameter and timing point with the relative sd; endless at zero."""
     places = zip(posterior.parameters, posterior.timing_points, strict=True)
-    for (name, point), sd in zip(places, np.sqrt(np.diag(posterior.covariance)), strict=True):
-        whole = np.hypot(with_model_error(name, float(sd)), posterior.gain_sd)
+    for (name, point), sd, share in zip(places, posterior.sd, posterior.shares, strict=True):
+        own = with_model_error(name, float(sd)) / share if share > 0.0 else np.inf
+        whole = np.hypot(own, posterior.gain_sd)
         yield (posterior.label, name, point), float(whole)
 
 
@@ -107,7 +108,7 @@ def _too_wide(sd: float | None, others: Sequence[float]) -> str:
 def _remedy(cell: CellEstimate, estimate: ParameterEstimate, sd: float | None) -> str:
     """Name the measurements that would make the interval narrower, the best one first."""
     parts = cell.through_instruments.get(estimate.name, {})
-    if sd is None or not estimate.unbounded:
+    if sd is None or not np.isfinite(sd) or not estimate.unbounded:
         return _NOTHING_ALONE
     now = relative_half_width(sd)
     left = {

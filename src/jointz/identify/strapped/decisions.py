@@ -16,14 +16,15 @@ from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.prior import LAG_MODEL_S, untransformed
 from jointz.identify.strapped.responses import PointResponse
+from jointz.kernels.bounded_normal import bounded_interval
 from jointz.results.estimates import (
     ONE_SIDED_95,
     REACH_95,
     ParameterEstimate,
     decides,
-    relative_half_width,
 )
 from jointz.results.log_posterior import UnlikelyParameter
+from jointz.results.value_scale import ValueScale
 
 #: A value is judged by its half-width and by the geometric mean of that and the median of the
 #: person's points: a single narrow one may be so by chance. Of these, the median itself may not be
@@ -59,6 +60,9 @@ _MAY_BE_ABSENT = ("friction_nm", "skin_share", "reflex_gain")
 _NO_INSTRUMENTS = ("inertia", "reflex_position", "reflex_shortening", "softening_power")
 #: Beside several sensors, a reflex that is early or fast says nothing about them.
 _OF_REFLEX = ("reflex_latency_s", "reflex_time_s")
+#: A small stiffness: of the prior's variance at most so much is left, as of method ``rigid``; sds
+#: below zero that contradict the bound; upper limit over the stiffness that alone would resist.
+_ASSUMED, _BELOW, _SMALL = 0.25, 4.0, 0.5
 _AGAINST_ALL = frozenset(
     {
         Doubt.INERTIA_UNLIKE_BODY,
@@ -82,6 +86,7 @@ class Decision:
     mass_kg: float | None  # body mass, for values per kg
     subtract: Sequence[str]  # those of K, B and J of the device that the torque still includes
     several_sensors: bool = False  # whether the gain of the angle is one of the fit's parameters
+    natural_stiffness: float = 0.0  # N*m/rad, if it alone resisted the pulses; 0: not known
 
     @property
     def gain_sd(self) -> float:
@@ -166,8 +171,10 @@ def unlikely_instruments(posterior: LegPosterior) -> tuple[UnlikelyParameter, ..
 
 def _unlikely(name: str, off: float, mean: float, sd: float) -> UnlikelyParameter:
     """Describe a parameter that is so many prior sds off."""
-    of_95 = (mean + x * sd for x in (off, 0.0, -REACH_95, REACH_95))
-    return UnlikelyParameter(name, *(untransformed(name, x) for x in of_95), abs(float(off)))
+    value, expected, low, high = (
+        untransformed(name, mean + x * sd) for x in (off, 0.0, -REACH_95, REACH_95)
+    )
+    return UnlikelyParameter(name, value, expected, low, high, abs(float(off)))
 
 
 def unlikely_lag(free: LegPosterior, stated: Calibrated) -> UnlikelyParameter | None:
@@ -211,38 +218,58 @@ def _row(
     decision: Decision,
     doubts: Collection[Doubt],
 ) -> ParameterEstimate:
-    mean, sd = moments.of(name, point)
-    sd = float(np.hypot(with_model_error(name, sd), decision.gain_sd))
-    own, own_sd = decision.intrinsic(name)
-    whole = float(np.exp(mean))
-    value = whole - own
+    scale = moments.scale(name)
+    value, sd = value_and_sd(name, point, moments, decision)
     undecided = ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
-    if value <= 0.0 or speaks_against(name, doubts):
+    if (value <= 0.0 and not scale.unit) or speaks_against(name, doubts):
         return undecided
-    sd = float(np.hypot(whole * sd, own_sd)) / value
+    sd /= float(scale.slope(value))
     if not sd < _NO_SD:  # NaN, too
         return undecided
-    half, usual = relative_half_width(sd), _median_half_width(name, moments)
+    half, usual = scale.half_width(value, sd), _median_half_width(name, moments)
     together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
     limits_only = leaves_limits_only(name, doubts)
     if limits_only or not decides(1.0, max(half, together)):
+        known = scale.unit and not limits_only and moments.prior_share(name, point) <= _ASSUMED
+        if known and (small := _at_bound(undecided, scale, sd, decision)):
+            return small
         narrow = decides(1.0, usual) and not limits_only
         reach = ONE_SIDED_95 * sd * (1.0 if narrow else _WIDER_LIMITS)
-        low, high = value * np.exp([-reach, reach])
-        return replace(undecided, ci_low=float(low), ci_high=float(high), ci_method=_LIMITS)
-    low, high = value * np.exp([-REACH_95 * sd, REACH_95 * sd])
-    return replace(
-        undecided,
-        value=value,
-        ci_low=float(low),
-        ci_high=float(high),
-        status="ok",
-        ci_method=_CI_METHOD,
-    )
+        low, high = scale.moved(value, np.array([-reach, reach])).clip(0.0).tolist()
+        limits = replace(undecided, ci_low=low, ci_high=high, ci_method=_LIMITS)
+        return limits if high > 0.0 else undecided
+    low, high = scale.moved(value, np.array([-REACH_95 * sd, REACH_95 * sd])).tolist()
+    decided = replace(undecided, status="ok", ci_method=_CI_METHOD)
+    return replace(decided, value=value, ci_low=low, ci_high=high)
+
+
+def value_and_sd(
+    name: str, point: int, moments: LogMoments, decision: Decision
+) -> tuple[float, float]:
+    """Return an estimate without the device's own part, and the sd of its whole error, SI."""
+    scale, whole = moments.scale(name), moments.value(name, point)
+    own, own_sd = decision.intrinsic(name)
+    sd = with_model_error(name, moments.of(name, point)[1])
+    sd = float(np.hypot(sd, decision.gain_sd * scale.share(whole)))
+    return whole - own, float(np.hypot(scale.slope(whole) * sd, own_sd))
+
+
+def _at_bound(
+    undecided: ParameterEstimate, scale: ValueScale, sd: float, decision: Decision
+) -> ParameterEstimate | None:
+    """Return a stiffness whose interval reaches zero and has a small upper limit."""
+    value = undecided.unbounded or 0.0
+    place = float(scale.of(value))
+    low, high = (float(scale.value(end)) for end in bounded_interval(place, sd))
+    small = low == 0.0 and high <= _SMALL * decision.natural_stiffness
+    if not small or place < -_BELOW * sd:
+        return None
+    decided = replace(undecided, status="at_bound", ci_method=_CI_METHOD)
+    return replace(decided, value=max(value, 0.0), ci_low=low, ci_high=high)
 
 
 def with_model_error(name: str, sd: float) -> float:
-    """Return the sd of an estimand's logarithm with the error of the model."""
+    """Return the sd of an estimand, on its scale, with the error of the model."""
     return float(np.hypot(sd, _MODEL_SD.get(name.removesuffix("_onset"), 0.0)))
 
 
@@ -250,4 +277,5 @@ def _median_half_width(name: str, moments: LogMoments) -> float:
     """Return the median half-width over the person's timing points."""
     n_points = moments.mean.size // len(ESTIMANDS)
     sds = [with_model_error(name, moments.of(name, point)[1]) for point in range(n_points)]
-    return float(np.median([relative_half_width(sd) for sd in sds]))
+    values = [moments.value(name, point) for point in range(n_points)]
+    return float(np.median(list(map(moments.scale(name).half_width, values, sds))))

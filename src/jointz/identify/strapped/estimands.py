@@ -8,9 +8,12 @@ from jointz.identify.strapped.leg_model import REFERENCE_S, LegModel
 from jointz.identify.strapped.map_fit import MapFit
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.kernels import strapped_leg as leg
+from jointz.results.value_scale import LOGARITHM, ValueScale
 
-#: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset.
+#: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset. Both K
+#: are on the scale of K.
 ESTIMANDS = ("stiffness", "damping", "inertia", "stiffness_onset", "damping_onset")
+_STIFFNESS = ("stiffness", "stiffness_onset")
 #: Laplace's sds are too small by so much: self-simulation, docs/estimator.md.
 WIDER = 1.1
 _EVERY_S = 0.002
@@ -25,16 +28,40 @@ class LogMoments:
     covariance: np.ndarray
     prior_mean: np.ndarray
     prior_covariance: np.ndarray
+    stiffness_scale: ValueScale = LOGARITHM
 
     @property
     def sd(self) -> np.ndarray:
         """Standard deviations of the posterior."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
+    def scale(self, name: str) -> ValueScale:
+        """Return the scale of an estimand."""
+        return self.stiffness_scale if name in _STIFFNESS else LOGARITHM
+
+    def value(self, name: str, point: int) -> float:
+        """Return the value, SI, at the mean of an estimand at a point."""
+        return float(self.scale(name).value(self.of(name, point)[0]))
+
+    def prior_share(self, name: str, point: int) -> float:
+        """Return the variance of an estimand at a point over that of its prior."""
+        at = self._place(name, point)
+        return float(self.covariance[at, at] / self.prior_covariance[at, at])
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Sd of each element over the relative sd of its value: 1 for a logarithm."""
+        points = range(self.mean.size // len(ESTIMANDS))
+        places = [(name, point) for name in ESTIMANDS for point in points]
+        return np.array([self.scale(name).share(self.value(name, k)) for name, k in places])
+
     def of(self, name: str, point: int) -> tuple[float, float]:
         """Return mean and sd of an estimand at a point."""
-        at = ESTIMANDS.index(name) * (self.mean.size // len(ESTIMANDS)) + point
+        at = self._place(name, point)
         return float(self.mean[at]), float(self.sd[at])
+
+    def _place(self, name: str, point: int) -> int:
+        return ESTIMANDS.index(name) * (self.mean.size // len(ESTIMANDS)) + point
 
 
 def log_moments(posterior: LegPosterior) -> LogMoments:
@@ -44,7 +71,8 @@ def log_moments(posterior: LegPosterior) -> LogMoments:
         posterior.weights, [p[0] for p in parts], [p[1] for p in parts]
     )
     prior, spread = mixed_moments(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
-    return LogMoments(mean, WIDER**2 * covariance, prior, spread)
+    scale = posterior.model.stiffness_scale
+    return LogMoments(mean, WIDER**2 * covariance, prior, spread, scale)
 
 
 def mixed_moments(
@@ -94,8 +122,9 @@ def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
     layout, at = model.layout, model.points[point].time_s
     window = np.arange(0.0, model.window_s + 1e-9, _EVERY_S)
     inside = model.knot_weights(window)
-    log_k, log_b = theta[:, layout.stiffness(point)], theta[:, layout.damping(point)]
-    stiffness, damping = np.exp(log_k @ inside.T), np.exp(log_b @ inside.T)
+    scaled_k, log_b = theta[:, layout.stiffness(point)], theta[:, layout.damping(point)]
+    scale = model.stiffness_scale
+    stiffness, damping = scale.value(scaled_k @ inside.T), np.exp(log_b @ inside.T)
     _, _, p = model.natural(theta, point)
     limb = model.limb_inertia(theta, point, np.array([REFERENCE_S]))[:, 0]
     bone = model.bone(theta, point)
@@ -108,10 +137,10 @@ def log_estimands(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
     onset = model.knot_weights(np.zeros(1))[0]
     return np.stack(
         [
-            np.log(secant.mean(axis=(1, 2))),
+            scale.of(secant.mean(axis=(1, 2))),
             np.log(damping.mean(axis=1)),
             np.log(limb + p[:, leg.DEVICE_INERTIA]),
-            log_k @ onset,
+            scaled_k @ onset,
             log_b @ onset,
         ],
         axis=1,

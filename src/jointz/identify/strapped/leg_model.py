@@ -1,6 +1,6 @@
 """Forward model of all timing points: from one vector of parameters to every response.
 
-The vector holds, for each timing point, the logarithms of K and B at knots from the onset on, the
+The vector holds, for each timing point, K on its scale and log B at knots from the onset on, the
 deviation of log J, the slope of J and the deviation of the reflex; then what all points share.
 """
 
@@ -14,7 +14,10 @@ from scipy.special import expit
 from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY, SHANK_VELOCITY
 from jointz.identify.strapped.responses import GONIOMETER, PointResponse
 from jointz.kernels import strapped_leg as leg
+from jointz.results.value_scale import LOGARITHM, ValueScale
 
+#: Scale on which K is estimated.
+STIFFNESS_SCALE: Final = LOGARITHM
 #: What all points share, behind the parameters of the points.
 _SHARED = (
     "inertia",
@@ -60,8 +63,9 @@ _KNOT_S = 0.06
 _FRICTION_VELOCITY = 0.08
 _STEP_S = 0.001
 _FARTHEST_RAD = 100.0
-#: Bounds of the search: logarithms of K, B and the change of J, and physical limits.
-_LOG_K, _LOG_B, _LOG_J = (-1.0, 8.0), (-5.0, 4.0), (-3.0, 3.0)
+#: Bounds of the search: logarithms of K, B and the change of J, and physical limits. Where K may
+#: be negative, it is bounded by its size.
+_LARGEST_K, _LOG_K, _LOG_B, _LOG_J = 3000.0, (-1.0, 8.0), (-5.0, 4.0), (-3.0, 3.0)
 _SHARES, _POWERS = (0.01, 0.6), (0.7, 3.5)
 _STRAPS_HZ = (1.0, 150.0)
 _GAINS = (-0.5, 0.5)
@@ -103,7 +107,7 @@ class Layout:
         return self.n_points * self.per_point + len(self.shared_names)
 
     def stiffness(self, point: int) -> slice:
-        """Return the places of log K at the knots of a point."""
+        """Return the places of K, on its scale, at the knots of a point."""
         first = point * self.per_point
         return slice(first, first + self.n_knots)
 
@@ -136,11 +140,19 @@ class LegModel:
     """Responses of all timing points of a participant."""
 
     def __init__(
-        self, points: Sequence[PointResponse], *, window_s: float, gravity_stiffness: float
+        self,
+        points: Sequence[PointResponse],
+        *,
+        window_s: float,
+        gravity_stiffness: float,
+        stiffness_scale: ValueScale = STIFFNESS_SCALE,
     ) -> None:
         self.points = tuple(points)
         self.window_s = window_s
         self._gravity = gravity_stiffness
+        self.stiffness_scale = stiffness_scale
+        farthest = stiffness_scale.of(_LARGEST_K)
+        self._stiffness_range = (-farthest, farthest) if stiffness_scale.unit else _LOG_K
         end_s = max(window_s, max(float(p.time_s[-1]) for p in points))
         self.knots_s = np.linspace(0.0, end_s, int(np.ceil(end_s / _KNOT_S - 1e-9)) + 1)
         self.channels = points[0].channels
@@ -155,13 +167,19 @@ class LegModel:
 
     def with_points(self, points: Sequence[PointResponse]) -> "LegModel":
         """Return the same model of other responses."""
-        return LegModel(points, window_s=self.window_s, gravity_stiffness=self._gravity)
+        return LegModel(
+            points,
+            window_s=self.window_s,
+            gravity_stiffness=self._gravity,
+            stiffness_scale=self.stiffness_scale,
+        )
 
     def natural(self, theta: np.ndarray, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return K and B over time (m, n) and the parameters of the leg (m, N) of a point."""
         layout, time_s = self.layout, self.points[point].time_s
         weights = self.knot_weights(np.clip(time_s, 0.0, None))
-        stiffness = np.exp(np.clip(theta[:, layout.stiffness(point)] @ weights.T, *_LOG_K))
+        scaled = theta[:, layout.stiffness(point)] @ weights.T
+        stiffness = self.stiffness_scale.value(np.clip(scaled, *self._stiffness_range))
         damping = np.exp(np.clip(theta[:, layout.damping(point)] @ weights.T, *_LOG_B))
         return stiffness, damping, self._leg(theta, point, stiffness)
 
@@ -224,7 +242,8 @@ class LegModel:
         p[:, leg.STRAP_DAMPING] = 2.0 * np.exp(raw("strap_damping")) * reduced * turn
         p[:, leg.HALF_ANGLE] = np.exp(raw("half_angle_rad"))
         p[:, leg.SOFTENING_POWER] = np.clip(raw("softening_power"), *_POWERS)
-        p[:, leg.GRAVITY_STIFFNESS] = np.minimum(self._gravity, 0.5 * stiffness.min(axis=1))
+        softest = np.maximum(stiffness.min(axis=1), 0.0)
+        p[:, leg.GRAVITY_STIFFNESS] = np.minimum(self._gravity, 0.5 * softest)
         p[:, leg.REFLEX_GAIN] = np.exp(raw("reflex_gain") + theta[:, layout.own(point, REFLEX)])
         p[:, leg.REFLEX_LATENCY] = np.clip(np.exp(raw("reflex_latency_s")), *_LATENCIES_S)
         p[:, leg.REFLEX_TIME] = np.clip(np.exp(raw("reflex_time_s")), *_TIMES_S)

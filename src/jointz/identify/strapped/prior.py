@@ -17,6 +17,7 @@ from jointz.identify.strapped.leg_model import (
     LegModel,
 )
 from jointz.identify.strapped.responses import PointResponse
+from jointz.results.value_scale import LOGARITHM
 
 #: Of a point by itself: share that does not change in the window, and time of what does, s.
 _STEADY, _DRIFT_S = 0.6, 0.13
@@ -91,16 +92,16 @@ class LegPriors:
         ``follows_cycle`` is the share of the variance of K, B and J that one smooth curve of the
         gait cycle has through all points; the rest is every point's own.
         """
-        layout, spec = model.layout, self.spec
+        layout, spec, body = model.layout, self.spec, self.body
         mean, covariance = np.zeros(layout.size), np.zeros((layout.size, layout.size))
-        for level, over_cycle, places in (
-            (self.body.stiffness, spec.stiffness_over_cycle, layout.stiffness),
-            (spec.damping, spec.damping_over_cycle, layout.damping),
+        for scale, level, over_cycle, places in (
+            (model.stiffness_scale, body.stiffness, spec.stiffness_over_cycle, layout.stiffness),
+            (LOGARITHM, spec.damping, spec.damping_over_cycle, layout.damping),
         ):
             at = np.concatenate([np.r_[places(k)] for k in range(layout.n_points)])
-            mean[at] = np.log(level.median)
+            mean[at] = scale.of(level.median)
             alike = _correlation(model.points, model.knots_s, follows_cycle)
-            covariance[np.ix_(at, at)] = (
+            covariance[np.ix_(at, at)] = scale.share(level.median) ** 2 * (
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
         at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])

@@ -366,11 +366,13 @@ class _Participant:
         centre = None
         if onset is not None and np.isfinite(cell.stride_s):
             centre = (onset + 50.0 * window_s / cell.stride_s) % 100.0
-        decision = self._decision(cell, explained.known)
-        parameters = decided_rows(k, explained.moments, decision, doubts)
         responses, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
         moved = max(float(np.abs(s.shown[0, inside]).max()) for s in point.shapes)
+        pushed = max(float(np.abs(s.torque[inside]).max()) for s in point.shapes)
+        natural = pushed / max(moved, 1e-9)
+        decision = replace(self._decision(cell, explained.known), natural_stiffness=natural)
+        parameters = decided_rows(k, explained.moments, decision, doubts)
         return CellEstimate(
             participant=self._name,
             timing_point=cell.label,
@@ -457,6 +459,7 @@ class _Participant:
             ),
             intrinsic=tuple((name, decision.intrinsic(name)[0]) for name in ESTIMANDS),
             gain_sd=decision.gain_sd,
+            scale_units=tuple((n, u) for n in ESTIMANDS if (u := moments.scale(n).unit)),
         )
 
     def _failed(
@@ -487,7 +490,7 @@ def _failures_after(explained: _Explained) -> dict[str, Failure | None]:
     failures: dict[str, Failure | None] = {}
     for k, cell in enumerate(explained.cells):
         beyond = any(
-            np.exp(explained.moments.of(name, k)[0]) > largest
+            explained.moments.value(name, k) > largest
             for name, largest in zip(PARAMETERS, LARGEST_IMPEDANCE, strict=True)
         )
         _, vaf_pct = explained.fits[k]
@@ -540,9 +543,11 @@ def _through_sources(
     parts: dict[str, dict[str, float]] = {}
     for place, name in enumerate(ESTIMANDS):
         at, value = place * n + k, values[name].unbounded
-        if value is not None and value > 0.0 and np.isfinite(sds[at]):
+        scale = explained.moments.scale(name)
+        if value is not None and (value > 0.0 or scale.unit) and np.isfinite(sds[at]):
             parts[name] = {
-                source: value * float(np.sqrt(max(sds[at] ** 2 - left[at] ** 2, 0.0)))
+                source: float(scale.slope(value))
+                * float(np.sqrt(max(sds[at] ** 2 - left[at] ** 2, 0.0)))
                 for source, left in explained.remaining.items()
             }
     return parts

@@ -21,6 +21,7 @@ from jointz.identify.strapped.decisions import (
 )
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.leg_model import Layout
+from jointz.results.value_scale import ValueScale
 
 NAMES = ["stiffness", "damping", "inertia", "stiffness_per_mass", "damping_per_mass",
          "stiffness_onset", "damping_onset"]  # fmt: skip
@@ -108,6 +109,55 @@ def test_gains_and_the_device_itself_are_taken_into_account():
     gone = rows(same(NARROW), known=CalibrationSpec(intrinsic_inertia=Calibrated(value=0.5, sd=0)),
                 subtract=("inertia",))  # fmt: skip
     assert gone["inertia"].status == "undecided"
+
+
+ASINH = ValueScale(8.0)
+
+
+def scaled_rows(stiffness, sd, *, doubts=(), natural=100.0, prior_sd=1.0, mass=70.0):
+    """Return the estimates of a stiffness that may be zero, with its sd on the scale."""
+    plain = moments(same(NARROW))
+    mean, variances = plain.mean.copy(), np.diag(plain.covariance).copy()
+    for name in ("stiffness", "stiffness_onset"):
+        own = slice(5 * ESTIMANDS.index(name), 5 * ESTIMANDS.index(name) + 5)
+        mean[own], variances[own] = ASINH.of(stiffness), sd**2
+    scaled = LogMoments(mean, np.diag(variances), plain.prior_mean,
+                        prior_sd**2 * np.eye(mean.size), ASINH)  # fmt: skip
+    decision = Decision(CalibrationSpec(), mass, (), natural_stiffness=natural)
+    return {p.name: p for p in decided_rows(0, scaled, decision, doubts)}
+
+
+def test_a_stiffness_on_another_scale_has_the_interval_of_that_scale():
+    found = scaled_rows(60.0, NARROW)["stiffness"]
+
+    assert found.status == "ok"
+    ends = ASINH.value(ASINH.of(60.0) + 1.96 * NARROW * np.array([-1.0, 1.0]))
+    assert found.ci == pytest.approx(tuple(ends), rel=1e-3)
+
+
+@pytest.mark.parametrize("stiffness", [3.0, 0.0, -3.0])
+def test_a_stiffness_whose_interval_reaches_zero_is_at_its_bound_or_undecided(stiffness):
+    found = scaled_rows(stiffness, 0.4)
+    small, per_kg = found["stiffness"], found["stiffness_per_mass"]
+
+    assert small.status == per_kg.status == found["stiffness_onset"].status == "at_bound"
+    assert (small.value, small.ci_low) == (pytest.approx(max(stiffness, 0.0)), 0.0)
+    assert stiffness < small.ci_high < 20.0
+    assert per_kg.ci_high == pytest.approx(small.ci_high / 70.0)
+    for other in (
+        scaled_rows(stiffness, 0.4, natural=small.ci_high),  # that is no small limit
+        scaled_rows(stiffness, 0.4, natural=0.0),
+        scaled_rows(stiffness, 0.4, prior_sd=0.6),  # of which the prior says most
+        scaled_rows(stiffness, 0.4, doubts={Doubt.HELD_TORQUE}),
+    ):
+        assert (other["stiffness"].status, other["stiffness"].value) == ("undecided", None)
+        assert other["stiffness"].ci_low == 0.0
+        assert other["stiffness"].ci_high > 0.0
+
+
+def test_a_stiffness_far_below_zero_is_undecided():
+    found = scaled_rows(-60.0, NARROW)["stiffness"]
+    assert (found.status, found.ci) == ("undecided", (None, None))
 
 
 BOTH_WAYS = np.repeat([17.0, -17.0, 0.0], 40)

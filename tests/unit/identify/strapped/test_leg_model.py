@@ -7,8 +7,11 @@ from scipy.special import expit
 from tests.unit.identify.strapped.independent_leg import IndependentLeg, independent_response
 from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, TIME_S, simulated_person
 
-from jointz.identify.strapped.leg_model import REFLEX, SHANK
+from jointz.identify.strapped.estimands import ESTIMANDS, log_moments
+from jointz.identify.strapped.leg_model import REFLEX, SHANK, LegModel
+from jointz.identify.strapped.posterior import CYCLE_SHARES, explain
 from jointz.kernels import strapped_leg as columns
+from jointz.results.value_scale import LOGARITHM, ValueScale
 
 
 def drawn(seed, shapes, **more):
@@ -134,3 +137,39 @@ def test_the_inertia_of_a_point_leaves_its_strap_alone():
     assert limb[1] == pytest.approx(np.exp(0.7) * limb[0], rel=0.05)
     for column in (columns.DEVICE_INERTIA, columns.STRAP_STIFFNESS, columns.STRAP_DAMPING):
         assert leg[0, column] == leg[1, column]
+
+
+def test_a_stiffness_of_another_scale_may_be_zero_and_less():
+    """Then neither gravity nor a reflex has a part of it."""
+    logarithmic, theta = drawn(1, (DOUBLET,), labels=("MST",))
+    scale, layout = ValueScale(8.0), logarithmic.layout
+    scaled = LegModel(
+        logarithmic.points, window_s=0.2, gravity_stiffness=20.0, stiffness_scale=scale
+    ).with_points(logarithmic.points)
+    below = theta.copy()
+    below[layout.stiffness(0)] = scale.of(-5.0)
+    deaf = below.copy()
+    deaf[layout.shared("reflex_gain")] = -20.0
+
+    stiffness, _, leg = scaled.natural(below[None], 0)
+
+    np.testing.assert_allclose(stiffness, -5.0, rtol=0.1)
+    assert leg[0, columns.GRAVITY_STIFFNESS] == 0.0
+    angles = [scaled.responses(t[None], 0) for t in (below, deaf)]
+    np.testing.assert_array_equal(*angles)
+    assert np.isfinite(angles[0]).all()
+
+
+def test_both_scales_of_the_stiffness_give_the_same_estimates_where_it_is_large():
+    measured, priors, _ = simulated_person(
+        1, shapes=(DOUBLET,), n_pulses=30, window_s=0.2, labels=("MST",)
+    )
+    gravity = priors.body.gravity_stiffness
+    found = []
+    for scale in (LOGARITHM, ValueScale(8.0)):
+        model = LegModel(
+            measured.points, window_s=0.2, gravity_stiffness=gravity, stiffness_scale=scale
+        )
+        moments = log_moments(explain(model, priors, CYCLE_SHARES[-1:]))
+        found.append([moments.value(name, 0) for name in ESTIMANDS])
+    np.testing.assert_allclose(found[0], found[1], rtol=0.05)
