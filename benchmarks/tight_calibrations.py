@@ -1,16 +1,16 @@
 """Do better calibrations give more? ``python -m benchmarks.tight_calibrations --people 12``.
 
-People with three sensors, each analysed with calibrations that are loose, as a lab
-states them, and tight; the stated values are the truth plus an error of the stated SD. Prints a
-line for each world and calibration. From the root of the repository.
+Realistic people with three sensors, each analysed with calibrations that are loose, as a lab states
+them, and tight; the stated values are the truth plus an error of the stated SD. From the root of
+the repository.
 """
 
 import argparse
-import json
 import os
 import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from itertools import chain, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,10 +19,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from benchmarks.realistic.rows import METHOD, PARAMETERS, ROWS, preset_of, set_window
-from benchmarks.worlds import sensors as world_sensors
-from benchmarks.worlds.__main__ import scored
-from benchmarks.worlds.make import make_study
-from benchmarks.worlds.person import draw_person as draw_of_world
 
 import jointz
 from jointz.session.simulate_study import simulate_study
@@ -36,9 +32,7 @@ CALIBRATIONS: Mapping[str, tuple[float, float]] = {
     "lab": (0.002, 0.01),
     "tight": (0.0003, 0.003),
 }
-_CALIBRATION = re.compile(
-    r"^(calibration = .*|\[participants\.calibration\]\n(?:\w+ = .*\n)+)", re.M
-)
+_CALIBRATION = re.compile(r"^calibration = .*", re.MULTILINE)
 #: Gyroscopes on shank and thigh are used as one sensor, with the lag of the shank's.
 _OF_JOINT = {"joint_velocity_lag": "shank_velocity_lag"}
 _KEPT = ("friction_gain", "intrinsic_inertia")
@@ -46,12 +40,11 @@ _KEPT = ("friction_gain", "intrinsic_inertia")
 Entry = dict[str, Any]
 
 
-def person_of_world(world: str, seed: int, number: int) -> list[Entry]:
-    """Simulate a person of a world; return a line a value and calibration."""
-    make = _realistic if world == "realistic" else _of_world
+def values_of_person(seed: int, number: int) -> list[Entry]:
+    """Simulate a person; return a line a value and calibration."""
     with TemporaryDirectory(prefix="tight_") as scratch:
         study = Path(scratch) / "study"
-        errors, truth = make(study, seed, number)
+        errors, truth = _walked(study, seed, number)
         rng = np.random.default_rng([seed, number])
         off = {name: float(rng.standard_normal()) for name in errors}
         text = (study / "study.toml").read_text()
@@ -60,12 +53,12 @@ def person_of_world(world: str, seed: int, number: int) -> list[Entry]:
             (study / "study.toml").write_text(_stated(text, errors, off, sds))
             analysis = jointz.analyze(study, method=METHOD, resamples=10, progress=False)
             rows = chain(_values(analysis, truth), _lags(analysis, errors))
-            common = {"world": world, "calibration": name, "number": number}
+            common = {"calibration": name, "number": number}
             entries += [common | row for row in rows]
     return entries
 
 
-def _realistic(study: Path, seed: int, number: int) -> tuple[dict[str, float], Entry]:
+def _walked(study: Path, seed: int, number: int) -> tuple[dict[str, float], Entry]:
     row, person = ROWS["c"], draw_person(number, seed=seed)
     settings = preset_of(row)
     simulate_study(study, preset=settings, participants=[person], plan=row.plan)
@@ -81,14 +74,6 @@ def _realistic(study: Path, seed: int, number: int) -> tuple[dict[str, float], E
     return errors, own_truth(person, settings, row.plan, row.window_s)
 
 
-def _of_world(study: Path, seed: int, number: int) -> tuple[dict[str, float], Entry]:
-    """Make a study of ``number + 1`` people and keep the last."""
-    make_study(study, 1, "doublets", seed + number, minutes=2.0)
-    person = draw_of_world(seed + number, 0)
-    errors = {name: person.sensors[name] for name in world_sensors._CALIBRATION_SD}
-    return errors, json.loads((study / "truth.json").read_text())
-
-
 def _stated(
     text: str, errors: Mapping[str, float], off: Mapping[str, float], sds: tuple[float, float]
 ) -> str:
@@ -99,7 +84,7 @@ def _stated(
         entries.append(f"{name} = {{ value = {true + sd * off[name]:.8g}, sd = {sd:g} }}")
     kept = [f"{name} = {found}" for name in _KEPT for found in _found(text, name)]
     table = ", ".join([*entries, *kept])
-    changed, count = _CALIBRATION.subn(lambda _: f"calibration = {{ {table} }}\n", text)
+    changed, count = _CALIBRATION.subn(lambda _: f"calibration = {{ {table} }}", text)
     if count != 1:
         raise ValueError(f"study.toml: expected one calibration, found {count}.")
     return changed
@@ -110,10 +95,6 @@ def _found(text: str, name: str) -> list[str]:
 
 
 def _values(analysis: Any, truth: Entry) -> Iterator[Entry]:
-    if "participants" in truth:
-        rows = scored(analysis, truth)
-        yield from rows[["parameter", "status", "value", "low", "high", "truth"]].to_dict("records")
-        return
     for cell, name in product(analysis.cells, PARAMETERS):
         found = cell.parameter(name)
         yield {
@@ -139,9 +120,9 @@ def _lags(analysis: Any, errors: Mapping[str, float]) -> Iterator[Entry]:
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return shares, coverage, errors (%) and lags of each world and calibration."""
+    """Return shares, coverage, errors (%) and lags of each calibration."""
     lines = []
-    for key, group in rows.groupby(["world", "calibration"], sort=False):
+    for key, group in rows.groupby("calibration", sort=False):
         values, lags = group[group["status"] != "lag"], group[group["status"] == "lag"]
         ok = values[values["value"].notna()]
         inside = (ok["low"] <= ok["truth"]) & (ok["truth"] <= ok["high"])
@@ -150,8 +131,8 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
         errors = 100.0 * (ok["value"] / ok["truth"] - 1.0)
         rmse = errors.pow(2).groupby(ok["parameter"]).mean().pow(0.5).round(1)
         lines.append(
-            dict(zip(("world", "calibration"), key, strict=True))
-            | {
+            {
+                "calibration": key,
                 "ok": f"{len(ok)}/{len(values)}",
                 "coverage": round(float(inside.mean()), 3),
                 "lags": f"{int(held.sum())}/{len(lags)}",
@@ -167,16 +148,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--people", type=int, default=12)
     parser.add_argument("--seed", type=int, default=68)
-    parser.add_argument("--worlds", default="realistic,worlds")
     parser.add_argument("--rows", type=Path, help="csv file for a line a value")
     chosen = parser.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    worlds = chosen.worlds.split(",")
-    jobs = [(world, chosen.seed, n) for world in worlds for n in range(chosen.people)]
     with ProcessPoolExecutor(max_workers=2) as pool:
-        found = [
-            row for rows in pool.map(person_of_world, *zip(*jobs, strict=True)) for row in rows
-        ]
+        people = pool.map(partial(values_of_person, chosen.seed), range(chosen.people))
+        found = [row for rows in people for row in rows]
     table = pd.DataFrame(found)
     if chosen.rows:
         table.to_csv(chosen.rows, index=False)

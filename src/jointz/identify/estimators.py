@@ -35,6 +35,10 @@ BUILT_IN: Mapping[str, str] = {
     "instrumental_variable": f"{_METHODS}.cell_instruments:INSTRUMENTAL_VARIABLE",
     "full_record": f"{_METHODS}.full_record_method:FullRecordMethod",
 }
+#: Methods that are tried and that no list offers.
+_TRIED: Mapping[str, str] = {
+    "rigid_coupling": "jointz.identify.strapped.strapped_method:RIGID_COUPLING",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +85,12 @@ class Methods(Mapping[str, Estimator]):
     """All methods by name; those of other packages follow those of jointz."""
 
     def __getitem__(self, name: str) -> Estimator:
+        if name in _TRIED:
+            return _load(EntryPoint(name, _TRIED[name], GROUP))
         return _load(_entries()[name])
 
     def __contains__(self, name: object) -> bool:
-        return name in _entries()
+        return name in _TRIED or name in _entries()
 
     def __iter__(self) -> Iterator[str]:
         return iter(_entries())

@@ -17,7 +17,6 @@ from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.information import GROUPS, places_of
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapSearch
-from jointz.identify.strapped.posterior import CYCLE_SHARES
 from jointz.identify.strapped.prior import Prior
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.predicted_errors import (
@@ -62,7 +61,7 @@ class PlannedLeg:
         self._lab, self._design = lab, design
         model, priors = planned_model(lab, design, person), lab.leg_priors(person)
         self.priors: Sequence[Prior] = [
-            priors.build(model, follows_cycle=share) for share in CYCLE_SHARES
+            priors.build(model, hypothesis) for hypothesis in priors.coupling.hypotheses
         ]
         self.theta = self.priors[0].mean if theta is None else theta
         self.model = with_usable_samples(model, self.theta)
@@ -154,9 +153,9 @@ def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> l
     """Return parameters of legs drawn from the priors: the hypotheses take turns."""
     drawn = []
     for number in range(n):
-        share = CYCLE_SHARES[number % len(CYCLE_SHARES)]
-        model = planned_model(lab, design, number)
-        prior = lab.leg_priors(number).build(model, follows_cycle=share)
-        normal = np.random.default_rng([seed, number]).standard_normal(prior.mean.size)
-        drawn.append(prior.mean + np.linalg.cholesky(prior.covariance) @ normal)
+        priors = lab.leg_priors(number)
+        hypotheses = priors.coupling.hypotheses
+        hypothesis = hypotheses[number % len(hypotheses)]
+        prior = priors.build(planned_model(lab, design, number), hypothesis)
+        drawn.append(prior.draw(np.random.default_rng([seed, number])))
     return drawn

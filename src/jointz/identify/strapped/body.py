@@ -50,8 +50,13 @@ class Body:
     known: bool  # whether the inertia follows from mass and height
 
 
-def body_of(person: ParticipantSpec | None, joint: str, priors: PriorsSpec) -> Body:
-    """Return the priors of a person's inertia and stiffness."""
+def body_of(
+    person: ParticipantSpec | None, joint: str, priors: PriorsSpec, *, of_body: bool = True
+) -> Body:
+    """Return the priors of a person's inertia and stiffness.
+
+    Unless the inertia is ``of_body``, it is that of an unknown body.
+    """
     mass = None if person is None else person.mass_kg
     height = None if person is None else person.height_m
     if mass is None or height is None or "knee" not in joint.lower():
@@ -64,11 +69,15 @@ def body_of(person: ParticipantSpec | None, joint: str, priors: PriorsSpec) -> B
         )
     inertia, moment = shank_and_foot(mass, height)
     ratio, per_mass = priors.inertia_over_body, priors.stiffness_per_mass
+    stiffness = LogPrior(median=per_mass.median * mass, log_sd=per_mass.log_sd)
+    if not of_body:
+        sd = priors.inertia_of_point.sd
+        return Body(priors.inertia_unknown_body, stiffness, 0.0, sd, known=False)
     return Body(
         inertia=LogPrior(
             median=ratio.median * (_FREE_HIP * inertia + _DEVICE), log_sd=ratio.log_sd
         ),
-        stiffness=LogPrior(median=per_mass.median * mass, log_sd=per_mass.log_sd),
+        stiffness=stiffness,
         gravity_stiffness=_USUAL_POSTURE * moment,
         inertia_of_point_sd=priors.inertia_of_point.sd,
         known=True,

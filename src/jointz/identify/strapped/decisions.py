@@ -56,6 +56,7 @@ _FARTHEST_LAG_SD = 3.5
 #: Less of these than usual is no error: a torque sensor leaves no friction, a goniometer may follow
 #: the bone, and muscles need not answer.
 _MAY_BE_ABSENT = ("friction_nm", "skin_share", "reflex_gain")
+_MAY_BE_RIGID = ("goniometer_hz",)
 #: The body tells of the first; of the others no source says what they are in a leg.
 _NO_INSTRUMENTS = ("inertia", "reflex_position", "reflex_shortening", "softening_power")
 #: Beside several sensors, a reflex that is early or fast says nothing about them.
@@ -144,19 +145,23 @@ def holds_one_torque(point: PointResponse) -> bool:
     return bool(held.all() and sizes.max() < _SAME_SIZE * sizes.min())
 
 
-def unlikely_instruments(posterior: LegPosterior) -> tuple[UnlikelyParameter, ...]:
+def unlikely_instruments(
+    posterior: LegPosterior, fixed: Collection[str] = ()
+) -> tuple[UnlikelyParameter, ...]:
     """Return the parameters of instruments and reflex that are too far from their prior's mean.
 
-    Where they are so together only, these are the farthest.
+    Where they are so together only, these are the farthest. Those that the coupling fixes do not
+    count.
     """
     fit, layout = posterior.best, posterior.model.layout
     several = bool(layout.sensors)
-    left_out = _NO_INSTRUMENTS + (_OF_REFLEX if several else ())
+    left_out = {*_NO_INSTRUMENTS, *(_OF_REFLEX if several else ()), *fixed}
     names = [name for name in layout.shared_names if name not in left_out]
     places = [layout.shared(name) for name in names]
     mean, sd = fit.prior.mean[places], fit.prior.sd[places]
     off = (fit.theta[places] - mean) / sd
     far = np.where(np.isin(names, _MAY_BE_ABSENT), off.clip(0.0), np.abs(off))
+    far = np.where(np.isin(names, _MAY_BE_RIGID), (-off).clip(0.0), far)
     farthest = float(far.max())
     if several:
         together = float(far @ far) > chi2.ppf(_TOGETHER_LEVEL, far.size)
@@ -236,6 +241,8 @@ def _row(
         narrow = decides(1.0, usual) and not limits_only
         reach = ONE_SIDED_95 * sd * (1.0 if narrow else _WIDER_LIMITS)
         low, high = scale.moved(value, np.array([-reach, reach])).clip(0.0).tolist()
+        if scale.unit:  # that a stiffness is not smaller, the data have to say, not the prior
+            low = min(low, moments.low_by_data(name, point))
         limits = replace(undecided, ci_low=low, ci_high=high, ci_method=_LIMITS)
         return limits if high > 0.0 else undecided
     low, high = scale.moved(value, np.array([-REACH_95 * sd, REACH_95 * sd])).tolist()

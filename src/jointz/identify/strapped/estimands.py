@@ -8,6 +8,7 @@ from jointz.identify.strapped.leg_model import REFERENCE_S, LegModel
 from jointz.identify.strapped.map_fit import MapFit
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.kernels import strapped_leg as leg
+from jointz.results.estimates import ONE_SIDED_95
 from jointz.results.value_scale import LOGARITHM, ValueScale
 
 #: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset. Both K
@@ -18,6 +19,8 @@ _STIFFNESS = ("stiffness", "stiffness_onset")
 WIDER = 1.1
 _EVERY_S = 0.002
 _DERIVATIVE_SD = 0.05
+#: Of data that say nothing: an sd of 1000.
+_LEAST_INFORMATION = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +50,23 @@ class LogMoments:
         """Return the variance of an estimand at a point over that of its prior."""
         at = self._place(name, point)
         return float(self.covariance[at, at] / self.prior_covariance[at, at])
+
+    def low_by_data(self, name: str, point: int) -> float:
+        """Return the lower limit, SI, of an estimand without its prior, 0 or more.
+
+        Posterior over prior of the estimand at all points together.
+        """
+        n = self.mean.size // len(ESTIMANDS)
+        block = slice(self._place(name, 0), self._place(name, 0) + n)
+        inverse, prior_inverse = (
+            np.linalg.inv(c[block, block]) for c in (self.covariance, self.prior_covariance)
+        )
+        information, vectors = np.linalg.eigh(inverse - prior_inverse)
+        covariance = (vectors / information.clip(_LEAST_INFORMATION)) @ vectors.T
+        pull = inverse @ self.mean[block] - prior_inverse @ self.prior_mean[block]
+        mean, sd = (covariance @ pull)[point], np.sqrt(covariance[point, point])
+        place = np.clip(mean - ONE_SIDED_95 * sd, 0.0, max(self.mean[block][point], 0.0))
+        return float(self.scale(name).value(place))
 
     @property
     def shares(self) -> np.ndarray:

@@ -60,7 +60,9 @@ def _of_torque_model(
 def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, NormalPrior]:
     """Return priors of calibrated sensors, less their values, which the signals are free of."""
     priors = {}
-    if sensors and known.angle_gain is not None:
+    if not sensors:  # the error of its gain is one of all values
+        priors["goniometer_gain"] = _about_zero(0.0)
+    elif known.angle_gain is not None:
         priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
     for sensor in sensors:
         name, channel = _names_of(sensor)

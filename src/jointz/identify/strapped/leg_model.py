@@ -14,10 +14,10 @@ from scipy.special import expit
 from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY, SHANK_VELOCITY
 from jointz.identify.strapped.responses import GONIOMETER, PointResponse
 from jointz.kernels import strapped_leg as leg
-from jointz.results.value_scale import LOGARITHM, ValueScale
+from jointz.results.value_scale import ValueScale
 
 #: Scale on which K is estimated.
-STIFFNESS_SCALE: Final = LOGARITHM
+STIFFNESS_SCALE: Final = ValueScale(8.0)
 #: What all points share, behind the parameters of the points.
 _SHARED = (
     "inertia",
@@ -36,9 +36,10 @@ _SHARED = (
     "reflex_shortening",
     "friction_nm",
     "torque_error",
+    "goniometer_gain",
+    "goniometer_hz",
+    "goniometer_damping",
 )
-#: Beside other sensors, whose comparison shows them.
-_GONIOMETER = ("goniometer_gain", "goniometer_hz", "goniometer_damping")
 _SHANK = ("gyroscope_delay_s", "gyroscope_gain", "shank_hz", "shank_damping")
 #: What a sensor beside the goniometer adds.
 _OF_SENSOR: Final[Mapping[str, tuple[str, ...]]] = {
@@ -94,7 +95,7 @@ class Layout:
     def shared_names(self) -> tuple[str, ...]:
         """Names of the parameters that all timing points share, in order."""
         names = [name for sensor in self.sensors for name in _OF_SENSOR[sensor]]
-        return (*_SHARED, *(_GONIOMETER if names else ()), *names)
+        return (*_SHARED, *names)
 
     @property
     def per_point(self) -> int:
@@ -256,12 +257,11 @@ class LegModel:
         p[:, leg.SENSOR_TIME] = np.exp(raw("sensor_lag_s"))
         p[:, leg.SENSOR_DELAY] = np.exp(raw("sensor_delay_s"))
         p[:, [leg.SENSOR_GAIN, leg.ENCODER_GAIN, leg.GYROSCOPE_GAIN]] = 1.0
-        if layout.sensors:
-            self._instruments(theta, point, p)
+        self._instruments(theta, point, p)
         return p
 
     def _instruments(self, theta: np.ndarray, point: int, p: np.ndarray) -> None:
-        """Fill the parameters of several sensors."""
+        """Fill the parameters of the goniometer's mount and of further sensors."""
         layout = self.layout
 
         def raw(name: str) -> np.ndarray:

@@ -1,23 +1,18 @@
 """Posterior of a participant under two hypotheses about the gait cycle, weighed by evidence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import softmax
 
+from jointz.identify.strapped.coupling import NO_TISSUE, Hypothesis
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.prior import LAG_PARTS, LegPriors
 
-#: Shares of K's and B's variance that follow one curve of the gait cycle: hypotheses.
-CYCLE_SHARES = (0.9, 0.0)
-#: Starts off the prior's mean: changes of the logarithms of K and of shared parameters. A soft
-#: strap is a mode of its own.
-_OTHER_STARTS: Sequence[tuple[float, Mapping[str, float]]] = (
-    (-0.4, {"inertia": -0.45, "strap_hz": 0.35}),
-    (0.0, {"strap_hz": -0.8}),
-)
+#: Logarithm of the odds against what is not tried any more.
+_FAR_LESS_LIKELY = 7.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,29 +48,41 @@ class LegPosterior:
 
 
 def explain(
-    model: LegModel, priors: LegPriors, cycle_shares: Sequence[float] = CYCLE_SHARES
+    model: LegModel, priors: LegPriors, hypotheses: Sequence[Hypothesis] | None = None
 ) -> LegPosterior:
-    """Fit all hypotheses; the first from three starts, the other from its mode and the mean.
+    """Fit all hypotheses; the first from several starts, others from another's mode and the mean.
 
     Where sensors show device and bone, the search has one mode (all starts agreed): two starts and
-    one are enough.
+    one are enough. What is supposed beside the cycle is dropped where it was far less likely.
     """
-    one_mode = len(model.layout.sensors) > 1
+    sensors = model.layout.sensors
+    one_mode = len(sensors) > 1
     known = all(np.isfinite(point.phase) for point in model.points)
     fits: list[MapFit] = []
-    for share in cycle_shares if known else CYCLE_SHARES[-1:]:
-        prior = priors.build(model, follows_cycle=share)
-        others = [fits[0].theta] if fits else _other_starts(model, prior.mean)
-        starts = [prior.mean, *others]
-        if one_mode:
-            starts = others if fits else starts[:2]
+    tried: list[Hypothesis] = []
+    for hypothesis in hypotheses or priors.coupling.hypotheses:
+        if (hypothesis.follows_cycle and not known) or (sensors and hypothesis.shared is NO_TISSUE):
+            continue  # sensors beside the goniometer show what it sits on
+        alike = [f for f, h in zip(fits, tried, strict=True) if h.shared == hypothesis.shared]
+        if alike and alike[0].log_evidence < max(f.log_evidence for f in fits) - _FAR_LESS_LIKELY:
+            continue
+        prior = priors.build(model, hypothesis)
+        if not fits:
+            starts = [prior.mean, *_other_starts(model, priors, prior.mean)]
+            starts = starts[:2] if one_mode else starts
+        else:
+            start = (alike or fits)[0].theta.copy()
+            supposed = [model.layout.shared(name) for name in hypothesis.shared]
+            start[supposed] = prior.mean[supposed]
+            starts = [start] if one_mode else [start, prior.mean]
         fits.append(MapSearch(model, prior).best(starts))
+        tried.append(hypothesis)
     return LegPosterior(model, tuple(fits), softmax([fit.log_evidence for fit in fits]))
 
 
-def _other_starts(model: LegModel, mean: np.ndarray) -> list[np.ndarray]:
+def _other_starts(model: LegModel, priors: LegPriors, mean: np.ndarray) -> list[np.ndarray]:
     starts = []
-    for stiffness, changes in _OTHER_STARTS:
+    for stiffness, changes in priors.coupling.starts:
         start = mean.copy()
         for point in range(model.layout.n_points):
             start[model.layout.stiffness(point)] += stiffness

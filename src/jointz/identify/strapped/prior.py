@@ -9,6 +9,7 @@ from scipy.special import expit, logit
 from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior
 from jointz.core.study import Calibrated
 from jointz.identify.strapped.body import Body
+from jointz.identify.strapped.coupling import STRAP, AnyPrior, Coupling, Hypothesis
 from jointz.identify.strapped.leg_model import (
     LENGTH_CYCLES,
     REFLEX,
@@ -19,14 +20,15 @@ from jointz.identify.strapped.leg_model import (
 from jointz.identify.strapped.responses import PointResponse
 from jointz.results.value_scale import LOGARITHM
 
-#: Of a point by itself: share that does not change in the window, and time of what does, s.
-_STEADY, _DRIFT_S = 0.6, 0.13
+#: Of a point by itself: time of what changes in the window, s.
+_DRIFT_S = 0.13
 _NUGGET = 1e-4
 #: Parts of the goniometer's lag. Their sum is what a calibration states.
 LAG_PARTS = ("sensor_delay_s", "sensor_lag_s")
 #: Sd of the error of the model in that sum: in simulated legs without errors the responses alone
 #: put it 0.4 to 1.0 ms too early, as tissue that leads the skin does.
 LAG_MODEL_S = 0.001
+_SHORTEST_LAG_S = 1e-4
 _USUAL = PriorsSpec()
 
 
@@ -75,6 +77,15 @@ class Prior:
         residual, slope = self.lag.residual(theta)
         return precision + np.outer(slope, slope), pull + residual * slope
 
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw a vector, whose lag is the observed one."""
+        root = np.linalg.cholesky(self.covariance)
+        theta = np.asarray(self.mean + root @ rng.standard_normal(self.mean.size))
+        if self.lag is not None:
+            total = np.exp(theta[self.lag.places]).sum()
+            theta[self.lag.places] += np.log(max(self.lag.value, _SHORTEST_LAG_S) / total)
+        return theta
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegPriors:
@@ -83,31 +94,27 @@ class LegPriors:
     spec: PriorsSpec
     body: Body
     # priors of shared parameters that replace those of ``spec``
-    shared: Mapping[str, LogPrior | SharePrior | NormalPrior]
+    shared: Mapping[str, AnyPrior]
     lag: Calibrated | None = None  # s: calibrated total lag, delay included
+    coupling: Coupling = STRAP
 
-    def build(self, model: LegModel, *, follows_cycle: float) -> Prior:
-        """Return the prior.
-
-        ``follows_cycle`` is the share of the variance of K, B and J that one smooth curve of the
-        gait cycle has through all points; the rest is every point's own.
-        """
+    def build(self, model: LegModel, hypothesis: Hypothesis) -> Prior:
+        """Return the prior under a hypothesis."""
         layout, spec, body = model.layout, self.spec, self.body
         mean, covariance = np.zeros(layout.size), np.zeros((layout.size, layout.size))
+        alike = _correlation(model.points, model.knots_s, hypothesis)
         for scale, level, over_cycle, places in (
             (model.stiffness_scale, body.stiffness, spec.stiffness_over_cycle, layout.stiffness),
             (LOGARITHM, spec.damping, spec.damping_over_cycle, layout.damping),
         ):
             at = np.concatenate([np.r_[places(k)] for k in range(layout.n_points)])
             mean[at] = scale.of(level.median)
-            alike = _correlation(model.points, model.knots_s, follows_cycle)
             covariance[np.ix_(at, at)] = scale.share(level.median) ** 2 * (
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
         at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])
-        alike = _correlation(model.points, model.knots_s, follows_cycle)
         covariance[np.ix_(at, at)] = spec.inertia_of_point.sd**2 * alike + _NUGGET * np.eye(at.size)
-        for place, (centre, sd) in self._independent(layout).items():
+        for place, (centre, sd) in self._independent(layout, hypothesis.shared).items():
             mean[place], covariance[place, place] = centre, sd**2
         observed = None
         if self.lag is not None:
@@ -124,8 +131,10 @@ class LegPriors:
             lag=observed,
         )
 
-    def _independent(self, layout: Layout) -> dict[int, tuple[float, float]]:
-        spec = self.spec
+    def _independent(
+        self, layout: Layout, supposed: Mapping[str, AnyPrior]
+    ) -> dict[int, tuple[float, float]]:
+        spec, known = self.spec, {**self.shared, **supposed}
         own = {
             REFLEX: (0.0, spec.reflex_of_point.sd),
             SHANK: _moments(spec.shank_share),
@@ -138,7 +147,7 @@ class LegPriors:
         }
         for name in layout.shared_names:
             usual = self.body.inertia if name == "inertia" else getattr(spec, name)
-            entries[layout.shared(name)] = _moments(self.shared.get(name, usual))
+            entries[layout.shared(name)] = _moments(known.get(name, usual))
         return entries
 
 
@@ -150,7 +159,7 @@ def untransformed(name: str, value: float) -> float:
     return float(expit(value) if isinstance(prior, SharePrior) else np.exp(value))
 
 
-def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:
+def _moments(prior: AnyPrior) -> tuple[float, float]:
     """Return mean and sd of the transformed quantity."""
     if isinstance(prior, LogPrior):
         return float(np.log(prior.median)), prior.log_sd
@@ -160,12 +169,12 @@ def _moments(prior: LogPrior | SharePrior | NormalPrior) -> tuple[float, float]:
 
 
 def _correlation(
-    points: Sequence[PointResponse], knots_s: np.ndarray, follows_cycle: float
+    points: Sequence[PointResponse], knots_s: np.ndarray, hypothesis: Hypothesis
 ) -> np.ndarray:
     """Return the correlation of K, B or J between all knots of all points."""
-    n = len(points)
+    n, steady, follows_cycle = len(points), hypothesis.steady, hypothesis.follows_cycle
     apart = (knots_s[:, None] - knots_s) / _DRIFT_S
-    own = np.kron(np.eye(n), _STEADY + (1.0 - _STEADY) * np.exp(-0.5 * apart**2))
+    own = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
     if follows_cycle == 0.0:
         return own
     phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])

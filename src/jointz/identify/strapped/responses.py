@@ -11,11 +11,12 @@ from jointz.identify.prediction.pulse_shapes import pulse_shapes
 from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES, LEAD_SAMPLES
 from jointz.identify.preparation.calibration import twist_sd, value_of
 from jointz.identify.preparation.raw_signals import DRIVING, FRICTION, RAW_ANGLE, TORQUE_ROWS
+from jointz.identify.strapped.coupling import STRAP, Coupling
 from jointz.kernels.robust_spread import robust_sd
 
 GONIOMETER = "goniometer"
-#: Data after the onset that are used, whatever the window, and the margin for lags.
-FIT_S, _BEYOND_S = 0.2, 0.012
+#: Margin for lags after the data that are used.
+_BEYOND_S = 0.012
 #: A response is used until the joint has moved so far, and at least so long.
 LARGEST_RAD, _LEAST_S = np.deg2rad(18.0), 0.05
 #: Virtual onsets further from zero, in sds, do not count.
@@ -131,6 +132,7 @@ def point_response(
     window_s: float,
     known: CalibrationSpec,
     sensors: tuple[str, ...] = (),
+    coupling: Coupling = STRAP,
 ) -> PointResponse:
     """Average the responses of a timing point, every shape by itself.
 
@@ -138,7 +140,7 @@ def point_response(
     """
     friction_gain = value_of(known.friction_gain, 1.0)
     n_all = cell.predicted.responses.shape[2]
-    n = min(round(data_length_s(window_s) / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
+    n = min(round(data_length_s(window_s, coupling) / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
     signs = np.array([c.pulse.sign for c in cell.used])[:, None, None]
     responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
     misses = cell.predicted.misses[:, :, :n]
@@ -163,9 +165,9 @@ def point_response(
     )
 
 
-def data_length_s(window_s: float) -> float:
+def data_length_s(window_s: float, coupling: Coupling = STRAP) -> float:
     """Return how long after the onset data are kept, margin for lags included."""
-    return max(FIT_S, window_s) + _BEYOND_S
+    return max(coupling.fit_s, window_s) + _BEYOND_S
 
 
 def data_end_s(phase: float, stride_s: float) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from jointz.core.codes import Doubt, Failure
 from jointz.core.events import PulseRecord
 from jointz.core.gait_phases import mean_phase
-from jointz.core.method_names import PREDICTED, STRAPPED
+from jointz.core.method_names import PREDICTED
 from jointz.core.study import CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
@@ -35,6 +35,7 @@ from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.identify.rigid.gravity import participant_stiffness_without_gravity
 from jointz.identify.strapped.body import Body, body_of
 from jointz.identify.strapped.checks import differs_with_size, lag_failure, response_failure
+from jointz.identify.strapped.coupling import RIGID, STRAP, Coupling
 from jointz.identify.strapped.decisions import (
     Decision,
     decided_rows,
@@ -56,7 +57,6 @@ from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.posterior import LegPosterior, explain
 from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import (
-    FIT_S,
     PointResponse,
     ShapeAverage,
     corrected,
@@ -91,10 +91,13 @@ _OF_SENSORS = frozenset(
 
 
 class StrappedMethod:
-    """Estimator of walking with a device that is strapped to the leg."""
+    """Estimator of walking with a device on the leg, by the coupling of both."""
 
-    name = STRAPPED
     kinds = ("walking",)
+
+    def __init__(self, coupling: Coupling = STRAP) -> None:
+        self._coupling = coupling
+        self.name = coupling.method
 
     def baseline_for(self, kind: StudyKind) -> str:  # noqa: ARG002 - the protocol's
         """Return ``predicted``."""
@@ -102,10 +105,10 @@ class StrappedMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point; with fewer sensors where all of them are unlikely."""
-        participant, pulses = _prepared(data, settings)
+        participant, pulses = _prepared(data, settings, self._coupling)
         estimates = participant.estimates(pulses)
         for sensors in participant.fewer_sensors():
-            other, pulses = _prepared(data, settings, sensors=sensors)
+            other, pulses = _prepared(data, settings, self._coupling, sensors=sensors)
             fewer = other.estimates(pulses)
             if other.is_likely:
                 return replace(fewer, notes=(*fewer.notes, participant.note_without(sensors)))
@@ -115,18 +118,22 @@ class StrappedMethod:
         self, data: ParticipantData, settings: ParticipantSettings
     ) -> list[PredictedShapes]:
         """Return the pulses of every timing point as predicted, without an estimate."""
-        participant, pulses = _prepared(data, settings)
+        participant, pulses = _prepared(data, settings, self._coupling)
         return participant.predicted_shapes(pulses)
+
+
+RIGID_COUPLING = StrappedMethod(RIGID)
 
 
 def _prepared(
     data: ParticipantData,
     settings: ParticipantSettings,
+    coupling: Coupling,
     *,
     sensors: tuple[str, ...] | None = None,
 ) -> tuple["_Participant", list[Candidate]]:
     """Return the estimator of a participant, of all sensors or some, and the pulses by point."""
-    longer = _with_all_data(settings)
+    longer = _with_all_data(settings, coupling)
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
     predict = partial(CellPredictor, settings=longer, reach_s=reach_s, strapped=True)
@@ -136,12 +143,12 @@ def _prepared(
         sources = [with_goniometer_gain(source, gain) for source in data.sources]
         data = replace(data, sources=sources)
         predictor = predict(sources, sensors=choice.used if sensors is None else sensors)
-    return _Participant(data, settings, predictor, choice), pulses
+    return _Participant(data, settings, predictor, choice, coupling), pulses
 
 
-def _with_all_data(settings: ParticipantSettings) -> ParticipantSettings:
+def _with_all_data(settings: ParticipantSettings, coupling: Coupling) -> ParticipantSettings:
     """Return settings whose window holds all data that are fitted."""
-    reach_s = max(FIT_S, settings.perturbations.window_s)
+    reach_s = max(coupling.fit_s, settings.perturbations.window_s)
     longer = settings.perturbations.model_copy(update={"window_s": reach_s})
     return replace(settings, perturbations=longer)
 
@@ -161,6 +168,7 @@ class _Explained:
     # responses by shape with fit, and VAF (%), of each timing point
     fits: tuple[tuple[tuple[Response, ...], float], ...]
     sensors_contradict: bool  # whether a sensor was left out, or trusted for less
+    coupling: Coupling
 
     def doubts(self) -> tuple[set[Doubt], ...]:
         """Return what speaks against the model at each timing point."""
@@ -170,7 +178,9 @@ class _Explained:
         if self.sensors_contradict:
             of_person.add(Doubt.SENSORS_CONTRADICT)
         found = doubts_of(self.posterior, self.moments, self.body, self.instruments)
-        return tuple(doubts | of_person for doubts in found)
+        # Of a leg that neither softens nor moves under a cuff, held torque shows K, too.
+        harmless = set() if self.coupling.is_strap else {Doubt.HELD_TORQUE}
+        return tuple((doubts | of_person) - harmless for doubts in found)
 
     @property
     def unlikely(self) -> tuple[UnlikelyParameter, ...]:
@@ -187,12 +197,14 @@ class _Participant:
         settings: ParticipantSettings,
         predictor: CellPredictor,
         choice: SensorChoice,
+        coupling: Coupling,
     ) -> None:
         self._name = data.participant
         self._sources = data.sources
         self._settings = settings
         self._predictor = predictor
         self._choice = choice
+        self._coupling = coupling
         self._fitted: _Explained | None = None
 
     @property
@@ -316,6 +328,7 @@ class _Participant:
             window_s=self._settings.perturbations.window_s,
             known=known,
             sensors=self._predictor.sensors,
+            coupling=self._coupling,
         )
 
     # --- the fit -------------------------------------------------------------------------------
@@ -324,7 +337,9 @@ class _Participant:
         if not cells:
             return None
         settings, known = self._settings, self._known(cells)
-        body = body_of(settings.person, settings.joint, settings.priors)
+        coupling = self._coupling
+        spec, of_body = coupling.spec(settings.priors), coupling.is_strap
+        body = body_of(settings.person, settings.joint, spec, of_body=of_body)
         model = LegModel(
             [self._point(cell, known) for cell in cells],
             window_s=settings.perturbations.window_s,
@@ -333,10 +348,11 @@ class _Participant:
         used = dict.fromkeys(c.source for cell in cells for c in cell.used)
         sources = [self._sources[index] for index in used]
         priors = LegPriors(
-            settings.priors,
+            spec,
             body,
             instrument_priors(known, friction_of_model(sources), self._predictor.sensors),
             calibrated_lag(known),
+            coupling,
         )
         posterior = explain(model, priors)
         return _Explained(
@@ -346,12 +362,13 @@ class _Participant:
             remaining=remaining_sds(posterior),
             body=body,
             known=known,
-            instruments=unlikely_instruments(posterior),
+            instruments=unlikely_instruments(posterior, coupling.fixed),
             unlikely_lag=_unlikely_lag(model, priors),
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
             sensors_contradict=bool(self._choice.odd)
             or self._choice.goniometer_gain is not None
             or set(self._predictor.sensors) < set(self._choice.used),
+            coupling=coupling,
         )
 
     # --- after the fit -------------------------------------------------------------------------
@@ -381,7 +398,7 @@ class _Participant:
             vaf_pct=vaf_pct,
             n_used=len(used),
             n_excluded=n_pulses - len(used),
-            method=STRAPPED,
+            method=self._coupling.method,
             baseline=PREDICTED,
             displacement_rad=moved,
             response=responses[0],
@@ -472,7 +489,7 @@ class _Participant:
             participant=self._name,
             timing_point=label,
             counts=(len(used), n_pulses - len(used)),
-            method=STRAPPED,
+            method=self._coupling.method,
             baseline=PREDICTED,
             onset_gait_pct=mean_phase([c.record.measured_pct for c in used]),
         )

@@ -7,10 +7,11 @@ import numpy as np
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import ParticipantSpec
 from jointz.identify.strapped.body import body_of
+from jointz.identify.strapped.coupling import STRAP
 from jointz.identify.strapped.estimands import ESTIMANDS, log_estimands, log_moments
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapSearch
-from jointz.identify.strapped.posterior import CYCLE_SHARES, explain
+from jointz.identify.strapped.posterior import explain
 from jointz.identify.strapped.prior import LegPriors
 from jointz.identify.strapped.responses import PointResponse, ShapeAverage, usable_samples
 
@@ -72,17 +73,32 @@ def template(label, phase, shapes, n_pulses, rng, sensors=()):
     )
 
 
-def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=(), labels=tuple(PHASES)):
-    """Draw a leg from the priors and its responses; return model, priors and true logarithms."""
+def simulated_person(
+    seed,
+    *,
+    shapes,
+    n_pulses,
+    window_s,
+    sensors=(),
+    labels=tuple(PHASES),
+    coupling=STRAP,
+    stiff=None,
+):
+    """Draw a leg from the priors and its responses; return model, priors and true values.
+
+    ``stiff``: K of timing points, N*m/rad, instead of what was drawn. Values are on their scales.
+    """
     rng = np.random.default_rng(seed)
     person = ParticipantSpec(id="S01", mass_kg=rng.uniform(55, 95), height_m=rng.uniform(1.6, 1.9))
-    spec = PriorsSpec()
-    body = body_of(person, "knee", spec)
-    priors = LegPriors(spec, body, {})
+    spec = coupling.spec(PriorsSpec())
+    body = body_of(person, "knee", spec, of_body=coupling.is_strap)
+    priors = LegPriors(spec, body, {}, coupling=coupling)
     points = [template(label, PHASES[label], shapes, n_pulses, rng, sensors) for label in labels]
     model = LegModel(points, window_s=window_s, gravity_stiffness=body.gravity_stiffness)
-    prior = priors.build(model, follows_cycle=CYCLE_SHARES[seed % len(CYCLE_SHARES)])
+    prior = priors.build(model, coupling.hypotheses[seed % len(coupling.hypotheses)])
     theta = rng.multivariate_normal(prior.mean, prior.covariance)
+    for label, value in (stiff or {}).items():
+        theta[model.layout.stiffness(labels.index(label))] = model.stiffness_scale.of(value)
     search = MapSearch(model, prior)
     noisy = []
     for k, point in enumerate(points):
@@ -96,7 +112,7 @@ def simulated_person(seed, *, shapes, n_pulses, window_s, sensors=(), labels=tup
             )
         )
         noisy.append(replace(point, shapes=averages))
-    measured = LegModel(noisy, window_s=window_s, gravity_stiffness=body.gravity_stiffness)
+    measured = model.with_points(noisy)
     truth = np.stack([log_estimands(measured, theta[None], k)[0] for k in range(len(points))], 1)
     return measured, priors, truth
 

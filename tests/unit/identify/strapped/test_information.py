@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.identify.strapped.prior_draws import DOUBLET, simulated_person
 
+from jointz.identify.strapped.coupling import STRAP
 from jointz.identify.strapped.estimands import WIDER, log_gradient, log_moments
 from jointz.identify.strapped.information import PULSES, remaining_sds
 from jointz.identify.strapped.posterior import LegPosterior, explain
@@ -15,7 +16,7 @@ from jointz.identify.strapped.posterior import LegPosterior, explain
 def posterior():
     """Of the likeliest hypothesis only, so that closed forms are exact."""
     model, priors, _ = simulated_person(0, shapes=(DOUBLET,), n_pulses=10, window_s=0.2)
-    fits = explain(model, priors, (0.0,))
+    fits = explain(model, priors, STRAP.hypotheses[2:3])
     return LegPosterior(model, fits.fits, np.ones(1))
 
 

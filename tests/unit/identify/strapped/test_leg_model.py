@@ -7,16 +7,17 @@ from scipy.special import expit
 from tests.unit.identify.strapped.independent_leg import IndependentLeg, independent_response
 from tests.unit.identify.strapped.prior_draws import DOUBLET, PULSES, TIME_S, simulated_person
 
+from jointz.identify.strapped.coupling import STRAP
 from jointz.identify.strapped.estimands import ESTIMANDS, log_moments
 from jointz.identify.strapped.leg_model import REFLEX, SHANK, LegModel
-from jointz.identify.strapped.posterior import CYCLE_SHARES, explain
+from jointz.identify.strapped.posterior import explain
 from jointz.kernels import strapped_leg as columns
 from jointz.results.value_scale import LOGARITHM, ValueScale
 
 
 def drawn(seed, shapes, **more):
     model, priors, _ = simulated_person(seed, shapes=shapes, n_pulses=10, window_s=0.2, **more)
-    prior = priors.build(model, follows_cycle=0.0)
+    prior = priors.build(model, STRAP.hypotheses[2])
     rng = np.random.default_rng(seed)
     return model, rng.multivariate_normal(prior.mean, 0.5 * prior.covariance)
 
@@ -67,7 +68,11 @@ def simulated_apart(model, theta, point):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_responses_are_those_of_an_independent_simulator(seed):
     model, theta = drawn(seed, (DOUBLET,))
-    point = seed
+    point, layout = seed, model.layout
+    theta[[layout.shared("goniometer_hz"), layout.shared("goniometer_damping")]] = np.log(
+        [150, 0.3]
+    )
+    theta[layout.shared("goniometer_gain")] = 0.0
     expected = simulated_apart(model, theta, point)
 
     bone, shown = model.bone(theta[None], point)[0, 0], model.responses(theta[None], point)[0]
@@ -170,6 +175,6 @@ def test_both_scales_of_the_stiffness_give_the_same_estimates_where_it_is_large(
         model = LegModel(
             measured.points, window_s=0.2, gravity_stiffness=gravity, stiffness_scale=scale
         )
-        moments = log_moments(explain(model, priors, CYCLE_SHARES[-1:]))
+        moments = log_moments(explain(model, priors, STRAP.hypotheses[2:3]))
         found.append([moments.value(name, 0) for name in ESTIMANDS])
     np.testing.assert_allclose(found[0], found[1], rtol=0.05)

@@ -1,0 +1,101 @@
+"""What the coupling of device and leg supposes: priors, hypotheses, and which data are used.
+
+A device that moves with the bone is a strap that is stiff, a device share that changes nothing, and
+no skin or softening.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Final
+
+from jointz.core.method_names import STRAPPED
+from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
+
+AnyPrior = LogPrior | SharePrior | NormalPrior
+#: The method of a rigid coupling, which no page offers yet.
+RIGID_COUPLING: Final = "rigid_coupling"
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What is supposed of a leg beside its priors."""
+
+    follows_cycle: float  # share of the variance of K, B and J that follows one curve of the cycle
+    steady: float = 0.6  # of what a point has by itself, share that does not change in the window
+    shared: Mapping[str, AnyPrior] = field(default_factory=dict)  # instead of the usual priors
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """Assumptions of one coupling."""
+
+    method: str
+    hypotheses: tuple[Hypothesis, ...]
+    #: Starts of the search off the prior's mean: changes of K on its scale, of shared parameters.
+    starts: Sequence[tuple[float, Mapping[str, float]]]
+    priors: PriorsSpec
+    fit_s: float  # data after the onset that are used, if longer than the window
+    is_strap: bool
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Names of parameters that the coupling fixes."""
+        return frozenset(self.priors.model_fields_set)
+
+    def spec(self, stated: PriorsSpec) -> PriorsSpec:
+        """Return the priors of the coupling with those that a study states."""
+        own = {name: getattr(stated, name) for name in stated.model_fields_set}
+        return self.priors.model_copy(update=own)
+
+
+#: Sd of what is known: the search needs one above zero.
+_KNOWN = 0.01
+#: Of a goniometer alone: either its mount on the skin resonates, or it follows the bone.
+NO_TISSUE: Final = {
+    "goniometer_hz": LogPrior(median=149.0, log_sd=_KNOWN),
+    "goniometer_damping": LogPrior(median=0.3, log_sd=_KNOWN),
+}
+
+#: A soft strap is a mode of its own.
+STRAP = Coupling(
+    method=STRAPPED,
+    hypotheses=tuple(
+        Hypothesis(follows, shared=tissue)
+        for follows, tissue in product((0.9, 0.0), ({}, NO_TISSUE))
+    ),
+    starts=((-0.4, {"inertia": -0.45, "strap_hz": 0.35}), (0.0, {"strap_hz": -0.8})),
+    priors=PriorsSpec(),
+    fit_s=0.2,
+    is_strap=True,
+)
+
+#: Of K and B of a point by itself, what changes in the window is 4 % (sd) of the value: a share of
+#: the variance of 0.6^2 that a logarithm has over the cycle.
+_STEADY = 1.0 - (0.04 / 0.6) ** 2
+_NO_REFLEX = {"reflex_gain": LogPrior(median=1e-3, log_sd=_KNOWN)}
+
+
+def _hypotheses() -> Iterator[Hypothesis]:
+    """Yield hypotheses about tissue, reflex and the gait cycle, as ``rigid`` weighs them."""
+    for follows, tissue, reflex in product((0.9, 0.0), (NO_TISSUE, {}), (_NO_REFLEX, {})):
+        yield Hypothesis(follows, _STEADY, {**tissue, **reflex})
+
+
+RIGID = Coupling(
+    method=RIGID_COUPLING,
+    hypotheses=tuple(_hypotheses()),
+    starts=((-0.4, {"inertia": -0.45}),),
+    priors=PriorsSpec(
+        inertia_unknown_body=LogPrior(median=0.08, log_sd=1.0),  # as of ``rigid``
+        inertia_of_point=Spread(sd=0.03),
+        device_share=LogPrior(median=0.03, log_sd=_KNOWN),
+        strap_hz=LogPrior(median=140.0, log_sd=_KNOWN),
+        strap_damping=LogPrior(median=0.3, log_sd=_KNOWN),
+        skin_share=SharePrior(median=0.01, logit_sd=_KNOWN),
+        half_angle_rad=LogPrior(median=100.0, log_sd=_KNOWN),
+        softening_power=NormalPrior(mean=1.6, sd=_KNOWN),
+    ),
+    fit_s=0.0,
+    is_strap=False,
+)
