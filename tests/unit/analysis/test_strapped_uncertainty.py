@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointz.analysis.page.details_tables import models_frame
 from jointz.analysis.page.next_measures import instrument_shares, next_measures
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.page.uncertainty_section import grouped, uncertainty_section
 from jointz.core.codes import Doubt
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.log_posterior import LogPosterior
+from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
 from jointz.results.study_analysis import StudyAnalysis
 
 NAMES = ("stiffness", "damping", "inertia")
@@ -39,7 +40,7 @@ def cell(point, *, k, limits=(0.5, 2.0), parts=None):
     )  # fmt: skip
 
 
-def analysis(cells, sds, *, doubts=()):
+def analysis(cells, sds, *, doubts=(), unlikely=()):
     variances = np.concatenate([np.square(sds), np.full(6, NARROW**2)])
     posterior = LogPosterior(
         participant="S01",
@@ -47,6 +48,7 @@ def analysis(cells, sds, *, doubts=()):
         timing_points=POINTS * 3,
         mean=np.zeros(9), covariance=np.diag(variances),
         prior_mean=np.zeros(9), prior_covariance=np.eye(9), doubts=tuple(doubts),
+        unlikely=tuple(unlikely),
     )  # fmt: skip
     settings = {"method": "strapped", "kind": "walking", "joint": "knee"}
     return StudyAnalysis(cells=tuple(cells), log_posteriors=(posterior,), settings=settings)
@@ -92,9 +94,16 @@ def test_a_doubt_is_the_reason_where_there_are_no_limits():
     cells = [cell(p, k=FAIR, limits=None) for p in POINTS]
     doubts = (Doubt.INSTRUMENTS_UNLIKELY.value,)
 
-    rows = uncertainty_section(analysis(cells, (FAIR,) * 3, doubts=doubts))["undecided"]
+    late = UnlikelyParameter("sensor_delay_s", 0.03, 0.003, 0.0006, 0.014, 2.9)
+    made = analysis(cells, (FAIR,) * 3, doubts=doubts, unlikely=[late])
 
-    assert {row["why"] for row in rows} == {Doubt.INSTRUMENTS_UNLIKELY.meaning}
+    rows = uncertainty_section(made)["undecided"]
+
+    why = "sensor_delay_s is 0.03, expected 0.003 (0.0006 to 0.014): 2.9 SDs off"
+    assert {row["why"] for row in rows} == {f"{Doubt.INSTRUMENTS_UNLIKELY.meaning}; {why}"}
+    (row,) = models_frame(made).to_dict("records")
+    assert (row["doubts"], row["parameter"], row["sds"]) == (*doubts, "sensor_delay_s", 2.9)
+    assert StudyAnalysis.from_dict(made.to_dict()).log_posteriors[0].unlikely == (late,)
 
 
 def test_rows_of_one_reason_and_remedy_become_one_that_says_where():

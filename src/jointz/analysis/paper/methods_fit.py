@@ -104,7 +104,7 @@ def interval_sentences(analysis: StudyAnalysis) -> list[str]:
     if RIGID in used:
         sentences.append(decision_sentence())
     if STRAPPED in used:
-        sentences.append(strapped_decision())
+        sentences.append(strapped_decision(analysis))
     if any(m.value is not None for m in analysis.population):
         sentences.append(
             f"Means over {words.many} have {mean_interval(analysis, level=f'{level} ')}. "

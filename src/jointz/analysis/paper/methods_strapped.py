@@ -13,20 +13,22 @@ from jointz.results.study_analysis import StudyAnalysis
 _MODEL: Final = (
     "The leg and the device strapped to it were modelled as two masses on a spring and a damper, "
     "with stiffness and damping that change over the pulse, stiffness that falls with "
-    "displacement, a delayed reflex, Coulomb friction on the device, and a goniometer with a delay "
-    "and a first-order lag. The model was fitted to the angle responses of all timing points of a "
-    "participant together, to the mode of the posterior and with a normal approximation about it; "
-    "pulses of different torque over time, of different size or of different sign were averaged "
-    "separately and explained by the same parameters. Data up to {fitted} ms after the commanded "
-    "onset were used, until the joint had moved by 18 degrees."
+    "displacement, a delayed reflex, Coulomb friction on the device, and a goniometer with a "
+    "delay and a first-order lag on a mount that may resonate. The model was fitted to the angle "
+    "responses of all timing points of a participant together, to the mode of the posterior and "
+    "with a normal approximation about it; pulses of different torque over time, of different "
+    "size or of different sign were averaged separately and explained by the same parameters. "
+    "Data up to {fitted} ms after the commanded onset were used, until the joint had moved by 18 "
+    "degrees."
 )
 _ERRORS: Final = (
     "The covariance of the errors is that of the prediction at virtual onsets and of an error of "
-    "the model of 1.5 % of the response and 0.02 degrees. Two hypotheses, that stiffness and "
-    "damping follow one curve over the gait cycle (90 % of the variance of their logarithms) and "
-    "that every timing point is independent, were weighed by Laplace's approximation of their "
-    "evidence {evidence}. Standard deviations of the posterior were multiplied by {wider}, because "
-    "responses simulated by the model itself showed them too small by so much."
+    "the model of 1.5 % of the response and 0.02 degrees. Hypotheses, that stiffness and damping "
+    "follow one curve over the gait cycle (90 % of the variance) and that every timing point is "
+    "independent{mount}, were weighed by Laplace's approximation of their evidence {evidence}. "
+    "Impedance was estimated as its logarithm{scale}. Standard deviations of the posterior were "
+    "multiplied by {wider}, because responses simulated by the model itself showed them too small "
+    "by so much."
 )
 _ESTIMANDS: Final = (
     "Stiffness is the mean over {window} ms of torque over displacement along the measured motion, "
@@ -39,9 +41,15 @@ _DECIDED: Final = (
     "if the model does not explain the responses (chi-square over samples above 2; stiffness and "
     "damping); if the inertia is not that of a leg of the participant's mass and height within two "
     "standard deviations of the prior; or if a sensor, strap or reflex is needed that is more than "
-    "2.5 standard deviations from its prior. Values that are undecided because of their interval "
+    "{farthest}. Values that are undecided because of their interval "
     "have two one-sided 95 % limits, which are twice as far out, in logarithms, if the median over "
     "the timing points exceeds 50 %."
+)
+_MOUNTED: Final = ", each with and without such a mount"
+_FARTHEST: Final = "2.5 standard deviations from its prior"
+_FARTHEST_OF_SEVERAL: Final = (
+    "3.5 standard deviations from its prior, or all of them together beyond 99.9 % of a chi-square "
+    "distribution"
 )
 _SENSORS: Final = (
     "The same fit explains the signals of {names}, each with a lag and a gain of its own{mount}; a "
@@ -55,7 +63,7 @@ _SENSOR_OF_LAG: Final = {
 }
 #: Begin of the names of priors -> lags of the sensors that they are for.
 _PRIORS_OF_LAG: Final = {
-    "goniometer_": frozenset(_SENSOR_OF_LAG),
+    "goniometer_gain": frozenset(_SENSOR_OF_LAG),
     "encoder_": frozenset({"joint_encoder_lag"}),
     "gyroscope_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
     "shank_": frozenset({"joint_velocity_lag", "shank_velocity_lag"}),
@@ -73,7 +81,12 @@ def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
     return [
         _MODEL.format(fitted=f"{fitted:g}"),
         *_sensor_sentences(analysis),
-        _ERRORS.format(evidence=cite("evidence"), wider=f"{WIDER:g}"),
+        _ERRORS.format(
+            evidence=cite("evidence"),
+            wider=f"{WIDER:g}",
+            scale=_scale(analysis),
+            mount="" if lags_of_sensors(analysis) else _MOUNTED,
+        ),
         _ESTIMANDS.format(window=f"{1e3 * window_s:g}", onset=onset_note(AT_ONSET)),
         _priors_sentence(analysis),
     ]
@@ -87,15 +100,23 @@ def _sensor_sentences(analysis: StudyAnalysis) -> Iterator[str]:
         yield _SENSORS.format(names=names, mount=mount)
 
 
+def _scale(analysis: StudyAnalysis) -> str:
+    """Say on which scale stiffness was estimated, if not as its logarithm."""
+    units = [p.scale("stiffness").unit for p in analysis.log_posteriors]
+    known = units and units[0]
+    return f", stiffness K as asinh(K / {units[0]:g} N·m/rad)" if known else ""
+
+
 def lags_of_sensors(analysis: StudyAnalysis) -> list[str]:
     """Return the lags that were estimated with sensors beside the goniometer."""
     found = {p.name for cell in analysis.cells for p in cell.nuisance}
     return [lag for lag in _SENSOR_OF_LAG if lag in found]
 
 
-def strapped_decision() -> str:
+def strapped_decision(analysis: StudyAnalysis) -> str:
     """Describe when no value is given."""
-    return _DECIDED
+    several = bool(lags_of_sensors(analysis))
+    return _DECIDED.format(farthest=_FARTHEST_OF_SEVERAL if several else _FARTHEST)
 
 
 def _priors_sentence(analysis: StudyAnalysis) -> str:

@@ -74,7 +74,7 @@ _AGAINST_ALL = frozenset(
 )
 _LIMITS = "one-sided 95 % limits, each by itself; the value is undecided"
 _CI_METHOD = (
-    "posterior of a strapped leg under two hypotheses about the gait cycle; errors of virtual "
+    "posterior of a leg under hypotheses about gait cycle and goniometer; errors of virtual "
     "pulses, of the model, of the calibration"
 )
 

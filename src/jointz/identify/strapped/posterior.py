@@ -1,4 +1,4 @@
-"""Posterior of a participant under two hypotheses about the gait cycle, weighed by evidence."""
+"""Posterior of a participant under hypotheses that are weighed by their evidence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
