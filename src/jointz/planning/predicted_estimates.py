@@ -7,6 +7,7 @@ import numpy as np
 
 from jointz.core.codes import Doubt
 from jointz.identify.preparation.cell_data import PARAMETERS
+from jointz.identify.strapped.coupling import Hypothesis
 from jointz.identify.strapped.decisions import (
     Decision,
     decided_rows,
@@ -17,7 +18,7 @@ from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.information import GROUPS, places_of
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapSearch
-from jointz.identify.strapped.prior import Prior
+from jointz.identify.strapped.prior import LegPriors, Prior
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.predicted_errors import (
     LogValues,
@@ -61,7 +62,7 @@ class PlannedLeg:
         self._lab, self._design = lab, design
         model, priors = planned_model(lab, design, person), lab.leg_priors(person)
         self.priors: Sequence[Prior] = [
-            priors.build(model, hypothesis) for hypothesis in priors.coupling.hypotheses
+            priors.build(model, hypothesis) for hypothesis in _hypotheses(model, priors)
         ]
         self.theta = self.priors[0].mean if theta is None else theta
         self.model = with_usable_samples(model, self.theta)
@@ -149,13 +150,17 @@ def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
     return PlannedLeg(lab, design, 0)
 
 
+def _hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
+    several = bool(model.layout.sensors)
+    return priors.coupling.hypotheses_of(several_sensors=several, phases=True)
+
+
 def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> list[np.ndarray]:
     """Return parameters of legs drawn from the priors: the hypotheses take turns."""
     drawn = []
     for number in range(n):
-        priors = lab.leg_priors(number)
-        hypotheses = priors.coupling.hypotheses
-        hypothesis = hypotheses[number % len(hypotheses)]
-        prior = priors.build(planned_model(lab, design, number), hypothesis)
+        model, priors = planned_model(lab, design, number), lab.leg_priors(number)
+        hypotheses = _hypotheses(model, priors)
+        prior = priors.build(model, hypotheses[number % len(hypotheses)])
         drawn.append(prior.draw(np.random.default_rng([seed, number])))
     return drawn

@@ -43,6 +43,18 @@ class Coupling:
         """Names of parameters that the coupling fixes."""
         return frozenset(self.priors.model_fields_set)
 
+    def hypotheses_of(self, *, several_sensors: bool, phases: bool) -> tuple[Hypothesis, ...]:
+        """Return the hypotheses that a study is open to.
+
+        Sensors beside the goniometer show what it sits on; no curve goes through timing points
+        whose phases are not known.
+        """
+        return tuple(
+            h
+            for h in self.hypotheses
+            if not (several_sensors and h.shared is NO_TISSUE) and (phases or not h.follows_cycle)
+        )
+
     def spec(self, stated: PriorsSpec) -> PriorsSpec:
         """Return the priors of the coupling with those that a study states."""
         own = {name: getattr(stated, name) for name in stated.model_fields_set}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
-from jointz.identify.strapped.coupling import NO_TISSUE, Hypothesis
+from jointz.identify.strapped.coupling import Hypothesis
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.prior import LAG_PARTS, LegPriors
@@ -60,9 +60,8 @@ def explain(
     known = all(np.isfinite(point.phase) for point in model.points)
     fits: list[MapFit] = []
     tried: list[Hypothesis] = []
-    for hypothesis in hypotheses or priors.coupling.hypotheses:
-        if (hypothesis.follows_cycle and not known) or (sensors and hypothesis.shared is NO_TISSUE):
-            continue  # sensors beside the goniometer show what it sits on
+    usual = priors.coupling.hypotheses_of(several_sensors=bool(sensors), phases=known)
+    for hypothesis in hypotheses or usual:
         alike = [f for f, h in zip(fits, tried, strict=True) if h.shared == hypothesis.shared]
         if alike and alike[0].log_evidence < max(f.log_evidence for f in fits) - _FAR_LESS_LIKELY:
             continue
