@@ -152,7 +152,7 @@ def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
 
 def _hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
     several = bool(model.layout.sensors)
-    return priors.coupling.hypotheses_of(several_sensors=several, phases=True)
+    return priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=True)
 
 
 def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> list[np.ndarray]:

@@ -22,9 +22,12 @@ LOG_POSTERIOR_COLUMNS = (
     "prior_log_sd",
     "session",
     "side",
+    "scale_unit",
 )
 #: Parameters of one timing point are drawn side by side within this width.
 _DODGE = 0.6
+#: Of the prior's median: the axis is linear below, logarithmic above.
+_LINEAR_BELOW = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +174,10 @@ class LogPosterior(PlottedResult):
 
     def rows(self) -> list[tuple[Any, ...]]:
         """Return one row for each element, in the columns of ``log_posterior.csv``."""
+        units = {name: self.scale(name).unit or np.nan for name in self.parameters}
         numbers = np.column_stack([self.mean, self.sd, self.prior_mean, self.prior_sd]).tolist()
         return [
-            (self.participant, point, parameter, *row, self.session, self.side)
+            (self.participant, point, parameter, *row, self.session, self.side, units[parameter])
             for point, parameter, row in zip(
                 self.timing_points, self.parameters, numbers, strict=True
             )
@@ -211,7 +215,8 @@ class LogPosterior(PlottedResult):
             axes.vlines(x, prior[0], prior[2], colour, lw=6.0, alpha=0.2)
             axes.vlines(x, low, high, colour)
         axes.axhline(1.0, color="black", linewidth=0.8)
-        axes.set_yscale("symlog" if self.scale_units else "log")  # values may be zero
+        axes.set_yscale("symlog", linthresh=_LINEAR_BELOW)  # values may be zero
+        axes.yaxis.set_major_formatter("{x:g}")
         axes.set_xticks(range(len(points)), points)
         axes.set_ylabel("value / median of the prior")
         axes.set_title("Lines: 95 % intervals; wide pale lines: those of the prior")

@@ -85,7 +85,7 @@ def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
             evidence=cite("evidence"),
             wider=f"{WIDER:g}",
             scale=_scale(analysis),
-            mount="" if lags_of_sensors(analysis) else _MOUNTED,
+            mount=_MOUNTED if _scale(analysis) and not lags_of_sensors(analysis) else "",
         ),
         _ESTIMANDS.format(window=f"{1e3 * window_s:g}", onset=onset_note(AT_ONSET)),
         _priors_sentence(analysis),

@@ -43,16 +43,21 @@ class Coupling:
         """Names of parameters that the coupling fixes."""
         return frozenset(self.priors.model_fields_set)
 
-    def hypotheses_of(self, *, several_sensors: bool, phases: bool) -> tuple[Hypothesis, ...]:
+    def hypotheses_of(
+        self, spec: PriorsSpec, *, several_sensors: bool, phases: bool
+    ) -> tuple[Hypothesis, ...]:
         """Return the hypotheses that a study is open to.
 
         Sensors beside the goniometer show what it sits on; no curve goes through timing points
-        whose phases are not known.
+        whose phases are not known; and what a study states is not supposed otherwise.
         """
+        known = spec.model_fields_set - self.fixed
+        if several_sensors:
+            known |= set(NO_TISSUE)
         return tuple(
             h
             for h in self.hypotheses
-            if not (several_sensors and h.shared is NO_TISSUE) and (phases or not h.follows_cycle)
+            if known.isdisjoint(h.shared) and (phases or not h.follows_cycle)
         )
 
     def spec(self, stated: PriorsSpec) -> PriorsSpec:

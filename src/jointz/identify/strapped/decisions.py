@@ -186,7 +186,9 @@ def unlikely_lag(free: LegPosterior, stated: Calibrated) -> UnlikelyParameter | 
     """Return the goniometer's lag if a fit without its calibration contradicts that."""
     lag, sd = free.lag_moments()
     known = float(np.hypot(stated.sd, LAG_MODEL_S))
-    apart = abs(lag - stated.value) / float(np.hypot(sd, known))
+    # Of a logarithm that is hardly known, one sd reaches further at longer lags.
+    reached = sd * max(1.0, stated.value / lag)
+    apart = abs(lag - stated.value) / float(np.hypot(reached, known))
     reach = REACH_95 * known
     low, high = stated.value - reach, stated.value + reach
     if not apart > _FARTHEST_LAG_SD:
@@ -242,7 +244,8 @@ def _row(
         reach = ONE_SIDED_95 * sd * (1.0 if narrow else _WIDER_LIMITS)
         low, high = scale.moved(value, np.array([-reach, reach])).clip(0.0).tolist()
         if scale.unit:  # that a stiffness is not smaller, the data have to say, not the prior
-            low = min(low, moments.low_by_data(name, point))
+            by_data = moments.low_by_data(name, point) - decision.intrinsic(name)[0]
+            low = max(min(low, by_data), 0.0)
         limits = replace(undecided, ci_low=low, ci_high=high, ci_method=_LIMITS)
         return limits if high > 0.0 else undecided
     low, high = scale.moved(value, np.array([-REACH_95 * sd, REACH_95 * sd])).tolist()

@@ -58,13 +58,15 @@ class LogMoments:
         """
         n = self.mean.size // len(ESTIMANDS)
         block = slice(self._place(name, 0), self._place(name, 0) + n)
-        inverse, prior_inverse = (
-            np.linalg.inv(c[block, block]) for c in (self.covariance, self.prior_covariance)
-        )
+        # What the posterior is widened by is no lack of information.
+        inverse = np.linalg.inv(self.covariance[block, block] / WIDER**2)
+        prior_inverse = np.linalg.inv(self.prior_covariance[block, block])
         information, vectors = np.linalg.eigh(inverse - prior_inverse)
-        covariance = (vectors / information.clip(_LEAST_INFORMATION)) @ vectors.T
+        known = information > _LEAST_INFORMATION
+        variances = 1.0 / np.where(known, information, _LEAST_INFORMATION)
         pull = inverse @ self.mean[block] - prior_inverse @ self.prior_mean[block]
-        mean, sd = (covariance @ pull)[point], np.sqrt(covariance[point, point])
+        mean = (vectors @ (variances * known * (vectors.T @ pull)))[point]
+        sd = WIDER * np.sqrt(variances @ vectors[point] ** 2)
         place = np.clip(mean - ONE_SIDED_95 * sd, 0.0, max(self.mean[block][point], 0.0))
         return float(self.scale(name).value(place))
 

@@ -66,10 +66,10 @@ def _of_sensors(known: CalibrationSpec, sensors: Sequence[str]) -> dict[str, Nor
         priors["goniometer_gain"] = _about_zero(relative_sd(known.angle_gain))
     for sensor in sensors:
         name, channel = _names_of(sensor)
-        lag, gain = sensor_lag(known, channel), getattr(known, f"{channel}_gain")
+        lag = _behind_torque(sensor_lag(known, channel), known)
+        gain = getattr(known, f"{channel}_gain")
         if lag is not None:
-            sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
-            priors[f"{name}_delay_s"] = _about_zero(sd)
+            priors[f"{name}_delay_s"] = _about_zero(lag.sd)
         if gain is not None:
             priors[f"{name}_gain"] = _about_zero(relative_sd(gain))
     return priors
@@ -80,11 +80,16 @@ def _about_zero(sd: float) -> NormalPrior:
 
 
 def calibrated_lag(known: CalibrationSpec) -> Calibrated | None:
-    """Return the calibrated lag of the angle; the error of a torque's lag, shifted, adds to it."""
-    lag, late = known.angle_lag_s, known.torque_lag_s
-    if lag is None or late is None:
-        return lag
-    return Calibrated(value=lag.value, sd=float(np.hypot(lag.sd, late.sd)))
+    """Return the calibrated lag of the angle behind the torque, which was shifted by its own."""
+    return _behind_torque(known.angle_lag_s, known)
+
+
+def _behind_torque(lag: Calibrated | None, known: CalibrationSpec) -> Calibrated | None:
+    """Return a lag with the error of the torque's lag."""
+    if lag is None:
+        return None
+    sd = float(np.hypot(lag.sd, calibration_sd(known.torque_lag_s)))
+    return Calibrated(value=lag.value, sd=sd)
 
 
 def lags_of_instruments(
@@ -94,7 +99,7 @@ def lags_of_instruments(
     yield _lag("angle", posterior.lag_moments(), calibrated_lag(known), LAG_MODEL_S)
     for sensor in posterior.model.layout.sensors:
         name, channel = _names_of(sensor)
-        stated, model_sd = sensor_lag(known, channel), LAG_MODEL_S
+        stated, model_sd = _behind_torque(sensor_lag(known, channel), known), LAG_MODEL_S
         mean, sd = posterior.shared_moments(f"{name}_delay_s")
         if sensor == JOINT_VELOCITY:
             thigh = calibration_sd(sensor_lag(known, THIGH_VELOCITY))

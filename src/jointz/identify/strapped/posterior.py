@@ -9,7 +9,7 @@ from scipy.special import softmax
 from jointz.identify.strapped.coupling import Hypothesis
 from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
-from jointz.identify.strapped.prior import LAG_PARTS, LegPriors
+from jointz.identify.strapped.prior import LAG_PARTS, LegPriors, Prior
 
 #: Logarithm of the odds against what is not tried any more.
 _FAR_LESS_LIKELY = 7.0
@@ -55,28 +55,46 @@ def explain(
     Where sensors show device and bone, the search has one mode (all starts agreed): two starts and
     one are enough. What is supposed beside the cycle is dropped where it was far less likely.
     """
-    sensors = model.layout.sensors
-    one_mode = len(sensors) > 1
+    several = bool(model.layout.sensors)
+    one_mode = len(model.layout.sensors) > 1
     known = all(np.isfinite(point.phase) for point in model.points)
+    usual = priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=known)
     fits: list[MapFit] = []
     tried: list[Hypothesis] = []
-    usual = priors.coupling.hypotheses_of(several_sensors=bool(sensors), phases=known)
     for hypothesis in hypotheses or usual:
-        alike = [f for f, h in zip(fits, tried, strict=True) if h.shared == hypothesis.shared]
-        if alike and alike[0].log_evidence < max(f.log_evidence for f in fits) - _FAR_LESS_LIKELY:
-            continue
+        best = max(fits, key=lambda f: f.log_evidence, default=None)
+        alike = next((f for f, h in zip(fits, tried, strict=True) if h.shared == hypothesis.shared),
+                     best)  # fmt: skip
         prior = priors.build(model, hypothesis)
-        if not fits:
+        if best is None or alike is None:
             starts = [prior.mean, *_other_starts(model, priors, prior.mean)]
             starts = starts[:2] if one_mode else starts
+        elif alike.log_evidence < best.log_evidence - _FAR_LESS_LIKELY:
+            continue
         else:
-            start = (alike or fits)[0].theta.copy()
-            supposed = [model.layout.shared(name) for name in hypothesis.shared]
-            start[supposed] = prior.mean[supposed]
-            starts = [start] if one_mode else [start, prior.mean]
+            starts = [_start(model, hypothesis, prior, fit) for fit in dict.fromkeys((alike, best))]
+            starts = starts[:1] if one_mode else [*starts, prior.mean]
         fits.append(MapSearch(model, prior).best(starts))
         tried.append(hypothesis)
+        if best is not None and not one_mode and fits[-1].log_evidence > best.log_evidence:
+            fits[:-1] = [
+                _again(model, h, f, fits[-1]) for h, f in zip(tried[:-1], fits[:-1], strict=True)
+            ]
     return LegPosterior(model, tuple(fits), softmax([fit.log_evidence for fit in fits]))
+
+
+def _start(model: LegModel, hypothesis: Hypothesis, prior: Prior, fit: MapFit) -> np.ndarray:
+    """Return another hypothesis' mode with what this one supposes."""
+    start = fit.theta.copy()
+    supposed = [model.layout.shared(name) for name in hypothesis.shared]
+    start[supposed] = prior.mean[supposed]
+    return start
+
+
+def _again(model: LegModel, hypothesis: Hypothesis, fit: MapFit, better: MapFit) -> MapFit:
+    """Return the better of a fit and one from a mode that a likelier hypothesis found."""
+    other = MapSearch(model, fit.prior).fit(_start(model, hypothesis, fit.prior, better))
+    return min(fit, other, key=lambda found: found.objective)
 
 
 def _other_starts(model: LegModel, priors: LegPriors, mean: np.ndarray) -> list[np.ndarray]:

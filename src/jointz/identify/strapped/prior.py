@@ -78,12 +78,13 @@ class Prior:
         return precision + np.outer(slope, slope), pull + residual * slope
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw a vector, whose lag is the observed one."""
+        """Draw a vector, whose lag is the observed one and its error."""
         root = np.linalg.cholesky(self.covariance)
         theta = np.asarray(self.mean + root @ rng.standard_normal(self.mean.size))
         if self.lag is not None:
             total = np.exp(theta[self.lag.places]).sum()
-            theta[self.lag.places] += np.log(max(self.lag.value, _SHORTEST_LAG_S) / total)
+            lag = max(rng.normal(self.lag.value, self.lag.sd), _SHORTEST_LAG_S)
+            theta[self.lag.places] += np.log(lag / total)
         return theta
 
 
@@ -119,7 +120,6 @@ class LegPriors:
         observed = None
         if self.lag is not None:
             parts = [layout.shared(name) for name in LAG_PARTS]
-            mean[parts] = np.log(max(0.5 * self.lag.value, LAG_MODEL_S))
             sd = float(np.hypot(self.lag.sd, LAG_MODEL_S))
             observed = LagObservation(parts, self.lag.value, sd)
         precision = np.linalg.inv(covariance)
