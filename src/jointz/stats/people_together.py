@@ -138,7 +138,7 @@ class PeopleTogether:
         wrong = SHARED * fit.own_sd[k] * self._model[element[1]]
         whole, gain, unit = fit.whole[:, k], np.exp(self._gains[f]), float(fit.unit[k])
         linear = not fit.logarithmic[k]
-        whole = whole + unit * wrong if linear else ValueScale(unit).moved(whole, wrong)
+        whole = whole + unit * wrong if linear else ValueScale(unit).moved(whole, wrong).clip(0.0)
         return np.asarray(whole * gain - fit.intrinsic[k])
 
     def mean(self, condition: int, place: Place) -> PeopleMean | None:
@@ -362,7 +362,8 @@ def _in_si(
         relative_sd = np.where(logarithmic, np.sqrt(np.expm1(variance)), linear_sd)
         curved = logarithmic & (unit > 0.0)
         asinh_mean, asinh_sd = _of_asinh(middle, variance, unit)
-        whole = np.where(curved, asinh_mean, whole)
+        # A likelihood by few data may lie below zero, where sinh leads far: no stiffness is.
+        whole = np.where(curved, np.maximum(asinh_mean, 0.0), whole)
         size = np.where(curved, np.hypot(whole, unit), whole)
         relative_sd = np.where(curved, asinh_sd / size, relative_sd)
     scale = np.where(logarithmic, 1.0, 1.0 / middle**2)

@@ -19,6 +19,8 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
         "strap_hz",
         "strap_damping",
         "skin_share",
+        "goniometer_hz",
+        "goniometer_damping",
         "shank_hz",
         "shank_damping",
         "thigh_hz",

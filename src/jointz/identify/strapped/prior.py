@@ -28,7 +28,7 @@ LAG_PARTS = ("sensor_delay_s", "sensor_lag_s")
 #: Sd of the error of the model in that sum: in simulated legs without errors the responses alone
 #: put it 0.4 to 1.0 ms too early, as tissue that leads the skin does.
 LAG_MODEL_S = 0.001
-_SHORTEST_LAG_S = 1e-4
+_SHORTEST_LAG_S, _LEAST_PART_S = 1e-4, 1.5e-4
 _USUAL = PriorsSpec()
 
 
@@ -120,6 +120,8 @@ class LegPriors:
         observed = None
         if self.lag is not None:
             parts = [layout.shared(name) for name in LAG_PARTS]
+            # Logarithms of usual parts would keep a lag of nearly zero away from it.
+            mean[parts] = np.minimum(mean[parts], np.log(max(0.5 * self.lag.value, _LEAST_PART_S)))
             sd = float(np.hypot(self.lag.sd, LAG_MODEL_S))
             observed = LagObservation(parts, self.lag.value, sd)
         precision = np.linalg.inv(covariance)
