@@ -11,14 +11,14 @@ import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from benchmarks.realistic.rows import METHOD, PARAMETERS, ROWS, preset_of, set_window
+from benchmarks.realistic.rows import METHOD, ROWS, cells_of, preset_of, set_window
 
 import jointz
 from jointz.session.simulate_study import simulate_study
@@ -52,7 +52,8 @@ def values_of_person(seed: int, number: int) -> list[Entry]:
         for name, sds in CALIBRATIONS.items():
             (study / "study.toml").write_text(_stated(text, errors, off, sds))
             analysis = jointz.analyze(study, method=METHOD, resamples=10, progress=False)
-            rows = chain(_values(analysis, truth), _lags(analysis, errors))
+            values = (row for cell in analysis.cells for row in cells_of(cell, truth, {}))
+            rows = chain(values, _lags(analysis, errors))
             common = {"calibration": name, "number": number}
             entries += [common | row for row in rows]
     return entries
@@ -92,19 +93,6 @@ def _stated(
 
 def _found(text: str, name: str) -> list[str]:
     return re.findall(rf"\b{name} = (\{{[^}}]*\}})", text)
-
-
-def _values(analysis: Any, truth: Entry) -> Iterator[Entry]:
-    for cell, name in product(analysis.cells, PARAMETERS):
-        found = cell.parameter(name)
-        yield {
-            "parameter": name,
-            "status": found.status if found else "failed:missing",
-            "value": found.value if found else None,
-            "low": found.ci_low if found else None,
-            "high": found.ci_high if found else None,
-            "truth": truth[cell.timing_point][name],
-        }
 
 
 def _lags(analysis: Any, errors: Mapping[str, float]) -> Iterator[Entry]:

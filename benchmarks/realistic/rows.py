@@ -129,7 +129,7 @@ def person_of_row(name: str, seed: int, number: int) -> Entry:
     reports = {
         (r["name"], r["parameter"]): (str(r["why"]), str(r["remedy"])) for r in section["undecided"]
     }
-    cells = [c for cell in analysis.cells for c in _cells(cell, truth, reports)]
+    cells = [c for cell in analysis.cells for c in cells_of(cell, truth, reports)]
     return {"number": number, "cpu_s": cpu_s, "cells": cells}
 
 
@@ -143,7 +143,7 @@ def set_window(study: Path, window_s: float) -> None:
     file.write_text(text)
 
 
-def _cells(
+def cells_of(
     cell: CellEstimate,
     truth: Mapping[str, Mapping[str, float]],
     reports: Mapping[tuple[str, str], tuple[str, str]],

@@ -7,6 +7,8 @@ RECOMMENDED: Final = "recommended"
 #: Walking with a device that is strapped to the leg, or coupled to the bone without play.
 STRAPPED: Final = "strapped"
 RIGID: Final = "rigid"
+#: A device that moves with the bone, by the estimator of ``strapped``: not offered yet.
+RIGID_COUPLING: Final = "rigid_coupling"
 DISSERTATION: Final = "dissertation"
 MATCHED_STRIDES: Final = "matched_strides"
 FULL_RECORD: Final = "full_record"

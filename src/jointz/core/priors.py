@@ -30,6 +30,9 @@ class NormalPrior(_Prior):
     sd: float = Field(ge=1e-4, le=10)
 
 
+AnyPrior = LogPrior | SharePrior | NormalPrior
+
+
 class Spread(_Prior):
     """A normal deviation about zero."""
 

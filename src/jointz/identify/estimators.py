@@ -12,6 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.method_names import RIGID_COUPLING
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate
@@ -37,7 +38,7 @@ BUILT_IN: Mapping[str, str] = {
 }
 #: Methods that are tried and that no list offers.
 _TRIED: Mapping[str, str] = {
-    "rigid_coupling": "jointz.identify.strapped.strapped_method:RIGID_COUPLING",
+    RIGID_COUPLING: "jointz.identify.strapped.strapped_method:RIGID_COUPLING",
 }
 
 
@@ -85,18 +86,16 @@ class Methods(Mapping[str, Estimator]):
     """All methods by name; those of other packages follow those of jointz."""
 
     def __getitem__(self, name: str) -> Estimator:
-        if name in _TRIED:
-            return _load(EntryPoint(name, _TRIED[name], GROUP))
         return _load(_entries()[name])
 
     def __contains__(self, name: object) -> bool:
-        return name in _TRIED or name in _entries()
+        return name in _entries()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_entries())
+        return (name for name in _entries() if name not in _TRIED)
 
     def __len__(self) -> int:
-        return len(_entries())
+        return len(_entries()) - len(_TRIED)
 
     def serving(self, kind: str) -> tuple[str, ...]:
         """Return the methods for a kind of study."""
@@ -110,7 +109,8 @@ METHODS = Methods()
 @cache
 def _entries() -> Mapping[str, EntryPoint]:
     """Return the entry points by method; other packages cannot replace the methods of jointz."""
-    own = {name: EntryPoint(name, place, GROUP) for name, place in BUILT_IN.items()}
+    places = {**BUILT_IN, **_TRIED}
+    own = {name: EntryPoint(name, place, GROUP) for name, place in places.items()}
     return own | {e.name: e for e in entry_points(group=GROUP) if e.name not in own}
 
 

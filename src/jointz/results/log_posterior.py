@@ -9,7 +9,7 @@ import pandas as pd
 from jointz.core.events import row_label
 from jointz.results.base import Array, Axes, PlottedResult
 from jointz.results.estimates import REACH_95
-from jointz.results.value_scale import ValueScale
+from jointz.results.value_scale import ValueScale, shares_at
 
 #: Columns of ``log_posterior.csv``.
 LOG_POSTERIOR_COLUMNS = (
@@ -164,8 +164,7 @@ class LogPosterior(PlottedResult):
     @property
     def shares(self) -> np.ndarray:
         """Sd of each element over the relative sd of its value, (n,): 1 for a logarithm."""
-        scales = [self.scale(name) for name in self.parameters]
-        return np.array([s.share(s.value(m)) for s, m in zip(scales, self.mean, strict=True)])
+        return shares_at(map(self.scale, self.parameters), self.mean)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, ready for JSON; without ``scale_units`` if there are none."""

@@ -1,5 +1,6 @@
 """Scales on which values are estimated: a logarithm, or the inverse hyperbolic sine."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,3 +48,8 @@ class ValueScale:
 
 
 LOGARITHM = ValueScale()
+
+
+def shares_at(scales: Iterable[ValueScale], places: np.ndarray) -> np.ndarray:
+    """Return the sd on its scale over the relative sd of the value at each place, (n,)."""
+    return np.array([s.share(s.value(place)) for s, place in zip(scales, places, strict=True)])

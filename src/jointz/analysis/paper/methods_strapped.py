@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from jointz.analysis.paper.citations import cite
-from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
 from jointz.identify.strapped.estimands import WIDER
 from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
 from jointz.results.study_analysis import StudyAnalysis
@@ -142,7 +142,7 @@ def _priors(spec: PriorsSpec, unused: tuple[str, ...]) -> Iterator[str]:
         yield f"{words} {_numbers(prior)} ({pretty_unit(str(source))})"
 
 
-def _numbers(prior: LogPrior | SharePrior | NormalPrior | Spread) -> str:
+def _numbers(prior: AnyPrior | Spread) -> str:
     if isinstance(prior, LogPrior):
         return f"{format_exact(prior.median)}, {format_exact(prior.log_sd)}"
     if isinstance(prior, SharePrior):

@@ -1,6 +1,6 @@
 """Inertia and weight of shank and foot about the knee, from body mass and height."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -57,22 +57,22 @@ def body_of(
 
     Unless the inertia is ``of_body``, it is that of an unknown body.
     """
+    unknown = Body(
+        inertia=priors.inertia_unknown_body,
+        stiffness=priors.stiffness_unknown_body,
+        gravity_stiffness=0.0,
+        inertia_of_point_sd=priors.inertia_of_point.sd,
+        known=False,
+    )
     mass = None if person is None else person.mass_kg
     height = None if person is None else person.height_m
     if mass is None or height is None or "knee" not in joint.lower():
-        return Body(
-            inertia=priors.inertia_unknown_body,
-            stiffness=priors.stiffness_unknown_body,
-            gravity_stiffness=0.0,
-            inertia_of_point_sd=priors.inertia_of_point.sd,
-            known=False,
-        )
+        return unknown
     inertia, moment = shank_and_foot(mass, height)
     ratio, per_mass = priors.inertia_over_body, priors.stiffness_per_mass
     stiffness = LogPrior(median=per_mass.median * mass, log_sd=per_mass.log_sd)
     if not of_body:
-        sd = priors.inertia_of_point.sd
-        return Body(priors.inertia_unknown_body, stiffness, 0.0, sd, known=False)
+        return replace(unknown, stiffness=stiffness)
     return Body(
         inertia=LogPrior(
             median=ratio.median * (_FREE_HIP * inertia + _DEVICE), log_sd=ratio.log_sd

@@ -1,4 +1,4 @@
-"""What the coupling of device and leg supposes: priors, hypotheses, and which data are used.
+"""Couplings of device and leg: their priors, their hypotheses, and the data that they use.
 
 A device that moves with the bone is a strap that is stiff, a device share that changes nothing, and
 no skin or softening.
@@ -9,17 +9,13 @@ from dataclasses import dataclass, field
 from itertools import product
 from typing import Final
 
-from jointz.core.method_names import STRAPPED
-from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
-
-AnyPrior = LogPrior | SharePrior | NormalPrior
-#: The method of a rigid coupling, which no page offers yet.
-RIGID_COUPLING: Final = "rigid_coupling"
+from jointz.core.method_names import RIGID_COUPLING, STRAPPED
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
 
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What is supposed of a leg beside its priors."""
+    """A hypothesis about gait cycle, leg and goniometer, with the priors that it sets."""
 
     follows_cycle: float  # share of the variance of K, B and J that follows one curve of the cycle
     steady: float = 0.6  # of what a point has by itself, share that does not change in the window

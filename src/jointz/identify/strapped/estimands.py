@@ -9,7 +9,7 @@ from jointz.identify.strapped.map_fit import MapFit
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.kernels import strapped_leg as leg
 from jointz.results.estimates import ONE_SIDED_95
-from jointz.results.value_scale import LOGARITHM, ValueScale
+from jointz.results.value_scale import LOGARITHM, ValueScale, shares_at
 
 #: Estimated logarithms: K along the motion (secant), mean B, J, and K and B at the onset. Both K
 #: are on the scale of K.
@@ -25,9 +25,9 @@ _LEAST_INFORMATION = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogMoments:
-    """Mean and covariance of all logarithms, estimand by estimand, and those of the prior."""
+    """Mean and covariance of all estimands on their scales, and those of the prior."""
 
-    mean: np.ndarray  # (estimand * point,) natural logarithms of values in SI
+    mean: np.ndarray  # (estimand * point,) natural logarithms of values in SI, K on its scale
     covariance: np.ndarray
     prior_mean: np.ndarray
     prior_covariance: np.ndarray
@@ -73,9 +73,8 @@ class LogMoments:
     @property
     def shares(self) -> np.ndarray:
         """Sd of each element over the relative sd of its value: 1 for a logarithm."""
-        points = range(self.mean.size // len(ESTIMANDS))
-        places = [(name, point) for name in ESTIMANDS for point in points]
-        return np.array([self.scale(name).share(self.value(name, k)) for name, k in places])
+        n = self.mean.size // len(ESTIMANDS)
+        return shares_at((self.scale(name) for name in ESTIMANDS for _ in range(n)), self.mean)
 
     def of(self, name: str, point: int) -> tuple[float, float]:
         """Return mean and sd of an estimand at a point."""

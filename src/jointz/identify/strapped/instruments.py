@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from jointz.core.priors import LogPrior, NormalPrior, SharePrior
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior
 from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.identify.preparation.calibration import relative_sd, value_of
 from jointz.identify.preparation.cell_data import calibration_sd
@@ -28,7 +28,7 @@ _THIGH_SHARE = 0.4
 
 def instrument_priors(
     known: CalibrationSpec, friction_nm: float, sensors: Sequence[str]
-) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+) -> dict[str, AnyPrior]:
     """Return priors of what torque model and calibration tell, instead of the usual ones.
 
     ``friction_nm`` is the usual size of the friction that the torque model subtracts, 0 without.
@@ -46,9 +46,7 @@ def friction_of_model(sources: Sequence[Source]) -> float:
     return float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
 
 
-def _of_torque_model(
-    known: CalibrationSpec, friction_nm: float
-) -> dict[str, LogPrior | SharePrior | NormalPrior]:
+def _of_torque_model(known: CalibrationSpec, friction_nm: float) -> dict[str, AnyPrior]:
     """Return the prior of the friction that the torque model leaves."""
     if not friction_nm > 0.0:
         return {}

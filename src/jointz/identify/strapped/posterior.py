@@ -59,28 +59,25 @@ def explain(
     one_mode = len(model.layout.sensors) > 1
     known = all(np.isfinite(point.phase) for point in model.points)
     usual = priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=known)
-    fits: list[MapFit] = []
-    tried: list[Hypothesis] = []
+    tried: list[tuple[Hypothesis, MapFit]] = []
     for hypothesis in hypotheses or usual:
-        best = max(fits, key=lambda f: f.log_evidence, default=None)
-        alike = next((f for f, h in zip(fits, tried, strict=True) if h.shared == hypothesis.shared),
-                     best)  # fmt: skip
-        prior = priors.build(model, hypothesis)
-        if best is None or alike is None:
-            starts = [prior.mean, *_other_starts(model, priors, prior.mean)]
-            starts = starts[:2] if one_mode else starts
-        elif alike.log_evidence < best.log_evidence - _FAR_LESS_LIKELY:
+        best = max((fit for _, fit in tried), key=lambda fit: fit.log_evidence, default=None)
+        alike = next((fit for h, fit in tried if h.shared == hypothesis.shared), best)
+        if best and alike and alike.log_evidence < best.log_evidence - _FAR_LESS_LIKELY:
             continue
-        else:
+        prior = priors.build(model, hypothesis)
+        if best and alike:
             starts = [_start(model, hypothesis, prior, fit) for fit in dict.fromkeys((alike, best))]
             starts = starts[:1] if one_mode else [*starts, prior.mean]
-        fits.append(MapSearch(model, prior).best(starts))
-        tried.append(hypothesis)
-        if best is not None and not one_mode and fits[-1].log_evidence > best.log_evidence:
-            fits[:-1] = [
-                _again(model, h, f, fits[-1]) for h, f in zip(tried[:-1], fits[:-1], strict=True)
-            ]
-    return LegPosterior(model, tuple(fits), softmax([fit.log_evidence for fit in fits]))
+        else:
+            starts = [prior.mean, *_other_starts(model, priors, prior.mean)]
+            starts = starts[:2] if one_mode else starts
+        fit = MapSearch(model, prior).best(starts)
+        if best and not one_mode and fit.log_evidence > best.log_evidence:
+            tried = [(h, _again(model, h, other, fit)) for h, other in tried]
+        tried.append((hypothesis, fit))
+    fits = tuple(fit for _, fit in tried)
+    return LegPosterior(model, fits, softmax([fit.log_evidence for fit in fits]))
 
 
 def _start(model: LegModel, hypothesis: Hypothesis, prior: Prior, fit: MapFit) -> np.ndarray:

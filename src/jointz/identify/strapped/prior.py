@@ -1,4 +1,4 @@
-"""Prior of all parameters of a participant, under a hypothesis about the gait cycle."""
+"""Prior of all parameters of a participant under a hypothesis."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, logit
 
-from jointz.core.priors import LogPrior, NormalPrior, PriorsSpec, SharePrior
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior
 from jointz.core.study import Calibrated
 from jointz.identify.strapped.body import Body
-from jointz.identify.strapped.coupling import STRAP, AnyPrior, Coupling, Hypothesis
+from jointz.identify.strapped.coupling import STRAP, Coupling, Hypothesis
 from jointz.identify.strapped.leg_model import (
     LENGTH_CYCLES,
     REFLEX,
@@ -29,7 +29,6 @@ LAG_PARTS = ("sensor_delay_s", "sensor_lag_s")
 #: put it 0.4 to 1.0 ms too early, as tissue that leads the skin does.
 LAG_MODEL_S = 0.001
 _SHORTEST_LAG_S, _LEAST_PART_S = 1e-4, 1.5e-4
-_USUAL = PriorsSpec()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +154,7 @@ class LegPriors:
 
 def untransformed(name: str, value: float) -> float:
     """Return a shared parameter as ``[priors]`` states it."""
-    prior = getattr(_USUAL, name, None)
+    prior = getattr(STRAP.priors, name, None)
     if isinstance(prior, NormalPrior):
         return float(value)
     return float(expit(value) if isinstance(prior, SharePrior) else np.exp(value))
