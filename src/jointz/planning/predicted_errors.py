@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from jointz.identify.strapped.estimands import WIDER, LogMoments, log_gradient, mixed_moments
+from jointz.identify.strapped.coupling import ModelError
+from jointz.identify.strapped.estimands import LogMoments, log_gradient, mixed_moments
 from jointz.identify.strapped.leg_model import REFLEX, LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.prior import Prior
@@ -83,12 +84,13 @@ class LogValues:
     values: np.ndarray  # (estimand * point,)
     gradient: np.ndarray  # (estimand * point, parameter)
     stiffness_scale: ValueScale
+    error: ModelError
 
 
 def log_values(model: LegModel, theta: np.ndarray, prior: Prior, sd: float) -> LogValues:
     """Return the logarithms of all estimands; steps of the derivatives are shares of prior sds."""
     steps = MapFit(theta, sd**2 * prior.covariance, prior, 0.0, ())
-    return LogValues(*log_gradient(model, steps), model.stiffness_scale)
+    return LogValues(*log_gradient(model, steps), model.stiffness_scale, model.error)
 
 
 def predicted_moments(
@@ -107,6 +109,7 @@ def predicted_moments(
             + 0.5 * float(pull @ shift)
             - 0.5 * float(np.linalg.slogdet(curvature)[1])
             - 0.5 * prior.log_det
+            + float(np.log(prior.chance))
         )
         means.append(values + gradient @ shift)
         covariances.append(gradient @ covariance @ gradient.T)
@@ -116,7 +119,8 @@ def predicted_moments(
     weights /= weights.sum()
     mean, covariance = mixed_moments(weights, means, covariances)
     prior_mean, spread = mixed_moments(weights, prior_means, prior_covariances)
-    return LogMoments(mean, WIDER**2 * covariance, prior_mean, spread, logs.stiffness_scale)
+    wider = logs.error.wider**2 * covariance
+    return LogMoments(mean, wider, prior_mean, spread, logs.stiffness_scale, logs.error)
 
 
 def reflex_bias(

@@ -6,7 +6,7 @@ from typing import Final
 
 from jointz.analysis.paper.citations import cite
 from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior, Spread
-from jointz.identify.strapped.estimands import WIDER
+from jointz.identify.strapped.coupling import STRAP
 from jointz.report.wording import AT_ONSET, format_exact, onset_note, pretty_unit
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -83,7 +83,7 @@ def strapped_sentences(analysis: StudyAnalysis, window_s: float) -> list[str]:
         *_sensor_sentences(analysis),
         _ERRORS.format(
             evidence=cite("evidence"),
-            wider=f"{WIDER:g}",
+            wider=f"{STRAP.error.wider:g}",
             scale=_scale(analysis),
             mount=_MOUNTED if _scale(analysis) and not lags_of_sensors(analysis) else "",
         ),

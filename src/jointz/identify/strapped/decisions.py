@@ -12,6 +12,7 @@ from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.strapped.body import Body
+from jointz.identify.strapped.coupling import STRAP, ModelError
 from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
 from jointz.identify.strapped.posterior import LegPosterior
 from jointz.identify.strapped.prior import LAG_MODEL_S, untransformed
@@ -41,9 +42,6 @@ _BACK, _STILL_ON, _SAME_SIZE = 0.2, 0.5, 1.2
 _NO_SD = 5.0
 #: Chi-square of a point over its samples, above which the model does not explain it.
 _LARGEST_MISFIT = 2.0
-#: Sd of the error of B that the posterior does not know: reflex, friction and lag share what B
-#: does, so that it is 5 to 14 % too high in every world that was tried (docs/estimator.md).
-_MODEL_SD = {"damping": 0.08}
 #: Prior sds by which the inertia may differ from the body's.
 _FARTHEST_BODY_SD = 2.0
 #: Prior sds by which a shared parameter may be off; on good data the farthest was 2.0.
@@ -88,6 +86,7 @@ class Decision:
     subtract: Sequence[str]  # those of K, B and J of the device that the torque still includes
     several_sensors: bool = False  # whether the gain of the angle is one of the fit's parameters
     natural_stiffness: float = 0.0  # N*m/rad, if it alone resisted the pulses; 0: not known
+    by_person: bool = True  # whether the widths at the person's other points count, too
 
     @property
     def gain_sd(self) -> float:
@@ -236,7 +235,7 @@ def _row(
     half, usual = scale.half_width(value, sd), _median_half_width(name, moments)
     together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
     limits_only = leaves_limits_only(name, doubts)
-    if limits_only or not decides(1.0, max(half, together)):
+    if limits_only or not decides(1.0, max(half, together) if decision.by_person else half):
         known = scale.unit and not limits_only and moments.prior_share(name, point) <= _ASSUMED
         if known and (small := _at_bound(undecided, scale, sd, decision)):
             return small
@@ -259,7 +258,7 @@ def value_and_sd(
     """Return an estimate without the device's own part, and the sd of its whole error, SI."""
     scale, whole = moments.scale(name), moments.value(name, point)
     own, own_sd = decision.intrinsic(name)
-    sd = with_model_error(name, moments.of(name, point)[1])
+    sd = with_model_error(name, moments.of(name, point)[1], moments.error)
     sd = float(np.hypot(sd, decision.gain_sd * scale.share(whole)))
     return whole - own, float(np.hypot(scale.slope(whole) * sd, own_sd))
 
@@ -278,14 +277,15 @@ def _at_bound(
     return replace(decided, value=max(value, 0.0), ci_low=low, ci_high=high)
 
 
-def with_model_error(name: str, sd: float) -> float:
+def with_model_error(name: str, sd: float, error: ModelError = STRAP.error) -> float:
     """Return the sd of an estimand, on its scale, with the error of the model."""
-    return float(np.hypot(sd, _MODEL_SD.get(name.removesuffix("_onset"), 0.0)))
+    is_damping = name.removesuffix("_onset") == "damping"
+    return float(np.hypot(sd, error.damping_sd if is_damping else 0.0))
 
 
 def _median_half_width(name: str, moments: LogMoments) -> float:
     """Return the median half-width over the person's timing points."""
     n_points = moments.mean.size // len(ESTIMANDS)
-    sds = [with_model_error(name, moments.of(name, point)[1]) for point in range(n_points)]
+    sds = [with_model_error(name, moments.of(name, point)[1], moments.error) for point in range(n_points)]
     values = [moments.value(name, point) for point in range(n_points)]
     return float(np.median(list(map(moments.scale(name).half_width, values, sds))))

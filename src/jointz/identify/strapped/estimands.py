@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointz.identify.strapped.coupling import STRAP, ModelError
 from jointz.identify.strapped.leg_model import REFERENCE_S, LegModel
 from jointz.identify.strapped.map_fit import MapFit
 from jointz.identify.strapped.posterior import LegPosterior
@@ -15,8 +16,6 @@ from jointz.results.value_scale import LOGARITHM, ValueScale, shares_at
 #: are on the scale of K.
 ESTIMANDS = ("stiffness", "damping", "inertia", "stiffness_onset", "damping_onset")
 _STIFFNESS = ("stiffness", "stiffness_onset")
-#: Laplace's sds are too small by so much: self-simulation, docs/estimator.md.
-WIDER = 1.1
 _EVERY_S = 0.002
 _DERIVATIVE_SD = 0.05
 #: Of data that say nothing: an sd of 1000.
@@ -32,6 +31,7 @@ class LogMoments:
     prior_mean: np.ndarray
     prior_covariance: np.ndarray
     stiffness_scale: ValueScale = LOGARITHM
+    error: ModelError = STRAP.error
 
     @property
     def sd(self) -> np.ndarray:
@@ -59,14 +59,14 @@ class LogMoments:
         n = self.mean.size // len(ESTIMANDS)
         block = slice(self._place(name, 0), self._place(name, 0) + n)
         # What the posterior is widened by is no lack of information.
-        inverse = np.linalg.inv(self.covariance[block, block] / WIDER**2)
+        inverse = np.linalg.inv(self.covariance[block, block] / self.error.wider**2)
         prior_inverse = np.linalg.inv(self.prior_covariance[block, block])
         information, vectors = np.linalg.eigh(inverse - prior_inverse)
         known = information > _LEAST_INFORMATION
         variances = 1.0 / np.where(known, information, _LEAST_INFORMATION)
         pull = inverse @ self.mean[block] - prior_inverse @ self.prior_mean[block]
         mean = (vectors @ (variances * known * (vectors.T @ pull)))[point]
-        sd = WIDER * np.sqrt(variances @ vectors[point] ** 2)
+        sd = self.error.wider * np.sqrt(variances @ vectors[point] ** 2)
         place = np.clip(mean - ONE_SIDED_95 * sd, 0.0, max(self.mean[block][point], 0.0))
         return float(self.scale(name).value(place))
 
@@ -92,8 +92,9 @@ def log_moments(posterior: LegPosterior) -> LogMoments:
         posterior.weights, [p[0] for p in parts], [p[1] for p in parts]
     )
     prior, spread = mixed_moments(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
-    scale = posterior.model.stiffness_scale
-    return LogMoments(mean, WIDER**2 * covariance, prior, spread, scale)
+    model = posterior.model
+    wider = model.error.wider**2 * covariance
+    return LogMoments(mean, wider, prior, spread, model.stiffness_scale, model.error)
 
 
 def mixed_moments(

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from jointz.identify.strapped.estimands import WIDER, log_gradient, mixed_moments
+from jointz.identify.strapped.estimands import log_gradient, mixed_moments
 from jointz.identify.strapped.leg_model import REFLEX, Layout, LegModel
 from jointz.identify.strapped.map_fit import MapFit, MapSearch
 from jointz.identify.strapped.posterior import LegPosterior
@@ -55,7 +55,7 @@ def remaining_sds(posterior: LegPosterior) -> dict[str, np.ndarray]:
     for source in (*GROUPS, PULSES):
         own = [covariances[source] for _, covariances in parts]
         _, covariance = mixed_moments(posterior.weights, means, own)
-        sds[source] = WIDER * np.sqrt(np.diag(covariance))
+        sds[source] = posterior.model.error.wider * np.sqrt(np.diag(covariance))
     return sds
 
 

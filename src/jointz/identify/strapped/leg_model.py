@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import expit
 
 from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY, SHANK_VELOCITY
+from jointz.identify.strapped.coupling import STRAP, ModelError
 from jointz.identify.strapped.responses import GONIOMETER, PointResponse
 from jointz.kernels import strapped_leg as leg
 from jointz.results.value_scale import ValueScale
@@ -147,8 +148,10 @@ class LegModel:
         window_s: float,
         gravity_stiffness: float,
         stiffness_scale: ValueScale = STIFFNESS_SCALE,
+        error: ModelError = STRAP.error,
     ) -> None:
         self.points = tuple(points)
+        self.error = error
         self.window_s = window_s
         self._gravity = gravity_stiffness
         self.stiffness_scale = stiffness_scale
@@ -173,6 +176,7 @@ class LegModel:
             window_s=self.window_s,
             gravity_stiffness=self._gravity,
             stiffness_scale=self.stiffness_scale,
+            error=self.error,
         )
 
     def natural(self, theta: np.ndarray, point: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

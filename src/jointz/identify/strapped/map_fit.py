@@ -15,8 +15,8 @@ from jointz.identify.strapped.leg_model import LegModel
 from jointz.identify.strapped.prior import Prior
 from jointz.identify.strapped.responses import PointResponse
 
-#: Error of the model: share of the response, correlated over this time; and a floor.
-_MODEL_SHARE, _MODEL_S, _MODEL_FLOOR_RAD = 0.015, 0.03, np.deg2rad(0.02)
+#: Time over which the error of the model is correlated.
+_MODEL_S = 0.03
 #: The floor of a velocity, over that of an angle.
 _FLOOR_HZ = 30.0
 #: The share is of no less than this part of the largest response.
@@ -65,9 +65,10 @@ class MapFit:
 
     @property
     def log_evidence(self) -> float:
-        """Laplace's approximation, up to a constant of the data."""
+        """Laplace's approximation with the hypothesis' chance, up to a constant of the data."""
         curvature = -np.linalg.slogdet(self.covariance)[1]
-        return float(-self.objective - 0.5 * curvature - 0.5 * self.prior.log_det)
+        chance = np.log(self.prior.chance)
+        return float(chance - self.objective - 0.5 * (curvature + self.prior.log_det))
 
 
 class MapSearch:
@@ -201,7 +202,7 @@ class MapSearch:
         # The prediction's own error is common to all shapes.
         covariance = np.tile(stride / point.n_strides, (shapes, shapes))
         smooth = np.exp(-0.5 * ((time_s[:, None] - time_s) / _MODEL_S) ** 2)
-        floors = [_floor(channel) ** 2 * 0.5 * (smooth + np.eye(n)) for channel in point.channels]
+        floors = [self._floor(c) ** 2 * 0.5 * (smooth + np.eye(n)) for c in point.channels]
         full = self._model.responses(theta[None], k)[0].reshape(shapes, channels, -1)
         modelled = point.blocks(full)
         for i, (shape, responses) in enumerate(zip(point.shapes, modelled, strict=True)):
@@ -210,12 +211,17 @@ class MapSearch:
             for c, (floor, response) in enumerate(zip(floors, responses, strict=True)):
                 own = slice(block.start + c * n, block.start + (c + 1) * n)
                 size = np.maximum(np.abs(response), _LEAST_RESPONSE * np.abs(response).max())
-                covariance[own, own] += _MODEL_SHARE**2 * np.outer(size, size) * smooth + floor
+                covariance[own, own] += self._model.error.share**2 * np.outer(size, size) * smooth + floor
         if point.twist_sd:
             torque = np.zeros((shapes, channels, n))
             torque[:, 0] = [point.blocks(shape.torque) for shape in point.shapes]
             covariance += point.twist_sd**2 * np.outer(torque, torque)
         return np.asarray(covariance + _JITTER * np.diag(np.diag(covariance)))
+
+    def _floor(self, channel: str) -> float:
+        """Return the floor of the model's error, rad or rad/s."""
+        velocity = channel in (JOINT_VELOCITY, SHANK_VELOCITY)
+        return self._model.error.floor_rad * (_FLOOR_HZ if velocity else 1.0)
 
 
 def _over_blocks(point: PointResponse, covariance: np.ndarray) -> np.ndarray:
@@ -224,9 +230,3 @@ def _over_blocks(point: PointResponse, covariance: np.ndarray) -> np.ndarray:
         rows = point.blocks(covariance.reshape(len(covariance), -1, point.time_s.size))
         covariance = rows.reshape(len(covariance), -1).T
     return covariance
-
-
-def _floor(channel: str) -> float:
-    """Return the floor of the model's error, rad or rad/s."""
-    velocity = channel in (JOINT_VELOCITY, SHANK_VELOCITY)
-    return float(_MODEL_FLOOR_RAD * (_FLOOR_HZ if velocity else 1.0))

@@ -62,8 +62,9 @@ def explain(
     tried: list[tuple[Hypothesis, MapFit]] = []
     for hypothesis in hypotheses or usual:
         best = max((fit for _, fit in tried), key=lambda fit: fit.log_evidence, default=None)
-        alike = next((fit for h, fit in tried if h.shared == hypothesis.shared), best)
-        if best and alike and alike.log_evidence < best.log_evidence - _FAR_LESS_LIKELY:
+        same = [fit for h, fit in tried if h.shared == hypothesis.shared]
+        alike = max(same, key=lambda fit: fit.log_evidence, default=best)
+        if _is_far_less_likely(hypothesis, tried):
             continue
         prior = priors.build(model, hypothesis)
         if best and alike:
@@ -78,6 +79,19 @@ def explain(
         tried.append((hypothesis, fit))
     fits = tuple(fit for _, fit in tried)
     return LegPosterior(model, fits, softmax([fit.log_evidence for fit in fits]))
+
+
+def _is_far_less_likely(
+    hypothesis: Hypothesis, tried: Sequence[tuple[Hypothesis, MapFit]]
+) -> bool:
+    """Return whether what is supposed was so before, all else the same."""
+    return any(
+        fit.log_evidence < other.log_evidence - _FAR_LESS_LIKELY
+        for h, fit in tried
+        if h.shared == hypothesis.shared
+        for o, other in tried
+        if (o.follows_cycle, o.inertia_sd) == (h.follows_cycle, h.inertia_sd)
+    )
 
 
 def _start(model: LegModel, hypothesis: Hypothesis, prior: Prior, fit: MapFit) -> np.ndarray:

@@ -56,6 +56,7 @@ class Prior:
     precision: np.ndarray
     log_det: float  # of the covariance
     lag: LagObservation | None = None
+    chance: float = 1.0  # prior probability of the hypothesis over that of the others
 
     @property
     def sd(self) -> np.ndarray:
@@ -113,7 +114,8 @@ class LegPriors:
                 level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
             )
         at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])
-        covariance[np.ix_(at, at)] = spec.inertia_of_point.sd**2 * alike + _NUGGET * np.eye(at.size)
+        own_sd = hypothesis.inertia_sd or spec.inertia_of_point.sd
+        covariance[np.ix_(at, at)] = own_sd**2 * (alike + _NUGGET * np.eye(at.size))
         for place, (centre, sd) in self._independent(layout, hypothesis.shared).items():
             mean[place], covariance[place, place] = centre, sd**2
         observed = None
@@ -130,6 +132,7 @@ class LegPriors:
             precision=0.5 * (precision + precision.T),
             log_det=float(np.linalg.slogdet(covariance)[1]),
             lag=observed,
+            chance=hypothesis.chance,
         )
 
     def _independent(

@@ -159,10 +159,14 @@ def point_response(
         misses=np.delete(misses, TORQUE_ROWS, axis=1),
         torque_misses=misses[:, DRIVING] + friction_gain * misses[:, FRICTION],
         n_strides=cell.predicted.n_strides,
-        twist_sd=twist_sd(known),
+        twist_sd=_twist_sd(known, coupling),
         channels=(GONIOMETER, *sensors),
         shape_of_pulse=places,
     )
+
+
+def _twist_sd(known: CalibrationSpec, coupling: Coupling) -> float:
+    return coupling.twist_sd if known.angle_per_torque is None else twist_sd(known)
 
 
 def data_length_s(window_s: float, coupling: Coupling = STRAP) -> float:

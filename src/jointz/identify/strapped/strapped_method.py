@@ -344,6 +344,7 @@ class _Participant:
             [self._point(cell, known) for cell in cells],
             window_s=settings.perturbations.window_s,
             gravity_stiffness=body.gravity_stiffness,
+            error=coupling.error,
         )
         used = dict.fromkeys(c.source for cell in cells for c in cell.used)
         sources = [self._sources[index] for index in used]
@@ -446,6 +447,7 @@ class _Participant:
             mass_kg=self._settings.mass_kg,
             subtract=intrinsic_left_in(recording, strapped=True),
             several_sensors=bool(self._predictor.sensors),
+            by_person=self._coupling.is_strap,
         )
 
     def _log_posterior(

@@ -7,7 +7,8 @@ import pytest
 from tests.unit.identify.strapped.prior_draws import DOUBLET, simulated_person
 
 from jointz.identify.strapped.coupling import STRAP
-from jointz.identify.strapped.estimands import WIDER, log_gradient, log_moments
+from jointz.identify.strapped.coupling import STRAP
+from jointz.identify.strapped.estimands import log_gradient, log_moments
 from jointz.identify.strapped.information import PULSES, remaining_sds
 from jointz.identify.strapped.posterior import LegPosterior, explain
 
@@ -39,7 +40,7 @@ def test_a_known_lag_is_a_lag_that_is_no_parameter(posterior):
     precision = np.linalg.inv(fit.covariance)
     _, gradient = log_gradient(posterior.model, fit)
     covariance = np.linalg.inv(precision[np.ix_(free, free)])
-    expected = WIDER * np.sqrt(np.diag(gradient[:, free] @ covariance @ gradient[:, free].T))
+    expected = STRAP.error.wider * np.sqrt(np.diag(gradient[:, free] @ covariance @ gradient[:, free].T))
 
     np.testing.assert_allclose(remaining_sds(posterior)["lag"], expected, rtol=1e-6)
 
