@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 
 import jointz
-from jointz.analysis.page.budget_figure import source_name
-from jointz.analysis.page.details_tables import variance_shares
 from jointz.core.study import Study
 from jointz.identify.prediction.unperturbed_prediction import UnperturbedPredictor
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
@@ -34,6 +32,7 @@ from jointz.results.figure_style import BLUE, FAINT, INK, MUTED, SKY, VERMILION,
 IMAGE = Path(__file__).parent / "images" / "estimator.svg"
 POINT = "ISW"
 BEFORE_S, WINDOW_S = 0.3, 0.12
+WORDS = {"pulses": "twice the pulses", "strap": "goniometer's mount", "gain": "gains"}
 
 
 def candidates_of(study: Study, person: str) -> tuple[list[Candidate], list[Source]]:
@@ -50,7 +49,7 @@ def candidates_of(study: Study, person: str) -> tuple[list[Candidate], list[Sour
         perturbations=spec.perturbations,
         group_edges=study.group_edges,
         torque_model=spec.torque_model,
-        methods=("recommended",),
+        methods=("bayesian",),
         n_resamples=2,
         seed=0,
         mass_kg=spec.participant(person).mass_kg,
@@ -96,16 +95,20 @@ def draw_response(axes, cell: CellEstimate) -> None:
     panel_heading(axes, f"2  Average of {cell.n_used} pulses")
 
 
-def draw_budget(axes, cell: CellEstimate) -> None:
-    """Draw where the uncertainty of the stiffness comes from."""
-    shares = variance_shares(cell, "stiffness")
+def draw_sources(axes, cell: CellEstimate) -> None:
+    """Draw how much of the interval of the stiffness would vanish if a source were known."""
+    half = 0.5 * (cell.parameter("stiffness").ci_high - cell.parameter("stiffness").ci_low)
+    shares = {
+        name: 100.0 * (1.0 - np.sqrt(max(1.0 - (1.96 * part / half) ** 2, 0.0)))
+        for name, part in cell.through_instruments["stiffness"].items()
+    }
     names = sorted(shares, key=shares.__getitem__)[-5:]
-    axes.barh(range(len(names)), [100.0 * shares[name] for name in names], color=SKY, height=0.5)
+    axes.barh(range(len(names)), [shares[name] for name in names], color=SKY, height=0.5)
     for at, name in enumerate(names):
-        axes.text(0.0, at + 0.3, source_name(name), fontsize=6.0, color=MUTED, va="bottom")
+        axes.text(0.0, at + 0.3, WORDS.get(name, name), fontsize=6.0, color=MUTED, va="bottom")
     axes.set_yticks([])
     axes.set_ylim(-0.5, len(names) - 0.2)
-    axes.set_xlabel("Share of the variance of K (%)")
+    axes.set_xlabel("Narrower if known (%)")
     panel_heading(axes, "3  The interval of K")
 
 
@@ -123,7 +126,7 @@ def main(folder: str) -> None:
         ]
         draw_pulse(panels[0], candidates, sources[candidates[0].source])
         draw_response(panels[1], cell)
-        draw_budget(panels[2], cell)
+        draw_sources(panels[2], cell)
         legend = [
             legend_line("measured", INK),
             legend_line("predicted without the pulse, and 95 % of its misses", BLUE),

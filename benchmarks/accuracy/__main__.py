@@ -17,7 +17,7 @@ from jointz.identify.estimators import METHODS
 _ROOT = Path(__file__).parents[2]
 _RESULTS = Path(__file__).with_name("results")
 _PAGE = _ROOT / "docs" / "accuracy.md"
-_JUDGED = "rigid"
+_JUDGED = "bayesian"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.accuracy", description=__doc__)
     add = parser.add_argument
     add("--rows", default="all", help="names, separated by commas; or all")
-    add("--methods", default="rigid,dissertation", help="names, or all")
+    add("--methods", default="bayesian,dissertation", help="names, or all")
     add("--participants", type=int, default=400, help="of every row")
     add("--seed", type=int, default=20260, help="of the population")
     add("--workers", type=int, default=2, help="processes")

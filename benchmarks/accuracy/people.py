@@ -161,7 +161,6 @@ def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> Particip
     methods : sequence of str
         Names of methods.
     """
-    more: dict[str, Any] = {} if row.prior_scale == 1.0 else {"prior_scale": row.prior_scale}
     return ParticipantSettings(
         kind=WALKING,
         perturbations=PerturbationsSpec(timing_points=dict(TIMING_POINTS), source="table"),
@@ -169,7 +168,7 @@ def settings_of(row: Row, rig: SimulatedRig, methods: Sequence[str]) -> Particip
         methods=tuple(methods),
         n_resamples=RESAMPLES,
         mass_kg=rig.person.mass_kg,
-        **more,
+        coupling="rigid" if row.preset.body is None else "strap",
     )
 
 

@@ -1,11 +1,10 @@
 """The rows of the benchmark: who walks in what, what is known, and what is asked for."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from math import radians
 from typing import Any, Literal
 
-from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.sim.presets import ActuatorSettings, Preset, ReflexSettings, preset
 
 PARAMETERS = ("stiffness", "damping", "inertia")
@@ -13,7 +12,7 @@ PARAMETERS = ("stiffness", "damping", "inertia")
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What is asked of the method rigid in a row.
+    """What is asked of the method bayesian in a row.
 
     Parameters
     ----------
@@ -59,8 +58,6 @@ class Row:
         Spread of J over the timing points that the bound assumes known, share; 0: one J.
     from_priors : bool
         K, B and J are drawn each on its own from :data:`benchmarks.accuracy.people.PRIORS`.
-    prior_scale : float
-        The method rigid's prior medians are multiplied by it.
     target : Target or None
         What is asked for.
     missing : str
@@ -74,7 +71,6 @@ class Row:
     per_point: int = 50
     stiffness: Mapping[str, float] = field(default_factory=dict)
     inertia_spread: float = 0.0
-    prior_scale: float = 1.0
     from_priors: bool = False
     target: Target | None = None
     missing: str = ""
@@ -99,19 +95,6 @@ def _reflex_row(kind: Literal["velocity", "position"], latency_s: float) -> Row:
         _joint(reflex=ReflexSettings(gain=0.3, latency_s=latency_s, kind=kind)),
         _HALF_MS,
         target=Target((12.0, 8.0, 8.0), least_coverage=0.9, may_decline=True),
-    )
-
-
-def _priors_scaled(scale: float, name: str) -> Row:
-    known = "prior_scale" in {f.name for f in fields(ParticipantSettings)}
-    return Row(
-        f"prior-{name}",
-        f"nominal, lag known to 0.5 ms, prior medians {name}",
-        _NOMINAL,
-        _HALF_MS,
-        prior_scale=scale,
-        target=Target((8.8, 4.95, 6.6)),
-        missing="" if known else "this version's settings have no prior_scale",
     )
 
 
@@ -244,8 +227,6 @@ def all_rows() -> dict[str, Row]:
             _HALF_MS,
             target=Target(),
         ),
-        _priors_scaled(2.0, "doubled"),
-        _priors_scaled(0.5, "halved"),
         _true_stiffness(2.0),
         _true_stiffness(0.0),
         _few_pulses(1, "one-pulse"),

@@ -19,7 +19,7 @@ def analyze(study: Path, people: list[Person]) -> tuple[pd.DataFrame, str, list[
     """Return a row a cell, counts of exclusions by code, and messages of the program."""
     results = study.with_name(f"{study.name}-results")
     command = [sys.executable, "-m", "jointz", "analyze", str(study), "--out", str(results)]
-    command += ["--method", os.environ.get("METHOD","rigid"), "--no-figures"]
+    command += ["--method", "rigid", "--no-figures"]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     study.with_name(f"{study.name}.log").write_text(run.stdout + run.stderr)

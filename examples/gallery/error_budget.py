@@ -2,56 +2,51 @@
 Where does the uncertainty come from?
 =====================================
 
-An interval of the method rigid is made of named parts: strides that differ, lag, friction,
-gains. If most of it is the lag, more pulses do not help, measuring the lag does.
+An interval of the method bayesian has many sources: strides that differ, lag, friction, gains. If
+most of it is the lag, more pulses do not help, measuring the lag does.
 """
 
 from tempfile import mkdtemp
 
 import matplotlib.pyplot as plt
+import numpy as np
 
 import jointz
-from jointz.analysis.page.budget_figure import source_name
-from jointz.analysis.page.details_tables import details_frame, variance_shares
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
 # %%
 # One person with instruments that are not good (preset ``hard``), analysed without and with a
-# measured lag:
+# measured lag. For each source, ``through_instruments`` states which part of the SD would vanish
+# if that source were known, or with twice as many ``pulses``:
 
 plan = WalkPlan(per_point=20)
-shares = {}
+parts = {}
 for label, lag_sd_s in {"lag unknown": None, "lag known to 0.5 ms": 0.0005}.items():
     study = simulate_study(
         mkdtemp() + "/study", preset="hard", plan=plan, lag_sd_s=lag_sd_s, seed=10
     )
-    analysis = jointz.analyze(study, resamples=2)
-    cell = next(c for c in analysis.cells if c.timing_point == "LRE")
-    shares[label] = variance_shares(cell, "damping")
-    print(label)
-    print(
-        details_frame(analysis)
-        .query("parameter == 'damping'")[["timing_point", "value", "sd"]]
-        .round(3)
-    )
+    cells = jointz.analyze(study, resamples=2).cells
+    cell = next(c for c in cells if c.timing_point == "PSW")
+    damping = cell.parameter("damping")
+    parts[label] = {
+        source: 100 * sd / damping.unbounded
+        for source, sd in cell.through_instruments["damping"].items()
+    }
+    print(f"{label}: B {damping.unbounded:.2f} N*m*s/rad, {damping.status}")
 
 # %%
 figure, axes = plt.subplots(figsize=(6.4, 2.8))
-names = sorted(
-    {n for s in shares.values() for n in s}, key=lambda n: -shares["lag unknown"].get(n, 0)
-)
-for row, parts in enumerate(shares.values()):
-    left = 0.0
-    for number, name in enumerate(names):
-        part = 100 * parts.get(name, 0.0)
-        shown = source_name(name) if row == 0 and part > 1 else None
-        axes.barh(row, part, left=left, color=f"C{number % 10}", label=shown)
-        left += part
-axes.set_yticks(range(len(shares)), list(shares))
-axes.set_xlabel("Share of the variance of the damping at loading response (%)")
-axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2, fontsize="small")
+names = [name for name in parts["lag unknown"] if max(p[name] for p in parts.values()) > 0.5]
+for shift, (label, sds) in enumerate(parts.items()):
+    axes.bar(
+        np.arange(len(names)) + 0.4 * (shift - 0.5), [sds[n] for n in names], 0.38, label=label
+    )
+axes.set_xticks(range(len(names)), names)
+axes.set_ylabel("Part of the SD of B (%)")
+axes.legend()
 
 # %%
-# Unmeasured, the lag is among the largest parts; measured to half a millisecond it is a small
-# one, and most of what is left would become smaller with more pulses.
+# With the lag unknown, lag and inertia are hard to tell apart, and the damping at pre-swing is
+# undecided. With a measured lag it has a value, and lag, inertia and pulses matter alike. The parts
+# overlap: they do not add up.

@@ -29,7 +29,7 @@ for lab, (mean, people) in labs.items():
         "participant": ids, "timing_point": "MST", "onset_gait_pct": 21.5,
         "parameter": "stiffness", "value": value, "unit": "N*m/rad", "ci_low": value - 6,
         "ci_high": value + 6, "ci_level": 0.95, "vaf_pct": 99.0, "n_used": 50, "n_excluded": 0,
-        "method": "rigid", "status": "ok",
+        "method": "bayesian", "status": "ok",
     })  # fmt: skip
     study = {"joint": "knee", "kind": "walking", "positive": "flexion", "recordings": [],
              "participants": [{"id": name} for name in ids]}  # fmt: skip

@@ -6,7 +6,7 @@ VAF says how much of a signal the fit follows. A wrong baseline or a late sensor
 torque into those of another joint, and the fit then follows that joint. So VAF cannot tell.
 
 Two simulated people walk with the errors that ordinary instruments have. The same pulses are
-analysed by the method rigid and by the dissertation's.
+analysed by the method bayesian and by the dissertation's.
 """
 
 from dataclasses import replace
@@ -23,14 +23,14 @@ study = simulate_study(mkdtemp() + "/study", participants=2, seed=4)
 analysis = jointz.analyze(study, resamples=50)
 
 # %%
-# Every estimate of either method, with its VAF and its true error. The method rigid fits the
+# Every estimate of either method, with its VAF and its true error. The method bayesian fits the
 # angle and has the VAF of the angle, the dissertation's that of the torque: they are not compared
 # with each other, each has a panel.
 
-named = {"rigid": analysis}
+named = {"bayesian": analysis}
 others = tuple(cell for cell in analysis.comparison if cell.method == "dissertation")
 named["dissertation"] = replace(analysis, cells=others)
-of = {"rigid": "angle", "dissertation": "torque"}
+of = {"bayesian": "angle", "dissertation": "torque"}
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4), sharey=True)
 for panel, (method, made) in zip(axes, named.items(), strict=True):
     rows = truth_table(made, study)

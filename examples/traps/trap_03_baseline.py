@@ -4,7 +4,7 @@ Trap 3: what would have happened without the pulse?
 
 The response to a pulse is what was measured minus what would have been. Taking the mean
 unperturbed cycle of another condition for that leaves posture, drift and phase in the difference,
-and they pass for an answer of the joint. The method rigid predicts each pulse's unperturbed
+and they pass for an answer of the joint. The method bayesian predicts each pulse's unperturbed
 motion from its own past.
 
 Strides differ here as those of people do. The instruments are perfect, or all but the goniometer,
@@ -39,7 +39,7 @@ rigs = {"no lag": perfect, "a lag": replace(perfect, name="late", goniometer=slo
 METHODS = {
     "dissertation": "dissertation:\nmean cycle of\nanother condition",
     "matched_strides": "matched_strides:\nstrides of the\nsame recording",
-    "rigid": "rigid: predicted\nfrom the\npulse's past",
+    "bayesian": "bayesian: predicted\nfrom the\npulse's past",
 }
 
 

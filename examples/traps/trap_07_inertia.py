@@ -42,7 +42,7 @@ curves = {
 inertia = {name: impedance_over_cycle(person, p, cycles)[2] for name, p in curves.items()}
 
 # %%
-# The second walks. The method ``matched_strides`` fits every timing point by itself; ``rigid``
+# The second walks. The method ``matched_strides`` fits every timing point by itself; ``bayesian``
 # pools them: every point has its own inertia, drawn towards the others as far as the data allow.
 
 study = simulate_study(
@@ -54,7 +54,7 @@ study = simulate_study(
 )
 written = json.loads((study / "ground_truth.json").read_text(encoding="utf-8"))
 truth = written["participants"][person.id]["perturbed"]["timing_points"]
-METHODS = ("matched_strides", "rigid")
+METHODS = ("matched_strides", "bayesian")
 table = pd.concat(
     [jointz.analyze(study, method=m, resamples=200).to_frame() for m in METHODS]
 ).query("parameter in ('stiffness', 'damping', 'inertia')")
@@ -87,7 +87,7 @@ def seen(inertia_kg_m2, window_s):
 heavy = simulate_study(
     mkdtemp() + "/heavy", participants=[replace(person, inertia=0.35)], lag_sd_s=0.0005
 )
-cells = jointz.analyze(heavy, method="rigid", resamples=2).cells
+cells = jointz.analyze(heavy, resamples=2).cells
 decided = sum(cell.parameter("stiffness").value is not None for cell in cells)
 print(f"walking with 0.35 kg m2: stiffness decided at {decided} of {len(cells)} timing points")
 
@@ -98,11 +98,11 @@ for number, (label, curve) in enumerate(inertia.items()):
 axes[0, 0].set(xlabel="Gait cycle (%)", ylabel="Inertia (kg m$^2$)", ylim=(0, None))
 axes[0, 0].legend(fontsize="small")
 axes[0, 1].plot(100 * cycles, inertia["varying by 30 %"], color="C1")
-for row in table.query("parameter == 'inertia' and method == 'rigid'").itertuples():
+for row in table.query("parameter == 'inertia' and method == 'bayesian'").itertuples():
     reach = [[row.value - row.ci_low], [row.ci_high - row.value]]
     axes[0, 1].errorbar(TIMING_POINTS[row.timing_point] + 2.3, row.value, reach, fmt="ko", ms=3)
 axes[0, 1].set(xlabel="Gait cycle (%)", ylim=(0, None))
-axes[0, 1].set_title("rigid: estimates with intervals", fontsize="small")
+axes[0, 1].set_title("bayesian: estimates with intervals", fontsize="small")
 points = list(TIMING_POINTS)
 for number, method in enumerate(METHODS):
     rows = table.query("parameter == 'stiffness' and method == @method")
@@ -122,8 +122,7 @@ axes[1, 1].set(
 axes[1, 1].legend(fontsize="small")
 
 # %%
-# Above: the estimates of ``rigid`` follow the curve that varies; no single value would fit them.
-# Below left: pooling takes a third or more off the RMS errors of the points by themselves. Below
+# Above: the estimates of ``bayesian`` follow the curve that varies; no single value would fit them.
+# Below left: pooling takes a fifth or more off the RMS errors of the points by themselves. Below
 # right: with the inertia of a real leg, what a tenth of the stiffness does within 100 ms drowns in
-# what strides differ by, and the stiffness is ``undecided``. ``models.csv`` says how likely a
-# constant inertia is, and ``details.csv`` what its being free costs in width.
+# what strides differ by, and the stiffness is ``undecided``.

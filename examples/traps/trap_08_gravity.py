@@ -12,7 +12,7 @@ import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import DeviceSpec, ParticipantSpec
-from jointz.identify.rigid.gravity import gravity_stiffness, hanging_masses
+from jointz.identify.walking.gravity import gravity_stiffness, hanging_masses
 from jointz.reference.chapter4 import MASS, STIFFNESS_MEANS
 from jointz.sim.knee_joint import knee_angle
 

@@ -64,7 +64,7 @@ for share in shares:
     reflex = ReflexSettings(gain=share, latency_s=0.03) if share else None
     people = replace(preset("nominal"), name="reflex", joint=JointSettings(reflex=reflex))
     study = simulate_study(mkdtemp() + "/study", preset=people, lag_sd_s=0.0005, seed=14)
-    analysis = jointz.analyze(study, method="rigid", resamples=2)
+    analysis = jointz.analyze(study, resamples=2)
     rows = truth_table(analysis, study).query("parameter == 'stiffness'")
     walking.append(rows["error_pct"].to_numpy())
     print(
@@ -91,6 +91,6 @@ right.set_title("walking, pulses of one direction", fontsize="small")
 # %%
 # Left: without a reflex both models agree. The stronger it is, the further the stiffness of the
 # simple model is from the grey line; the other stays near. Right: pulses of one direction and one
-# size cannot tell. As many estimates stand as without a reflex, and they go up with it: over 400
-# such people a reflex of 30 % moves the stiffness by +7 %, and intervals hold the truth in 88
-# instead of 95 % (page on accuracy). Push both ways where reflexes matter.
+# size cannot tell. As many estimates are available as without a reflex, and they go up with it. The
+# intervals allow for a usual reflex, but not for one as strong as the joint. Push both ways where
+# reflexes matter.

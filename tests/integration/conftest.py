@@ -177,6 +177,7 @@ def _analyze_walk(rig, walked, plan, calibration) -> ParticipantResult:
         torque_model=exoskeleton(rig.build(worn=True)).torque_model,
         n_resamples=10,
         mass_kg=rig.person.mass_kg,
+        coupling="rigid",
     )
     pulses = walked.pulses[["onset_s", "duration_s", "amplitude_nm", "timing_point"]]
     given = RecordingInput(recording, calibration, pulses)

@@ -36,7 +36,7 @@ def test_a_study_in_order_is_analysed(small_results):
     assert (table["n_used"] + table["n_excluded"] == 4).all()
     # Four pulses a point decide most, not all.
     assert set(table["status"]) <= {"ok", "at_bound", "undecided"}
-    assert len(table) == 2 * 6 * 5
+    assert len(table) == 2 * 6 * 7
     assert table["value"].notna().sum() > 30
 
 

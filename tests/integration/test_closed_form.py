@@ -87,6 +87,7 @@ def settings(*methods: str, baseline: str | None = None, walking: bool = True, *
         methods=methods,
         n_resamples=40,
         mass_kg=70.0,
+        coupling="rigid",
     )
 
 

@@ -49,7 +49,7 @@ def test_the_demo_writes_study_results_truth_and_report(
     assert "Use doublets of two shapes and sizes" in held
     assert_doublets_decide_what_a_held_torque_does_not(found["accuracy"], people)
     assert_same_people_walked_both(made)
-    assert_truth_is_of_what_strapped_estimates(made)
+    assert_truth_is_of_what_is_estimated(made)
 
 
 def assert_doublets_decide_what_a_held_torque_does_not(accuracy, people):
@@ -80,10 +80,10 @@ def assert_same_people_walked_both(made):
         assert len(walk["pulses"]) == len(held[name]["pulses"]) == 6 * 8
     methods = {json.loads((made / name / "provenance.json").read_text())["settings"]["method"]
                for name in ("results", "dissertation-results")}  # fmt: skip
-    assert methods == {"strapped"}
+    assert methods == {"bayesian"}
 
 
-def assert_truth_is_of_what_strapped_estimates(made):
+def assert_truth_is_of_what_is_estimated(made):
     truth = pd.read_csv(made / "truth.csv")
     assert set(truth["protocol"]) == {"walking_doublets", "walking"}
     written = json.loads((made / "study" / "ground_truth.json").read_text())

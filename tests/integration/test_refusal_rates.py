@@ -29,7 +29,7 @@ def analyzed(analyze_walk):
 @pytest.mark.parametrize("person", range(4))
 def test_people_in_order_are_not_refused_and_not_doubted(analyzed, name, person):
     result = analyzed(preset(name), person)
-    statuses = {p.status for c in result.cells["rigid"] for p in c.parameters}
+    statuses = {p.status for c in result.cells["bayesian"] for p in c.parameters}
     assert not [status for status in statuses if status.startswith("failed")]
     assert result.models[0].doubts == ()
 
@@ -42,5 +42,5 @@ def test_a_reflex_as_strong_as_the_stiffness_is_told_from_both_directions(analyz
     strong = replace(nominal, joint=replace(nominal.joint, reflex=reflex))
     result = analyzed(strong, person)
     assert result.models[0].doubts == (DIRECTION,)
-    stands = [p for c in result.cells["rigid"] for p in c.parameters if p.available]
+    stands = [p for c in result.cells["bayesian"] for p in c.parameters if p.available]
     assert all("directions" in p.ci_method for p in stands)

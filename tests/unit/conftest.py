@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import jointz
-from jointz.analysis.page.details_tables import SOURCES
 from jointz.analysis.page.figure_files import draw_figures
 from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
@@ -22,6 +21,8 @@ from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 STIFFNESS_PER_KG = dict(zip(TIMING_POINTS, (3.0, 2.1, 1.5, 0.9, 0.40, 0.35), strict=True))
 DAMPING_PER_KG = dict(zip(TIMING_POINTS, (0.060, 0.045, 0.040, 0.035, 0.030, 0.029), strict=True))
 PULSES = 48
+#: Sources of the errors of the former method ``rigid``.
+SOURCES = ("noise", "lag", "friction", "drift", "prior", "gain")
 
 
 def response(rng, stiffness, damping, inertia):

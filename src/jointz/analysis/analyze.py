@@ -1,7 +1,7 @@
 """Analysis of a study: from recordings to impedance with intervals."""
 
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -27,7 +27,7 @@ from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
-from jointz.core.method_names import PREDICTED, RECOMMENDED, RIGID, STRAPPED
+from jointz.core.method_names import BAYESIAN, PREDICTED, RECOMMENDED, method_called
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.estimators import METHODS
@@ -35,6 +35,7 @@ from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
 from jointz.identify.study_kinds import KINDS
+from jointz.identify.walking.coupling import COUPLINGS
 from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
 from jointz.stats.population import population_means
@@ -75,16 +76,17 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     study : Study or path
         An opened study, or its folder.
     method : str
-        ``recommended``, the right one for the study (``strapped`` for walking, or ``rigid`` where
-        the study says ``coupling = "rigid"``; ``full_record`` for loads on a bench), or a name of
-        :data:`jointz.identify.estimators.METHODS`.
+        ``recommended``, the right one for the study (``bayesian`` for walking, ``full_record``
+        for loads on a bench), or a name of :data:`jointz.identify.estimators.METHODS`.
+        ``bayesian`` assumes the coupling of device and leg that the study states (a strap unless
+        it states one); ``strapped`` and ``rigid`` are the same method with that coupling.
     resamples : int
         Bootstrap resamples for each cell.
     seed : int
         Seed of the bootstrap.
     certify : bool or int
         Whether to add a certificate (:func:`jointz.certify`), of 10 simulated people or of this
-        number; walking studies of the knee by ``strapped`` or ``rigid`` only.
+        number; walking studies of the knee by ``bayesian`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
         (:func:`jointz.analysis.salvage_hook.salvage_recordings`).
@@ -119,14 +121,14 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
 
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
-    name = _chosen(opened, check_method(method))
+    asked_for = _chosen(opened, check_method(method))
     simulated = VIRTUAL_PEOPLE if certify is True else int(certify)
     if simulated < 0:
         raise ValueError(f"certify: expected true, false or a number of people, got {certify}.")
     if simulated:
         from jointz.analysis.certificate.study_protocol import check_certifiable
 
-        check_certifiable(opened, name)
+        check_certifiable(opened, method_called(asked_for))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     outputs = _Outputs(seed)
@@ -135,7 +137,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
     engine = engine or Serial()
-    request = EstimationRequest(opened, name, resamples=resamples, seed=seed)
+    request = EstimationRequest(opened, asked_for, resamples=resamples, seed=seed)
     total = len(people) + simulated
     with shown_progress(progress=progress) as show:
         with closing(outcomes(request, people, engine=engine, store=store)) as pending:
@@ -211,18 +213,19 @@ class _Outputs:
 
 def check_method(method: str) -> str:
     """Return a method if it exists."""
-    if method != RECOMMENDED and method not in METHODS:
+    if method != RECOMMENDED and method_called(method) not in METHODS:
         known = ", ".join((RECOMMENDED, *METHODS))
         raise ValueError(f"method: expected one of {known}; got {method!r}.")
     return method
 
 
 def _chosen(study: Study, method: str) -> str:
-    """Return the name of the method; the recommended one depends on the study."""
+    """Return the method that is asked for; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
     if method == RECOMMENDED:
         ask_for_coupling(study)
-    name = recommended_method(study) if method == RECOMMENDED else method
+    asked_for = recommended_method(study) if method == RECOMMENDED else method
+    name = method_called(asked_for)
     kind, kinds = study.spec.kind, METHODS[name].kinds
     if kind not in kinds:
         raise DataError(
@@ -242,9 +245,9 @@ def _chosen(study: Study, method: str) -> str:
     if baseline == PREDICTED and own != PREDICTED and "walking" in kinds:
         raise DataError(
             f'method: {name} has no baseline "{PREDICTED}". Choose another under '
-            f"perturbations.baseline, or the method {STRAPPED} or {RIGID}."
+            f"perturbations.baseline, or the method {BAYESIAN}."
         )
-    return name
+    return asked_for
 
 
 def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
@@ -277,7 +280,6 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
         strides=tuple(s for r in results.values() for s in r.strides),
         gaps=tuple(g for r in results.values() for g in r.gaps),
         single=tuple(p for r in results.values() for p in r.single),
-        models=tuple(m for r in results.values() for m in r.models),
         log_posteriors=posteriors,
         mean_strides=tuple(m for r in results.values() for m in r.mean_strides),
         statistics=statistics,
@@ -289,17 +291,18 @@ def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:
             "study": study.spec.model_dump(mode="json", exclude_none=True),
             "inputs": inputs,
             "seed": request.seed,
-            **_priors_record(study, {method, *methods}),
+            **_priors_record(request),
             **({"run": run} if run else {}),
         },
     )
 
 
-def _priors_record(study: Study, methods: Collection[str]) -> dict[str, Any]:
-    """Return the priors, if a method takes them from the study."""
-    if STRAPPED not in methods:
+def _priors_record(request: EstimationRequest) -> dict[str, Any]:
+    """Return the priors, if the method has any."""
+    if request.method != BAYESIAN:
         return {}
-    return {"priors": (study.spec.priors or PriorsSpec()).model_dump(mode="json")}
+    priors = COUPLINGS[request.coupling].spec(request.study.spec.priors or PriorsSpec())
+    return {"priors": priors.model_dump(mode="json")}
 
 
 def _completed(study: Study, method: str, outputs: _Outputs) -> list[CellEstimate]:
@@ -386,6 +389,7 @@ def _settings_record(request: EstimationRequest) -> dict[str, Any]:
         "positive": spec.positive,
         "torque_acts_on": spec.torque_acts_on,
         "method": request.method,
+        **({"coupling": request.coupling} if request.method == BAYESIAN else {}),
         "baseline": _baseline(request.study, request.method),
         "resamples": request.resamples,
         "seed": request.seed,

@@ -48,8 +48,7 @@ def certify(
     StudyError
         If recordings cannot be trusted; one message names all of them.
     DataError
-        If simulated people cannot repeat the study's pulses, or its method is neither ``strapped``
-        nor ``rigid``.
+        If simulated people cannot repeat the study's pulses, or its method is not ``bayesian``.
     ValueError
         If ``people`` is less than 1.
     """

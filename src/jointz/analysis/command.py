@@ -28,7 +28,7 @@ def analyze(
         str,
         typer.Option(
             "--method",
-            help="recommended (the right one for the study), strapped, rigid, dissertation, pilot, "
+            help="recommended (the right one for the study), bayesian, dissertation, pilot, "
             "pre_pulse, matched_strides, least_squares, instrumental_variable or full_record.",
         ),
     ] = RECOMMENDED,
@@ -41,7 +41,7 @@ def analyze(
         typer.Option(
             "--certify",
             help="Add a certificate: the errors to expect, from 10 simulated people who walk the "
-            "study's protocol (methods strapped and rigid).",
+            "study's protocol (method bayesian).",
         ),
     ] = False,
     figures: Annotated[

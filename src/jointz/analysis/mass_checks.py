@@ -6,7 +6,7 @@ from statistics import median, median_low
 
 from jointz.core.codes import Failure
 from jointz.core.study import ParticipantSpec, Study
-from jointz.identify.strapped.body import shank_and_foot
+from jointz.identify.walking.body import shank_and_foot
 from jointz.report.wording import PER_MASS
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 
@@ -34,7 +34,7 @@ _UNITS: Mapping[float, str] = {
 }
 _ASK = (
     "Values per kg are withheld ({status}); K, B and J do not depend on it, except by the method "
-    "strapped, which expects a leg of this mass. Correct [[participants]] in study.toml; if it is "
+    "bayesian, which expects a leg of this mass. Correct [[participants]] in study.toml; if it is "
     "right, divide K and B by it yourself."
 )
 

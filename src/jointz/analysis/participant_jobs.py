@@ -12,7 +12,7 @@ from typing import Any
 from jointz.analysis.rate_checks import check_strides
 from jointz.analysis.study_pulses import pulse_tables
 from jointz.core.errors import DataError, StudyError
-from jointz.core.method_names import FULL_RECORD, PREDICTED, RIGID, STRAPPED
+from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, PREDICTED, method_called
 from jointz.core.priors import PriorsSpec
 from jointz.core.recording import history_of
 from jointz.core.study import Study
@@ -31,16 +31,26 @@ class EstimationRequest:
     """Study, method and settings of an analysis, the same for every participant."""
 
     study: Study
-    method: str
+    asked_for: str  # the method; ``strapped`` and ``rigid`` are the method of walking
     resamples: int  # number of resamples of the bootstrap
     seed: int
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+        return method_called(self.asked_for)
+
+    @property
+    def coupling(self) -> str:
+        """Coupling of device and leg that the method assumes."""
+        return coupling_of(self.study, self.asked_for)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
     """Result for a participant."""
 
-    result: ParticipantResult  # without its evidence, which is large
+    result: ParticipantResult
     inputs: dict[str, dict[str, Any]]  # file -> its name and hash
 
 
@@ -154,10 +164,10 @@ def _outcome(
     inputs: dict[str, dict[str, Any]],
 ) -> Outcome:
     settings = participant_settings(
-        request.study, person_id, request.method, resamples=request.resamples, seed=request.seed
+        request.study, person_id, request.asked_for, resamples=request.resamples, seed=request.seed
     )
     result = _analyzed(person_id, recordings, settings)
-    return Outcome(replace(result, evidence=()), inputs)
+    return Outcome(result, inputs)
 
 
 def recommended_method(study: Study) -> str:
@@ -169,15 +179,26 @@ def recommended_method(study: Study) -> str:
         baseline = perturbations.baseline or PREDICTED
         if not torque or baseline != PREDICTED:
             return "dissertation"
-        return RIGID if study.spec.coupling == "rigid" else STRAPPED
+        return BAYESIAN
     return FULL_RECORD if torque and perturbations.group is None else "dissertation"
+
+
+def coupling_of(study: Study, method: str) -> str:
+    """Return the coupling of device and leg that a method assumes in a study."""
+    return COUPLING_OF.get(method) or study.spec.coupling or "strap"
 
 
 def participant_settings(
     study: Study, person_id: str, method: str, *, resamples: int, seed: int
 ) -> ParticipantSettings:
-    """Return the settings of the study for one participant."""
+    """Return the settings of the study for one participant.
+
+    A method may be named by the coupling that it assumes: ``strapped``, ``rigid``.
+    """
     spec = study.spec
+    coupling = coupling_of(study, method)
+    asked_for = coupling != coupling_of(study, BAYESIAN)
+    method = method_called(method)
     kind = KINDS[spec.kind]
     # The dissertation's method is compared with one that differs in the baseline only.
     compared = method != "dissertation" and (kind.by_gait or method == FULL_RECORD)
@@ -189,7 +210,7 @@ def participant_settings(
         group_edges=study.group_edges,
         torque_model=spec.torque_model,
         methods=(method, *(others if default_baseline else [])),
-        method_asked_for=method != recommended_method(study),
+        method_asked_for=asked_for or method != recommended_method(study),
         n_resamples=resamples,
         seed=seed,
         mass_kg=spec.participant(person_id).mass_kg,
@@ -199,6 +220,7 @@ def participant_settings(
         person=spec.participant(person_id),
         device=spec.device,
         priors=spec.priors or PriorsSpec(),
+        coupling=coupling,
     )
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -15,16 +14,14 @@ from jointz.analysis.rate_checks import stride_warnings
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.events import PulseEstimate, PulseRecord, StrideRecord, row_label
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, RIGID
+from jointz.core.method_names import FULL_RECORD, PULSE_LIKELIHOOD, WITH_POSTERIOR
 from jointz.core.study import Study
 from jointz.identify.over_cycle.stride_curves import StrideCurves
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.sources import SAME_TIME_S
 from jointz.kernels.robust_spread import robust_sd
-from jointz.report.wording import format_span
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
-from jointz.results.participant_model import ParticipantModel
 from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffness
 from jointz.results.study_analysis import NO_MEANS_ON_A_BENCH
 from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
@@ -32,8 +29,6 @@ from jointz.stats.description import onset_accuracy, stride_summary, vaf_summary
 #: Number of names in a note; the tables have the others.
 _MOST_NAMES = 3
 _DAMAGED = Exclusion.DAMAGED_LOG.value
-#: A model of this probability is called likely, its contrary unlikely.
-_LIKELY = 0.9
 
 
 def study_statistics(
@@ -47,7 +42,6 @@ def study_statistics(
     strides = tuple(s for r in results for s in r.strides)
     gaps = tuple(g for r in results for g in r.gaps)
     single = tuple(p for r in results for p in r.single)
-    models = [m for r in results for m in r.models]
     return {
         "onset_accuracy": onset_accuracy(pulses),
         "strides": stride_summary(strides, gaps),
@@ -63,8 +57,7 @@ def study_statistics(
             *_sign_notes(cells),
             *dict.fromkeys(note for r in results for note in r.notes),
             *_method_notes(method, cells),
-            *_model_notes(models),
-            *_doubt_notes(models or [p for r in results for p in r.log_posteriors]),
+            *_doubt_notes([p for r in results for p in r.log_posteriors]),
             *_inertia_notes(study, cells),
             *_single_notes(cells, single),
             *_mean_notes(study),
@@ -189,28 +182,7 @@ def _method_notes(method: str, cells: Sequence[CellEstimate]) -> list[str]:
     ]
 
 
-def _model_notes(models: Sequence[ParticipantModel]) -> list[str]:
-    """Summarise the method ``rigid``'s models of joints and sensors."""
-    if not models:
-        return []
-    n = len(models)
-    lags = [1e3 * m.lag_s for m in models]
-    strides = [m.n_strides for m in models]
-    return [
-        f"estimated lag of the angle behind the torque: {format_span(lags, '{:.1f}'.format)} ms "
-        f"(sd {1e3 * median(m.lag_sd_s for m in models):.1f} ms); models.csv has each.",
-        "resonance of soft tissue between joint and sensor: "
-        f"{_likely_counts([m.resonance_probability for m in models])} of {n}.",
-        "one inertia for all timing points: "
-        f"{_likely_counts([m.constant_inertia_probability for m in models])} of {n}.",
-        "stiffness and damping that change inside the window along the curve through the timing "
-        f"points: {_likely_counts([m.curve_probability for m in models])} of {n}.",
-        "the prediction of the unperturbed motion was trained on "
-        f"{format_span(strides, str)} strides for each participant.",
-    ]
-
-
-def _doubt_notes(models: Sequence[ParticipantModel | LogPosterior]) -> list[str]:
+def _doubt_notes(models: Sequence[LogPosterior]) -> list[str]:
     """Name the participants whose responses may not be those of the model."""
     separate = any(m.session or m.side for m in models)
     noun = "sessions or sides" if separate else "participants"
@@ -223,15 +195,6 @@ def _doubt_notes(models: Sequence[ParticipantModel | LogPosterior]) -> list[str]
                 f"{doubt.meaning}."
             )
     return notes
-
-
-def _likely_counts(probabilities: Sequence[float]) -> str:
-    """Count the likely, open and unlikely cases."""
-    likely = sum(p >= _LIKELY for p in probabilities)
-    unlikely = sum(p <= 1.0 - _LIKELY for p in probabilities)
-    undecided = len(probabilities) - likely - unlikely
-    counts = {"likely": likely, "open": undecided, "unlikely": unlikely}
-    return ", ".join(f"{word} in {count}" for word, count in counts.items() if count)
 
 
 def _inertia_notes(study: Study, cells: Sequence[CellEstimate]) -> list[str]:
@@ -283,7 +246,9 @@ def _session_notes(study: Study, method: str, results: Collection[ParticipantRes
     """Name the sessions whose unperturbed recordings are all of other sessions."""
     if study.spec.kind != "walking" or "pre_pulse" in (method, study.spec.perturbations.baseline):
         return []
-    unless = "" if method != RIGID else ", unless its own unperturbed strides were enough"
+    unless = (
+        "" if method not in WITH_POSTERIOR else ", unless its own unperturbed strides were enough"
+    )
     notes = []
     for result in results:
         unperturbed = {

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Final
 
+from jointz.identify.walking.coupling import COUPLINGS, Coupling
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
     format_count,
@@ -54,6 +55,11 @@ def chosen_method(analysis: StudyAnalysis) -> str:
     """Return the method of the settings, else that of the first estimate."""
     first = next((c.method for c in analysis.cells), "")
     return str(analysis.settings.get("method") or first)
+
+
+def used_coupling(analysis: StudyAnalysis) -> Coupling:
+    """Return the coupling of device and leg that was assumed; older results: a strap."""
+    return COUPLINGS[analysis.settings.get("coupling") or "strap"]
 
 
 def counted_people(analysis: StudyAnalysis) -> str:

@@ -21,7 +21,7 @@ from jointz.comparison.comparison_sources import (
     published_results,
 )
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import RIGID, STRAPPED
+from jointz.core.method_names import RIGID, WITH_POSTERIOR
 from jointz.reference.literature import STUDIES, stated_stiffness_range
 from jointz.results.statistics.comparison_labels import alike_labels
 from jointz.results.statistics.comparison_rows import (
@@ -35,6 +35,8 @@ from jointz.results.statistics.comparison_rows import (
 
 #: Settings that affect the values.
 _DECISIVE = ("baseline", "window_s", "cutoff_hz", "timing_points")
+#: Methods with errors, whose prior makes a person's inertias alike; ``rigid`` is an earlier one.
+_WITH_ERRORS = WITH_POSTERIOR | {RIGID}
 #: A share of the variance between people that is noted.
 _LARGE_SHARE = 0.25
 #: Below this the variances of the pairs are too unequal for the F test.
@@ -156,7 +158,7 @@ def _together(
             continue
         reason = (
             f"{ANALYSIS_FILE} is not there or states no errors"
-            if set(result.source.methods) & {RIGID, STRAPPED}
+            if not _WITH_ERRORS.isdisjoint(result.source.methods)
             else "the method states no errors that a model of people could use"
         )
         yield f"{result.source.name}: means and t tests of decided values ({reason})."
@@ -186,7 +188,7 @@ def _alike_ids(results: Sequence[Results], *, separate: bool) -> Iterator[str]:
 
 
 def _different_analyses(results: Sequence[Results]) -> Iterator[str]:
-    methods = {result.source.name: " and ".join(result.source.methods) for result in results}
+    methods = {result.source.name: _methods(result) for result in results}
     if len(set(methods.values())) > 1:
         yield (
             f"WARNING: different methods ({_assignments(methods)}) may cause a difference. Analyse "
@@ -208,6 +210,12 @@ def _different_analyses(results: Sequence[Results]) -> Iterator[str]:
         different = [key for key in _DECISIVE if a.settings.get(key) != b.settings.get(key)]
         if different and a.settings and b.settings:
             yield f"WARNING: {names} were analysed with different settings: {', '.join(different)}."
+
+
+def _methods(result: Results) -> str:
+    """Return the methods of a source, with the coupling of device and leg that they assume."""
+    methods, coupling = " and ".join(result.source.methods), result.settings.get("coupling")
+    return f"{methods} with the coupling {coupling}" if coupling else methods
 
 
 def _assignments(values: Mapping[str, str]) -> str:
@@ -289,13 +297,12 @@ def _inertia(results: Sequence[Results], comparison: Comparison) -> Iterator[str
             f"inertia: means over fewer timing points, as values are missing: {incomplete}. They "
             "represent other parts of the gait cycle than the means of the others."
         )
-    shrunk = [r.source.name for r in results if RIGID in r.source.methods]
+    shrunk = [r.source.name for r in results if not _WITH_ERRORS.isdisjoint(r.source.methods)]
     if shrunk:
         yield (
-            "inertia: the method rigid draws the inertias of a person's timing points "
-            f"towards one ({', '.join(shrunk)}: constant_inertia_probability in models.csv). Their "
-            "similarity is partly its assumption, and rows of several timing points are not "
-            "independent."
+            "inertia: the prior draws the inertias of a person's timing points towards one "
+            f"({', '.join(shrunk)}). Their similarity is partly assumed, and rows of several "
+            "timing points are not independent."
         )
     published = any(r.source.published for r in results)
     if published or any(r.name == PUBLISHED for r in comparison.references):

@@ -14,7 +14,7 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
-from jointz.core.method_names import FORMER_NAMES
+from jointz.core.method_names import BAYESIAN, COUPLING_OF, FORMER_NAMES, STRAPPED
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
@@ -33,6 +33,8 @@ PUBLISHED = "published"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 #: Holds everybody's estimates with their errors.
 ANALYSIS_FILE = "analysis.json"
+#: Method in the files -> present name.
+_METHODS = {**FORMER_NAMES, STRAPPED: BAYESIAN}
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
@@ -186,9 +188,11 @@ def read_results(folder: Path, name: str) -> Results:
     table = read_table(file, numeric=_NUMBERS, labels=labels, files=FilesSpec(), as_written=True)
     values, averaged = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
-    methods = tuple(
-        dict.fromkeys(FORMER_NAMES.get(m, m) for m in map(str, table.columns["method"]))
-    )
+    written = dict.fromkeys(map(str, table.columns["method"]))
+    methods = tuple(dict.fromkeys(_METHODS.get(m, m) for m in written))
+    settings = provenance.get("settings", {})
+    if STRAPPED in written:
+        settings = {**settings, "coupling": COUPLING_OF[STRAPPED]}
     inputs = tuple(
         {"file": f"{name}/{used}", "sha256": file_sha256(folder / used)}
         for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
@@ -202,7 +206,7 @@ def read_results(folder: Path, name: str) -> Results:
         joint=joint,
         recordings=str(provenance.get("study_sha256", "")),
         version=str(provenance.get("jointz", "")),
-        settings=provenance.get("settings", {}),
+        settings=settings,
         inputs=inputs,
         averaged=averaged,
         people=known,

@@ -232,8 +232,8 @@ class Failure(FailureCode):
     )
     WINDOW_TOO_LONG = (
         "window_too_long",
-        "the window exceeds 0.12 s (method strapped: 0.25 s), in which K and B change too "
-        "much for the method: shorten window_s",
+        "the window exceeds 0.25 s, in which K and B change too much for the method: shorten "
+        "window_s",
     )
     ANALYSIS_BROKE = (
         "analysis_broke",
@@ -265,13 +265,12 @@ class Doubt(Code):
     STEEP_CHANGE = (
         "steep_change",
         "K seems to change steeply inside the window of a timing point close to another: K "
-        "and B are undecided there, a shorter window hardly helps; phase_curve shows the "
-        "possible error",
+        "and B are undecided there, a shorter window hardly helps",
     )
     LAG_UNLIKELY = (
         "lag_unlikely",
-        "the responses contradict the calibrated lag (strapped: by 3.5 sds; rigid: by more than "
-        "100 to 1): a lag error of 5 ms changes J by a third",
+        "the responses contradict the calibrated lag by 3.5 sds: a lag error of 5 ms changes J by "
+        "a third",
     )
     INERTIA_UNLIKE_BODY = (
         "inertia_unlike_body",

@@ -4,11 +4,15 @@ from typing import Final
 
 #: Asked for, it stands for the right method of the study; no estimate carries it.
 RECOMMENDED: Final = "recommended"
-#: Walking with a device that is strapped to the leg, or coupled to the bone without play.
+#: Walking: a physical model of leg, device and sensors, fitted by Bayes' rule.
+BAYESIAN: Final = "bayesian"
+#: The same with this coupling of device and leg, whatever the study states; in results that were
+#: written before, ``strapped`` is that method and ``rigid`` another one.
 STRAPPED: Final = "strapped"
 RIGID: Final = "rigid"
-#: A device that moves with the bone, by the estimator of ``strapped``: not offered yet.
-RIGID_COUPLING: Final = "rigid_coupling"
+COUPLING_OF: Final = {STRAPPED: "strap", RIGID: "rigid"}
+#: Methods of results with a posterior of each person.
+WITH_POSTERIOR: Final = frozenset({BAYESIAN, STRAPPED})
 DISSERTATION: Final = "dissertation"
 MATCHED_STRIDES: Final = "matched_strides"
 FULL_RECORD: Final = "full_record"
@@ -20,3 +24,8 @@ FORMER_NAMES: Final = {"recommended": RIGID}
 
 #: Baseline of the methods that predict the unperturbed motion.
 PREDICTED: Final = "predicted"
+
+
+def method_called(name: str) -> str:
+    """Return the method that is called by a name; a coupling stands for the method of walking."""
+    return BAYESIAN if name in COUPLING_OF else name

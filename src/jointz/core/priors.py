@@ -39,6 +39,13 @@ class Spread(_Prior):
     sd: float = Field(ge=1e-4, le=10)
 
 
+def spread_of(prior: AnyPrior | Spread) -> float:
+    """Return the sd of the transformed quantity."""
+    if isinstance(prior, LogPrior):
+        return prior.log_sd
+    return prior.logit_sd if isinstance(prior, SharePrior) else prior.sd
+
+
 def _log(median: float, log_sd: float, source: str) -> LogPrior:
     prior: LogPrior = Field(LogPrior(median=median, log_sd=log_sd), description=source)
     return prior

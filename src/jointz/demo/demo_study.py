@@ -15,7 +15,7 @@ from jointz.analysis.analyze import analyze
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import STRAPPED
+from jointz.core.method_names import BAYESIAN
 from jointz.core.protocols.protocol import Protocol
 from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.protocols import load_protocol
@@ -215,8 +215,9 @@ def truth_table(
     study : pathlib.Path
         Its folder, with ``ground_truth.json``.
     plan : WalkPlan, optional
-        Pulses of the study, for estimates by ``strapped``: their stiffness is that along the
-        bone's own motion, which is simulated again; a few pulses of every shape are enough.
+        Pulses of the study, for estimates by ``bayesian`` of a strap: their stiffness is that
+        along the bone's own motion, which is simulated again; a few pulses of every shape are
+        enough.
     engine : Engine, optional
         Engine that simulates several people at once.
 
@@ -229,7 +230,7 @@ def truth_table(
     Raises
     ------
     DataError
-        If estimates are by ``strapped`` and there is no plan.
+        If estimates are by ``bayesian`` of a strap and there is no plan.
     """
     written = json.loads((study / TRUTH_FILE).read_text(encoding="utf-8"))
     truths = _truths(written, analysis, plan, engine or Serial())
@@ -264,14 +265,15 @@ def _truths(
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return participant -> timing point -> parameter -> truth, of what the method estimates."""
     walks = {name: _pulsed(conditions) for name, conditions in written["participants"].items()}
-    if not any(cell.method == STRAPPED for cell in analysis.cells):
+    is_strap = analysis.settings.get("coupling") == "strap"
+    if not is_strap or not any(cell.method == BAYESIAN for cell in analysis.cells):
         return {name: cell_truth(dict(walk)) for name, walk in walks.items()}
     if plan is None:
         raise DataError(
-            "plan: missing; the stiffness that strapped estimates is that along the motion which "
-            "the pulses caused. Give the study's pulses, as plan=WalkPlan(...)."
+            "plan: missing; the stiffness under a strap is that along the motion which the "
+            "pulses caused. Give the study's pulses, as plan=WalkPlan(...)."
         )
-    calls = [partial(_strapped_truth, walk, written["preset"], plan) for walk in walks.values()]
+    calls = [partial(_truth_of_strap, walk, written["preset"], plan) for walk in walks.values()]
     return {name: result() for name, result in zip(walks, shared_out(engine, calls), strict=True)}
 
 
@@ -280,7 +282,7 @@ def _pulsed(conditions: Mapping[str, Any]) -> dict[str, Any]:
     return next(dict(c) for c in conditions.values() if c["pulses"])
 
 
-def _strapped_truth(
+def _truth_of_strap(
     recorded: Mapping[str, Any], preset_name: str, plan: WalkPlan
 ) -> dict[str, dict[str, float]]:
     known = {name: value for name, value in recorded["person"].items() if name != "sex"}

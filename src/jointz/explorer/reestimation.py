@@ -10,35 +10,60 @@ from jointz.analysis.level_tests import level_tests
 from jointz.analysis.mass_checks import likely_masses_kg, mass_questions, without_values_per_kg
 from jointz.analysis.participant_jobs import participant_settings, read_participant
 from jointz.core.errors import DataError
-from jointz.core.method_names import FULL_RECORD
+from jointz.core.method_names import (
+    BAYESIAN,
+    COUPLING_OF,
+    FULL_RECORD,
+    RIGID,
+    STRAPPED,
+    method_called,
+)
 from jointz.core.study import Study
 from jointz.explorer.traces import PulseKey, PulseTrace, pulse_traces
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.results.estimates import CellEstimate
-from jointz.results.statistics.pooled_estimates import has_budget
 from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.population import population_means
 from jointz.tasks.engine import on_one_thread
+
+_EARLIER = (
+    "the results were made by an earlier version of jointz and cannot be combined with new "
+    "estimates. Analyse the study again: jointz analyze."
+)
 
 
 @dataclass(frozen=True, slots=True)
 class ReestimationRequest:
     """Settings of a new estimation."""
 
-    method: str  # name of the method
+    method: str  # name of the method, of ``bayesian`` that of its coupling
     resamples: int  # number of resamples of the bootstrap
     seed: int
     # file -> hash at the time of the analysis; other contents are refused
     sha256: Mapping[str, str]
+    is_earlier_method: bool = False  # results are by the earlier ``rigid``, no coupling of today's
 
     @classmethod
     def of(cls, analysis: StudyAnalysis) -> "ReestimationRequest":
         """Return the settings of an analysis."""
         settings, provenance = analysis.settings, analysis.provenance
         inputs = {str(entry["file"]): str(entry["sha256"]) for entry in provenance["inputs"]}
-        return cls(settings["method"], settings["resamples"], settings["seed"], inputs)
+        return cls(
+            requested_method(analysis),
+            settings["resamples"],
+            settings["seed"],
+            inputs,
+            is_earlier_method=settings["method"] == RIGID,
+        )
+
+
+def requested_method(analysis: StudyAnalysis) -> str:
+    """Return the name by which the method of an analysis is requested: it states the coupling."""
+    settings = analysis.settings
+    names = {coupling: name for name, coupling in COUPLING_OF.items()}
+    return names.get(settings.get("coupling", ""), str(settings["method"]))
 
 
 def read_traces(
@@ -51,9 +76,10 @@ def read_traces(
 
 def reestimate(study: Study, person_id: str, request: ReestimationRequest) -> ParticipantResult:
     """Estimate a participant with the current exclusions of the study."""
+    if request.is_earlier_method:
+        raise DataError(_EARLIER)
     settings, recordings = _inputs(study, person_id, request)
-    result = on_one_thread(partial(analyze_participant, person_id, recordings, settings))
-    return replace(result, evidence=())
+    return on_one_thread(partial(analyze_participant, person_id, recordings, settings))
 
 
 def estimate_by_method(
@@ -71,7 +97,7 @@ def _inputs(
     study: Study, person_id: str, request: ReestimationRequest
 ) -> tuple[ParticipantSettings, Sequence[RecordingInput]]:
     """Return settings and recordings of a participant; refuse changed recordings."""
-    if request.method not in METHODS:
+    if method_called(request.method) not in METHODS:
         raise DataError(
             f"method: these results are by {request.method!r}, which this version of jointz does "
             f"not have; it has {', '.join(METHODS)}. They can be read but not estimated again. "
@@ -100,19 +126,18 @@ def with_new_estimates(
     :func:`jointz.analyze` updates them.
     """
     method = str(analysis.settings["method"])
+    # Results of earlier versions keep the name of the method.
+    written = {BAYESIAN: STRAPPED} if method == STRAPPED else {}
     new_cells = {
-        (cell.label, cell.timing_point, name): cell
+        (cell.label, cell.timing_point, cell.method): cell
         for result in results.values()
         for name, cells in result.cells.items()
-        for cell in cells
+        for cell in (replace(c, method=written.get(name, name)) for c in cells)
     }
     old = {cell.label for cell in analysis.cells}
     new = {label for label, _, name in new_cells if name == method}
-    if new - old or any(has_budget(c) and not c.prior_effects for c in analysis.cells):
-        raise DataError(
-            "the results were made by an earlier version of jointz and cannot be combined with new "
-            "estimates. Analyse the study again: jointz analyze."
-        )
+    if method == RIGID or new - old:
+        raise DataError(_EARLIER)
     cells = _updated(analysis.cells, new_cells)
     doubted = mass_questions(study, cells)
     cells = tuple(without_values_per_kg(cells, doubted))
@@ -122,7 +147,6 @@ def with_new_estimates(
     strides = {p: tuple(r.strides) for p, r in results.items()}
     # Single pulses of a bench stay as analysed if the method explains whole trials.
     single = {} if method == FULL_RECORD else {p: r.single for p, r in results.items()}
-    models = {p: r.models for p, r in results.items()}
     log_posteriors = {p: r.log_posteriors for p, r in results.items()}
     mean_strides = {p: r.mean_strides for p, r in results.items()}
     # Participants without a pulse have no cell.
@@ -141,7 +165,6 @@ def with_new_estimates(
         pulses=_replaced(people, analysis.pulses, pulses),
         strides=_replaced(people, analysis.strides, strides),
         single=_replaced(people, analysis.single, single),
-        models=_replaced(people, analysis.models, models),
         log_posteriors=posteriors,
         mean_strides=strides_by_condition,
         statistics={**kept, **level_tests(cells), **device_effect(strides_by_condition)},

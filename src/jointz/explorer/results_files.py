@@ -9,9 +9,10 @@ from pathlib import Path
 from jointz.analysis.saved_analysis import load, study_of
 from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
+from jointz.core.method_names import WITH_POSTERIOR
 from jointz.core.study import Study
 from jointz.explorer.exclusions import excluded
-from jointz.explorer.reestimation import with_new_estimates
+from jointz.explorer.reestimation import requested_method, with_new_estimates
 from jointz.identify.estimators import METHODS
 from jointz.identify.participant import ParticipantResult
 from jointz.results.estimates import CellEstimate
@@ -89,7 +90,9 @@ class Exploration:
         fixed = self.study is None or self.study.spec.perturbations.baseline is not None
         if fixed or self.analysed.settings["kind"] != "walking":
             return ()
-        present = self.methods()
+        present = set(self.methods())
+        if present & WITH_POSTERIOR:
+            present |= WITH_POSTERIOR  # one method by two names
         return tuple(m for m in METHODS.serving("walking") if m not in present)
 
     def command(self) -> str:
@@ -97,7 +100,8 @@ class Exploration:
         settings = self.analysed.settings
         where = "STUDY" if self.study is None else str(self.study.root)
         words = ["jointz", "analyze", where, "--out", str(self.folder)]
-        for name in ("method", "resamples", "seed"):
+        words += ["--method", requested_method(self.analysed)]
+        for name in ("resamples", "seed"):
             words += [f"--{name}", str(settings[name])]
         return shlex.join([*words, "--overwrite"])
 

@@ -1,19 +1,18 @@
 """Signals that each pulse was estimated from: measured, baseline, response, fit and residual.
 
 Recordings are read and cut as the estimators do; nothing is estimated, fits are those of the
-results. For ``strapped`` and ``rigid``, the baseline is the prediction that they subtract from the
-raw signals. For the other methods, windows and baseline come from their own cutter, filtered.
+results. For ``bayesian``, the baseline is the prediction that it subtracts from the raw signals.
+For the other methods, windows and baseline come from their own cutter, filtered.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from jointz.core.codes import LISTED
 from jointz.core.events import PulseRecord
-from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
+from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, RIGID
 from jointz.core.study import UserExclusion
 from jointz.explorer.exclusions import is_about
 from jointz.identify.estimators import METHODS, ParticipantData
@@ -29,16 +28,10 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.rigid.walking_estimator import RigidMethod
-from jointz.identify.strapped.strapped_method import StrappedMethod
+from jointz.identify.walking.bayesian_method import BayesianMethod
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
 
-#: Methods that predict the motion without the pulse.
-_PREDICTING: Final[Mapping[str, RigidMethod | StrappedMethod]] = {
-    RIGID: RigidMethod(),
-    STRAPPED: StrappedMethod(),
-}
 #: Part of the recording that is shown around a pulse, s.
 _BEFORE_S, _AFTER_S = 0.15, 0.35
 
@@ -148,16 +141,22 @@ def _group_traces(
     for method in settings.methods:
         if method == FULL_RECORD:
             continue  # it fits whole trials and has no windows
-        own = {cell.timing_point: cell for cell in cells if cell.method == method}
+        name = _written_name(cells) if method == BAYESIAN else method
+        own = {cell.timing_point: cell for cell in cells if cell.method == name}
         windows_of_method = (
-            _predicted(method, data, lifted, pulses)
-            if method in _PREDICTING
+            _predicted(data, lifted, pulses, turned=name == RIGID)
+            if method == BAYESIAN
             else _filtered(participant, method, sources, lifted)
         )
         for key, label, window in windows_of_method:
             counted = replace(window, shape=-1) if key in excluded else window
-            windows[key][method] = _with_fit(counted, own.get(label))
+            windows[key][name] = _with_fit(counted, own.get(label))
     return _with_surroundings(pulses, sources, windows)
+
+
+def _written_name(cells: Sequence[CellEstimate]) -> str:
+    """Return the method of walking as these cells name it: earlier versions had other names."""
+    return next((cell.method for cell in cells if cell.method in COUPLING_OF), BAYESIAN)
 
 
 def _without_exclusions(
@@ -174,37 +173,40 @@ _Windows = Iterator[tuple[PulseKey, str, Window]]
 
 
 def _predicted(
-    method: str,
     data: ParticipantData,
     lifted: ParticipantSettings,
     pulses: Sequence[PulseRecord],
+    *,
+    turned: bool,
 ) -> _Windows:
-    """Yield the windows of a method that predicts; of excluded pulses as if restored.
+    """Yield the predicted windows; of excluded pulses as if restored.
 
-    The others are those of the estimate, whatever the exclusions are now.
+    The others are those of the estimate, whatever the exclusions are now. An earlier method
+    averaged pulses ``turned`` by their sign, as one shape.
     """
     listed = [p for p in pulses if p.code in LISTED]
     excluded = {PulseKey.of(p) for p in listed}
     if excluded:
-        restored = _of_shapes(method, data, lifted)
+        restored = _of_shapes(data, lifted, turned=turned)
         yield from (w for w in restored if w[0] in excluded)
     lines = [UserExclusion(p.participant, p.recording, p.onset_s, "exclude", "") for p in listed]
     analysed = replace(lifted, user_exclusions=(*lifted.user_exclusions, *lines))
-    yield from (w for w in _of_shapes(method, data, analysed) if w[0] not in excluded)
+    windows = _of_shapes(data, analysed, turned=turned)
+    yield from (w for w in windows if w[0] not in excluded)
 
 
-def _of_shapes(method: str, data: ParticipantData, settings: ParticipantSettings) -> _Windows:
-    rate, strapped = common_rate_hz(data.sources), method == STRAPPED
-    signals = [raw_signals(s, target_hz=rate, strapped=strapped) for s in data.sources]
-    for point in _PREDICTING[method].predicted_shapes(data, settings):
+def _of_shapes(data: ParticipantData, settings: ParticipantSettings, *, turned: bool) -> _Windows:
+    rate = common_rate_hz(data.sources)
+    signals = [raw_signals(s, target_hz=rate) for s in data.sources]
+    for point in BayesianMethod().predicted_shapes(data, settings):
         cell = point.cell
         for candidate, response, shape in zip(
             cell.answered, cell.predicted.responses, point.shapes, strict=True
         ):
             window = Window(
                 **recorded_pulse(candidate, response, signals[candidate.source], cell.period_s),
-                factor=1.0 if strapped else candidate.pulse.sign,
-                shape=int(shape),
+                factor=candidate.pulse.sign if turned else 1.0,
+                shape=min(int(shape), 0) if turned else int(shape),
                 fitted=None,
                 fits="angle",
             )

@@ -139,7 +139,7 @@ def time_varying(
 def phase_curve(
     results: Annotated[
         Path,
-        typer.Argument(file_okay=False, help="Results folder of jointz analyze --method rigid."),
+        typer.Argument(file_okay=False, help="Results folder of jointz analyze, walking."),
     ],
     participant: Annotated[
         str | None,

@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.codes import Failure
 from jointz.core.events import row_label
-from jointz.core.method_names import FULL_RECORD, STRAPPED
+from jointz.core.method_names import BAYESIAN, FULL_RECORD
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
 from jointz.identify.methods.cell_parameters import failed_parameters
@@ -29,6 +29,13 @@ from jointz.results.impedance_limits import (
     unit_question,
     withhold_impossible,
     without_negative,
+)
+
+#: Failures whatever a method says: torque or clock are not those of the pulses.
+_OF_TORQUE_OR_CLOCK = (
+    Failure.TORQUE_UNLIKE_COMMAND,
+    Failure.OUT_OF_STEP,
+    Failure.CLOCKS_DRIFT,
 )
 
 
@@ -72,8 +79,8 @@ def check_estimates(
 
 
 def _sensors_contradict_angle(estimates: Estimates, sources: Sequence[Source]) -> bool:
-    """Return whether sensors contradict the angle; ``strapped`` judges them by itself."""
-    if not estimates.cells or estimates.cells[0].method == STRAPPED:
+    """Return whether sensors contradict the angle; ``bayesian`` judges them by itself."""
+    if not estimates.cells or estimates.cells[0].method == BAYESIAN:
         return False
     choice = choose_sensors([s for s in sources if s.given.condition == "perturbed" and s.pulses])
     return choice.disagree or choice.goniometer_gain is not None
@@ -154,8 +161,8 @@ def _checked(
     # Methods for walking have checks of their own, whose reasons stay, and so does the reason of a
     # load that is none.
     last = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
-    # The limits of a parameter that is undecided are wrong by the same factor.
-    limited = failure is Failure.TORQUE_UNLIKE_COMMAND
+    # The limits of a parameter that is undecided are wrong, too.
+    limited = failure in _OF_TORQUE_OR_CLOCK
     own = last and not any(
         p.available or (limited and p.status == "undecided") for p in cell.parameters
     )

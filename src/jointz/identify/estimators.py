@@ -9,25 +9,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from jointz.core.events import PulseEstimate, PulseRecord
-from jointz.core.method_names import RIGID_COUPLING
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.study_kinds import StudyKind
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
-from jointz.results.participant_model import ParticipantModel
-
-if TYPE_CHECKING:
-    from jointz.identify.rigid.walking_evidence import Evidence
 
 GROUP = "jointz.estimators"
 _METHODS = "jointz.identify.methods"
 #: Method -> estimator of the methods of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
-    "rigid": "jointz.identify.rigid.walking_estimator:RigidMethod",
-    "strapped": "jointz.identify.strapped.strapped_method:StrappedMethod",
+    "bayesian": "jointz.identify.walking.bayesian_method:BayesianMethod",
     "dissertation": f"{_METHODS}.cell_regressions:DISSERTATION",
     "pre_pulse": f"{_METHODS}.cell_regressions:PRE_PULSE",
     "matched_strides": f"{_METHODS}.cell_regressions:MATCHED_STRIDES",
@@ -35,10 +29,6 @@ BUILT_IN: Mapping[str, str] = {
     "least_squares": f"{_METHODS}.cell_regressions:LEAST_SQUARES",
     "instrumental_variable": f"{_METHODS}.cell_instruments:INSTRUMENTAL_VARIABLE",
     "full_record": f"{_METHODS}.full_record_method:FullRecordMethod",
-}
-#: Methods that are tried and that no list offers.
-_TRIED: Mapping[str, str] = {
-    RIGID_COUPLING: "jointz.identify.strapped.strapped_method:RIGID_COUPLING",
 }
 
 
@@ -57,8 +47,6 @@ class Estimates:
     cells: tuple[CellEstimate, ...]  # one for each timing point, case or group that has a pulse
     pulses: Sequence[PulseRecord]  # all pulses of the data with their final codes
     single: tuple[PulseEstimate, ...] = ()  # estimates from single pulses of a bench
-    model: ParticipantModel | None = None  # model of joint and sensor
-    evidence: "Evidence | None" = None  # input of a repeated estimate
     notes: tuple[str, ...] = ()  # what was not used
     log_posterior: LogPosterior | None = None  # joint posterior of K, B and J of all timing points
 
@@ -92,10 +80,10 @@ class Methods(Mapping[str, Estimator]):
         return name in _entries()
 
     def __iter__(self) -> Iterator[str]:
-        return (name for name in _entries() if name not in _TRIED)
+        return iter(_entries())
 
     def __len__(self) -> int:
-        return len(_entries()) - len(_TRIED)
+        return len(_entries())
 
     def serving(self, kind: str) -> tuple[str, ...]:
         """Return the methods for a kind of study."""
@@ -109,8 +97,7 @@ METHODS = Methods()
 @cache
 def _entries() -> Mapping[str, EntryPoint]:
     """Return the entry points by method; other packages cannot replace the methods of jointz."""
-    places = {**BUILT_IN, **_TRIED}
-    own = {name: EntryPoint(name, place, GROUP) for name, place in places.items()}
+    own = {name: EntryPoint(name, place, GROUP) for name, place in BUILT_IN.items()}
     return own | {e.name: e for e in entry_points(group=GROUP) if e.name not in own}
 
 

@@ -30,11 +30,9 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.rigid.walking_evidence import Evidence
 from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
 from jointz.results.mean_stride import MeanStride
-from jointz.results.participant_model import ParticipantModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +44,6 @@ class ParticipantResult:
     pulses: tuple[PulseRecord, ...]
     strides: tuple[StrideRecord, ...]
     gaps: tuple[GapRecord, ...]
-    # joint and sensor of every session and side, by the method ``rigid``
-    models: tuple[ParticipantModel, ...] = ()
-    # responses and posterior of every session and side, by the method ``rigid``
-    evidence: tuple[Evidence, ...] = ()
     # joint posterior of all timing points, of every session and side; empty if the method has none
     log_posteriors: tuple[LogPosterior, ...] = ()
     # strides of a participant recorded without a device only, if a moment was recorded
@@ -102,8 +96,6 @@ def _analyze_group(
         for name, e in estimates.items()
     }
     session, side = unit or ("", "")
-    models = [e.model for e in estimates.values() if e.model is not None]
-    evidence = [e.evidence for e in estimates.values() if e.evidence is not None]
     log_posteriors = [e.log_posterior for e in estimates.values() if e.log_posterior is not None]
     return ParticipantResult(
         cells={
@@ -126,8 +118,6 @@ def _analyze_group(
             if id(given) not in reported
             for a, b in find_gaps(given.recording["time"].to_numpy())
         ),
-        models=tuple(replace(m, session=session, side=side) for m in models),
-        evidence=tuple(replace(e, session=session, side=side) for e in evidence),
         log_posteriors=tuple(replace(p, session=session, side=side) for p in log_posteriors),
         curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
         mean_strides=mean_strides(participant, new) if settings.kind.by_gait else (),

@@ -1,10 +1,11 @@
 """A lab as the study of a pilot shows it: sensors, people, calibration and walking."""
 
-from jointz.analysis.participant_jobs import participant_settings, read_participant
+from jointz.analysis.participant_jobs import coupling_of, participant_settings, read_participant
 from jointz.core.errors import DataError
-from jointz.core.method_names import STRAPPED
+from jointz.core.method_names import BAYESIAN
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
+from jointz.identify.walking.coupling import COUPLINGS
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.schedule import Schedule
 from jointz.planning.unperturbed_walking import recorded_walking
@@ -14,22 +15,22 @@ from jointz.report.wording import format_count
 _MOST_WALKERS = 4
 
 
-def lab_of_study(study: Study, schedule: Schedule, actuator: Actuator) -> tuple[Laboratory, str]:
-    """Return the lab of a study, and where its walking is from, in words."""
+def lab_of_study(
+    study: Study, schedule: Schedule, actuator: Actuator, coupling: str | None = None
+) -> tuple[Laboratory, str]:
+    """Return the lab of a study, and where its walking is from, in words.
+
+    The coupling is that which the study states, or another one.
+    """
     spec = study.spec
     if spec.kind != "walking" or spec.joint != "knee":
         raise DataError(
             f"pilot: expected walking of the knee, got {spec.kind} of the {spec.joint}."
         )
-    if spec.coupling == "rigid":
-        raise DataError(
-            'pilot: its device is coupled to the bone (coupling = "rigid"), and plans are for the '
-            "method strapped. Leave the key out, or plan without a pilot."
-        )
     walkers, strides = [], 0
     people = spec.participants[:_MOST_WALKERS]
     for person in people:
-        settings = participant_settings(study, person.id, STRAPPED, resamples=1, seed=0)
+        settings = participant_settings(study, person.id, BAYESIAN, resamples=1, seed=0)
         recordings = read_participant(study, person.id, {})
         walking = recorded_walking(
             recordings,
@@ -53,6 +54,7 @@ def lab_of_study(study: Study, schedule: Schedule, actuator: Actuator) -> tuple[
         torque_model=spec.torque_model,
         priors=spec.priors or PriorsSpec(),
         joint=spec.joint,
+        coupling=COUPLINGS[coupling or coupling_of(study, BAYESIAN)],
     )
     who = format_count(len(people), "person", "people")
     where = study.root.resolve().name

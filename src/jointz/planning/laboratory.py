@@ -7,11 +7,12 @@ from math import radians
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import CalibrationSpec, ParticipantSpec, TorqueModelSpec
 from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY
-from jointz.identify.strapped.body import Body, body_of
-from jointz.identify.strapped.decisions import Decision
-from jointz.identify.strapped.instruments import calibrated_lag, instrument_priors
-from jointz.identify.strapped.prior import LegPriors
-from jointz.identify.strapped.responses import GONIOMETER
+from jointz.identify.walking.body import Body, body_of
+from jointz.identify.walking.coupling import STRAP, Coupling
+from jointz.identify.walking.decisions import Decision
+from jointz.identify.walking.instruments import calibrated_lag, instrument_priors
+from jointz.identify.walking.prior import LegPriors
+from jointz.identify.walking.responses import GONIOMETER, twist_sd_of
 from jointz.planning.unperturbed_walking import PointWalking, with_channels
 
 #: Name of a sensor of the joint's motion -> its channel, and white noise of a usual one, rad or
@@ -44,6 +45,7 @@ class Laboratory:
     torque_model: TorqueModelSpec | None = None
     priors: PriorsSpec = field(default_factory=PriorsSpec)
     joint: str = "knee"
+    coupling: Coupling = STRAP
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -63,7 +65,8 @@ class Laboratory:
 
     def body(self, person: int) -> Body:
         """Return the priors of a person's leg."""
-        return body_of(self.people[person % len(self.people)], self.joint, self.priors)
+        who, spec = self.people[person % len(self.people)], self.coupling.spec(self.priors)
+        return body_of(who, self.joint, spec, of_body=self.coupling.is_strap)
 
     def walking_of(self, person: int) -> Mapping[str, PointWalking]:
         """Return the walking of a person, or of one who stands for the person."""
@@ -73,11 +76,17 @@ class Laboratory:
         """Return the estimator's priors of a person with these instruments."""
         friction = 0.0 if self.torque_model is None else self.torque_model.coulomb_friction
         return LegPriors(
-            self.priors,
+            self.coupling.spec(self.priors),
             self.body(person),
             instrument_priors(self.calibration, abs(friction), self.channels[1:]),
             calibrated_lag(self.calibration),
+            self.coupling,
         )
+
+    @property
+    def twist_sd(self) -> float:
+        """Sd of the angle shown per torque, rad/(N*m)."""
+        return twist_sd_of(self.calibration, self.coupling)
 
     @property
     def decision(self) -> Decision:
@@ -87,4 +96,5 @@ class Laboratory:
             mass_kg=None,
             subtract=("inertia",),
             several_sensors=len(self.channels) > 1,
+            by_person=self.coupling.is_strap,
         )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.strapped.estimands import LogMoments
+from jointz.identify.walking.estimands import LogMoments
 from jointz.kernels.statistics.power import smallest_effect
 from jointz.planning.plan_result import PlannedPeople
 from jointz.results.estimates import relative_half_width

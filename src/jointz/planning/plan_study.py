@@ -12,7 +12,7 @@ from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.planned_half_widths import reached_half_widths
 from jointz.analysis.saved_analysis import load, study_of
 from jointz.core.errors import DataError
-from jointz.core.method_names import STRAPPED
+from jointz.core.method_names import BAYESIAN, WITH_POSTERIOR
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, ParticipantSpec, Study
 from jointz.io.protocols import load_protocol
@@ -70,7 +70,7 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
         Walking protocol with pulses; its timing points, gaps and limits are kept.
     pilot : path or Study, optional
         Study with three to five minutes of the lab's own unperturbed walking. Its sensors,
-        calibration, torque model and participants are those of the plan. Without it, the
+        calibration, torque model, coupling and participants are those of the plan. Without it, the
         variability of a recorded walker is taken, and the plan says so.
     sensors : mapping of str to float or None, optional
         ``goniometer``, ``encoder``, ``gyroscopes`` with their white noise, rad or rad/s, None for
@@ -157,7 +157,7 @@ def plan_recorded(
     Parameters
     ----------
     results : path
-        Results folder of ``jointz analyze`` by the method ``strapped``.
+        Results folder of ``jointz analyze`` by the method ``bayesian``.
     study : path, optional
         Folder of the study; by default the one with its name beside the results.
     seed : int
@@ -183,9 +183,9 @@ def plan_recorded(
     found = study_of(analysis, folder, study)
     if found is None:
         raise DataError(f"{folder}: the study is not beside the results. Name it: --study-folder.")
-    if analysis.settings.get("method") != STRAPPED:
+    if analysis.settings.get("method") not in WITH_POSTERIOR:
         raise DataError(
-            f"{folder}: expected results of the method strapped, got "
+            f"{folder}: expected results of the method {BAYESIAN}, got "
             f"{analysis.settings.get('method')}. Analyse the study by it: jointz analyze."
         )
     done = study_protocol(found, analysis.pulses, analysis.strides, asked_by="plan")
@@ -202,7 +202,9 @@ def plan_recorded(
     )
     largest = max(size for pulse in done.plan.pulses for size in pulse.sizes_nm)
     tell = _Teller(progress)
-    lab, walking = lab_of_study(found, schedule, _actuator(largest, None))
+    # Results that were written before are of a strap.
+    coupling = analysis.settings.get("coupling", "strap")
+    lab, walking = lab_of_study(found, schedule, _actuator(largest, None), coupling)
     tell("walking")
     planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
     made = on_one_thread(partial(planner.plan, None))

@@ -96,6 +96,8 @@ class Planner:
         if self._limit_rad is not None:
             trips = round(_TRIPS * radians(self._motion_deg) + _GATE_ERROR_RAD, 3)
             self._limit_rad = min(self._limit_rad, trips)
+        if not lab.coupling.is_strap:
+            self._notes.append('The device moves with the bone: coupling = "rigid".')
         if schedule.asked_window_s > schedule.design.window_s:
             self._notes.append(
                 f"The window of {1000.0 * schedule.asked_window_s:.0f} ms was shortened to "

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from jointz.identify.strapped.coupling import ModelError
-from jointz.identify.strapped.estimands import LogMoments, log_gradient, mixed_moments
-from jointz.identify.strapped.leg_model import REFLEX, LegModel
-from jointz.identify.strapped.map_fit import MapFit, MapSearch
-from jointz.identify.strapped.prior import Prior
+from jointz.identify.walking.coupling import ModelError
+from jointz.identify.walking.estimands import LogMoments, log_gradient, mixed_moments
+from jointz.identify.walking.leg_model import REFLEX, LegModel
+from jointz.identify.walking.map_fit import MapFit, MapSearch
+from jointz.identify.walking.prior import Prior
 from jointz.results.value_scale import ValueScale
 
 #: Half a step of the central differences, of transformed parameters.

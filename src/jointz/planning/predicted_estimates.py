@@ -7,18 +7,18 @@ import numpy as np
 
 from jointz.core.codes import Doubt
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.strapped.coupling import Hypothesis
-from jointz.identify.strapped.decisions import (
+from jointz.identify.walking.coupling import Hypothesis
+from jointz.identify.walking.decisions import (
     Decision,
     decided_rows,
     holds_one_torque,
     value_and_sd,
 )
-from jointz.identify.strapped.estimands import ESTIMANDS, LogMoments
-from jointz.identify.strapped.information import GROUPS, places_of
-from jointz.identify.strapped.leg_model import LegModel
-from jointz.identify.strapped.map_fit import MapSearch
-from jointz.identify.strapped.prior import LegPriors, Prior
+from jointz.identify.walking.estimands import ESTIMANDS, LogMoments
+from jointz.identify.walking.information import GROUPS, places_of
+from jointz.identify.walking.leg_model import LegModel
+from jointz.identify.walking.map_fit import MapSearch
+from jointz.identify.walking.prior import LegPriors, Prior
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.predicted_errors import (
     LogValues,
@@ -122,7 +122,8 @@ class PlannedLeg:
         decided = np.zeros((len(PARAMETERS), len(points)), dtype=bool)
         half = np.zeros(decided.shape)
         for k, point in enumerate(points):
-            doubts = {Doubt.HELD_TORQUE} if holds_one_torque(point) else set()
+            held = self._lab.coupling.is_strap and holds_one_torque(point)
+            doubts = {Doubt.HELD_TORQUE} if held else set()
             rows = decided_rows(k, moments, decision, doubts)
             decided[:, k] = [row.status == "ok" for row in rows[: len(PARAMETERS)]]
             for i, name in enumerate(ESTIMANDS[: len(PARAMETERS)]):
@@ -140,9 +141,12 @@ def _half_width(name: str, k: int, moments: LogMoments, decision: Decision) -> f
 
 def planned_model(lab: Laboratory, design: Design, person: int = 0) -> LegModel:
     """Return the estimator's model of a person's responses to a design."""
-    points = planned_points(design, lab.walking_of(person), actuator=lab.actuator)
-    gravity = lab.body(person).gravity_stiffness
-    return LegModel(points, window_s=design.window_s, gravity_stiffness=gravity)
+    return LegModel(
+        planned_points(design, lab, person),
+        window_s=design.window_s,
+        gravity_stiffness=lab.body(person).gravity_stiffness,
+        error=lab.coupling.error,
+    )
 
 
 def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
@@ -152,7 +156,8 @@ def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
 
 def _hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
     several = bool(model.layout.sensors)
-    return priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=True)
+    phases = len(model.points)
+    return priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=phases)
 
 
 def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> list[np.ndarray]:

@@ -1,21 +1,20 @@
 """Responses that planned pulses would give: their shapes, errors and numbers, without any data."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jointz.core.protocols.pulse_models import Pulse, PulseVariant, name_of, variants_of
 from jointz.identify.prediction.unperturbed_prediction import LEAD_SAMPLES
-from jointz.identify.strapped.leg_model import LegModel
-from jointz.identify.strapped.responses import (
+from jointz.identify.walking.leg_model import LegModel
+from jointz.identify.walking.responses import (
     PointResponse,
     ShapeAverage,
     data_end_s,
     data_length_s,
     usable_samples,
 )
-from jointz.planning.laboratory import Actuator
+from jointz.planning.laboratory import Actuator, Laboratory
 from jointz.planning.unperturbed_walking import PointWalking
 
 _STEP_S = 5e-4
@@ -35,27 +34,22 @@ class Design:
         return variants_of(self.pulses)
 
 
-def planned_points(
-    design: Design,
-    walking: Mapping[str, PointWalking],
-    *,
-    actuator: Actuator,
-) -> list[PointResponse]:
+def planned_points(design: Design, lab: Laboratory, person: int) -> list[PointResponse]:
     """Return the responses of all timing points, with zeros for what the sensors will show."""
-    return [_planned_point(design, label, at, actuator) for label, at in walking.items()]
+    walking = lab.walking_of(person)
+    return [_planned_point(design, label, at, lab) for label, at in walking.items()]
 
 
-def _planned_point(
-    design: Design, label: str, at: PointWalking, actuator: Actuator
-) -> PointResponse:
-    n = min(round(data_length_s(design.window_s) / at.period_s) + LEAD_SAMPLES + 1, at.n_samples)
+def _planned_point(design: Design, label: str, at: PointWalking, lab: Laboratory) -> PointResponse:
+    length_s = data_length_s(design.window_s, lab.coupling)
+    n = min(round(length_s / at.period_s) + LEAD_SAMPLES + 1, at.n_samples)
     time_s = (np.arange(n) - LEAD_SAMPLES) * at.period_s
     variants = design.variants
     by_name = {name_of(pulse): pulse for pulse in design.pulses}
     shapes = tuple(
         ShapeAverage(
             shown=np.zeros((len(at.channels), n)),
-            torque=v.amplitude_nm * torque_share(by_name[v.shape], actuator, time_s),
+            torque=v.amplitude_nm * torque_share(by_name[v.shape], lab.actuator, time_s),
             n_pulses=1,
             used=time_s <= data_end_s(at.phase, at.stride_s),
         )
@@ -71,6 +65,7 @@ def _planned_point(
         misses=at.misses[:, :, :n],
         torque_misses=at.torque_misses[:, :n],
         n_strides=at.n_strides,
+        twist_sd=lab.twist_sd,
         channels=at.channels,
     )
 

@@ -32,7 +32,7 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
-from jointz.identify.strapped.responses import GONIOMETER, data_length_s, smooth_velocity
+from jointz.identify.walking.responses import GONIOMETER, data_length_s, smooth_velocity
 from jointz.reference.published_knee import published_angle
 
 _VIRTUAL_S = 0.1
@@ -135,7 +135,7 @@ def recorded_walking(
         )
     source = max(sources, key=lambda s: quiet_strides(s).size)
     sensors = choose_sensors([source]).used
-    signals = raw_signals(source, sensors=sensors, strapped=True)
+    signals = raw_signals(source, sensors=sensors)
     predictor = UnperturbedPredictor(
         source, signals, window_s=data_length_s(window_s), sensors=sensors
     )

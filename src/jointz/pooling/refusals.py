@@ -18,6 +18,14 @@ def _texts(folder: ResultsFolder, column: str) -> str:
     return " and ".join(f"{value}" for value in folder.estimates[column].drop_duplicates())
 
 
+def _method(folder: ResultsFolder) -> str:
+    """Describe the method, and the coupling of device and leg if it assumes one."""
+    coupling = folder.settings.get("coupling")
+    assumed = f"coupling {coupling}, " if coupling else ""
+    baseline = folder.settings.get("baseline") or "its own"
+    return f"{_texts(folder, 'method')} ({assumed}baseline {baseline})"
+
+
 def _estimand(folder: ResultsFolder) -> str:
     """Describe which K, B and J were estimated: over what time, and of the device or without."""
     window_s = folder.settings.get("window_s")
@@ -41,10 +49,7 @@ _SAME: Final[Mapping[str, tuple[Callable[[ResultsFolder], str], str]]] = {
         "Write the same positive in each study.toml, with the channels' own positive where they "
         "differ, and run jointz analyze again",
     ),
-    "method": (
-        lambda f: f"{_texts(f, 'method')} (baseline {f.settings.get('baseline') or 'its own'})",
-        "Run jointz analyze with one --method",
-    ),
+    "method": (_method, "Run jointz analyze with one --method"),
     "estimand": (
         _estimand,
         "Use one window_s and the same kind of [calibration], and run jointz analyze again",

@@ -18,18 +18,6 @@ ONE_SIDED_95 = 1.6448536269514722
 WIDEST = 0.5
 #: Pulses without which nothing is estimated, and people without whom nothing is averaged.
 FEWEST_PULSES, FEWEST_PEOPLE = 3, 3
-#: Sources of an estimate's error that a fit tells of, in the order of tables and figures.
-FIT_SOURCES = (
-    "noise",
-    "lag",
-    "friction",
-    "cross_talk",
-    "inertia_model",
-    "drift",
-    "reflex",
-    "prior",
-    "model",
-)
 
 
 def relative_half_width(sd: float) -> float:

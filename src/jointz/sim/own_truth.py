@@ -1,12 +1,12 @@
-"""True values of the quantities that the methods ``strapped`` and ``rigid`` estimate.
+"""True values of the quantities that the method ``bayesian`` estimates, by coupling.
 
-The stiffness of ``strapped`` is the mean over window and shapes of s(x) K(t) + gravity + that of
+Of a strap, the stiffness is the mean over window and shapes of s(x) K(t) + gravity + that of
 the moving chain along the bone's own motion x; its damping is the muscles' alone, without
 ``inertia_rate``, as the model of the fit has d(J v)/dt. The ground truth's secant weighs the same
 torque by x^2 and its motion is that of a joint without strap and reflex, so the estimate's own
 truth is made here: x is the difference of two walks of the same strides, with the pulses and with
 pulses of no size, by a goniometer without errors; K(t), gravity and J are the ground truth's
-curves. The method ``rigid`` estimates what the ground truth states: :func:`cell_truth`.
+curves. Coupled rigidly, it is what the ground truth states: :func:`cell_truth`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -159,7 +159,7 @@ def _along(curves: dict[str, Any], name: str, phase_pct: np.ndarray) -> np.ndarr
 
 
 def cell_truth(truth: dict[str, Any]) -> dict[str, dict[str, float]]:
-    """Return what ``rigid`` estimates: apparent K (gravity and chain included), B and J.
+    """Return the truth of a rigid coupling: apparent K (gravity and chain included), B and J.
 
     Parameters
     ----------

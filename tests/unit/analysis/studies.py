@@ -1,4 +1,33 @@
-"""Changes of study folders that several tests make."""
+"""Studies and analyses that several tests use."""
+
+from dataclasses import replace
+
+from tests.unit.conftest import recommended_analysis
+
+from jointz.core.method_names import BAYESIAN
+from jointz.results.estimates import ParameterEstimate
+
+#: Estimated lag of the angle of each participant.
+LAGS_S = {"S01": 0.004, "S02": 0.007, "S03": 0.010}
+
+
+def bayesian_analysis(*, coupling="rigid"):
+    """Return an analysis of three people by the method bayesian, beside the dissertation's."""
+    made = recommended_analysis()
+    return replace(
+        made,
+        cells=tuple(map(_bayesian, made.cells)),
+        population=tuple(replace(m, method=BAYESIAN) for m in made.population),
+        models=(),
+        settings={**made.settings, "method": BAYESIAN, "coupling": coupling},
+    )
+
+
+def _bayesian(cell):
+    lag_s = LAGS_S[cell.participant]
+    lag = ParameterEstimate("angle_lag", lag_s, lag_s - 0.002, lag_s + 0.002, "ok")
+    parts = {name: {"lag": 0.1, "pulses": 0.1} for name in ("stiffness", "damping", "inertia")}
+    return replace(cell, method=BAYESIAN, budget={}, nuisance=(lag,), through_instruments=parts)
 
 
 def without_recordings(study, person, condition):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from jointz.analysis.page import figure_files
-from jointz.analysis.page.budget_figure import draw_budget, mean_shares
 from jointz.analysis.page.event_figures import draw_onset_accuracy, draw_strides
 from jointz.analysis.page.figure_files import (
     FIGURES,
@@ -69,7 +68,7 @@ def test_every_figure_is_well_formed_svg_without_outside_references(walking_figu
 
 
 def test_a_picture_has_a_pdf_of_its_size_with_its_fonts_and_without_a_date(recommended):
-    picture, again = (draw_picture(recommended, "budget", pdf=True) for _ in range(2))
+    picture, again = (draw_picture(recommended, "methods", pdf=True) for _ in range(2))
     assert (again.svg, again.pdf) == (picture.svg, picture.pdf)
     (box,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) [\d.]+ \]", picture.pdf)
     assert float(box) * 25.4 / 72.0 == pytest.approx(175.0, abs=0.01)
@@ -212,20 +211,6 @@ def test_examples_of_responses_are_the_best_the_median_and_the_worst_fit(walking
 def test_few_people_have_no_figure_of_all_responses_together(walking):
     few = tuple(c for c in walking.cells if c.participant in ("S01", "S02", "S03"))
     assert plot(draw_response_overview, replace(walking, cells=few)) is None
-
-
-def test_the_budget_stacks_the_shares_of_the_variance_to_all_of_it(recommended):
-    figure = plot(draw_budget, recommended)
-    assert [a.texts[-1].get_text() for a in figure.axes] == ["Stiffness", "Damping", "Inertia"]
-    for axes, parameter in zip(figure.axes, ("stiffness", "damping", "inertia"), strict=True):
-        tops = {}
-        for bar in axes.patches:
-            at = round(bar.get_x(), 6)
-            tops[at] = max(tops.get(at, 0.0), bar.get_y() + bar.get_height())
-        np.testing.assert_allclose(list(tops.values()), 100.0)
-        lowest = [bar for bar in axes.patches if bar.get_y() == 0.0]
-        first = mean_shares([c for c in recommended.cells if c.timing_point == "LRE"], parameter)
-        assert lowest[0].get_height() == pytest.approx(100.0 * first["noise"])
 
 
 def test_onset_deviations_are_taken_on_the_circle():

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.conftest import recommended_analysis
 
+from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.citations import CITATIONS, cite, cited
 from jointz.analysis.paper.methods_text import methods_latex, methods_text
 from jointz.core.events import PulseRecord
@@ -136,7 +138,7 @@ def test_what_is_cited_is_listed_and_nothing_else(recommended, walking, bench):
         body, _, listed = whole.partition("\nReferences\n")
         for key, entry in CITATIONS.items():
             assert (entry.full in listed) == (cite(key) in body)
-    assert CITATIONS["dissertation"].full in methods_text(recommended)
+    assert CITATIONS["dissertation"].full in methods_text(bench)
     assert cited(["nothing"]) == []
 
 
@@ -154,19 +156,19 @@ def test_a_pulse_without_a_timing_point_is_counted(recommended):
 
 
 def strapped_study(analysis, **provenance):
-    cells = tuple(replace(c, method="strapped", budget={}) for c in analysis.cells)
-    means = tuple(replace(m, method="strapped") for m in analysis.population)
-    settings = {**analysis.settings, "method": "strapped", "window_s": 0.15}
-    made = with_study(replace(analysis, cells=cells, population=means, settings=settings))
+    settings = {**analysis.settings, "coupling": "strap", "window_s": 0.15}
+    made = with_study(replace(analysis, settings=settings))
     return replace(made, provenance={**made.provenance, **provenance})
 
 
-def test_strapped_is_described_with_hypotheses_widening_estimands_and_decisions(recommended):
+def test_a_strap_is_described_with_hypotheses_widening_estimands_and_decisions(recommended):
     text = methods_text(strapped_study(recommended))
 
     for part in (
         "explained by the same parameters",
-        "follow one curve over the gait cycle",
+        "Data up to 212 ms",
+        "1.5 % of the response and 0.02 degrees",
+        "follow one curve over the gait cycle (90 % of the variance)",
         "Standard deviations of the posterior were multiplied by 1.1",
         "mean over 150 ms of torque over displacement",
         "damping at the onset are those of small displacements",
@@ -177,7 +179,30 @@ def test_strapped_is_described_with_hypotheses_widening_estimands_and_decisions(
     assert r"\%" in methods_latex(strapped_study(recommended))
 
 
-def test_priors_of_strapped_stand_with_their_source_those_of_the_study_as_such(recommended):
+def test_a_device_that_moves_with_the_bone_is_described_without_a_strap(recommended):
+    text = methods_text(recommended)
+
+    for part in (
+        "was assumed to move with the bone",
+        "Data up to 112 ms",
+        "0.1 % of the response and 0.0011 degrees",
+        "per torque (SD 0.0003 rad/(N·m), unless calibrated)",
+        "(32 % of the variance, prior probability 33 %)",
+        "between timing points by 0.01 or 0.35 (SD of its logarithm)",
+        "No value is given if half of its interval exceeds 50 % of it; if the model",
+        "sensor delay 0.002, 0.5 (for a device that moves with the bone)",
+    ):
+        assert part in text
+    assert not re.search("strap|falls with displacement|multiplied|height", text)
+
+
+def test_results_of_a_former_method_have_a_page_that_does_not_describe_it():
+    former = recommended_analysis()
+    assert "does not describe the method “rigid”" in methods_text(former)
+    assert render_report(former, {}, title="t")
+
+
+def test_priors_stand_with_their_source_those_of_the_study_as_such(recommended):
     usual = methods_text(strapped_study(recommended))
     own = methods_text(
         strapped_study(recommended, priors={"strap_hz": {"median": 15.0, "log_sd": 0.3}})

@@ -5,21 +5,9 @@ from io import BytesIO
 
 import pandas as pd
 
-from jointz.analysis.results_folder import csv_bytes, write_results
+from jointz.analysis.results_folder import csv_bytes
 from jointz.core.events import PulseRecord, StrideRecord
-from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.participant_model import ParticipantModel
 from jointz.results.study_analysis import StudyAnalysis
-
-
-def analysis(*, models=()):
-    undecided = ParameterEstimate("stiffness", None, None, None, "undecided", unbounded=21.5)
-    cell = CellEstimate(
-        "S01", "ISW", 68.4, (undecided,), 99.9, 50, 0, "rigid",
-        displacement_rad=0.31, centre_gait_pct=73.1,
-        budget={"stiffness": {"noise": 3.0, "lag": 4.0}},
-    )  # fmt: skip
-    return StudyAnalysis((cell,), models=models)
 
 
 def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():
@@ -36,13 +24,6 @@ def test_moments_of_a_clock_that_counts_from_1970_keep_their_milliseconds():
     assert csv_bytes(StudyAnalysis(()).strides_frame()).count(b"\n") == 1
 
 
-def test_models_are_written_where_there_are_any(tmp_path):
-    found = ParticipantModel("S01", 0.0064, 0.001, 1.1, 0.1, 0.02, 0.97, 0.0, 939, ("a", "b"))
-    write_results(analysis(models=(found,)), tmp_path / "out")
-    (row,) = pd.read_csv(tmp_path / "out" / "models.csv", keep_default_na=False).to_dict("records")
-    assert row == found.to_dict() | {"doubts": "a b"}
-
-
 def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, analyze, tmp_path):
     analyze(small_study)
     out = tmp_path / "results"
@@ -52,16 +33,14 @@ def test_numbers_of_the_methods_are_those_of_the_files_beside_it(small_study, an
     provenance = json.loads((out / "provenance.json").read_text())
     settings = provenance["settings"]
     pulses, excluded = pd.read_csv(out / "pulses.csv"), pd.read_csv(out / "excluded.csv")
-    estimates, models = pd.read_csv(out / "estimates.csv"), pd.read_csv(out / "models.csv")
+    estimates = pd.read_csv(out / "estimates.csv")
     people = [p["id"] for p in provenance["study"]["participants"]]
 
     assert f"{len(people)} participants ({', '.join(people)})" in text
     assert f"{len(pulses)} pulses of torque were detected" in text
     assert f"duration {1e3 * pulses['duration_s'].unique().item():.0f} ms" in text
-    assert f"over {1e3 * settings['window_s']:g} ms after the commanded onset" in text
+    assert f"the mean over {1e3 * settings['window_s']:g} ms of torque" in text
     assert "Responses were analysed at 500 samples per second." in text
-    for row in models.itertuples():
-        assert f"{row.participant} {1e3 * row.lag_s:.1f} ± {1e3 * row.lag_sd_s:.1f}" in text
     for (_, code), own in excluded.groupby(["kind", "code"]):
         assert f"{len(own)} {code} (" in text
     cells = estimates.drop_duplicates(["participant", "timing_point"])

@@ -4,13 +4,13 @@ import re
 from dataclasses import replace
 
 import pytest
+from tests.unit.analysis.studies import LAGS_S, bayesian_analysis
 from tests.unit.report.pages import Page
 
 from jointz.analysis.page.certificate_section import certificate_section
 from jointz.analysis.page.figure_files import draw_figures
 from jointz.analysis.page.method_differences import differences_section
 from jointz.analysis.page.report_page import render_report
-from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.results.certificate_result import (
     Certificate,
     ComparedStatistic,
@@ -41,20 +41,20 @@ def test_every_timing_point_has_its_difference_and_what_the_lag_alone_would_do(r
 
 
 def test_a_lag_that_is_calibrated_away_sets_nothing_apart(recommended):
-    people = [{"id": m.participant, "calibration": {"angle_lag_s": {"value": m.lag_s, "sd": 1e-4}}}
-              for m in recommended.models]  # fmt: skip
+    people = [{"id": person, "calibration": {"angle_lag_s": {"value": lag_s, "sd": 1e-4}}}
+              for person, lag_s in LAGS_S.items()]  # fmt: skip
     known = replace(recommended, provenance={"study": {"participants": people}})
     for row in differences_section(known)["rows"]:
         assert row["cells"][0]["lag"] == "0 %"
 
 
 def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study(recommended):
-    def recording(condition, model):
-        lag = {"angle_lag_s": {"value": model.lag_s, "sd": 1e-4}}
-        return {"participant": model.participant, "condition": condition, "calibration": lag}
+    def recording(condition, person):
+        lag = {"angle_lag_s": {"value": LAGS_S[person], "sd": 1e-4}}
+        return {"participant": person, "condition": condition, "calibration": lag}
 
     for condition, apart in (("perturbed", False), ("unperturbed", True)):
-        held = [recording(condition, m) for m in recommended.models]
+        held = [recording(condition, person) for person in LAGS_S]
         known = replace(recommended, provenance={"study": {"recordings": held}})
         lags = {row["cells"][0]["lag"] for row in differences_section(known)["rows"]}
         assert (lags == {"0 %"}) is not apart
@@ -70,20 +70,9 @@ def test_estimates_at_the_bound_are_counted(recommended):
 
 def test_without_both_methods_there_is_no_comparison(recommended, walking, bench):
     assert differences_section(replace(recommended, comparison=())) is None
-    assert differences_section(walking) is None  # no models: stored by an earlier version
+    assert differences_section(walking) is None  # stored by an earlier version
+    assert differences_section(bayesian_analysis(coupling="strap")) is None
     assert differences_section(bench) is None
-
-
-def test_what_is_undecided_names_its_largest_source_and_what_would_decide_it(recommended):
-    cells = list(recommended.cells)
-    k = next(i for i, c in enumerate(cells) if c.parameter("stiffness").status == "undecided")
-    value = cells[k].parameter("stiffness").unbounded
-    budget = {**cells[k].budget, "stiffness": {"lag": 0.4 * value, "noise": 0.1 * value}}
-    cells[k] = replace(cells[k], budget=budget)
-    (row,) = uncertainty_section(replace(recommended, cells=tuple(cells)))["undecided"]
-    assert (row["participant"], row["name"], row["parameter"]) == ("S01", "ISW", "Stiffness")
-    assert "(94 %)" in row["why"]
-    assert "angle_lag_s" in row["remedy"]
 
 
 def test_the_page_shows_both_sections_and_is_well_formed(recommended):

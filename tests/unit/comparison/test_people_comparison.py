@@ -76,6 +76,35 @@ def test_the_same_people_in_two_conditions_are_one_model(stated):
     assert said(made, "all participants together")
 
 
+def of_coupling(folder, coupling):
+    file = folder / "provenance.json"
+    content = json.loads(file.read_text())
+    content["settings"]["coupling"] = coupling
+    file.write_text(json.dumps(content))
+    return folder
+
+
+def test_strapped_of_earlier_versions_is_one_method_with_bayesian_and_couplings_are_named(stated):
+    old = stated("old", estimates(seed=0).assign(method="strapped"))
+    new = stated("new", estimates(seed=1).assign(method="bayesian"))
+    made = compare_results([of_coupling(new, "strap"), old])
+    assert {d.effect for d in of_stiffness(made)} == {"d_z"}
+    assert not said(made, "different methods")
+    assert said(made, "the prior draws the inertias")
+    (note,) = said(compare_results([of_coupling(new, "rigid"), old]), "different methods")
+    assert "new by bayesian with the coupling rigid" in note
+    assert "old by bayesian with the coupling strap" in note
+
+
+def test_the_earlier_rigid_is_another_method(stated):
+    old = stated("old", estimates(seed=0))
+    new = stated("new", estimates(seed=1).assign(method="bayesian"))
+    made = compare_results([of_coupling(new, "rigid"), old])
+    assert said(made, "different methods")[0].startswith("WARNING: ")
+    assert {d.effect for d in of_stiffness(made)} == {"g_z"}
+    assert said(made, "new and old: means are of all participants together")
+
+
 def test_an_undecided_person_counts_by_what_the_data_say(stated):
     table = estimates()
     at = (table["participant"] == "B") & (table["parameter"].str.startswith("stiffness"))

@@ -119,11 +119,10 @@ def test_nothing_changed_gives_the_same_numbers(again):
     person = found.people[0]
     own = tuple(c for c in found.analysed.cells if c.participant == person)
 
-    assert result.cells["rigid"] == own
-    assert result.evidence == ()
+    assert result.cells["bayesian"] == own
 
 
-@pytest.mark.parametrize("method", ["rigid", "dissertation"])
+@pytest.mark.parametrize("method", ["bayesian", "dissertation"])
 def test_responses_of_the_pulses_used_make_the_average(again, method):
     found, _, traces = again
     person = found.people[0]
@@ -166,7 +165,7 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives_and_comes_back(open
     assert found.stale() == ()
 
     now, fresh = found.current(), analyze(found.study.root, resamples=RESAMPLES, seed=3)
-    for name in ("cells", "comparison", "population", "pulses", "strides", "models"):
+    for name in ("cells", "comparison", "population", "pulses", "strides", "log_posteriors"):
         assert getattr(now, name) == getattr(fresh, name), name
     told = now.excluded_frame().query("code == 'user'")
     assert told["detail"].tolist() == ["stumbled"]
@@ -178,7 +177,7 @@ def test_an_excluded_pulse_gives_what_a_fresh_analysis_gives_and_comes_back(open
     # It is shown as if it were restored.
     before, trace = (t[PulseKey.of(pulse)] for t in (again[2], traces))
     assert {w.shape for w in trace.windows.values()} == {-1}  # not averaged
-    for method in ("rigid", "dissertation"):
+    for method in ("bayesian", "dissertation"):
         np.testing.assert_allclose(
             trace.windows[method].response_angle, before.windows[method].response_angle
         )
@@ -217,7 +216,7 @@ def test_one_more_method_is_what_the_method_gives(opened):
     assert {c.timing_point: c for c in cells} == {
         c.timing_point: c for c in chosen.cells if c.participant == person
     }
-    assert found.methods() == ("rigid", "dissertation", "pre_pulse")
+    assert found.methods() == ("bayesian", "dissertation", "pre_pulse")
     assert all(cell in found.current().comparison for cell in cells)
 
 

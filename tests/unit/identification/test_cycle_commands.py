@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 import jointz as package
 from jointz.analysis.results_folder import write_results
+from jointz.results.log_posterior import LogPosterior
 
 RATE = 500.0
 STRIDE_S, STRIDES = 1.0, 40
@@ -131,10 +132,39 @@ def test_a_torque_that_does_not_move_the_joint_exits_1_without_an_estimate(joint
 # --- phase-curve ---------------------------------------------------------------------------------
 
 
+def posterior_of(person, cells):
+    """Return a posterior about the estimates of a person, alike at all timing points."""
+    pairs = [(name, cell) for name in ("stiffness", "damping") for cell in cells]
+    n = len(cells)
+    prior = np.kron(np.eye(2), 0.2 + 0.3 * np.eye(n))
+    return LogPosterior(
+        person,
+        parameters=tuple(name for name, _ in pairs),
+        timing_points=tuple(cell.timing_point for _, cell in pairs),
+        mean=np.log([cell.parameter(name).unbounded for name, cell in pairs]),
+        covariance=0.05**2 * np.eye(2 * n),
+        prior_mean=np.full(2 * n, 3.0),
+        prior_covariance=prior,
+    )
+
+
 @pytest.fixture(scope="session")
-def results(recommended, tmp_path_factory):
+def walked(recommended):
+    """An analysis by the method bayesian."""
+    people = dict.fromkeys(cell.participant for cell in recommended.cells)
+    cells = tuple(replace(cell, method="bayesian", budget={}) for cell in recommended.cells)
+    own = {p: [c for c in cells if c.participant == p] for p in people}
+    settings = {**recommended.settings, "method": "bayesian", "coupling": "strap"}
+    posteriors = tuple(posterior_of(person, mine) for person, mine in own.items())
+    return replace(
+        recommended, cells=cells, models=(), settings=settings, log_posteriors=posteriors
+    )
+
+
+@pytest.fixture(scope="session")
+def results(walked, tmp_path_factory):
     folder = tmp_path_factory.mktemp("curves") / "results"
-    write_results(recommended, folder, figures=False)
+    write_results(walked, folder, figures=False)
     return folder
 
 
@@ -175,8 +205,8 @@ def test_a_parameter_without_estimates_is_named(jointz, results):
     assert "no participant has estimates of stiffness_per_mass" in outcome.err
 
 
-def test_a_changed_file_of_the_results_is_named_without_a_traceback(jointz, recommended, tmp_path):
-    write_results(recommended, tmp_path / "results", figures=False)
+def test_a_changed_file_of_the_results_is_named_without_a_traceback(jointz, walked, tmp_path):
+    write_results(walked, tmp_path / "results", figures=False)
     (tmp_path / "results" / "estimates.csv").write_text("changed")
     outcome = jointz("identify", "phase-curve", tmp_path / "results", "--json")
 
@@ -186,12 +216,11 @@ def test_a_changed_file_of_the_results_is_named_without_a_traceback(jointz, reco
     assert "estimates.csv" in outcome.err
 
 
-def test_results_by_strapped_are_refused(jointz, recommended, tmp_path):
-    cells = tuple(replace(cell, method="strapped") for cell in recommended.cells)
-    write_results(replace(recommended, cells=cells), tmp_path / "results", figures=False)
+def test_results_of_the_former_rigid_are_refused(jointz, recommended, tmp_path):
+    write_results(recommended, tmp_path / "results", figures=False)
     outcome = jointz("identify", "phase-curve", tmp_path / "results")
     assert outcome.code == 2
-    assert "strapped" in outcome.err
+    assert "Analyse the study again" in outcome.err
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,7 @@ def walk_settings(
         or PerturbationsSpec(timing_points=dict(walker.points), source="table"),
         n_resamples=10,
         mass_kg=70.0,
+        coupling="rigid",
         **more,
     )
 

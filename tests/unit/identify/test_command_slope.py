@@ -41,7 +41,7 @@ def scaled(given, factor, *, gain=None):
 
 
 def statuses(result):
-    return {p.status for cell in result.cells["rigid"] for p in cell.parameters}
+    return {p.status for cell in result.cells["bayesian"] for p in cell.parameters}
 
 
 def notes_of(result):

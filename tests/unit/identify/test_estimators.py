@@ -45,7 +45,7 @@ def test_the_registry_loads_no_method():
     code = (
         "import sys, jointz.identify.estimators; "
         "raise SystemExit(any(m.startswith(('jointz.identify.methods.', "
-        "'jointz.identify.rigid.', 'jointz.identify.bench.')) for m in sys.modules))"
+        "'jointz.identify.walking.', 'jointz.identify.bench.')) for m in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -53,7 +53,7 @@ def test_the_registry_loads_no_method():
 def test_every_method_goes_by_its_name_and_serves_its_kinds():
     assert all(METHODS[name].name == name for name in METHODS)
     assert set(METHODS) - set(METHODS.serving("walking")) == {"full_record"}
-    assert set(METHODS) - set(METHODS.serving("bench")) == {"rigid", "strapped"}
+    assert set(METHODS) - set(METHODS.serving("bench")) == {"bayesian"}
 
 
 def test_estimators_of_other_packages_follow_those_of_jointz(installed):

@@ -62,6 +62,7 @@ def analyzed(*recordings, methods=("dissertation",), exclusions=(), **options):
         n_resamples=300,
         mass_kg=70.0,
         user_exclusions=tuple(exclusions),
+        coupling="rigid",
         **options,
     )
     return analyze_participant("S01", recordings, settings)

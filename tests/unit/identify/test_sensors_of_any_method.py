@@ -32,13 +32,14 @@ def statuses(result):
 
 def test_an_angle_that_its_sensors_contradict_gives_no_value(walkers, walked):
     walker, given = walked
-    assert "ok" in statuses(walkers.analyze(walker, with_sensors(given, of_angle=1.0)))
-    wrong = walkers.analyze(walker, with_sensors(given, of_angle=0.6))
+    method = ("least_squares",)
+    right = walkers.analyze(walker, with_sensors(given, of_angle=1.0), methods=method)
+    assert "ok" in statuses(right)
+    wrong = walkers.analyze(walker, with_sensors(given, of_angle=0.6), methods=method)
     assert statuses(wrong) == {"failed:sensors_disagree"}
 
 
-@pytest.mark.parametrize("method", ["rigid", "strapped"])
-def test_a_goniometer_without_motion_beside_sensors_is_refused(walkers, walked, method):
+def test_a_goniometer_without_motion_beside_sensors_is_refused(walkers, walked):
     walker, given = walked
-    result = walkers.analyze(walker, with_sensors(given, of_angle=0.0), methods=(method,))
+    result = walkers.analyze(walker, with_sensors(given, of_angle=0.0))
     assert "ok" not in statuses(result)

@@ -11,17 +11,21 @@ PHASES = np.array([0.05, 0.2, 0.4, 0.55, 0.7, 0.85])
 FINE = np.linspace(0.0, 1.0, 51)
 
 
-def curve_of(values, sd, *, at=FINE, phases=PHASES, systematic=0.0):
+def curve_of(values, sd, *, at=FINE, phases=PHASES, systematic=0.0, process_sd=1.0):
     n = phases.size
     return periodic_curve(
-        phases, values, sd**2 * np.eye(n), systematic=np.full(n, systematic), at=at
+        phases,
+        values,
+        sd**2 * np.eye(n),
+        systematic=np.full(n, systematic),
+        at=at,
+        sd=process_sd,
     )
 
 
-def test_one_length_and_amplitude_is_ordinary_conditioning(monkeypatch):
+def test_one_length_is_ordinary_conditioning(monkeypatch):
     """Level, values and curve as one normal vector, the level's prior very wide."""
     monkeypatch.setattr(periodic_process, "_LENGTHS", np.array([0.15]))
-    monkeypatch.setattr(periodic_process, "_AMPLITUDES", np.array([1.0]))
     values, sd, at = np.array([3.0, 1.0, 2.0, 5.0, 4.0, 2.5]), 0.3, np.array([0.3, 0.95])
     places = np.concatenate([PHASES, at])
     apart = np.pi * (places[:, None] - places[None, :])
@@ -30,7 +34,7 @@ def test_one_length_and_amplitude_is_ordinary_conditioning(monkeypatch):
     mean = joint[6:, :6] @ np.linalg.solve(seen, values)
     variance = np.diag(joint[6:, 6:] - joint[6:, :6] @ np.linalg.solve(seen, joint[:6, 6:]))
 
-    curve = curve_of(values, sd, at=at)
+    curve = curve_of(values, sd, at=at, process_sd=4.0)
     np.testing.assert_allclose(curve.value, mean, atol=2e-4)
     np.testing.assert_allclose(curve.high - curve.low, 3.92 * np.sqrt(variance), rtol=1e-3)
 
@@ -69,5 +73,5 @@ def test_the_band_holds_curves_of_the_process():
 def test_what_makes_no_curve_is_refused(phases, values):
     with pytest.raises(ValueError, match="rising phases"):
         periodic_curve(
-            phases, values, np.eye(values.size), systematic=np.zeros(values.size), at=FINE
+            phases, values, np.eye(values.size), systematic=np.zeros(values.size), at=FINE, sd=1.0
         )

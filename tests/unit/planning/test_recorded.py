@@ -11,7 +11,10 @@ from jointz.analysis.planned_half_widths import reached_half_widths
 from jointz.analysis.saved_analysis import load
 from jointz.core.errors import DataError
 from jointz.core.protocols.pulse_models import DoubletPulse
+from jointz.identify.walking.coupling import RIGID, STRAP
 from jointz.planning.plan_study import plan_recorded
+from jointz.planning.predicted_estimates import typical_leg
+from jointz.planning.schedule import schedule_of_protocol
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
 
@@ -94,7 +97,7 @@ def test_results_of_another_method_are_refused(results, study):
         other, figures=False
     )
 
-    with pytest.raises(DataError, match=r"method strapped, got rigid.*jointz analyze"):
+    with pytest.raises(DataError, match=r"method bayesian, got rigid.*jointz analyze"):
         plan_recorded(other)
 
 
@@ -148,11 +151,32 @@ def changed(study, tmp_path, *replaced):
     return tmp_path
 
 
-def test_a_rigid_pilot_is_refused(doublets, study, tmp_path):
+def test_a_rigid_pilot_lets_expect_narrower_intervals(bare_plan, doublets, study, tmp_path):
     rigid = changed(study, tmp_path, ('coupling = "strap"', 'coupling = "rigid"'))
 
-    with pytest.raises(DataError, match=r'pilot: .*coupling = "rigid".*without a pilot'):
-        jointz.plan(doublets, pilot=rigid)
+    firm, soft = (bare_plan(doublets, pilot=pilot) for pilot in (rigid, study))
+
+    assert firm.pulses == soft.pulses
+    assert any('coupling = "rigid"' in note for note in firm.notes)
+    # J is that of an unknown body, and not of this mass and height.
+    for ours, theirs in zip(firm.estimates[:2], soft.estimates[:2], strict=True):
+        assert ours.half_width_pct < theirs.half_width_pct
+        assert ours.endless_pct < theirs.endless_pct
+
+
+def test_a_rigid_device_may_hold_one_torque(small_protocol, lab):
+    hold = {"name": "hold", "kind": "trapezoid", "amplitudes_nm": (8.0,), "hold_s": 0.25}
+    spec = small_protocol(pulses=[hold])
+    strapped, counts = lab(spec), {"MST": 200.0}
+    design = schedule_of_protocol(spec).design
+
+    soft, firm = (
+        typical_leg(replace(strapped, coupling=coupling), design).estimates(counts)
+        for coupling in (STRAP, RIGID)
+    )
+
+    assert firm.decided[:2].all()
+    assert not soft.decided[:2].any()
 
 
 def test_a_pilot_of_another_joint_is_refused(doublets, study, tmp_path):

@@ -19,7 +19,9 @@ pytest.importorskip("pyarrow")
 PEOPLE = {"a": (60, 66, 72, 58), "b": (50, 55, 61), "c": (74, 80, 69, 77, 71)}
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 STUDY = {"joint": "knee", "kind": "walking", "positive": "flexion"}
-SETTINGS = {"method": "rigid", "baseline": "predicted", "window_s": 0.1}
+SETTINGS = {
+    "method": "bayesian", "coupling": "rigid", "baseline": "predicted", "window_s": 0.1
+}  # fmt: skip
 UNDECIDED = {"value": np.nan, "status": "undecided"}
 
 
@@ -31,7 +33,7 @@ def estimates(values, *, scale=1.0, sides=("",), **columns):
             for name, unit in UNITS.items():
                 value = scale * stiffness / (1.0 if name == "stiffness" else 20.0)
                 row = (f"S{k}", "MST", 21.5, name, value, unit, 0.99 * value, 1.01 * value, 0.95)
-                rows.append((*row, 99.0, 50, 0, "rigid", "ok", "", side))
+                rows.append((*row, 99.0, 50, 0, "bayesian", "ok", "", side))
     return pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS)).assign(**columns)
 
 
@@ -281,7 +283,9 @@ def test_all_problems_of_conditions_are_in_one_message(labs, table_of):
          "mean over the first 120 ms, device included in z", {"settings": {"window_s": 0.12}}),
         ("stiffness of the device subtracted in z",
          {"calibration": {"intrinsic_stiffness": {"value": 3.0, "sd": 0.1}}}),
-        ("rigid (baseline pre_pulse) in z", {"settings": {"baseline": "pre_pulse"}}),
+        ("coupling rigid, baseline pre_pulse) in z", {"settings": {"baseline": "pre_pulse"}}),
+        ("method: expected one, found bayesian (coupling rigid, baseline predicted) in a, b, c; "
+         "bayesian (coupling strap, baseline predicted) in z", {"settings": {"coupling": "strap"}}),
     ],
 )  # fmt: skip
 def test_another_kind_of_study_is_refused(folder, labs, words, made):
@@ -293,8 +297,7 @@ def test_another_kind_of_study_is_refused(folder, labs, words, made):
 @pytest.mark.parametrize(
     ("words", "columns"),
     [
-        ("method: expected one, found rigid (baseline predicted) in a, b, c; strapped (baseline "
-         "predicted) in z", {"method": "strapped"}),
+        ("; least_squares (coupling rigid, baseline predicted) in z", {"method": "least_squares"}),
         ("unit of damping: expected one, found N*m*s/rad in a, b, c; N*m/rad in z",
          {"unit": "N*m/rad"}),
         ("level of intervals (ci_level): expected one, found 0.95 in a, b, c; 0.9 in z",

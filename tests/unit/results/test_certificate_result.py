@@ -26,7 +26,7 @@ def estimated(truth, value, *, half=5.0, point="LRE", person="V01", **more):
 
 
 def certificate(estimates, comparisons=()) -> Certificate:
-    return Certificate("rigid", expected_errors(estimates), tuple(estimates), 2, comparisons)
+    return Certificate("bayesian", expected_errors(estimates), tuple(estimates), 2, comparisons)
 
 
 def test_bias_rmse_and_coverage_are_those_of_the_relative_errors():

@@ -38,11 +38,11 @@ def certificate_of(
 
     ``show`` is called with the number of people done and what comes next.
     """
-    method = str(analysis.settings["method"])
+    coupling = str(analysis.settings["coupling"])
     protocol = study_protocol(study, analysis.pulses, analysis.strides)
     # Workers may have been started in another folder.
     at_root = replace(study, root=study.root.absolute())
-    request = VirtualRequest(at_root, method, protocol, seed)
+    request = VirtualRequest(at_root, coupling, protocol, seed)
     tasks = (
         Task(
             f"simulated person {number + 1}",
@@ -70,12 +70,12 @@ def certificate_of(
     simulated = [person_statistics(person.cells) for person in done]
     estimates = tuple(row for person in done for row in person.estimates)
     return Certificate(
-        method=method,
+        method=str(analysis.settings["method"]),
         errors=expected_errors(estimates),
         estimates=estimates,
         n_participants=len(done),
         comparisons=compared_statistics(own, simulated, seed=seed),
-        world=world_of(study).name,
+        world=world_of(request.true_coupling).name,
         protocol=protocol.text,
         left_out=left_out,
         settings={"seed": seed, "window_s": study.spec.perturbations.window_s},
@@ -84,7 +84,7 @@ def certificate_of(
 
 def _key(request: VirtualRequest, number: int) -> str:
     settings = {
-        "method": request.method,
+        "coupling": request.coupling,
         "seed": request.seed,
         "protocol": request.protocol.text,
         "plan": repr(request.protocol.plan),

@@ -14,7 +14,7 @@ from jointz.core.channels import MOTION_SENSORS
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.method_names import RIGID, STRAPPED
+from jointz.core.method_names import BAYESIAN
 from jointz.core.protocols.pulse_models import (
     DoubletPulse,
     NamedPulse,
@@ -62,8 +62,8 @@ def check_certifiable(study: Study, method: str) -> None:
             "impedance instead",
         ),
         (
-            method not in (STRAPPED, RIGID),
-            f"this is {method}. Choose the method {STRAPPED} or {RIGID}",
+            method != BAYESIAN,
+            f"this is {method}. Choose the method {BAYESIAN}",
         ),
         (
             spec.joint != "knee",

@@ -6,7 +6,7 @@ from zlib import crc32
 from jointz.analysis.certificate.study_protocol import StudyProtocol
 from jointz.analysis.participant_jobs import participant_settings
 from jointz.core.channels import MOTION_SENSORS
-from jointz.core.method_names import RIGID
+from jointz.core.method_names import BAYESIAN
 from jointz.core.study import Calibrated, CalibrationSpec, ParticipantSpec, Study
 from jointz.devices.interface import Stretch
 from jointz.identify.participant import analyze_participant
@@ -32,12 +32,17 @@ _SLOWEST_TISSUE_HZ = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualRequest:
-    """Study, method and protocol of the simulated people, the same for all of them."""
+    """Study, coupling and protocol of the simulated people, the same for all of them."""
 
     study: Study
-    method: str
+    coupling: str  # of device and leg that the estimator assumes
     protocol: StudyProtocol
     seed: int
+
+    @property
+    def true_coupling(self) -> str:
+        """Coupling in the simulation: that which the study states, whatever the estimator's."""
+        return self.study.spec.coupling or self.coupling
 
     @property
     def population_seed(self) -> int:
@@ -53,10 +58,10 @@ class VirtualPerson:
     estimates: tuple[VirtualEstimate, ...]  # K, B and J beside their truth
 
 
-def world_of(study: Study) -> Preset:
-    """Return the preset of simulated people, without strap and frame if the study is rigid."""
+def world_of(coupling: str) -> Preset:
+    """Return the preset of simulated people, without strap and frame if coupled rigidly."""
     world = preset("realistic")
-    if study.spec.coupling == "rigid":
+    if coupling == "rigid":
         return replace(world, name="realistic, rigid coupling", body=None)
     return world
 
@@ -67,7 +72,7 @@ def virtual_person(request: VirtualRequest, number: int) -> VirtualPerson:
     own = study.spec.participants[number % len(study.spec.participants)]
     person = _person(own, number, request.population_seed)
     stated = _stated(study, own)
-    world = _world(study, person, stated)
+    world = _world(request, person, stated)
     grid = Grid(protocol.rate_hz, substeps=-int(-_PHYSICS_HZ // protocol.rate_hz))
     rig = SimulatedRig(person, world, grid=grid, sensors=_sensors(protocol))
     walk = walk_directly(rig, _PULSES, plan=protocol.plan)
@@ -77,7 +82,7 @@ def virtual_person(request: VirtualRequest, number: int) -> VirtualPerson:
         _recordings(rig, walk, protocol, _known(rig, stated)),
         _settings(request, own, rig),
     )
-    cells = result.cells[request.method]
+    cells = result.cells[BAYESIAN]
     by_point = {cell.timing_point: cell for cell in cells}
     return VirtualPerson(
         cells=tuple(cells),
@@ -106,9 +111,9 @@ def _stated(study: Study, own: ParticipantSpec) -> CalibrationSpec:
     return study.spec.calibration_of(pulsed[0]) if pulsed else study.spec.calibration
 
 
-def _world(study: Study, person: Person, stated: CalibrationSpec) -> Preset:
+def _world(request: VirtualRequest, person: Person, stated: CalibrationSpec) -> Preset:
     """Return the person's preset, with the study's frame and errors as its calibration states."""
-    world, device = world_of(study), study.spec.device
+    world, device = world_of(request.true_coupling), request.study.spec.device
     if world.body is not None and device is not None:
         body = replace(world.body, frame_mass_kg=device.mass_kg, frame_distance_m=device.centre_m)
         world = replace(world, body=body)
@@ -199,7 +204,7 @@ def _sensors(protocol: StudyProtocol) -> tuple[str, ...]:
 
 def _truth(request: VirtualRequest, rig: SimulatedRig, walk: Walk) -> dict[str, dict[str, float]]:
     plan, window_s = request.protocol.plan, request.study.spec.perturbations.window_s
-    if request.method != RIGID:
+    if request.true_coupling != "rigid":
         return own_truth(rig.person, rig.preset, plan, window_s)
     return cell_truth(
         rig.truth(
@@ -236,12 +241,11 @@ def _settings(
 ) -> ParticipantSettings:
     """Return the settings of the study, for the simulated device and person."""
     person, perturbations = rig.person, request.study.spec.perturbations
-    whole = participant_settings(
-        request.study, own.id, request.method, resamples=2, seed=request.seed
-    )
+    whole = participant_settings(request.study, own.id, BAYESIAN, resamples=2, seed=request.seed)
     return replace(
         whole,
-        methods=(request.method,),
+        methods=(BAYESIAN,),
+        coupling=request.coupling,
         perturbations=perturbations.model_copy(
             update={"source": "table", "timing_points": dict(request.protocol.plan.timing_points)}
         ),

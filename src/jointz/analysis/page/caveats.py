@@ -1,8 +1,10 @@
 """Caveats that every reader of a report should know."""
 
+from collections.abc import Mapping
 from typing import Final
 
-from jointz.core.method_names import STRAPPED
+from jointz.analysis.summary import used_coupling
+from jointz.core.method_names import WITH_POSTERIOR
 from jointz.report.subjects import subjects
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -63,47 +65,40 @@ _AT_REST: Final = (
     ),
     _GAIN,
 )
-_RIGID: Final = (
-    (
-        "The model is fitted to the angle.",
-        "VAF of the methods strapped and rigid refers to the angle, that of the others to the "
-        "torque. The two are not comparable, and neither measures accuracy.",
-    ),
-    _JOINT_AND_DEVICE,
-    (
-        "Intervals cover the modelled sources of error only.",
-        "These are differences between strides, the lag, the friction model, the calibration, and "
-        "alternative models that explain the responses as well, such as a reflex. Unmodelled "
-        "errors, such as an uncalibrated gain or stiffness that falls with the displacement, are "
-        "not included.",
-    ),
-    (
-        "Undecided is a result.",
-        "No value is given if the interval reaches further than half the value, or if an upper "
-        "limit is too large to be informative. The section on undecided values says why, and which "
-        "measurement would decide it.",
-    ),
-    _DISPLACEMENT,
+_ANGLE: Final = (
+    "The model is fitted to the angle.",
+    "VAF of the method bayesian refers to the angle, that of the others to the torque. The two are "
+    "not comparable, and neither measures accuracy.",
 )
-_STRAPPED: Final = (
-    _RIGID[0],
-    _JOINT_AND_DEVICE,
-    (
-        "Intervals cover the modelled sources of error only.",
-        "These are differences between strides, strap and tissue, friction, the lag, a reflex, "
-        "stiffness that falls with displacement, and the priors, which provenance.json lists. Not "
-        "in the model are a device that is coupled rigidly, and a wrong gain of a goniometer that "
-        "is the only sensor of the motion: a joint encoder or gyroscopes would show it.",
-    ),
-    (
-        "Undecided is a result.",
-        "No value is given if the interval is too wide, if the model does not explain the "
-        "responses, or if the inertia is not that of such a leg. The section on undecided values "
-        "says why, and what would decide it. One-sided 95 % limits of an "
-        "undecided value are in estimates.csv.",
-    ),
-    _DISPLACEMENT,
+_UNDECIDED: Final = (
+    "Undecided is a result.",
+    "No value is given if the interval is too wide, {inertia}or if the model does not explain the "
+    "responses. The section on undecided values says why, and what would decide it. One-sided 95 % "
+    "limits of an undecided value are in estimates.csv.",
 )
+_COVERED: Final = (
+    "Intervals cover the modelled sources of error only.",
+    "These are differences between strides, {sources}, friction, the lag, a reflex, and the "
+    "priors, which provenance.json lists. Not in the model are {missing}, and a wrong gain of a "
+    "goniometer that is the only sensor of the motion: a joint encoder or gyroscopes would show "
+    "it.",
+)
+_OF_STRAP: Final[Mapping[str, str]] = {
+    "sources": "strap and tissue, stiffness that falls with displacement",
+    "missing": "a device that is coupled rigidly",
+    "inertia": "if the inertia is not that of such a leg, ",
+}
+_OF_RIGID_COUPLING: Final[Mapping[str, str]] = {
+    "sources": "the mount of the goniometer",
+    "missing": "a strap or tissue between device and bone, stiffness that falls with displacement",
+    "inertia": "",
+}
+
+
+def _of_posterior(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
+    words = _OF_STRAP if used_coupling(analysis).is_strap else _OF_RIGID_COUPLING
+    own = ((head, text.format_map(words)) for head, text in (_COVERED, _UNDECIDED))
+    return _ANGLE, _JOINT_AND_DEVICE, *own, _DISPLACEMENT
 
 
 def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
@@ -111,6 +106,6 @@ def caveats(analysis: StudyAnalysis) -> tuple[tuple[str, str], ...]:
     words = subjects(analysis)
     if words.bench:
         return _BENCH if words.loads else _AT_REST
-    if any(c.method == STRAPPED for c in analysis.cells):
-        return _STRAPPED
-    return _RIGID if any(c.budget for c in analysis.cells) else _WALKING
+    if any(c.method in WITH_POSTERIOR for c in analysis.cells):
+        return _of_posterior(analysis)
+    return _WALKING

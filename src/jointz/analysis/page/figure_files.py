@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import pandas as pd
 
-from jointz.analysis.page.budget_figure import budget_caption, draw_budget
 from jointz.analysis.page.event_figures import (
     draw_onset_accuracy,
     draw_strides,
@@ -78,9 +77,6 @@ _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
     ),
     "responses": _ReportFigure(
         draw_responses, "Responses to the pulses", responses_caption, "responses"
-    ),
-    "budget": _ReportFigure(
-        draw_budget, "Sources of the uncertainty", budget_caption, "uncertainty"
     ),
     "methods": _ReportFigure(draw_methods, "Comparison of methods", methods_caption, "methods"),
     "truth": _ReportFigure(None, "Truth against estimate", lambda _: TRUTH_CAPTION, "truth"),

@@ -6,8 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.page.budget_figure import source_name
-from jointz.analysis.page.details_tables import variance_shares
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
@@ -16,7 +14,7 @@ from jointz.analysis.summary import chosen_method, name_range, stiffness_extreme
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
-from jointz.core.method_names import RIGID, STRAPPED
+from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
 from jointz.report.subjects import shown_parameters, study_record, subjects, timing_points
 from jointz.report.wording import (
     ABSOLUTE,
@@ -136,11 +134,16 @@ def _device(analysis: StudyAnalysis) -> str:
     if subjects(analysis).bench:
         return method
     study = study_record(analysis)
-    stated = study.get("coupling")
-    if not study or (stated is None and chosen_method(analysis) == RIGID):
+    if not study:
         return method
-    by_default = "" if stated else " (default; the study does not state it)"
-    return f"Device: {_COUPLINGS.get(stated or 'strap', str(stated))}{by_default}. {method}"
+    stated, by_method = study.get("coupling"), COUPLING_OF.get(chosen_method(analysis))
+    used = analysis.settings.get("coupling") or stated or by_method or "strap"
+    words = _COUPLINGS.get(used, str(used))
+    if not stated:
+        words += " (assumed; the study does not state it)"
+    elif stated != used:
+        words += f" (assumed; the study states: {_COUPLINGS.get(stated, str(stated))})"
+    return f"Device: {words}. {method}"
 
 
 # --- table ---------------------------------------------------------------------------------------
@@ -278,17 +281,12 @@ def _reason(
 def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: ParameterEstimate) -> str:
     if estimate.status.startswith("failed"):
         return status_meaning(estimate.status)
-    if cell.method == STRAPPED:
+    if cell.method in WITH_POSTERIOR:
         if estimate.ci_low is None:
             return "the model does not explain the responses"
         if estimate.name != "inertia" and holds_one_torque(analysis, cell):
             return "pulses that hold one torque do not decide K and B"
-        return "the interval is too wide"
-    shares = variance_shares(cell, estimate.name)
-    if not shares:
-        return "the interval is too wide"
-    largest = max(shares, key=lambda name: shares[name])
-    return f"the interval is too wide (largest source of error: {source_name(largest)})"
+    return "the interval is too wide"
 
 
 def _means(analysis: StudyAnalysis) -> str:

@@ -1,4 +1,4 @@
-"""Section of the report that compares both methods and explains why they differ."""
+"""Section of the report on the methods bayesian and dissertation: why they differ."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,8 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.summary import used_coupling
 from jointz.core.events import row_label
-from jointz.core.method_names import DISSERTATION, RIGID
+from jointz.core.method_names import DISSERTATION
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.report.subjects import study_record, timing_points
 from jointz.report.wording import (
@@ -35,7 +36,7 @@ _Row = dict[str, Any]
 class _Pair:
     """One participant and timing point by both methods."""
 
-    rigid: CellEstimate
+    bayesian: CellEstimate
     other: CellEstimate
     lag_s: float  # lag of the angle behind the torque that the calibration does not remove
     # effect of ``lag_s`` on the other method's K, B and J, %; empty if one of ours is not above 0
@@ -48,25 +49,25 @@ def differences_section(analysis: StudyAnalysis) -> _Row | None:
     pairs = _pairs(analysis)
     if not pairs:
         return None
-    names = timing_points([p.rigid for p in pairs])
+    names = timing_points([p.bayesian for p in pairs])
     return {
         "lead": _unbroken(_lead(pairs)),
-        "rows": [_row(name, [p for p in pairs if p.rigid.timing_point == name]) for name in names],
+        "rows": [
+            _row(name, [p for p in pairs if p.bayesian.timing_point == name]) for name in names
+        ],
         "reasons": [(head, _unbroken(text)) for head, text in _reasons(analysis, pairs)],
     }
 
 
-def left_over_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> tuple[float, float] | None:
-    """Return the estimated lag, and the part of it that the calibration does not remove."""
-    model = next((m for m in analysis.models if m.label == cell.label), None)
-    if model is None:
-        return None
-    return model.lag_s, model.lag_s - _calibrated_lag_s(analysis, cell)
+def _estimated_lag_s(cell: CellEstimate) -> float | None:
+    """Return the estimated lag of the angle behind the torque, calibrated part included."""
+    return next((p.value for p in cell.nuisance if p.name == "angle_lag"), None)
 
 
 def _calibrated_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> float:
+    """Return the calibrated lag of the angle; the torque is corrected for its own lag."""
     known = _calibration(analysis, cell)
-    return _entry(known, "angle_lag_s") - _entry(known, "torque_lag_s")
+    return float((known.get("angle_lag_s") or {}).get("value", 0.0))
 
 
 def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, Any]:
@@ -84,24 +85,22 @@ def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, An
     return known
 
 
-def _entry(known: Mapping[str, Any], name: str) -> float:
-    return float((known.get(name) or {}).get("value", 0.0))
-
-
 def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
+    if used_coupling(analysis).is_strap:
+        return []  # strap and softening set the methods apart as well
     others = {(c.label, c.timing_point): c for c in analysis.comparison if c.method == DISSERTATION}
     pairs = []
     for cell in analysis.cells:
         other = others.get((cell.label, cell.timing_point))
-        lags = left_over_lag_s(analysis, cell)
-        if cell.method != RIGID or other is None or lags is None or cell.response is None:
+        lag_s = _estimated_lag_s(cell)
+        if other is None or lag_s is None or cell.response is None:
             continue
         if not any(p.available for p in other.parameters):
             continue  # nothing to compare with
-        alone = _lag_alone(cell, cell.response, lags[1], analysis.settings)
-        late_s = _entry(_calibration(analysis, cell), "angle_lag_s")
+        late_s = _calibrated_lag_s(analysis, cell)
+        alone = _lag_alone(cell, cell.response, lag_s - late_s, analysis.settings)
         apart_deg = _apart_deg(cell, other, late_s)
-        pairs.append(_Pair(cell, other, lags[1], alone, apart_deg))
+        pairs.append(_Pair(cell, other, lag_s - late_s, alone, apart_deg))
     return pairs
 
 
@@ -124,9 +123,9 @@ def _lag_alone(
     return tuple(100.0 * (b / v - 1.0) for b, v in zip(biased, values, strict=True))
 
 
-def _apart_deg(rigid: CellEstimate, other: CellEstimate, late_s: float) -> float:
+def _apart_deg(bayesian: CellEstimate, other: CellEstimate, late_s: float) -> float:
     """Return the largest distance between the average angles, without the calibrated lag."""
-    a, b = rigid.response, other.response
+    a, b = bayesian.response, other.response
     if a is None or b is None:
         return float("nan")
     at = a.time_s - late_s  # the other method has removed this lag
@@ -139,7 +138,7 @@ def _differences(pairs: Iterable[_Pair], name: str) -> np.ndarray:
     """Return the differences of the other method, % of ours, where both are available."""
     differences = []
     for pair in pairs:
-        a, b = pair.rigid.parameter(name), pair.other.parameter(name)
+        a, b = pair.bayesian.parameter(name), pair.other.parameter(name)
         if a is None or b is None or not (a.available and b.available) or not a.value:
             continue
         differences.append(100.0 * ((b.value or 0.0) / a.value - 1.0))
@@ -164,7 +163,7 @@ def _row(name: str, pairs: Sequence[_Pair]) -> _Row:
         "name": name,
         "cells": cells,
         "apart": _degrees([p.apart_deg for p in pairs]),
-        "motion": _degrees([np.degrees(p.rigid.displacement_rad or np.nan) for p in pairs]),
+        "motion": _degrees([np.degrees(p.bayesian.displacement_rad or np.nan) for p in pairs]),
         "verdict": _verdict(pairs),
         "bound": ", ".join(f"{bound.count(s)} {s}" for s in dict.fromkeys(bound)) or DASH,
         "n": len(pairs),
@@ -216,7 +215,7 @@ def _lead(pairs: Sequence[_Pair]) -> str:
             sizes.append(f"{np.sqrt(np.mean(percent**2)):.0f} % in {symbol}")
     text = (
         "Both methods analysed the same recordings; each excludes the pulses that it cannot use. "
-        "The dissertation's method differs from the method rigid"
+        "The dissertation's method differs from the method bayesian"
     )
     return f"{text} by {joined(sizes)} (root mean square)." if sizes else f"{text}."
 
@@ -224,30 +223,29 @@ def _lead(pairs: Sequence[_Pair]) -> str:
 def _reasons(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> list[tuple[str, str]]:
     return [
         ("Lag.", _lag_reason(analysis, pairs)),
-        ("Baseline.", _baseline_reason(analysis, pairs)),
+        ("Baseline.", _baseline_reason(pairs)),
         ("Inertia.", _inertia_reason(pairs)),
         ("Intervals.", _interval_reason(pairs)),
     ]
 
 
 def _lag_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
-    labels = {p.rigid.label for p in pairs}
-    lags = [1e3 * m.lag_s for m in analysis.models if m.label in labels]
+    lags = [1e3 * (_estimated_lag_s(p.bayesian) or 0.0) for p in pairs]
     text = f"The estimated lag of the angle behind the torque is {_span_ms(lags)}."
     if max(abs(p.lag_s) for p in pairs) < _SAME_LAG_S:
         return (
             f"{text} It agrees with [calibration], and both methods correct it; the lag does not "
             "cause a difference here."
         )
-    calibrated = any(abs(_calibrated_lag_s(analysis, p.rigid)) > 0.0 for p in pairs)
+    calibrated = any(abs(_calibrated_lag_s(analysis, p.bayesian)) > 0.0 for p in pairs)
     treatment = (
         "corrects the lag under [calibration] only, not the rest"
         if calibrated
-        else "treats them as simultaneous, as [calibration] has no lag"
+        else "treats angle and torque as simultaneous, as [calibration] has no lag"
     )
     return (
         f"{text} The dissertation's method {treatment}; a late angle biases K, B and J. The "
-        "method rigid estimates the lag, and its intervals include the uncertainty of the lag."
+        "method bayesian estimates the lag, and its intervals include the uncertainty of the lag."
     )
 
 
@@ -257,14 +255,12 @@ def _span_ms(values: Sequence[float]) -> str:
     return f"{format_span(values, '{:.1f}'.format)} ms"
 
 
-def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
+def _baseline_reason(pairs: Sequence[_Pair]) -> str:
     apart = [p.apart_deg for p in pairs if np.isfinite(p.apart_deg)]
-    strides = [m.n_strides for m in analysis.models]
-    at_least = f" (at least {min(strides)} strides)" if strides else ""
     text = (
-        f"The dissertation's method subtracts the mean unperturbed stride of another recording; "
-        "the method rigid predicts the unperturbed motion of each pulse from the half second "
-        f"before it, learned from strides of the same recording{at_least}."
+        "The dissertation's method subtracts the mean unperturbed stride of another recording; "
+        "the method bayesian predicts the unperturbed motion of each pulse from the half second "
+        "before it, learned from strides of the same recording."
     )
     if not apart:
         return text
@@ -275,16 +271,18 @@ def _baseline_reason(analysis: StudyAnalysis, pairs: Sequence[_Pair]) -> str:
 
 
 def _inertia_reason(pairs: Sequence[_Pair]) -> str:
-    rigid, other = (_inertia_spread(pairs, get) for get in (lambda p: p.rigid, lambda p: p.other))
+    bayesian, other = (
+        _inertia_spread(pairs, get) for get in (lambda p: p.bayesian, lambda p: p.other)
+    )
     text = (
         "The dissertation's method fits a separate inertia at each timing point; in the method "
-        "rigid, timing points share one as far as the responses allow."
+        "bayesian, timing points share one as far as the responses allow."
     )
-    if rigid is None or other is None:
+    if bayesian is None or other is None:
         return text
     return (
         f"{text} Largest over smallest inertia of a participant: {other} by the dissertation's "
-        f"method, {rigid} by the method rigid (median)."
+        f"method, {bayesian} by the method bayesian (median)."
     )
 
 
@@ -299,15 +297,15 @@ def _inertia_spread(pairs: Sequence[_Pair], get: Callable[[_Pair], CellEstimate]
 
 
 def _interval_reason(pairs: Sequence[_Pair]) -> str:
-    rigid, other = [p.rigid for p in pairs], [p.other for p in pairs]
+    bayesian, other = [p.bayesian for p in pairs], [p.other for p in pairs]
     widths = [
-        f"{symbol} {_half_width(rigid, name)} and {_half_width(other, name)}"
+        f"{symbol} {_half_width(bayesian, name)} and {_half_width(other, name)}"
         for symbol, name in zip(SYMBOLS, ABSOLUTE, strict=True)
     ]
     return (
         f"Intervals of the dissertation's method include only differences between pulses; those of "
-        "the method rigid also lag, prediction, calibration and model. "
-        f"Median half width, rigid and {DISSERTATION}: {joined(widths)}."
+        "the method bayesian also lag, prediction, calibration and model. "
+        f"Median half width, bayesian and {DISSERTATION}: {joined(widths)}."
     )
 
 

@@ -7,18 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from jointz.analysis.page.strapped_uncertainty import log_sds
+from jointz.analysis.page.uncertainty_section import parts_by_source, relative_sds
+from jointz.analysis.summary import used_coupling
 from jointz.core.codes import Doubt
-from jointz.core.method_names import STRAPPED
 from jointz.report.subjects import nobody_perturbed, shown_parameters, subjects
 from jointz.report.wording import ABSOLUTE, exclusion_meaning, format_count, parameter_name
-from jointz.results.estimates import (
-    REACH_95,
-    CellEstimate,
-    ParameterEstimate,
-    decides,
-    relative_half_width,
-)
+from jointz.results.estimates import CellEstimate, decides, relative_half_width
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.results.study_counts import study_counts
 
@@ -27,8 +21,8 @@ _MEASURES: Final[Mapping[str, str]] = {
     "pulses": "Record twice as many pulses",
     "lag": "Measure the lag of the angle behind the torque (angle_lag_s under [calibration])",
     "friction": "Measure the torque, or the friction of the actuator on the bench",
-    "cross_talk": "Test how torque changes the reading of the angle while the joint is fixed",
     "strap": "Measure resonance and damping of strap and tissue, and the inertia of the device",
+    "mount": "Measure resonance and damping of the goniometer on its mount",
     "softening": "Apply pulses of several sizes, which show how stiffness falls with displacement",
     "reflex": "Apply pulses of both directions, which show the strength of the reflex",
     "gain": "Calibrate the gain of the torque",
@@ -38,8 +32,8 @@ _MEASURES: Final[Mapping[str, str]] = {
 _INSTRUMENTS: Final[Mapping[str, str]] = {
     "lag": "lag of the angle",
     "friction": "friction of the actuator",
-    "cross_talk": "angle reading that changes with torque",
     "strap": "strap and tissue",
+    "mount": "mount of the goniometer",
     "softening": "stiffness that falls with displacement",
     "reflex": "reflex",
     "gain": "gain of the torque",
@@ -111,37 +105,22 @@ def _share(gain: _Gain, name: str) -> float:
 
 
 def _gains(analysis: StudyAnalysis, *, undecided_only: bool = True) -> Iterator[_Gain]:
-    sds = dict(pair for posterior in analysis.log_posteriors for pair in log_sds(posterior))
+    sds, coupling = relative_sds(analysis), used_coupling(analysis)
     for cell in analysis.cells:
         for name in ABSOLUTE:
             estimate = cell.parameter(name)
-            if estimate is None or not estimate.unbounded:
+            sd = sds.get((cell.label, name, cell.timing_point), np.inf)
+            if estimate is None or not estimate.unbounded or not np.isfinite(sd):
                 continue
-            if undecided_only and estimate.status != "undecided":
+            if estimate.ci_low is None or (undecided_only and estimate.status != "undecided"):
                 continue
-            if cell.method == STRAPPED:
-                sd = sds.get((cell.label, name, cell.timing_point))
-                if sd is not None and np.isfinite(sd) and estimate.ci_low is not None:
-                    yield _strapped_gain(cell, estimate, sd)
-            elif cell.budget.get(name):
-                yield _rigid_gain(cell, estimate)
+            parts = parts_by_source(cell, name, coupling)
+            yield _gain(estimate.unbounded, sd, parts)
 
 
-def _strapped_gain(cell: CellEstimate, estimate: ParameterEstimate, sd: float) -> _Gain:
-    value = estimate.unbounded or 1.0
-    parts = cell.through_instruments.get(estimate.name, {})
+def _gain(value: float, sd: float, parts: Mapping[str, float]) -> _Gain:
     left = {n: relative_half_width(_remaining(sd, part / value)) for n, part in parts.items()}
     return _Gain(relative_half_width(sd), left)
-
-
-def _rigid_gain(cell: CellEstimate, estimate: ParameterEstimate) -> _Gain:
-    value, budget = abs(estimate.unbounded or 1.0), cell.budget[estimate.name]
-    sd = float(np.linalg.norm(list(budget.values()))) / value
-    parts = {n: part / value for n, part in cell.through_instruments.get(estimate.name, {}).items()}
-    # Twice as many pulses halve the variance by noise.
-    parts["pulses"] = budget.get("noise", 0.0) / value / np.sqrt(2.0)
-    left = {n: REACH_95 * _remaining(sd, part) for n, part in parts.items()}
-    return _Gain(REACH_95 * sd, left)
 
 
 def _remaining(sd: float, part: float) -> float:

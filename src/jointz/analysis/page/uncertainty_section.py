@@ -1,4 +1,4 @@
-"""Section of the report on uncertainty: undecided estimates, models of people, details."""
+"""Section of the report on uncertainty: undecided estimates, and what would decide them."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -6,12 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.page.budget_figure import source_name
-from jointz.analysis.page.details_tables import variance_shares
-from jointz.analysis.page.strapped_uncertainty import NOTE, strapped_undecided
+from jointz.analysis.summary import used_coupling
 from jointz.core.codes import Doubt
-from jointz.core.method_names import STRAPPED
-from jointz.identify.rigid.steep_change import MOVED
+from jointz.core.method_names import WITH_POSTERIOR
+from jointz.identify.walking.coupling import Coupling
+from jointz.identify.walking.decisions import with_model_error
 from jointz.report.wording import (
     ABSOLUTE,
     format_number,
@@ -19,68 +18,50 @@ from jointz.report.wording import (
     parameter_name,
     pretty_unit,
 )
-from jointz.results.estimates import REACH_95, CellEstimate, ParameterEstimate, decides
-from jointz.results.participant_model import ParticipantModel
+from jointz.results.estimates import (
+    CellEstimate,
+    ParameterEstimate,
+    decides,
+    relative_half_width,
+)
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.study_analysis import StudyAnalysis
 
-#: Source of uncertainty -> what would reduce it.
-_REMEDIES: Final[Mapping[str, str]] = {
-    "noise": "more or larger pulses here, and more unperturbed strides between pulses",
-    "lag": "a measured lag between angle and torque, given as angle_lag_s under [calibration]",
-    "friction": "a measured torque, or a friction model measured on the bench",
-    "cross_talk": "a test of how torque changes the reading of the angle while the joint is fixed",
-    "inertia_model": "pulses at more timing points, or an inertia measured by other means",
-    "drift": "pulses shortly before and after this point, which show how K and B change",
-    "reflex": "pulses of both directions and several sizes, which separate reflexes from stiffness",
-    "prior": "larger or more pulses: these add little to the prior assumptions",
-    "model": "a measurement that decides between the models, most often of the lag",
-    "gain": "better calibrated gains of angle and torque",
-    "intrinsic": "a better measured impedance of the device",
-}
-#: What a source's share includes besides, if a measured lag would help.
-_THROUGH_LAG: Final[Mapping[str, str]] = {"noise": ", and the uncertainty of the lag it causes"}
-#: Reason and remedy if the estimator withheld a value whose error was small enough.
-_WITHHELD: Final = (
-    "stiffness seems to change steeply inside the window; the error itself is small",
-    _REMEDIES["drift"],
-)
-#: A further source is named if it has at least this share of the variance.
-_WORTH_NAMING: Final = 0.2
-_LIKELY, _UNLIKELY = 0.9, 0.1
-
 _NOTE: Final = (
-    "Value: the unbounded value and its standard deviation, which is too large for an estimate "
-    "unless stated otherwise. Why: the largest sources of its variance. What would decide it: "
-    "first measurements of the instruments, each with the standard deviation that would remain if "
-    "the quantity were known exactly."
+    "Value: the median of the posterior, and half of its 95 % interval in % of it; it is no "
+    "estimate. What would decide it: measurements, each with the half-interval that would remain "
+    "if the quantity were known exactly and nothing else changed; they come from the posterior, "
+    "and do not add up. Half-intervals of more than 50 % are undecided."
 )
-
+#: Source of :mod:`jointz.identify.walking.information` -> measurement in words.
+_MEASUREMENTS: Final[Mapping[str, str]] = {
+    "pulses": "twice as many pulses",
+    "strap": "resonance and damping of strap and tissue, and the inertia of the device",
+    "mount": "resonance and damping of the goniometer on its mount",
+    "lag": "lag of the angle (angle_lag_s under [calibration])",
+    "softening": "how stiffness falls with displacement, from pulses of several sizes",
+    "reflex": "strength and latency of the reflex, from pulses of both directions",
+    "friction": "friction that the torque does not include",
+    "gain": "gain of the torque",
+    "inertia": "inertia of leg and device, measured by other means",
+}
+#: A measurement is named if it makes the interval narrower by this share.
+_WORTH_NAMING: Final = 0.1
+_MOST_NAMED: Final = 3
+_NOTHING_ALONE: Final = "no single measurement"
+_NO_INTERVAL: Final = "the posterior has no interval that means anything"
 #: Numbers of a reason or remedy, which differ between estimates of one kind.
-_NUMBERS: Final = re.compile(r" \(\d+ %\)|, which would leave ± [^;]*|: ±\s[>\s\d]+%")
+_NUMBERS: Final = re.compile(r": ±\s[>\s\d]+%")
 _Row = dict[str, Any]
+_Key = tuple[str, str, str]  # participant, parameter, timing point
 
 
 def uncertainty_section(analysis: StudyAnalysis) -> _Row | None:
     """Return what the page shows of the uncertainty, None if the method says nothing of it."""
-    strapped = [c for c in analysis.cells if c.method == STRAPPED and c.through_instruments]
-    if strapped:
-        rows = strapped_undecided(analysis)
-        return {"note": NOTE, "undecided": rows, "models": [], **_details(strapped)}
-    cells = [c for c in analysis.cells if c.budget]
+    cells = [c for c in analysis.cells if c.method in WITH_POSTERIOR and c.through_instruments]
     if not cells:
         return None
-    steep = {m.label for m in analysis.models if Doubt.STEEP_CHANGE.value in m.doubts}
-    return {
-        "note": _NOTE,
-        "undecided": [
-            _undecided_row(cell, p, steep=cell.label in steep and name in MOVED)
-            for cell in cells
-            for name in ABSOLUTE
-            if (p := cell.parameter(name)) is not None and p.status == "undecided"
-        ],
-        "models": [_model_row(model) for model in analysis.models],
-        **_details(cells),
-    }
+    return {"note": _NOTE, "undecided": _undecided(analysis), **_details(cells)}
 
 
 def grouped(rows: Sequence[Mapping[str, str]]) -> list[_Row]:
@@ -133,75 +114,99 @@ def _details(cells: Sequence[CellEstimate]) -> _Row:
     }
 
 
-def _undecided_row(cell: CellEstimate, estimate: ParameterEstimate, *, steep: bool) -> _Row:
-    sd = float(np.linalg.norm(list(cell.budget.get(estimate.name, {}).values())))
-    value = estimate.unbounded or 0.0
-    like = max(abs(value), sd)
-    # A value that was withheld though it was precise enough: no measurement of instruments helps.
-    withheld = steep and decides(value, REACH_95 * sd)
-    why, remedy = _WITHHELD if withheld else _reason(cell, estimate, sd, like=like)
+def _undecided(analysis: StudyAnalysis) -> list[_Row]:
+    """Return a row for each undecided K, B and J."""
+    sds, coupling = relative_sds(analysis), used_coupling(analysis)
+    doubts = {posterior.label: _doubts(posterior) for posterior in analysis.log_posteriors}
+    return [
+        _row(cell, estimate, sds, doubts.get(cell.label, ""), parts_by_source(cell, name, coupling))
+        for cell in analysis.cells
+        for name in ABSOLUTE
+        if (estimate := cell.parameter(name)) is not None and estimate.status == "undecided"
+    ]
+
+
+def relative_sds(analysis: StudyAnalysis) -> dict[_Key, float]:
+    """Return relative sds by participant, parameter and timing point; endless at zero."""
+    error, sds = used_coupling(analysis).error, {}
+    for posterior in analysis.log_posteriors:
+        places = zip(posterior.parameters, posterior.timing_points, strict=True)
+        for (name, point), sd, share in zip(places, posterior.sd, posterior.shares, strict=True):
+            own = with_model_error(name, float(sd), error) / share if share > 0.0 else np.inf
+            sds[posterior.label, name, point] = float(np.hypot(own, posterior.gain_sd))
+    return sds
+
+
+def parts_by_source(cell: CellEstimate, name: str, coupling: Coupling) -> dict[str, float]:
+    """Return the part of an error that each source causes; a rigid coupling has no strap."""
+    strap = "strap" if coupling.is_strap else "mount"
+    parts = cell.through_instruments.get(name, {})
+    return {strap if source == "strap" else source: part for source, part in parts.items()}
+
+
+def _row(
+    cell: CellEstimate,
+    estimate: ParameterEstimate,
+    sds: Mapping[_Key, float],
+    doubts: str,
+    parts: Mapping[str, float],
+) -> _Row:
+    sd = sds.get((cell.label, estimate.name, cell.timing_point))
+    others = [x for (who, name, _), x in sds.items() if (who, name) == (cell.label, estimate.name)]
+    withheld = estimate.ci_low is None
+    reach = "" if sd is None else f", ±\N{NO-BREAK SPACE}{_pct(relative_half_width(sd))}"
     return {
         "participant": cell.label,
         "name": cell.timing_point,
         "parameter": parameter_name(estimate.name),
-        "value": f"{format_number(estimate.unbounded, like=like)} ± {format_number(sd, like=like)}",
-        "unit": pretty_unit(estimate.unit),
-        "why": why,
-        "remedy": remedy,
+        "value": format_number(estimate.unbounded),
+        "unit": f"{pretty_unit(estimate.unit)}{reach}",
+        "why": (doubts or _NO_INTERVAL) if withheld else _too_wide(sd, others),
+        "remedy": "checking what the reason names" if withheld else _remedy(estimate, sd, parts),
     }
 
 
-def _reason(
-    cell: CellEstimate, estimate: ParameterEstimate, sd: float, *, like: float
-) -> tuple[str, str]:
-    """Return the sources of an error, and what would reduce it."""
-    shares = variance_shares(cell, estimate.name)
-    ordered = sorted(shares, key=lambda name: -shares[name])
-    named = [n for k, n in enumerate(ordered) if k == 0 or shares[n] >= _WORTH_NAMING][:2]
-    remaining = _remaining_sd(cell, estimate, sd)
-    measurements = [
-        f"{_REMEDIES[n]}, which would leave ± {format_number(x, like=like)}"
-        for n, x in remaining.items()
+def _doubts(posterior: LogPosterior) -> str:
+    """Say what speaks against a person's model, and which parameters do."""
+    meanings = [Doubt(code).meaning for code in posterior.doubts]
+    return "; ".join([*meanings, *map(str, posterior.unlikely)])
+
+
+def _too_wide(sd: float | None, others: Sequence[float]) -> str:
+    if sd is None or not decides(1.0, relative_half_width(sd)):
+        return "half of the interval exceeds 50 % of the value"
+    usual = relative_half_width(float(np.median(others)))
+    return (
+        "half of the interval is within 50 %, but the median over the participant's timing points "
+        f"is ±\N{NO-BREAK SPACE}{_pct(usual)}: one narrow interval among wide ones may be "
+        "so by chance"
+    )
+
+
+def _remedy(estimate: ParameterEstimate, sd: float | None, parts: Mapping[str, float]) -> str:
+    """Name the measurements that would make the interval narrower, the best one first."""
+    if sd is None or not np.isfinite(sd) or not estimate.unbounded:
+        return _NOTHING_ALONE
+    now = relative_half_width(sd)
+    left = {
+        source: relative_half_width(
+            float(np.sqrt(max(sd**2 - (part / estimate.unbounded) ** 2, 0.0)))
+        )
+        for source, part in parts.items()
+    }
+    ordered = sorted(left, key=left.__getitem__)
+    named = [
+        f"{_MEASUREMENTS[n]}: ±\N{NO-BREAK SPACE}{_pct(left[n])}" for n in ordered[:_MOST_NAMED]
     ]
-    # A known lag decides between most models as well.
-    covered = {*remaining, "model"} if "lag" in remaining else remaining
-    others = [_REMEDIES[n] for n in named if n in _REMEDIES and n not in covered]
-    through = _THROUGH_LAG if "lag" in remaining else {}
-    why = "; ".join(
-        f"{source_name(n)}{through.get(n, '')} ({100 * shares[n]:.0f} %)" for n in named
+    worth = sum(x <= (1.0 - _WORTH_NAMING) * now for x in left.values())
+    if worth or not named:
+        return "; ".join(named[:worth]) or _NOTHING_ALONE
+    return f"{_NOTHING_ALONE} by more than a tenth; most by {named[0]}"
+
+
+def _pct(share: float) -> str:
+    return (
+        f"{100.0 * share:.0f}\N{NO-BREAK SPACE}%"
+        if share < 10.0
+        else ">\N{NO-BREAK SPACE}1000\N{NO-BREAK SPACE}%"
     )
-    return why, "; then ".join(["; ".join(r) for r in (measurements, others) if r])
-
-
-def _remaining_sd(cell: CellEstimate, estimate: ParameterEstimate, sd: float) -> dict[str, float]:
-    """Return the sd that each worthwhile measurement would leave, the most useful one first.
-
-    Noise also causes the uncertainty of the lag, so the budget alone does not show that a measured
-    lag would help more than pulses.
-    """
-    parts = cell.through_instruments.get(estimate.name, {})
-    worth = [n for n, part in parts.items() if part > 0.0 and part**2 >= _WORTH_NAMING * sd**2]
-    worth.sort(key=lambda name: -parts[name])
-    return {name: float(np.sqrt(max(sd**2 - parts[name] ** 2, 0.0))) for name in worth}
-
-
-def _model_row(model: ParticipantModel) -> _Row:
-    return {
-        "participant": model.label,
-        "lag": f"{1e3 * model.lag_s:.1f} ± {1e3 * model.lag_sd_s:.1f}",
-        "resonance": likely(model.resonance_probability),
-        "inertia": likely(model.constant_inertia_probability),
-        "curve": likely(model.curve_probability),
-        "friction": f"{model.friction_gain:.2f} ± {model.friction_gain_sd:.2f}",
-        "strides": model.n_strides,
-    }
-
-
-def likely(probability: float) -> str:
-    """Write a probability in a word and in %."""
-    word = (
-        "likely" if probability >= _LIKELY else "unlikely" if probability <= _UNLIKELY else "open"
-    )
-    pct = 100.0 * probability
-    number = "< 1" if pct < 1.0 else "> 99" if pct > 99.0 else f"{pct:.0f}"
-    return f"{word} ({number} %)"

@@ -30,11 +30,6 @@ CITATIONS: Final = {
         "Efron B. Bootstrap methods: another look at the jackknife. Annals of Statistics 7 (1979) "
         "1-26. doi:10.1214/aos/1176344552",
     ),
-    "unified": Citation(
-        "Feldman and Cousins 1998",
-        "Feldman GJ, Cousins RD. Unified approach to the classical statistical analysis of small "
-        "signals. Physical Review D 57 (1998) 3873-3889. doi:10.1103/PhysRevD.57.3873",
-    ),
     "ridge": Citation(
         "Hoerl and Kennard 1970",
         "Hoerl AE, Kennard RW. Ridge regression: biased estimation for nonorthogonal problems. "
@@ -65,12 +60,6 @@ CITATIONS: Final = {
         "Young 2011",
         "Young PC. Recursive estimation and time-series analysis. 2nd edition, Springer, Berlin "
         "(2011), chapter 8",
-    ),
-    "reflex": Citation(
-        "Kearney et al. 1997",
-        "Kearney RE, Stein RB, Parameswaran L. Identification of intrinsic and reflex "
-        "contributions to human ankle stiffness dynamics. IEEE Transactions on Biomedical "
-        "Engineering 44 (1997) 493-504. doi:10.1109/10.581944",
     ),
 }
 

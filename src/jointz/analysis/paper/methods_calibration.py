@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointz.analysis.paper.methods_strapped import lags_of_sensors
-from jointz.analysis.paper.methods_used import FULL_RECORD, RIGID, STRAPPED, used_methods
+from jointz.analysis.paper.methods_bayesian import lags_of_sensors
+from jointz.analysis.paper.methods_used import FULL_RECORD, WITH_POSTERIOR, used_methods
 from jointz.report.subjects import study_record
 from jointz.report.wording import format_with_sd
 from jointz.results.study_analysis import StudyAnalysis
@@ -26,7 +26,6 @@ _CALIBRATED: Final[Mapping[str, tuple[str, float, str]]] = {
     "intrinsic_inertia": ("inertia of the device", 1.0, "kg·m²"),
     "angle_zero_rad": ("zero of the angle", float(np.degrees(1.0)), "degrees"),
     "angle_per_torque": ("change of the angle reading per torque", 1.0, "rad/(N·m)"),
-    "tissue_hz": ("resonance of the soft tissue below the sensor", 1.0, "Hz"),
     "joint_encoder_lag_s": ("lag of the device's encoder", 1e3, "ms"),
     "joint_encoder_gain": ("gain of the device's encoder", 1.0, ""),
     "shank_velocity_lag_s": ("lag of the gyroscope on the shank", 1e3, "ms"),
@@ -40,8 +39,6 @@ _OF_SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
     "shank_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
     "thigh_velocity_": ("joint_velocity_lag", "shank_velocity_lag"),
 }
-#: Entries whose sd only the method ``rigid`` uses.
-_OF_RIGID: Final = ("friction_gain", "tissue_hz")
 #: Entries whose sd does not affect K, B and J.
 _OF_POSTURE: Final = ("angle_zero_rad",)
 
@@ -94,13 +91,13 @@ def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
     for begin, lags in _OF_SENSORS.items():
         if key.startswith(begin):
             return not set(lags_of_sensors(analysis)).isdisjoint(lags)
-    return key != "tissue_hz" or RIGID in used_methods(analysis)
+    return True
 
 
 def _in_intervals(key: str, used: Sequence[str]) -> bool:
-    if key == "friction_gain" and STRAPPED in used:
-        return True
-    return key not in _OF_POSTURE and (key not in _OF_RIGID or RIGID in used)
+    if key == "friction_gain":
+        return not WITH_POSTERIOR.isdisjoint(used)
+    return key not in _OF_POSTURE
 
 
 def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
@@ -115,23 +112,19 @@ def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
 
 def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
     """Describe how the entries were used in the estimation."""
-    rigid = RIGID in used
-    by_motor = rigid or STRAPPED in used
-    cross_talk = (
-        "The change of the angle reading per torque was a prior of the fit."
-        if rigid
-        else "The change of the angle reading caused by torque was subtracted."
-    )
     subtracted = (
-        "removed from the torque as far as the motion of its motor was recorded; the rest was "
         "subtracted from the estimates"
-        if by_motor
-        else "subtracted from the estimates"
+        if WITH_POSTERIOR.isdisjoint(used)
+        else "removed from the torque as far as the motion of its motor was recorded; the rest was "
+        "subtracted from the estimates"
     )
     sentences = (
         (_GAINS, "The signals were divided by their gains."),
         (_LAGS, _lag_correction(used)),
-        (("angle_per_torque",), cross_talk),
+        (
+            ("angle_per_torque",),
+            "The change of the angle reading caused by torque was subtracted.",
+        ),
         (_INTRINSIC, f"The impedance of the device was {subtracted}."),
         (("angle_zero_rad",), "Angles are relative to the calibrated zero."),
     )
@@ -139,7 +132,7 @@ def _corrections(keys: Sequence[str], used: Sequence[str]) -> list[str]:
 
 
 def _lag_correction(used: Sequence[str]) -> str:
-    if RIGID in used or STRAPPED in used:
+    if not WITH_POSTERIOR.isdisjoint(used):
         return "The calibrated lag was a prior of the fit."
     if FULL_RECORD not in used:
         return "The calibrated lag was corrected by a shift."

@@ -21,7 +21,6 @@ from jointz.report.wording import (
     format_number,
     format_signed,
     format_span,
-    format_with_sd,
     pretty_unit,
 )
 from jointz.results.study_analysis import StudyAnalysis
@@ -93,7 +92,7 @@ def signal_sentences(analysis: StudyAnalysis) -> list[str]:
         sentences.append(f"Angle and torque are positive in {analysis.settings['positive']}.")
     if worn:
         sentences += calibration_sentences(analysis)
-    return [*sentences, *_lag_sentences(analysis), *_friction_sentences(analysis)]
+    return [*sentences, *_nuisance_sentences(analysis)]
 
 
 def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
@@ -269,28 +268,6 @@ def _rate_hz(response: Any) -> float | None:
     if response is None or len(response.time_s) < 2:
         return None
     return round(1.0 / float(np.median(np.diff(response.time_s))), 3)
-
-
-def _lag_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Give the estimated lag of each participant, or other nuisance parameters."""
-    lags = [(1e3 * m.lag_s, 1e3 * m.lag_sd_s) for m in analysis.models]
-    if not lags:
-        return _nuisance_sentences(analysis)
-    each = ", ".join(
-        f"{m.label} {lag:.1f} ± {sd:.1f}"
-        for m, (lag, sd) in zip(analysis.models, lags, strict=True)
-    )
-    return [f"Estimated lag of the angle behind the torque, ms ± SD: {each}."]
-
-
-def _friction_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Give the estimated friction, if torque was calculated from the motor's current."""
-    if not torque_is_from_current(analysis) or not analysis.models:
-        return []
-    each = ", ".join(
-        f"{m.label} {format_with_sd(m.friction_gain, m.friction_gain_sd)}" for m in analysis.models
-    )
-    return [f"Estimated actual over stated friction of the actuator, ± SD: {each}."]
 
 
 def _nuisance_sentences(analysis: StudyAnalysis) -> list[str]:

@@ -3,24 +3,20 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-
 from jointz.analysis.paper.citations import cite
+from jointz.analysis.paper.methods_bayesian import bayesian_sentences, decision_sentence
 from jointz.analysis.paper.methods_calibration import lag_is_calibrated
 from jointz.analysis.paper.methods_data import (
     recorded_rates,
     response_rates,
-    torque_is_from_current,
 )
-from jointz.analysis.paper.methods_strapped import strapped_decision, strapped_sentences
-from jointz.analysis.paper.methods_used import FULL_RECORD, RIGID, STRAPPED, used_methods
+from jointz.analysis.paper.methods_used import FULL_RECORD, WITH_POSTERIOR, used_methods
 from jointz.analysis.summary import interval_methods, mean_interval, mean_over_people_note
+from jointz.core.method_names import PREDICTED
 from jointz.identify.prediction.unperturbed_prediction import FEWEST_STRIDES
-from jointz.identify.rigid.reflex_hypothesis import LATENCIES_S
-from jointz.identify.rigid.response_model import Priors
 from jointz.report.pulse_words import window_start
 from jointz.report.subjects import subjects
-from jointz.report.wording import format_exact, format_integer, format_span, method_name
+from jointz.report.wording import format_exact, format_span, method_name
 from jointz.results.study_analysis import StudyAnalysis
 
 #: The dissertation's text says no more than "Butterworth".
@@ -94,17 +90,15 @@ def interval_sentences(analysis: StudyAnalysis) -> list[str]:
         sentences.append(
             f"{level} intervals of each {words.one}: {' '.join([text, *map(cite, cited)])}."
         )
-    without = {FULL_RECORD, RIGID, STRAPPED}
+    without = {FULL_RECORD, *WITH_POSTERIOR}
     resampled = used - without and any("bootstrap" in text for text in methods)
     if settings.get("resamples") and resampled:
         seed = f", seed {settings['seed']}" if settings.get("seed") is not None else ""
         sentences.append(f"Number of resamples: {settings['resamples']}{seed}.")
         if used & set(_WIDENED):
             sentences.append("Deviations of the pulses were widened to Student's t.")
-    if RIGID in used:
-        sentences.append(decision_sentence())
-    if STRAPPED in used:
-        sentences.append(strapped_decision(analysis))
+    if used & WITH_POSTERIOR:
+        sentences.append(decision_sentence(analysis))
     if any(m.value is not None for m in analysis.population):
         sentences.append(
             f"Means over {words.many} have {mean_interval(analysis, level=f'{level} ')}. "
@@ -133,19 +127,23 @@ def _whole_trials(analysis: StudyAnalysis) -> str:
 def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
     """Describe window, model, filter and baseline of the responses to pulses."""
     settings = analysis.settings
-    if method == RIGID:
-        return rigid_sentences(analysis)
-    if method == STRAPPED:
-        fitted = strapped_sentences(analysis, float(settings.get("window_s") or 0.1))
-        return [_sampling(analysis), _prediction(analysis), *fitted]
+    if method in WITH_POSTERIOR:
+        fitted = bayesian_sentences(analysis, float(settings.get("window_s") or 0.1))
+        return [_sampling(analysis), _PREDICTED, *fitted]
     cells = [c for c in analysis.cells if c.method == method]
+    baseline = next((c.baseline for c in cells if c.baseline), str(settings.get("baseline") or ""))
+    if method not in _FITS:
+        name = method_name(method)
+        return [
+            f"This version of jointz does not describe the method “{name}”.",
+            *_baseline_sentences(analysis, baseline),
+        ]
     window_s = settings.get("window_s")
     window = (
         f", over {format_exact(1e3 * window_s)} ms from {window_start(analysis)}"
         if window_s
         else ""
     )
-    baseline = next((c.baseline for c in cells if c.baseline), str(settings.get("baseline") or ""))
     sentences = [
         "The torque response was modelled as K·angle + B·velocity + J·acceleration "
         f"{cite('dissertation')}{window}{_fit(method, bounded=settings.get('kind') != 'bench')}."
@@ -154,22 +152,20 @@ def _response_sentences(analysis: StudyAnalysis, method: str) -> list[str]:
         sentences.append("The mean over the bootstrap resamples is reported.")
     return [
         *sentences,
-        *_filter_sentences(settings, method),
+        *_filter_sentences(settings),
         *_baseline_sentences(analysis, baseline),
     ]
 
 
 def _fit(method: str, *, bounded: bool) -> str:
     """Describe the fit; only on a bench may parameters be negative."""
-    if method not in _FITS:
-        return f", by the method {method}, which this version of jointz does not describe"
     bounds = "with K, B and J not negative" if bounded else "without bounds"
     return f", {_FITS[method].format(bounds=bounds, instruments=cite('instruments'))}"
 
 
-def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
+def _filter_sentences(settings: Mapping[str, Any]) -> list[str]:
     cutoff_hz = settings.get("cutoff_hz")
-    if not cutoff_hz or method not in _FITS:  # another method need not have filtered
+    if not cutoff_hz:
         return []
     cutoff = f"{format_exact(cutoff_hz)} Hz"
     return [f"Angle and torque passed the same low-pass filter ({cutoff}), {_FILTER}."]
@@ -178,6 +174,8 @@ def _filter_sentences(settings: Mapping[str, Any], method: str) -> list[str]:
 def _baseline_sentences(analysis: StudyAnalysis, baseline: str) -> list[str]:
     if not baseline or baseline == "none":
         return []
+    if baseline == PREDICTED:
+        return [_PREDICTED]
     if baseline == "unperturbed_mean" and subjects(analysis).bench:
         start = "the beginning of the cycle" if analysis.strides else "the beginning"
         return [_UNPERTURBED_TRIAL.format(start=start)]
@@ -186,55 +184,11 @@ def _baseline_sentences(analysis: StudyAnalysis, baseline: str) -> list[str]:
 
 _PREDICTED: Final = (
     "The unperturbed motion of each pulse was predicted from the half second before its onset and "
-    "the stride times by ridge regression {ridge} and subtracted. The regression was trained at "
-    "virtual onsets in the unperturbed strides of the same recording, and, if it had fewer than "
-    "{fewest}, of the unperturbed recordings too{strides}."
-)
-_FITTED: Final = (
-    "The average angle of each timing point{window} was modelled as that of a joint with "
-    "stiffness, damping and inertia {model}, driven by the torque and observed by a sensor with a "
-    "delay and a first-order lag or through resonating soft tissue. All timing points of a "
-    "participant were fitted together, weighted with the covariance of the prediction errors at "
-    "virtual onsets."
-)
-_HYPOTHESES: Final = (
-    "Alternative hypotheses were that such tissue resonates or not; that inertia is one for all "
-    "timing points or differs; that stiffness and damping hardly change inside the window or, with "
-    "four timing points or more, change as the curve through them does; and that the muscles "
-    "respond with a reflex {latencies} ms after the stretch {reflex} or not. Each hypothesis is "
-    "weighted by its evidence (Laplace's approximation) {evidence}."
-)
-_DECIDED: Final = (
-    "A parameter is undecided, without a value, if the upper end of its interval exceeds it by "
-    "more than half; if zero is in the interval and the upper limit is too large to be informative "
-    "or owes more than a quarter of its variance to the priors of K, B and J; and, for K and B, if "
-    "K seems to change steeply inside the window. If zero is in the interval and the upper limit "
-    "is small, only this limit is given {unified}."
+    f"the stride times by ridge regression {cite('ridge')} and subtracted. The regression was "
+    "trained at virtual onsets in the unperturbed strides of the same recording, and, if it had "
+    f"fewer than {FEWEST_STRIDES}, of the unperturbed recordings too."
 )
 _SAME_RATE: Final = 1e-3
-
-
-def rigid_sentences(analysis: StudyAnalysis) -> list[str]:
-    """Describe prediction, model and priors of the method ``rigid``."""
-    latencies = " or ".join(format_exact(1e3 * s) for s in LATENCIES_S)
-    return [
-        _sampling(analysis),
-        _prediction(analysis),
-        _FITTED.format(window=_window(analysis), model=cite("dissertation")),
-        _HYPOTHESES.format(latencies=latencies, reflex=cite("reflex"), evidence=cite("evidence")),
-        _priors(analysis),
-    ]
-
-
-def _prediction(analysis: StudyAnalysis) -> str:
-    """Describe the prediction of the unperturbed motion."""
-    strides = _learned_from(analysis)
-    return _PREDICTED.format(ridge=cite("ridge"), fewest=FEWEST_STRIDES, strides=strides)
-
-
-def decision_sentence() -> str:
-    """Describe when the method ``rigid`` gives no value, or only a limit."""
-    return _DECIDED.format(unified=cite("unified"))
 
 
 def _sampling(analysis: StudyAnalysis) -> str:
@@ -259,47 +213,3 @@ def _sampling(analysis: StudyAnalysis) -> str:
         f"Angle and torque were averaged over {format_span(blocks, str)} samples each{resampled}, "
         "and not filtered otherwise."
     )
-
-
-def _window(analysis: StudyAnalysis) -> str:
-    window_s = analysis.settings.get("window_s")
-    if not window_s:
-        return ""
-    return f", over {format_exact(1e3 * window_s)} ms after the commanded onset and the lag,"
-
-
-def _learned_from(analysis: StudyAnalysis) -> str:
-    """Return the number of strides that the prediction was trained on."""
-    counts = [m.n_strides for m in analysis.models]
-    return f" ({format_span(counts, format_integer)} for each participant)" if counts else ""
-
-
-def _priors(analysis: StudyAnalysis) -> str:
-    """Describe the priors."""
-    p = Priors()
-    inertia, resonance = (
-        (format_exact(float(np.exp(mean))), f"{np.exp(sd):.1f}")
-        for mean, sd in (p.log_inertia, p.log_resonance)
-    )
-    always = [
-        f"K {_pair(p.stiffness)} N·m/rad",
-        f"B {_pair(p.damping)} N·m·s/rad",
-        f"J {inertia[0]} kg·m² within a factor of {inertia[1]}",
-        f"pure delay in the lag of the angle {_pair(p.delay_s, 1e3)} ms",
-        f"damping of a resonance {_pair(p.resonance_damping)}",
-    ]
-    friction = [f"actual over stated friction {_pair(p.friction_gain)}"]
-    unknown = [
-        f"lag of the angle {_pair(p.lag_s, 1e3)} ms",
-        *(friction if torque_is_from_current(analysis) else ()),
-        f"change of the angle reading per torque {_pair(p.cross_talk)} rad/(N·m)",
-        f"a resonance {resonance[0]} Hz within a factor of {resonance[1]}",
-    ]
-    return (
-        f"Priors, normal, mean ± SD: {'; '.join(always)}. Without a calibration also: "
-        f"{'; '.join(unknown)}."
-    )
-
-
-def _pair(prior: tuple[float, float], factor: float = 1.0) -> str:
-    return " ± ".join(format_exact(factor * x) for x in prior)

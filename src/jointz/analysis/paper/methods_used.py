@@ -1,9 +1,9 @@
 """Methods that an analysis used."""
 
-from jointz.core.method_names import FULL_RECORD, RIGID, STRAPPED
+from jointz.core.method_names import FULL_RECORD, WITH_POSTERIOR
 from jointz.results.study_analysis import StudyAnalysis
 
-__all__ = ["FULL_RECORD", "RIGID", "STRAPPED", "used_methods", "used_pulses"]
+__all__ = ["FULL_RECORD", "WITH_POSTERIOR", "used_methods", "used_pulses"]
 
 
 def used_methods(analysis: StudyAnalysis) -> list[str]:

@@ -1,8 +1,9 @@
 r"""A leg that hangs, bare and with a known weight, behind one late sensor: posterior mode.
 
 :math:`J\ddot x + B\dot x + Kx = \tau + f\,\tau_f` for every condition, simulated from rest under
-the average measured torque and seen through tissue, lag and delay (:mod:`jointz.kernels.
-joint_response`), compared with the average angle and weighed with its covariance. All is in units
+the average measured torque and seen through tissue, lag and delay
+(:mod:`~jointz.identify.calibration.late_sensor`), compared with the average angle and weighed with
+its covariance. All is in units
 of the measured torque over the measured angle; with r the ratio of their gains,
 :math:`J_w = J_b + r(\Delta J + \delta_J)` and :math:`K_w = K_b + r(\Delta K + \delta_K)`, the
 errors of the weight within its sd, and that of K within what a relaxed leg may change.
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from jointz.core.study import Calibrated
-from jointz.kernels.joint_response import MOTION, joint_motion, sensed
+from jointz.identify.calibration.late_sensor import joint_motion, sensed
 
 #: Parameter -> mean and sd before the data (wide where nothing is known), lowest and highest
 #: value of the search, and its step.
@@ -175,14 +176,10 @@ class HangingModel:
         K, B, J = self.joint(values, i)
         substeps = max(1, round(cell.period_s / _SUBSTEP_S))
         step_s = cell.period_s / substeps
-        motion = joint_motion(
-            np.ascontiguousarray(cell.torque),
-            float(values[FRICTION_GAIN]),
-            np.array([K, 0.0, B, 0.0, J, 0.0]),
-            np.zeros(3),
-            cell.period_s,
-            substeps,
-        )[:, [MOTION]]
+        total = cell.torque[0] + values[FRICTION_GAIN] * cell.torque[1]
+        steps = np.arange((total.size - 1) * substeps + 1) / substeps
+        torque = np.interp(steps, np.arange(total.size), total)
+        motion = joint_motion(torque, K, B, J, step_s)
         shown = sensed(
             motion,
             step_s=step_s,
@@ -191,9 +188,8 @@ class HangingModel:
             lag_s=float(values[LAG]),
             resonance_hz=float(np.exp(values[LOG_RESONANCE])) if self._resonance else 0.0,
             damping_ratio=float(values[RESONANCE_DAMPING]) if self._resonance else 0.0,
-        )[:, 0]
-        total = cell.torque[0] + values[FRICTION_GAIN] * cell.torque[1]
-        return shown + values[CROSS_TALK] * total, motion[::substeps, 0]
+        )
+        return shown + values[CROSS_TALK] * total, motion[::substeps]
 
     def _distances(self, free: np.ndarray) -> np.ndarray:
         values = self._mean.copy()

@@ -21,9 +21,9 @@ from jointz.identify.calibration.calibration_step import (
     step_series,
     weighted_moments,
 )
+from jointz.identify.calibration.late_sensor import sensed
 from jointz.identify.calibration.steady_fit import linear_fit, sandwich
 from jointz.kernels.block_sandwich import correlation_time
-from jointz.kernels.joint_response import sensed
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 
@@ -72,14 +72,13 @@ class _Swing:
         grid = np.arange(int(since[-1] / _STEP_S) + 2) * _STEP_S
         even = np.interp(grid, since, self.encoder) - self.encoder[0]
         filtered_s = share * max(lag_s, 0.0)
-        late = sensed(
-            even[:, None],
+        return sensed(
+            even,
             step_s=_STEP_S,
             samples_s=since[self.counts],
             delay_s=lag_s - filtered_s,
             lag_s=filtered_s,
         )
-        return np.asarray(late[:, 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,6 +29,7 @@ from jointz.identify.calibration.hanging_model import (
     HangingPosterior,
     KnownWeight,
 )
+from jointz.identify.calibration.noise_covariance import shrunk_covariance
 from jointz.identify.calibration.pulse_averages import (
     PulseAverage,
     PulsedRecord,
@@ -36,7 +37,6 @@ from jointz.identify.calibration.pulse_averages import (
     left_out_notes,
 )
 from jointz.kernels.derivatives import derivative
-from jointz.kernels.noise_covariance import shrunk_covariance
 from jointz.results.bench.calibration_failure import CalibrationFailure
 from jointz.results.bench.calibration_fit import CalibrationEntry, CalibrationFit, decided
 

@@ -1,64 +1,40 @@
-r"""K(phase) and B(phase) as smooth curves with bands, from estimates at single phases.
+r"""Stiffness and damping over the gait cycle, from the posterior at the timing points.
 
-The curve is a periodic Gaussian process of unknown level through the estimates; amplitude and
-length over which it stays alike are integrated over a grid by their evidence.
+The prior of the method holds what connects phases: a person's level, one curve over the cycle, and
+a part of each timing point's own. Conditioning on the posterior gives the values between them.
 """
 
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
+from scipy.special import stdtrit
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import mean_phase
-from jointz.core.method_names import STRAPPED
+from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
 from jointz.core.provenance import software
-from jointz.identify.rigid.steep_change import Widened, widen_steep
-from jointz.kernels.series.periodic_process import periodic_curve
-from jointz.results.estimates import REACH_95, CellEstimate, decides
-from jointz.results.person_estimates import person_cells
+from jointz.identify.walking.coupling import COUPLINGS, ModelError
+from jointz.identify.walking.decisions import with_model_error
+from jointz.identify.walking.leg_model import LENGTH_CYCLES
+from jointz.results.estimates import FEWEST_PEOPLE, REACH_95, CellEstimate
+from jointz.results.log_posterior import LogPosterior
 from jointz.results.series.cycle_curve import MEAN, CurvePoint, ParameterBand, PhaseCurve
-from jointz.results.statistics.pooled_estimates import (
-    UnboundedEstimate,
-    estimate_without_priors,
-    unbounded_estimate,
-)
-from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import StudyAnalysis
+from jointz.results.value_scale import ValueScale
 
 _LEVEL = 0.95
 _PARAMETERS = ("stiffness", "damping", "stiffness_per_mass", "damping_per_mass")
+_PER_MASS = "_per_mass"
+#: Distance of phases that count as one, cycles, and a variance that counts as none.
+_SAME_PHASE, _TINY = 1e-6, 1e-12
 #: Fewest phases of a curve.
 _FEWEST = 4
-#: If all estimates lie so many sds above zero, the logarithm of the curve is smooth.
-_CLEAR = 2.0
-#: B is estimated earlier in the window than K: share of the time from onset to K's centre.
-_DAMPING_SHARE = 0.8
 _GRID_PCT = np.arange(0.0, 100.5, 1.0)
-_CI_METHOD = "periodic Gaussian process, length and amplitude by evidence"
-#: A second smoothing would count the first one, which is in every estimate, as data.
-_NOT_OF_STRAPPED = (
-    "phase_curve: these results are by the method strapped, whose estimates follow one curve over "
-    "the gait cycle already, as far as the responses support it; a curve through them would be too "
-    "narrow. Show them with analysis.log_posteriors[0].plot(), or, if the device is coupled "
-    "rigidly, analyse the study by the method rigid."
-)
-_SETTINGS = ("study", "joint", "method", "window_s")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Measured:
-    """Values at phases (cycles), the covariance of their errors, and systematic errors."""
-
-    phases: np.ndarray  # (n,) cycles
-    values: np.ndarray  # (n,) SI
-    covariance: np.ndarray  # (n, n) of the errors, unit of ``values`` squared
-    systematic: np.ndarray  # (n,) sds of the systematic errors, unit of ``values``
-
-    @property
-    def largest_sds(self) -> np.ndarray:
-        return np.asarray(np.maximum(np.sqrt(np.diag(self.covariance)), self.systematic))
+_CI_METHOD = "posterior between timing points; mean over people: t interval"
+_SETTINGS = ("study", "joint", "method", "coupling", "window_s")
 
 
 def phase_curve(
@@ -67,101 +43,85 @@ def phase_curve(
     *,
     parameters: Sequence[str] = _PARAMETERS,
 ) -> PhaseCurve:
-    """Return stiffness and damping as smooth curves over the gait cycle.
+    """Return stiffness and damping as curves over the gait cycle.
 
     Parameters
     ----------
     analysis : StudyAnalysis
-        Analysis of a walking study by the method ``rigid``.
+        Analysis of a walking study by the method ``bayesian``.
     participant : str, optional
         A participant, with session and side if the study has them: ``S01, left``; by default
         all participants and the mean over them.
     parameters : sequence of str
-        Names among ``stiffness``, ``damping`` and both per kg.
+        Names among ``stiffness``, ``damping`` and both per kg; ``inertia``, ``stiffness_onset``
+        and ``damping_onset`` are possible, too.
 
     Returns
     -------
     PhaseCurve
-        Participants with estimates at fewer than four phases have no curve, but a warning.
+        Participants with estimates at fewer than four phases have no curve, but a warning. Timing
+        points at which the data speak against the model (``doubts``) are left out, with a warning.
 
     Raises
     ------
     DataError
-        If the analysis does not include the participant, or is by the method ``strapped``.
+        If the analysis does not include the participant, or is by a method without a posterior.
     EstimationError
         ``no_pulses`` if no participant has estimates at four phases.
 
     Notes
     -----
-    Covariance between phases p and q: a^2 exp(-2 sin^2(pi (p - q)) / (2 pi l)^2) (MacKay 1998,
-    Introduction to Gaussian processes, equation 47), flat prior of the level, l between 5 and
-    50 % of the cycle and a between 0.1 and 3 times the range of the estimates, both with even
-    chances in the logarithm. Where all estimates lie two sd above zero the process is that of
-    the logarithm. Each estimate is placed at the mean time in the window at which the response
-    depends on K, or on B. Errors other than noise (lag, gains, drift inside the window, model) are
-    similar at neighbouring phases: their variance is added in full to the band instead of
-    averaging out along the curve. The curve of the mean goes through the means over people; their
-    intervals over people are added in full, so that values between the timing points are as
-    uncertain for many people as for one.
+    Under the prior of the method, a parameter on its scale (logarithm; K: asinh) is a person's
+    level, a curve over the cycle with the correlation exp(-2 sin^2(pi (p - q)) / (2 pi l)^2)
+    between phases p and q, l = 0.13, and a part that each timing point has by itself. Their
+    variances are those of the saved prior covariance C of the timing points: least squares of its
+    off-diagonal elements gives level and curve, and the own part is the rest. C mixes the
+    hypotheses of the method by their posterior probabilities, and so does the curve, which is
+    normal although the mixture is not. With the posterior mean m and covariance S of the timing
+    points, the value at a phase has the mean c C^-1 (m - prior mean) above the prior mean and the
+    variance v - c C^-1 (C - S) C^-1 c, where c is its prior covariance with the timing points and v
+    its prior variance. As an estimate is, the value at a phase is the mean over a window centred
+    there: a timing point's own part counts by the overlap of both windows, and ends at the next
+    timing point if that is nearer.
 
-    An estimate whose window lies on a change of K that both neighbours show, and that the
-    estimator has not followed, has a wider interval here than in the analysis and may be undecided
-    (:mod:`jointz.identify.rigid.steep_change`); if most people's do, so does their mean.
-    Windows shorter than 100 ms do not help.
+    At a timing point the curve is the estimate. Between them it is wider, and as wide as the prior
+    of the person if nothing follows the cycle (``cycle_share`` 0). Errors of the gains, and of the
+    model in B, are added in full. The device's own part (``intrinsic``) is subtracted; the error of
+    its calibration is not in the band. Bands are pointwise.
 
-    The curve misleads if K or B change within less than 5 % of the cycle, such as at heel strike:
-    a smooth curve rounds off a step, and an estimate is itself a mean over its window. Between
-    timing points the band depends on the process more than on the data. Bands are pointwise.
+    The mean over people (three or more) is that of their curves at each phase, not that of
+    ``population.csv``: t interval of the variance between people plus the mean variance of their
+    curves, over the number of people; errors of gains and model in full. Sessions and sides of a
+    person are averaged first. Curves tend to the prior away from timing points, and so does their
+    mean.
+
+    The curve misleads if K or B change within less than 10 % of the cycle, such as at heel strike:
+    the prior rounds off a step, and an estimate is itself a mean over its window.
     """
-    _refuse_strapped(analysis)
-    people = list(dict.fromkeys(cell.label for cell in analysis.cells))
-    rows = {cell.label for cell in analysis.cells if cell.participant == participant}
-    if len(rows) == 1:  # the id is unambiguous
-        (participant,) = rows
-    if participant is not None and participant not in people:
-        raise DataError(
-            f"phase_curve: expected one of the participants {'; '.join(people)}, got "
-            f"{participant!r}."
-        )
-    known = {p.name for cell in analysis.cells for p in cell.parameters} | set(_PARAMETERS)
-    if isinstance(parameters, str) or not set(parameters) <= known:
-        raise DataError(
-            f"phase_curve: parameters: expected a list out of {', '.join(sorted(known))}; got "
-            f"{parameters!r}."
-        )
-    chosen = people if participant is None else [participant]
-    follows = {model.label: model.curve_probability for model in analysis.models}
-    widened = widen_steep(analysis.cells, follows)
-    everybody, wide = person_cells(analysis.cells), person_cells(widened.cells)
-    steep_people = {
-        (cell.label, cell.timing_point): cell
-        for cell, plain in zip(wide, everybody, strict=True)
-        if cell.budget != plain.budget
-    }
+    labels = list(dict.fromkeys(cell.label for cell in analysis.cells))
+    chosen = _chosen(analysis, labels, participant)
+    _check(analysis, parameters)
+    posteriors = [p for p in analysis.log_posteriors if p.label in chosen]
+    warnings = [
+        f"no curve of {label}: the analysis has no posterior of this participant"
+        for label in chosen
+        if label not in {p.label for p in posteriors}
+    ]
     bands: list[ParameterBand] = []
-    warnings = _steep_warnings(widened, chosen)
     for name in parameters:
-        table = {
-            person: _estimates([c for c in widened.cells if c.label == person], name)
-            for person in chosen
-        }
-        for person, placed in table.items():
-            if len(placed) >= _FEWEST:
-                bands.append(_band(person, name, _points(placed, name), _measured(placed)))
-            elif name in ("stiffness", "damping"):
-                warnings.append(
-                    f"no curve of {name} of {person}: estimates at {len(placed)} phases, "
-                    f"expected {_FEWEST} or more of the method rigid."
-                )
-        if participant is None and len(people) > 1:
-            # Not widened: a single person's steep change must not reduce that person's weight.
-            placed = _estimates(everybody, name, estimate_without_priors)
-            mean = _mean_band(name, analysis.population, placed, steep_people)
-            bands += [] if mean is None else [mean]
+        curves = []
+        for posterior in posteriors:
+            points, notes = _points(analysis, posterior, name)
+            warnings += notes if name in ("stiffness", "damping") else []
+            if points is not None:
+                curves.append(_Curve(points, _GRID_PCT / 100.0))
+        bands += [curve.band(name) for curve in curves]
+        if participant is None and (mean := _mean_band(analysis, curves, name)) is not None:
+            bands.append(mean)
     if not bands:
         missing = f"no participant has estimates of {' or '.join(parameters)} at {_FEWEST} phases"
         raise EstimationError(
-            Failure.NO_PULSES.value, " ".join([f"phase_curve: {missing}.", *warnings])
+            Failure.NO_PULSES.value, ". ".join([f"phase_curve: {missing}", *warnings])
         )
     return PhaseCurve(
         gait_pct=tuple(_GRID_PCT.tolist()),
@@ -172,11 +132,6 @@ def phase_curve(
         | software(),
         warnings=tuple(warnings),
     )
-
-
-def _refuse_strapped(analysis: StudyAnalysis) -> None:
-    if analysis.cells and all(cell.method == STRAPPED for cell in analysis.cells):
-        raise DataError(_NOT_OF_STRAPPED)
 
 
 def timing_points_of_phases(
@@ -232,154 +187,245 @@ def timing_points_of_phases(
     return points
 
 
-@dataclass(frozen=True, slots=True)
-class _Placed:
-    """An estimate and its phase in the cycle, %."""
-
-    cell: CellEstimate
-    estimate: UnboundedEstimate
-    gait_pct: float
-
-
-def _estimates(
-    cells: Sequence[CellEstimate],
-    name: str,
-    of: Callable[[CellEstimate, str], UnboundedEstimate | None] = unbounded_estimate,
-) -> list[_Placed]:
-    """Return the cells that have an estimate and a phase, in order of phase."""
-    placed = [
-        _Placed(cell, estimate, place)
-        for cell in cells
-        if (estimate := of(cell, name)) is not None and (place := _place(cell, name)) is not None
-    ]
-    return sorted(placed, key=lambda p: p.gait_pct)
-
-
-def _place(cell: CellEstimate, name: str) -> float | None:
-    """Return the phase at which a parameter is estimated, %."""
-    onset, centre = cell.onset_gait_pct, cell.centre_gait_pct
-    if onset is None or centre is None:
-        return None
-    share = _DAMPING_SHARE if name.startswith("damping") else 1.0
-    return (onset + share * ((centre - onset) % 100.0)) % 100.0
-
-
-def _points(placed: Sequence[_Placed], name: str) -> tuple[CurvePoint, ...]:
-    points = []
-    for p in placed:
-        estimate, parameter = p.estimate, p.cell.parameter(name)
-        points.append(
-            CurvePoint(
-                timing_point=p.cell.timing_point,
-                gait_pct=p.gait_pct,
-                value=estimate.value,
-                ci_low=estimate.value - REACH_95 * estimate.sd,
-                ci_high=estimate.value + REACH_95 * estimate.sd,
-                decided=parameter is not None and parameter.available,
-            )
+def _chosen(
+    analysis: StudyAnalysis, labels: Sequence[str], participant: str | None
+) -> Sequence[str]:
+    """Return the labels of the participants that were asked for."""
+    if participant is None:
+        return labels
+    own = {cell.label for cell in analysis.cells if cell.participant == participant}
+    if participant in labels or len(own) != 1:  # else the id is unambiguous
+        own = {participant}
+    if not own <= set(labels):
+        raise DataError(
+            f"phase_curve: expected one of the participants {'; '.join(labels)}, got "
+            f"{participant!r}."
         )
-    return tuple(points)
+    return list(own)
 
 
-def _measured(placed: Sequence[_Placed]) -> _Measured:
-    return _Measured(
-        phases=np.array([p.gait_pct for p in placed]) / 100.0,
-        values=np.array([p.estimate.value for p in placed]),
-        covariance=np.diag([p.estimate.sd**2 for p in placed]),
-        systematic=np.array([p.estimate.systematic_sd for p in placed]),
+def _check(analysis: StudyAnalysis, parameters: Sequence[str]) -> None:
+    """Refuse unknown parameters, and walking results without posteriors."""
+    known = {p.name for cell in analysis.cells for p in cell.parameters} | set(_PARAMETERS)
+    if isinstance(parameters, str) or not set(parameters) <= known:
+        raise DataError(
+            f"phase_curve: parameters: expected a list out of {', '.join(sorted(known))}; got "
+            f"{parameters!r}."
+        )
+    methods = {c.method for c in analysis.cells if c.onset_gait_pct is not None}
+    if not analysis.log_posteriors and methods - WITH_POSTERIOR:
+        raise DataError(
+            f"phase_curve: these results (method {' and '.join(sorted(methods))}) hold no "
+            "posterior of K and B over the gait cycle. Analyse the study again by the method "
+            "bayesian: jointz analyze."
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Points:
+    """A parameter of a person at the timing points, on its scale."""
+
+    posterior: LogPosterior
+    cells: tuple[CellEstimate, ...]
+    name: str  # of the parameter, without "per mass"
+    phases: np.ndarray  # (n,) cycles
+    places: np.ndarray  # (n,) elements of the posterior
+    per: float  # factor of values: 1, or 1 / mass
+    error: ModelError
+
+    @property
+    def scale(self) -> ValueScale:
+        return self.posterior.scale(self.name)
+
+    def among(self, matrix: np.ndarray) -> np.ndarray:
+        """Return the elements of a covariance that belong to the points."""
+        return np.asarray(matrix[np.ix_(self.places, self.places)])
+
+    def near(self, at: np.ndarray) -> np.ndarray:
+        """Return the shares of the points' own parts at some phases, (k, n).
+
+        The part of a window about a phase that lies in the window of a point.
+        """
+        onsets = np.array([c.onset_gait_pct for c in self.cells]) / 100.0
+        centres = np.array([c.centre_gait_pct for c in self.cells]) / 100.0
+        next_one = _apart(self.phases, self.phases) + np.eye(self.phases.size)
+        window = 2.0 * ((centres - onsets) % 1.0)
+        reach = np.minimum(window, next_one.min(axis=1)).clip(_SAME_PHASE)
+        shares = (1.0 - _apart(at, self.phases) / reach).clip(0.0)
+        return np.asarray(shares / shares.sum(axis=1, keepdims=True).clip(1.0))
+
+
+def _points(
+    analysis: StudyAnalysis, posterior: LogPosterior, name: str
+) -> tuple[_Points | None, list[str]]:
+    """Return what a curve goes by, None for fewer than four points, and warnings."""
+    cells = {c.timing_point: c for c in analysis.cells if c.label == posterior.label}
+    base = name.removesuffix(_PER_MASS)
+    own = [k for k, parameter in enumerate(posterior.parameters) if parameter == base]
+    flags = dict(enumerate(posterior.doubted))
+    doubted = [posterior.timing_points[k] for k in own if flags.get(k)]
+    placed = {
+        k: cell
+        for k in own
+        if (cell := cells.get(posterior.timing_points[k])) is not None
+        and not flags.get(k)
+        and cell.onset_gait_pct is not None
+        and cell.centre_gait_pct is not None
+    }
+    doubts = f"doubts at {', '.join(doubted)}: {', '.join(posterior.doubts)}"
+    per = 1.0 if base == name else _per_mass(list(placed.values()), base)
+    if len(placed) < _FEWEST or per is None:
+        text = (
+            f"no curve of {name} of {posterior.label}: {len(placed)} timing points with a phase "
+            f"and without doubts, expected {_FEWEST} or more"
+        )
+        return None, [f"{text} ({doubts})" if doubted else text]
+    at_onset = base.endswith("_onset")
+    phases = [c.onset_gait_pct if at_onset else c.centre_gait_pct for c in placed.values()]
+    method = next(iter(placed.values())).method
+    coupling = COUPLING_OF.get(method) or analysis.settings.get("coupling", "strap")
+    points = _Points(
+        posterior=posterior,
+        cells=tuple(placed.values()),
+        name=base,
+        phases=np.array(phases, dtype=float) / 100.0,
+        places=np.array(list(placed)),
+        per=per,
+        error=COUPLINGS[coupling].error,
     )
+    return points, [f"curve of {name} of {posterior.label}: {doubts}"] * bool(doubted)
 
 
-def _steep_warnings(widened: Widened, people: Sequence[str]) -> list[str]:
-    """Return a warning about windows on a steep change of K."""
-    counts = Counter(point for person, point in widened.steep if person in people)
-    where = ", ".join(f"{point} ({n} of {len(people)} people)" for point, n in counts.items())
-    return [
-        f"stiffness may change steeply inside the window at {where}: more than the estimator "
-        "expects, so that stiffness and damping have wider intervals here than in the analysis "
-        "and may be undecided. A shorter window hardly helps, pulses before and after it do"
-    ] * bool(counts)
+def _per_mass(cells: Sequence[CellEstimate], name: str) -> float | None:
+    """Return a value per kg over the value, None if the mass is not known."""
+    for cell in cells:
+        whole, per = cell.parameter(name), cell.parameter(name + _PER_MASS)
+        if whole and per and whole.unbounded and per.unbounded:
+            return per.unbounded / whole.unbounded
+    return None
+
+
+class _Curve:
+    """Curve of a parameter of a person at some phases."""
+
+    def __init__(self, points: _Points, at: np.ndarray) -> None:
+        self.points = points
+        mean, variance, self.cycle_share = _conditioned(points, at)
+        posterior, scale = points.posterior, points.scale
+        device = dict(posterior.intrinsic).get(points.name, 0.0)
+        whole, sd = scale.value(mean), np.sqrt(variance)
+        known = np.hypot(
+            with_model_error(points.name, 0.0, points.error),
+            posterior.gain_sd * scale.share(whole),
+        )
+        reach = REACH_95 * np.hypot(sd, known)
+        self.value = points.per * (whole - device)
+        self.low = points.per * (scale.moved(whole, -reach) - device)
+        self.high = points.per * (scale.moved(whole, reach) - device)
+        slope = points.per * scale.slope(whole)
+        self.sd = slope * sd
+        self.systematic_sd = slope * known
+
+    def band(self, name: str) -> ParameterBand:
+        """Return the curve with the estimates behind it."""
+        points = self.points
+        at_points = _Curve(points, points.phases)
+        decided = [(p := c.parameter(name)) is not None and p.available for c in points.cells]
+        columns = (at_points.value.tolist(), at_points.low.tolist(), at_points.high.tolist())
+        entries = [
+            CurvePoint(cell.timing_point, phase, *numbers)
+            for cell, phase, *numbers in zip(
+                points.cells, (100.0 * points.phases).tolist(), *columns, decided, strict=True
+            )
+        ]
+        return ParameterBand(
+            participant=points.posterior.label,
+            parameter=name,
+            value=tuple(self.value.tolist()),
+            ci_low=tuple(self.low.tolist()),
+            ci_high=tuple(self.high.tolist()),
+            scale="asinh" if points.scale.unit else "logarithmic",
+            cycle_share=self.cycle_share,
+            points=tuple(sorted(entries, key=lambda point: point.gait_pct)),
+        )
+
+
+def _conditioned(points: _Points, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return mean and variance at some phases, on the scale, and the share of the cycle."""
+    posterior, phases = points.posterior, points.phases
+    prior = points.among(posterior.prior_covariance)
+    prior_mean = posterior.prior_mean[points.places]
+    level, curve = _level_and_curve(prior, phases)
+    own = prior - level - curve * _likeness(phases, phases)
+    own_variance = np.diag(own)
+    across = level + curve * _likeness(at, phases) + points.near(at) @ own
+    gains = np.linalg.solve(prior, across.T).T
+    usual = np.interp(at, phases, prior_mean, period=1.0)
+    mean = usual + gains @ (posterior.mean[points.places] - prior_mean)
+    total = level + curve + np.interp(at, phases, own_variance, period=1.0)
+    unknown = (total - np.einsum("kn,kn->k", gains, across)).clip(0.0)
+    known = np.einsum("kn,nm,km->k", gains, points.among(posterior.covariance), gains)
+    share = curve / (curve + max(float(own_variance.mean()), _TINY))
+    return np.asarray(mean), unknown + known, share
+
+
+def _level_and_curve(prior: np.ndarray, phases: np.ndarray) -> tuple[float, float]:
+    """Return the prior variances of a person's level and of the curve over the cycle."""
+    pairs = np.triu_indices(phases.size, 1)
+    likeness = _likeness(phases, phases)[pairs]
+    (level, curve), _ = nnls(np.column_stack([np.ones_like(likeness), likeness]), prior[pairs])
+    return float(level), float(curve)
+
+
+def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the distances around the cycle between phases, (len(a), len(b)) cycles."""
+    return np.asarray(np.abs((a[:, None] - b + 0.5) % 1.0 - 0.5))
+
+
+def _likeness(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the prior correlation of the curve between phases."""
+    turn = np.sin(np.pi * _apart(a, b)) ** 2
+    return np.asarray(np.exp(-2.0 * turn / (2.0 * np.pi * LENGTH_CYCLES) ** 2))
 
 
 def _mean_band(
-    name: str,
-    means: Sequence[PopulationEstimate],
-    estimates: Sequence[_Placed],
-    steep: Mapping[tuple[str, str], CellEstimate],
+    analysis: StudyAnalysis, curves: Sequence[_Curve], name: str
 ) -> ParameterBand | None:
-    """Return the curve through the decided means over people, None for too few of them."""
-    known = {m.timing_point: m for m in means if m.parameter == name and m.value is not None}
-    by_point: dict[str, list[_Placed]] = {}
-    for placed in estimates:
-        by_point.setdefault(placed.cell.timing_point, []).append(placed)
-    several = [
-        (mean_phase([placed.gait_pct for placed in group]) or 0.0, known[label], group)
-        for label, group in by_point.items()
-        if label in known
-    ]
-    if len(several) < _FEWEST:
+    """Return the mean over the people's curves, None for too few of them."""
+    people: dict[str, list[_Curve]] = {}
+    for curve in curves:
+        people.setdefault(curve.points.posterior.participant, []).append(curve)
+    n = len(people)
+    if n < FEWEST_PEOPLE:
         return None
-    several.sort(key=lambda entry: entry[0])
-    values, lows, highs = (
-        np.array([getattr(mean, key) for _, mean, _ in several], dtype=float)
-        for key in ("value", "ci_low", "ci_high")
-    )
-    noise = [sum(p.estimate.sd**2 for p in group) / len(group) ** 2 for _, _, group in several]
-    common = np.array([_common_sd(group, name, steep) for _, _, group in several])
-    half = np.hypot(0.5 * (highs - lows), REACH_95 * common)
-    measured = _Measured(
-        phases=np.array([at for at, _, _ in several]) / 100.0,
-        values=values,
-        covariance=np.diag(np.array(noise) + common**2),
-        # People above the mean at one phase mostly are so at the next: no averaging.
-        systematic=half / REACH_95,
-    )
-    points = tuple(
-        CurvePoint(
-            m.timing_point, at, value, value - reach, value + reach, bool(decides(value, reach))
-        )
-        for (at, m, _), value, reach in zip(several, values.tolist(), half.tolist(), strict=True)
-    )
-    return _band(MEAN, name, points, measured)
-
-
-def _common_sd(
-    group: Sequence[_Placed], name: str, steep: Mapping[tuple[str, str], CellEstimate]
-) -> float:
-    """Return the sd of the error by a steep change that is common to people.
-
-    A mean does not remove it. A change that only few people show is not common.
-    """
-    sds = []
-    for placed in group:
-        wide = steep.get((placed.cell.label, placed.cell.timing_point))
-        estimate = None if wide is None else unbounded_estimate(wide, name)
-        sds.append(0.0 if estimate is None else estimate.systematic_sd)
-    return float(np.median(sds))
-
-
-def _band(
-    participant: str, name: str, points: tuple[CurvePoint, ...], measured: _Measured
-) -> ParameterBand:
-    logarithmic = bool((measured.values > _CLEAR * measured.largest_sds).all())
-    curve = periodic_curve(
-        measured.phases,
-        np.log(measured.values) if logarithmic else measured.values,
-        measured.covariance / (np.outer(measured.values, measured.values) if logarithmic else 1.0),
-        systematic=measured.systematic / (np.abs(measured.values) if logarithmic else 1.0),
-        at=_GRID_PCT / 100.0,
-        level=_LEVEL,
-    )
-    value, low, high = curve.value, curve.low, curve.high
-    if logarithmic:
-        value, low, high = np.exp(value), np.exp(low), np.exp(high)
+    # Sessions and sides of a person may share their errors: variances are averaged.
+    values = np.array([np.mean([c.value for c in own], axis=0) for own in people.values()])
+    variances = np.array([np.mean([c.sd**2 for c in own], axis=0) for own in people.values()])
+    systematic = np.mean([c.systematic_sd for c in curves], axis=0)
+    variance = (values.var(axis=0, ddof=1) + variances.mean(axis=0)) / n
+    by_people = stdtrit(n - 1, 0.5 + 0.5 * _LEVEL) * np.sqrt(variance)
+    mean, half = values.mean(axis=0), np.hypot(by_people, REACH_95 * systematic)
     return ParameterBand(
-        participant=participant,
+        participant=MEAN,
         parameter=name,
-        value=tuple(value.tolist()),
-        ci_low=tuple(low.tolist()),
-        ci_high=tuple(high.tolist()),
-        scale="logarithmic" if logarithmic else "linear",
-        length_pct=100.0 * curve.length,
-        points=points,
+        value=tuple(mean.tolist()),
+        ci_low=tuple((mean - half).tolist()),
+        ci_high=tuple((mean + half).tolist()),
+        scale="linear",
+        cycle_share=float(np.mean([c.cycle_share for c in curves])),
+        points=_means(analysis, name),
     )
+
+
+def _means(analysis: StudyAnalysis, name: str) -> tuple[CurvePoint, ...]:
+    """Return the means over people at the timing points, as in ``population.csv``."""
+    points = []
+    for row in analysis.population:
+        own = [c.centre_gait_pct for c in analysis.cells if c.timing_point == row.timing_point]
+        at = mean_phase(own)
+        if row.parameter != name or at is None or row.value is None:
+            continue
+        if row.ci_low is not None and row.ci_high is not None:
+            ends = row.ci_low, row.ci_high
+            points.append(CurvePoint(row.timing_point, at, row.value, *ends, decided=True))
+    return tuple(sorted(points, key=lambda point: point.gait_pct))

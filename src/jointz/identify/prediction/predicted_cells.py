@@ -104,8 +104,8 @@ def recorded_pulse(
 class CellPredictor:
     """Predicts the pulses of a participant's timing points, with one predictor a recording.
 
-    For a ``strapped`` device, all ``sensors`` of its motion and the leg's are predicted; without
-    them, those that agree.
+    All ``sensors`` of the device's motion and the leg's are predicted; without them, those that
+    agree.
     """
 
     def __init__(
@@ -114,7 +114,6 @@ class CellPredictor:
         settings: ParticipantSettings,
         *,
         reach_s: float,
-        strapped: bool = False,
         sensors: Sequence[str] | None = None,
     ) -> None:
         self._sources = sources
@@ -122,9 +121,7 @@ class CellPredictor:
         self._reach_s = reach_s  # from the onset to the end of the predicted windows
         self._predictors: dict[int, UnperturbedPredictor] = {}
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
-        self._strapped = strapped
-        needed = self._needed() if strapped else []
-        self.choice = choose_sensors(needed)
+        self.choice = choose_sensors(self._needed())
         self.sensors = self.choice.used if sensors is None else tuple(sensors)
         self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
 
@@ -214,18 +211,14 @@ class CellPredictor:
 
     def _checked(self, predicted: Predicted, candidates: Sequence[Candidate]) -> list[str]:
         """Return a code for every predicted pulse, "" for those that can be used."""
-        shapes = np.zeros(len(candidates), dtype=int)
-        if self._strapped:  # pulses of several shapes
-            signs = np.array([c.pulse.sign for c in candidates])
-            torque = signs[:, None] * predicted.responses[:, TORQUE_ROWS].sum(axis=1)
-            shapes = pulse_shapes(torque, [c.pulse for c in candidates])
-        codes = np.full(len(candidates), "", dtype=object)
-        if self._strapped:
-            # A pulse without torque is of no shape: it is compared with all others.
-            no_torque = Exclusion.NO_TORQUE.value
-            ineffective = ineffective_pulses(predicted, self.amplitudes_nm(candidates))
-            codes[:] = [code if code == no_torque else "" for code in ineffective]
-            shapes = np.where(codes == "", shapes, -1)
+        signs = np.array([c.pulse.sign for c in candidates])
+        torque = signs[:, None] * predicted.responses[:, TORQUE_ROWS].sum(axis=1)
+        shapes = pulse_shapes(torque, [c.pulse for c in candidates])
+        # A pulse without torque is of no shape: it is compared with all others.
+        no_torque = Exclusion.NO_TORQUE.value
+        ineffective = ineffective_pulses(predicted, self.amplitudes_nm(candidates))
+        codes = np.array([code if code == no_torque else "" for code in ineffective], dtype=object)
+        shapes = np.where(codes == "", shapes, -1)
         for shape in np.unique(shapes[shapes >= 0]):
             members = np.flatnonzero(shapes == shape)
             part = replace(predicted, responses=predicted.responses[members])
@@ -265,10 +258,7 @@ class CellPredictor:
         if index not in self._predictors:
             source, rate = self._sources[index], common_rate_hz(self._sources)
             taught_by = [source, *self._teachers(source)]
-            signals = [
-                raw_signals(s, target_hz=rate, sensors=self.sensors, strapped=self._strapped)
-                for s in taught_by
-            ]
+            signals = [raw_signals(s, target_hz=rate, sensors=self.sensors) for s in taught_by]
             lessons = list(zip(taught_by, signals, strict=True))
             self._predictors[index] = UnperturbedPredictor(
                 *lessons[0], window_s=self._reach_s, others=lessons[1:], sensors=self.sensors

@@ -52,7 +52,7 @@ def ineffective_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[
     Torque is compared with the command, or with that of the other pulses; a command of zero among
     others is no pulse. The response of the joint is its angle projected on the average response,
     per torque. This shows nothing if walking alone moves the joint as much, or if all pulses
-    failed; :mod:`jointz.identify.rigid.response_checks` checks the average.
+    failed; :mod:`jointz.identify.walking.checks` checks the average.
     """
     torque = predicted.responses[:, DRIVING] + predicted.responses[:, FRICTION]
     codes = np.full(len(torque), "", dtype=object)

@@ -12,8 +12,6 @@ from jointz.identify.preparation.pulses import Pulse
 _SAME_AMPLITUDE = 0.05
 #: Torques whose difference is larger, as a share of their size (RMS), are different shapes.
 _SAME_TORQUE = 0.3
-#: Largest impulse against the main direction, as a share of that in it.
-_LARGEST_RETURN = 0.2
 #: More shapes than this at a timing point are noise of the torque: the nearest are joined.
 _MOST_SHAPES = 8
 
@@ -33,19 +31,6 @@ def pulse_shapes(torque: np.ndarray, pulses: Sequence[Pulse]) -> np.ndarray:
         return np.asarray(numbers)
     means = np.stack([torque[numbers == k].mean(axis=0) for k in range(numbers.max() + 1)])
     return np.asarray(_clusters(means, criterion="maxclust", limit=_MOST_SHAPES)[numbers])
-
-
-def push_one_way(torque: np.ndarray) -> bool:
-    """Return whether pulses have one shape, whatever their size, and push one way.
-
-    ``torque`` (n_pulse, n), N*m, relative to the unperturbed stride and turned by the sign.
-    """
-    shapes = torque / np.maximum(np.linalg.norm(torque, axis=1, keepdims=True), 1e-12)
-    usual = shapes.mean(axis=0)
-    unlike = float(np.median(np.linalg.norm(shapes - usual, axis=1)))
-    impulses = usual.clip(min=0.0).sum(), (-usual).clip(min=0.0).sum()
-    one_way = min(impulses) <= _LARGEST_RETURN * max(impulses)
-    return bool(unlike <= _SAME_TORQUE and one_way)
 
 
 def _by_amplitude(amplitudes: np.ndarray) -> np.ndarray:

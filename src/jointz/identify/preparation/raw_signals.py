@@ -41,19 +41,16 @@ def raw_signals(
     *,
     target_hz: float | None = None,
     sensors: Sequence[str] = (),
-    strapped: bool = False,
 ) -> Conditioned:
     """Return angle and torque as sampled, gains divided out, neither filtered nor shifted.
 
-    Rows of further sensors follow, less their calibrated lags. The torque on a ``strapped`` device
-    is that which moves the device's own inertia, too.
+    Rows of further sensors follow, less their calibrated lags. The torque is that which moves the
+    device's own inertia, too: it is a mass of the model.
     """
     recording = source.given.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
-    rows = np.stack(
-        [*_rows(source, strapped=strapped), *(sensor_signal(source, name) for name in sensors)]
-    )
+    rows = np.stack([*_rows(source), *(sensor_signal(source, name) for name in sensors)])
     new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
     every = max(1, round(rate / new_rate))
     runs = []
@@ -72,19 +69,20 @@ def raw_signals(
     )
 
 
-def intrinsic_left_in(recording: xr.Dataset, *, strapped: bool = False) -> tuple[str, ...]:
+def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
     """Return which of the device's K, B and J remain in the torque.
 
-    The motor's angle gives the torque of all three, its velocity that of damping and inertia.
+    The motor's angle gives the torque of stiffness and damping, its velocity that of damping; the
+    inertia is part of the model.
     """
     if "motor_angle" in recording:
-        return ("inertia",) if strapped else ()
+        return ("inertia",)
     if "motor_velocity" in recording:
-        return ("stiffness", "inertia") if strapped else ("stiffness",)
+        return ("stiffness", "inertia")
     return PARAMETERS
 
 
-def _rows(source: Source, *, strapped: bool) -> np.ndarray:
+def _rows(source: Source) -> np.ndarray:
     recording, known = source.given.recording, source.given.calibration
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
@@ -93,7 +91,7 @@ def _rows(source: Source, *, strapped: bool) -> np.ndarray:
     return np.stack(
         [
             angle / angle_gain,
-            (torque - friction) / torque_gain - _intrinsic_torque(source, strapped=strapped),
+            (torque - friction) / torque_gain - _intrinsic_torque(source),
             friction / torque_gain,
             np.nan_to_num(_channel(recording, "command", angle.size)),
         ]
@@ -120,16 +118,14 @@ def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:
     return known.shank_velocity_lag_s or known.thigh_velocity_lag_s
 
 
-def _intrinsic_torque(source: Source, *, strapped: bool) -> np.ndarray:
-    """Return the torque that moves the device itself, N*m, from the motion of its motor."""
+def _intrinsic_torque(source: Source) -> np.ndarray:
+    """Return the torque of the device's own K and B, N*m, from the motion of its motor."""
     recording = source.given.recording
-    (stiffness, damping, inertia), _ = intrinsic_impedance(source.given.calibration)
-    if strapped:
-        inertia = 0.0  # a mass of the model
+    (stiffness, damping, _), _ = intrinsic_impedance(source.given.calibration)
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
     name = next((n for n in _MOTOR_MOTION if n in recording), None)
-    if name is None or not (stiffness or damping or inertia):
+    if name is None or not (stiffness or damping):
         return torque
     values = recording[name].to_numpy()
     for part in stretches(time, np.isfinite(values)):
@@ -143,7 +139,7 @@ def _intrinsic_torque(source: Source, *, strapped: bool) -> np.ndarray:
             velocity = derivative(values[part], rate_hz=rate)
         elif "motor_angle" in recording:
             torque[part] += stiffness * recording["motor_angle"].to_numpy()[part]
-        torque[part] += damping * velocity + inertia * derivative(velocity, rate_hz=rate)
+        torque[part] += damping * velocity
     torque[~np.isfinite(values)] = np.nan
     return torque
 

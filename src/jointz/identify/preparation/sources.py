@@ -10,7 +10,7 @@ import xarray as xr
 from jointz.core.channels import HEEL_STRIKES
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.core.method_names import RIGID
+from jointz.core.method_names import BAYESIAN
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import (
     CalibrationSpec,
@@ -76,7 +76,7 @@ class ParticipantSettings:
     perturbations: PerturbationsSpec
     group_edges: tuple[float, ...] = ()  # edges of the groups, SI; empty where there are none
     torque_model: TorqueModelSpec | None = None  # model of the torque from the current
-    methods: tuple[str, ...] = (RIGID,)  # the chosen method, then those to compare it with
+    methods: tuple[str, ...] = (BAYESIAN,)  # the chosen method, then those to compare it with
     method_asked_for: bool = False  # whether the method was requested and differs from the default
     n_resamples: int = 1000  # of the bootstrap
     seed: int = 0
@@ -87,10 +87,8 @@ class ParticipantSettings:
     positive: str = "flexion"  # the positive direction of the joint
     person: ParticipantSpec | None = None  # person of the recordings, for the mass of the limb
     device: DeviceSpec | None = None  # device worn on the limb
-    # factor on the priors of K, B and J of the recommended method; estimates that change with it
-    # are not determined by the data
-    prior_scale: float = 1.0
-    priors: PriorsSpec = field(default_factory=PriorsSpec)  # of the method strapped
+    priors: PriorsSpec = field(default_factory=PriorsSpec)  # those that the study states
+    coupling: str = "strap"  # of device and leg: ``strap`` or ``rigid``
 
     @property
     def timing_points(self) -> Mapping[str, float]:

@@ -1,8 +1,8 @@
 r"""A smooth curve over a cycle through values with errors: a periodic Gaussian process.
 
 Covariance between phases p and q :math:`a^2 \exp(-2 \sin^2(\pi (p - q)) / (2 \pi l)^2)` (MacKay
-1998, Introduction to Gaussian processes, equation 47), level unknown; a and l are integrated over
-a grid by their evidence.
+1998, Introduction to Gaussian processes, equation 47), level unknown; l is integrated over a grid
+by its evidence.
 """
 
 from dataclasses import dataclass
@@ -12,10 +12,8 @@ from scipy.special import ndtr
 
 #: Over which part of the cycle a curve may stay alike, cycles; even chances in its logarithm.
 _LENGTHS = np.geomspace(0.05, 0.5, 16)
-#: Amplitude over the range of the values; even chances in its logarithm.
-_AMPLITUDES = np.geomspace(0.1, 3.0, 14)
 _NUGGET = 1e-6
-#: Pairs of length and amplitude that are less likely do not count.
+#: Lengths that are less likely do not count.
 _UNLIKELY = 1e-4
 _HALVINGS = 48
 
@@ -24,14 +22,12 @@ _HALVINGS = 48
 class PeriodicCurve:
     """A curve with its pointwise band.
 
-    ``value`` (k,): median; ``low``, ``high`` (k,): ends of the interval; ``length``: posterior
-    median of the correlation length, cycles.
+    ``value`` (k,): median; ``low``, ``high`` (k,): ends of the interval.
     """
 
     value: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    length: float
 
 
 def periodic_curve(
@@ -41,16 +37,16 @@ def periodic_curve(
     *,
     systematic: np.ndarray,
     at: np.ndarray,
+    sd: float,
     level: float = 0.95,
-    sd: float | None = None,
 ) -> PeriodicCurve:
     """Return a smooth periodic curve through values with errors.
 
     ``phases`` (n,) cycles, rising; ``values`` (n,) with ``covariance`` (n, n) of their errors;
     ``systematic`` (n,): sd of those alike at neighbouring phases, which must not average out;
-    ``at`` (k,) cycles: where the curve is evaluated. Length 5 to 50 % of the cycle, amplitude 0.1
-    to 3 times the range of the values, even chances in the logarithm, unless ``sd``, that of the
-    process, is known. Misleads where the curve changes within 5 % of the cycle.
+    ``at`` (k,) cycles: where the curve is evaluated; ``sd``: that of the process. Length 5 to 50 %
+    of the cycle, even chances in the logarithm. Misleads where the curve changes within 5 % of the
+    cycle.
     """
     n = values.size
     if n < 2 or phases.shape != (n,) or covariance.shape != (n, n) or (np.diff(phases) < 0).any():
@@ -58,29 +54,21 @@ def periodic_curve(
             f"periodic_curve: expected two or more values at rising phases and their covariance, "
             f"got {n} values, {phases.size} phases and a covariance of shape {covariance.shape}."
         )
-    span = max(float(np.ptp(values)), float(np.sqrt(np.median(np.diag(covariance)))))
     apart, beyond = phases[:, None] - phases[None, :], at[:, None] - phases[None, :]
-    amplitudes = _AMPLITUDES * span if sd is None else np.array([sd])
-    added = np.interp(at, phases, systematic, period=1.0) ** 2
+    added, power = np.interp(at, phases, systematic, period=1.0) ** 2, sd**2
     logs, means, variances = [], [], []
     for length in _LENGTHS:
-        shape, reach = _likeness(apart, length), _likeness(beyond, length)
-        for amplitude in amplitudes:
-            power = amplitude**2
-            log, mean, lacking = _kriged(values, covariance, power * shape, power * reach)
-            logs.append(log)
-            means.append(mean)
-            variances.append(np.maximum(power + lacking, _NUGGET * power) + added)
+        shape, reach = power * _likeness(apart, length), power * _likeness(beyond, length)
+        log, mean, lacking = _kriged(values, covariance, shape, reach)
+        logs.append(log)
+        means.append(mean)
+        variances.append(np.maximum(power + lacking, _NUGGET * power) + added)
     chance = np.exp(np.array(logs) - max(logs))
-    chance /= chance.sum()
-    lengths = np.cumsum(chance.reshape(_LENGTHS.size, -1).sum(axis=1))
-    kept = chance > _UNLIKELY
-    parts = np.array(means)[None, kept], np.sqrt(np.array(variances))[None, kept]
-    weights = (chance[kept] / chance[kept].sum())[None]
+    kept = chance > _UNLIKELY * chance.sum()
+    parts = np.array(means)[kept], np.sqrt(np.array(variances))[kept]
+    weights = chance[kept] / chance[kept].sum()
     tails = (0.5, 0.5 - level / 2.0, 0.5 + level / 2.0)
-    value, low, high = (_mixture_quantile(*parts, weights, tail)[0] for tail in tails)
-    middle = float(_LENGTHS[min(int(np.searchsorted(lengths, 0.5)), _LENGTHS.size - 1)])
-    return PeriodicCurve(value, low, high, middle)
+    return PeriodicCurve(*(_mixture_quantile(*parts, weights, tail) for tail in tails))
 
 
 def _likeness(apart: np.ndarray, length: float) -> np.ndarray:
@@ -115,13 +103,13 @@ def _mixture_quantile(
 ) -> np.ndarray:
     """Return a quantile of mixtures of normals, by bisection.
 
-    ``means``, ``sds`` (g, t, k): of the normals; ``chance`` (g, t): weights of each mixture;
-    ``tail``: probability below the quantile. Returns (g, k).
+    ``means``, ``sds`` (t, k): of the normals; ``chance`` (t,): weights of each mixture; ``tail``:
+    probability below the quantile. Returns (k,).
     """
-    low = (means - 10.0 * sds).min(axis=1)
-    high = (means + 10.0 * sds).max(axis=1)
+    low = (means - 10.0 * sds).min(axis=0)
+    high = (means + 10.0 * sds).max(axis=0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        below = np.einsum("gt,gtk->gk", chance, ndtr((middle[:, None, :] - means) / sds))
+        below = chance @ ndtr((middle - means) / sds)
         low, high = np.where(below < tail, middle, low), np.where(below < tail, high, middle)
     return np.asarray(0.5 * (low + high))

@@ -1,4 +1,4 @@
-"""Stiffness and damping as smooth curves over the gait cycle, with bands."""
+"""Stiffness and damping as curves over the gait cycle, with bands."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,15 +18,14 @@ MEAN = "mean over people"
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """An estimate that a curve goes by."""
+    """An estimate behind a curve."""
 
     timing_point: str  # name of the timing point, or of the group of measured phases
-    # mean phase at which the response depends on the stiffness, % of the gait cycle
-    gait_pct: float
+    gait_pct: float  # centre of the window (values at the onset: the onset), % of the gait cycle
     value: float  # estimate without bounds, SI
     ci_low: float  # lower end of the interval, SI
     ci_high: float  # upper end of the interval, SI
-    decided: bool  # whether the estimate alone is decided; a curve uses undecided ones too
+    decided: bool  # whether the estimate is decided; a curve uses undecided ones too
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +37,9 @@ class ParameterBand:
     value: tuple[float, ...]  # median of the curve at each phase, SI
     ci_low: tuple[float, ...]  # lower end of the pointwise interval at each phase, SI
     ci_high: tuple[float, ...]  # upper end of the pointwise interval at each phase, SI
-    scale: str  # ``logarithmic`` or ``linear``: scale on which the curve is smooth
-    length_pct: float  # posterior median of the curve's correlation length, % of the gait cycle
+    scale: str  # of the posterior: ``logarithmic`` or ``asinh``; of the mean: ``linear``
+    # share of the prior variance between timing points that follows one curve over the cycle
+    cycle_share: float
     points: tuple[CurvePoint, ...]  # estimates behind the curve
 
     @property
@@ -99,7 +99,7 @@ class PhaseCurve(Result):
         raise KeyError(f"no curve of {parameter!r} of {participant!r}; there are: {known}")
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a curve and phase."""
+        """Return one row for each curve and phase."""
         columns = ["participant", "parameter", "gait_pct", "value", "unit", "ci_low", "ci_high"]
         tables = [
             pd.DataFrame(
@@ -119,7 +119,7 @@ class PhaseCurve(Result):
         return table.assign(ci_level=self.ci_level)
 
     def points_frame(self) -> pd.DataFrame:
-        """Return one row an estimate that a curve goes by."""
+        """Return one row for each estimate behind a curve."""
         names = list(CurvePoint.__slots__)
         rows = [
             (band.participant, band.parameter, *(getattr(point, name) for name in names))
@@ -176,7 +176,8 @@ def _range(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
     return (
         f"{band.parameter:<20} {band.participant}: {band.value[low]:.4g} (at {gait_pct[low]:g} %) "
         f"to {band.value[high]:.4g} {band.unit} (at {gait_pct[high]:g} %), median band "
-        f"+-{float(np.median(widths)):.2g}, from {len(band.points)} phases"
+        f"+-{float(np.median(widths)):.2g}, from {len(band.points)} phases; "
+        f"{band.cycle_share:.0%} of the changes follow the cycle"
     )
 
 
@@ -194,5 +195,5 @@ def _draw_points(axes: "Axes", points: tuple[CurvePoint, ...]) -> None:
             fmt="o",
             color=INK,
             markerfacecolor=face,
-            label=None if decided else "undecided alone",
+            label=None if decided else "undecided",
         )

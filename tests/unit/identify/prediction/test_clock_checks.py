@@ -59,7 +59,9 @@ def test_a_right_clock_is_noted_and_widens_a_calibrated_lag(walkers, walk):
     assert any("angle: sampled at 240 Hz by another clock" in note for note in two.notes)
     widths = [
         next(
-            p.ci_high - p.ci_low for p in result.cells["rigid"][0].parameters if p.name == "damping"
+            p.ci_high - p.ci_low
+            for p in result.cells["bayesian"][0].parameters
+            if p.name == "damping"
         )
         for result in (one, two)
     ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.identify.prediction.pulse_shapes import pulse_shapes, push_one_way
+from jointz.identify.prediction.pulse_shapes import pulse_shapes
 from jointz.identify.preparation.pulses import Pulse
 
 TIME_S = np.arange(0.0, 0.2, 0.002)
@@ -53,22 +53,3 @@ def test_many_different_torques_are_joined_and_one_pulse_is_a_shape():
 
     assert len(set(found)) == 8
     assert shapes_of([hold(5, 0.1)], [5.0]) == [0]
-
-
-@pytest.mark.parametrize(
-    ("courses", "one_way"),
-    [
-        (((5.0, 60, 0), (10.0, 60, 0)), True),  # two sizes
-        (((-5.0, 60, 0), (-10.0, 60, 0)), True),  # torque of the wrong sign
-        (((10.0, 30, 30), (10.0, 30, 30)), False),  # both ways
-        (((10.0, 20, 0), (10.0, 60, 0)), False),  # short and long
-    ],
-)
-def test_pulses_that_differ_or_push_to_and_fro_are_noticed(courses, one_way):
-    rng = np.random.default_rng(0)
-    torque = 0.3 * rng.standard_normal((8, 80))
-    for pulse, (size, there, back) in zip(torque, 4 * courses, strict=True):
-        pulse[:there] += size
-        pulse[there : there + back] -= size
-
-    assert push_one_way(torque) is one_way

@@ -70,7 +70,7 @@ def test_missing_samples_and_rows_cost_neither_estimates_nor_width(walkers):
     )
 
     compared = 0
-    for one, other in zip(clean.cells["rigid"], holed.cells["rigid"], strict=True):
+    for one, other in zip(clean.cells["bayesian"], holed.cells["bayesian"], strict=True):
         for a, b in zip(one.parameters, other.parameters, strict=True):
             assert a.status == b.status
             if a.status == "ok":

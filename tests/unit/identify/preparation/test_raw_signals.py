@@ -113,7 +113,7 @@ def test_a_channel_of_the_users_own_called_friction_is_left_alone():
 
 
 @pytest.mark.parametrize("motor", ["motor_velocity", "motor_angle"])
-def test_intrinsic_impedance_is_taken_out_where_the_motor_was_recorded(motor):
+def test_intrinsic_damping_is_taken_out_where_the_motor_was_recorded(motor):
     time = np.arange(2000) / 500.0
     angle = 0.3 * np.sin(4.0 * time)
     turned = angle if motor == "motor_angle" else 1.2 * np.cos(4.0 * time)
@@ -121,11 +121,10 @@ def test_intrinsic_impedance_is_taken_out_where_the_motor_was_recorded(motor):
     known = CalibrationSpec(
         torque_gain=Calibrated(value=0.8, sd=0.0),  # the impedance is one of true torque
         intrinsic_damping=Calibrated(value=0.5, sd=0.0),
-        intrinsic_inertia=Calibrated(value=0.02, sd=0.0),
     )
     made = source(time, channels, calibration=known)
     stretch = raw_signals(made).stretches[0]
-    expected = -(0.5 * 1.2 * np.cos(4.0 * time) - 0.02 * 4.8 * np.sin(4.0 * time))
+    expected = -0.5 * 1.2 * np.cos(4.0 * time)
     inner = slice(10, -10)
     assert stretch.signals[DRIVING][inner] == pytest.approx(expected[inner], abs=1e-4)
 
@@ -147,7 +146,9 @@ def test_intrinsic_stiffness_is_taken_out_where_the_angle_of_the_motor_was_recor
     known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=10.0, sd=0.0))
     made = source(time, channels | {name: moved[name] for name in motor}, calibration=known)
     stretch = raw_signals(made).stretches[0]
-    assert intrinsic_left_in(made.given.recording) == (() if taken_out else ("stiffness",))
+    assert intrinsic_left_in(made.given.recording) == (
+        ("inertia",) if taken_out else ("stiffness", "inertia")
+    )
     assert stretch.signals[DRIVING] == pytest.approx(-taken_out * moved["motor_angle"])
 
 
@@ -340,21 +341,13 @@ def test_short_holes_of_a_sensor_are_filled_and_long_ones_are_gaps(half_s, stret
 
 
 @pytest.mark.parametrize(
-    ("motor", "left_in", "of_strapped"),
-    [
-        ("motor_angle", (), ("inertia",)),
-        ("motor_velocity", ("stiffness",), ("stiffness", "inertia")),
-    ],
+    ("motor", "left_in"),
+    [("motor_angle", ("inertia",)), ("motor_velocity", ("stiffness", "inertia"))],
 )
-def test_the_torque_on_a_strapped_device_moves_its_inertia_too(motor, left_in, of_strapped):
+def test_the_torque_moves_the_inertia_of_the_device_too(motor, left_in):
     known = CalibrationSpec(intrinsic_inertia=Calibrated(value=0.05, sd=0.001))
     made = walked(**{motor: lambda t: np.sin(6.0 * t)}, calibration=known)
-    free, strapped = (
-        raw_signals(made, strapped=s).stretches[0].signals[DRIVING] for s in (False, True)
-    )
-    time = raw_signals(made).stretches[0].time
+    driven = raw_signals(made).stretches[0]
 
-    assert strapped == pytest.approx(np.cos(3.0 * time))
-    assert np.abs(free - strapped).max() > 0.1
+    assert driven.signals[DRIVING] == pytest.approx(np.cos(3.0 * driven.time))
     assert intrinsic_left_in(made.given.recording) == left_in
-    assert intrinsic_left_in(made.given.recording, strapped=True) == of_strapped

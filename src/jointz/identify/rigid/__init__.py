@@ -1,1 +1,0 @@
-"""The recommended estimator of walking: prediction, joint and sensor, checks."""

@@ -1,0 +1,1 @@
+"""The method of walking: every timing point of a person in one Bayesian fit."""

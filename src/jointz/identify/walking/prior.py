@@ -1,0 +1,187 @@
+"""Prior of all parameters of a participant under a hypothesis."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import expit, logit
+
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior
+from jointz.core.study import Calibrated
+from jointz.identify.walking.body import Body
+from jointz.identify.walking.coupling import STRAP, Coupling, Hypothesis
+from jointz.identify.walking.leg_model import (
+    LENGTH_CYCLES,
+    REFLEX,
+    SHANK,
+    Layout,
+    LegModel,
+)
+from jointz.identify.walking.responses import PointResponse
+from jointz.results.value_scale import LOGARITHM
+
+#: Of a point by itself: time of what changes in the window, s.
+_DRIFT_S = 0.13
+_NUGGET = 1e-4
+#: Parts of the goniometer's lag. Their sum is what a calibration states.
+LAG_PARTS = ("sensor_delay_s", "sensor_lag_s")
+#: Sd of the error of the model in that sum: in simulated legs without errors the responses alone
+#: put it 0.4 to 1.0 ms too early, as tissue that leads the skin does.
+LAG_MODEL_S = 0.001
+_SHORTEST_LAG_S, _LEAST_PART_S = 1e-4, 1.5e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LagObservation:
+    """A calibrated lag: an observation of delay and first-order lag together."""
+
+    places: list[int]  # of the logarithms of both
+    value: float  # s
+    sd: float  # s, error of the model included
+
+    def residual(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the distance of the observed lag from that of a vector, in sds, and its slope."""
+        parts = np.exp(theta[self.places])
+        slope = np.zeros(theta.size)
+        slope[self.places] = parts / self.sd
+        return float(self.value - parts.sum()) / self.sd, slope
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """A normal prior of the vector of parameters."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    precision: np.ndarray
+    log_det: float  # of the covariance
+    lag: LagObservation | None = None
+    chance: float = 1.0  # prior probability of the hypothesis over that of the others
+
+    @property
+    def sd(self) -> np.ndarray:
+        """Standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def misfit(self, theta: np.ndarray) -> float:
+        """Return the squared distance of a vector from mean and observed lag, in sds."""
+        off = theta - self.mean
+        squares = float(off @ self.precision @ off)
+        return squares if self.lag is None else squares + self.lag.residual(theta)[0] ** 2
+
+    def normal(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return Gauss and Newton's matrix at a vector, and the direction of descent."""
+        precision, pull = self.precision, self.precision @ (self.mean - theta)
+        if self.lag is None:
+            return precision.copy(), pull
+        residual, slope = self.lag.residual(theta)
+        return precision + np.outer(slope, slope), pull + residual * slope
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw a vector, whose lag is the observed one and its error."""
+        root = np.linalg.cholesky(self.covariance)
+        theta = np.asarray(self.mean + root @ rng.standard_normal(self.mean.size))
+        if self.lag is not None:
+            total = np.exp(theta[self.lag.places]).sum()
+            lag = max(rng.normal(self.lag.value, self.lag.sd), _SHORTEST_LAG_S)
+            theta[self.lag.places] += np.log(lag / total)
+        return theta
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegPriors:
+    """Priors of a participant's leg and instruments."""
+
+    spec: PriorsSpec
+    body: Body
+    # priors of shared parameters that replace those of ``spec``
+    shared: Mapping[str, AnyPrior]
+    lag: Calibrated | None = None  # s: calibrated total lag, delay included
+    coupling: Coupling = STRAP
+
+    def build(self, model: LegModel, hypothesis: Hypothesis) -> Prior:
+        """Return the prior under a hypothesis."""
+        layout, spec, body = model.layout, self.spec, self.body
+        mean, covariance = np.zeros(layout.size), np.zeros((layout.size, layout.size))
+        alike = _correlation(model.points, model.knots_s, hypothesis)
+        for scale, level, over_cycle, places in (
+            (model.stiffness_scale, body.stiffness, spec.stiffness_over_cycle, layout.stiffness),
+            (LOGARITHM, spec.damping, spec.damping_over_cycle, layout.damping),
+        ):
+            at = np.concatenate([np.r_[places(k)] for k in range(layout.n_points)])
+            mean[at] = scale.of(level.median)
+            covariance[np.ix_(at, at)] = scale.share(level.median) ** 2 * (
+                level.log_sd**2 + over_cycle.sd**2 * alike + _NUGGET * np.eye(at.size)
+            )
+        at = np.concatenate([np.r_[layout.inertia(k)] for k in range(layout.n_points)])
+        own_sd = hypothesis.inertia_sd or spec.inertia_of_point.sd
+        covariance[np.ix_(at, at)] = own_sd**2 * (alike + _NUGGET * np.eye(at.size))
+        for place, (centre, sd) in self._independent(layout, hypothesis.shared).items():
+            mean[place], covariance[place, place] = centre, sd**2
+        observed = None
+        if self.lag is not None:
+            parts = [layout.shared(name) for name in LAG_PARTS]
+            # Logarithms of usual parts would keep a lag of nearly zero away from it.
+            mean[parts] = np.minimum(mean[parts], np.log(max(0.5 * self.lag.value, _LEAST_PART_S)))
+            sd = float(np.hypot(self.lag.sd, LAG_MODEL_S))
+            observed = LagObservation(parts, self.lag.value, sd)
+        precision = np.linalg.inv(covariance)
+        return Prior(
+            mean=mean,
+            covariance=covariance,
+            precision=0.5 * (precision + precision.T),
+            log_det=float(np.linalg.slogdet(covariance)[1]),
+            lag=observed,
+            chance=hypothesis.chance,
+        )
+
+    def _independent(
+        self, layout: Layout, supposed: Mapping[str, AnyPrior]
+    ) -> dict[int, tuple[float, float]]:
+        spec, known = self.spec, {**self.shared, **supposed}
+        own = {
+            REFLEX: (0.0, spec.reflex_of_point.sd),
+            SHANK: _moments(spec.shank_share),
+        }
+        entries = {
+            layout.own(point, which): moments
+            for point in range(layout.n_points)
+            for which, moments in own.items()
+            if which in layout.own_of_point
+        }
+        for name in layout.shared_names:
+            usual = self.body.inertia if name == "inertia" else getattr(spec, name)
+            entries[layout.shared(name)] = _moments(known.get(name, usual))
+        return entries
+
+
+def untransformed(name: str, value: float) -> float:
+    """Return a shared parameter as ``[priors]`` states it."""
+    prior = getattr(STRAP.priors, name, None)
+    if isinstance(prior, NormalPrior):
+        return float(value)
+    return float(expit(value) if isinstance(prior, SharePrior) else np.exp(value))
+
+
+def _moments(prior: AnyPrior) -> tuple[float, float]:
+    """Return mean and sd of the transformed quantity."""
+    if isinstance(prior, LogPrior):
+        return float(np.log(prior.median)), prior.log_sd
+    if isinstance(prior, SharePrior):
+        return float(logit(prior.median)), prior.logit_sd
+    return prior.mean, prior.sd
+
+
+def _correlation(
+    points: Sequence[PointResponse], knots_s: np.ndarray, hypothesis: Hypothesis
+) -> np.ndarray:
+    """Return the correlation of K, B or J between all knots of all points."""
+    n, steady, follows_cycle = len(points), hypothesis.steady, hypothesis.follows_cycle
+    apart = (knots_s[:, None] - knots_s) / _DRIFT_S
+    own = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
+    if follows_cycle == 0.0:
+        return own
+    phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])
+    turn = np.sin(np.pi * (phase[:, None] - phase)) ** 2
+    curve = np.exp(-2.0 * turn / (2.0 * np.pi * LENGTH_CYCLES) ** 2)
+    return np.asarray(follows_cycle * curve + (1.0 - follows_cycle) * own)
