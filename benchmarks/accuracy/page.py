@@ -66,8 +66,9 @@ level and slope, errs more than in the first walker. Goniometer noise comes on t
 _STRAPPED = """(accuracy-anthropometric)=
 ## Devices strapped to the leg
 
-`rigid` is wrong for a strapped leg: for `anthropometric` people almost all K and B are undecided
-and the others wrong (K 47 % too low). Use `strapped`, the default, with short pulses or doublets:
+Rigid coupling is wrong for a strapped leg (former `rigid`): for `anthropometric` people almost all
+K and B are undecided and the others wrong (K 47 % too low). With a strap, the default, use short
+pulses or doublets:
 
 | people | pulses | decided % K / B / J | RMSE % K / B / J |
 | --- | --- | --- | --- |
@@ -79,7 +80,7 @@ and the others wrong (K 47 % too low). Use `strapped`, the default, with short p
 changes without the momentum that goes with it ([why that matters](leg-model.md)): B comes out too
 high by the rate of J there. With a goniometer alone B is 5 to 13 % too high in every world that was
 tried; intervals of B include 8 % (SD) for this. A wrong torque gain scales K, B and J unnoticed.
-More: [strapped](estimator.md#a-device-strapped-to-the-leg).
+More: [estimator](estimator.md).
 """
 _LIMITS = """(accuracy-hard-lag-unknown)=
 ## Where the estimates are wrong
@@ -91,7 +92,6 @@ _LIMITS = """(accuracy-hard-lag-unknown)=
 | K and B change over the cycle (smooth row) | RMSE of K doubles; intervals widen accordingly | none needed: coverage holds |
 | at most 10 pulses per timing point | intervals widen; a quarter of K is undecided with 3 pulses, over half with 1 | more pulses |
 | K near zero in swing | errors in % are meaningless | read the RMSE in SI units |
-| prior medians doubled or halved | none | - |
 | friction 30 %, gain 3 % or torsion 0.5 deg off | RMSE grows by under 0.5 percentage points | - |
 
 For comparison, `dissertation` has an RMSE of 25 to 153 % and a coverage of 0.13 to 0.66 here.

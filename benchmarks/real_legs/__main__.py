@@ -116,7 +116,7 @@ def _shown(done: Done[WorldResult], *, each: bool) -> WorldResult | None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.real_legs", description=__doc__)
     add = parser.add_argument
-    add("--method", default="strapped", help="name of a walking method")
+    add("--method", default="bayesian", help="name of a walking method")
     add("--studies", nargs="*", choices=_STUDIES, default=list(_STUDIES), help="recorded worlds")
     add("--window", type=float, help="s, of recorded worlds; by default each study's own")
     add("--simulated", nargs="*", choices=_PRESETS, default=[], help="presets to simulate")

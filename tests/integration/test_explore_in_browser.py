@@ -80,8 +80,8 @@ def page(shared, address):
     assert all(url.startswith((own, "data:", "blob:", "ws:")) for url in shared.foreign)
 
 
-def stiffness(page):
-    return page.locator(".number .now").first.inner_text()
+def damping(page):
+    return page.locator(".number .now").nth(1).inner_text()
 
 
 def reestimate(page):
@@ -96,7 +96,7 @@ def finished(page, used):
 
 def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study):
     finished(page, 4)
-    before = stiffness(page)
+    before = damping(page)
     page.get_by_role("button", name="Exclude pulse").click()  # without a reason: refused
     page.get_by_text("State a reason").wait_for()
     assert not (study / "exclusions.csv").exists()
@@ -112,17 +112,17 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     finished(page, 3)
     page.locator(".state", has_text="re-estimated, not saved").wait_for()
     page.locator(".numbers", has_text="re-estimated on this page, not saved").wait_for()
-    after = stiffness(page)
+    after = damping(page)
     assert after != before
     page.locator(".was", has_text=before).first.wait_for()  # the old number stays beside it
     page.locator(".pulse-state", has_text="excluded by you: stumbled <b>hard</b>").wait_for()
 
     page.reload()
     finished(page, 3)
-    assert stiffness(page) == after
+    assert damping(page) == after
 
     # A fresh analysis from the study's own file gives the same numbers as the page.
-    fresh = analyze(study, resamples=10).cells[0].parameter("stiffness")
+    fresh = analyze(study, resamples=10).cells[0].parameter("damping")
     assert after == estimate_or_status(fresh)
     page.get_by_role("tab", name="Exclusions").click()
     page.locator(".methods td", has_text="stumbled <b>hard</b>").wait_for()
@@ -135,7 +135,7 @@ def test_an_excluded_pulse_changes_the_numbers_and_survives(page, address, study
     reestimate(second)
     finished(second, 4)
     finished(page, 4)
-    assert stiffness(page) == stiffness(second) == before
+    assert damping(page) == damping(second) == before
     second.close()
 
 

@@ -222,7 +222,7 @@ def check_method(method: str) -> str:
 def _chosen(study: Study, method: str) -> str:
     """Return the method that is asked for; the recommended one depends on the study."""
     baseline = study.spec.perturbations.baseline
-    if method == RECOMMENDED:
+    if method in (RECOMMENDED, BAYESIAN):
         ask_for_coupling(study)
     asked_for = recommended_method(study) if method == RECOMMENDED else method
     name = method_called(asked_for)

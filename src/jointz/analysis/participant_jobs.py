@@ -94,6 +94,7 @@ def _key(request: EstimationRequest, person_id: str) -> str:
     exclusions = [asdict(e) for e in study.user_exclusions if e.participant == person_id]
     settings = {
         "method": request.method,
+        "coupling": request.coupling,
         "resamples": request.resamples,
         "seed": request.seed,
         "exclusions": exclusions,

@@ -294,9 +294,10 @@ def _lag(
 ) -> tuple[float, float, bool]:
     """Return the lag of the angle with its sd, s, and whether anything is known of it."""
     own = row_label(stride.participant, stride.session, stride.side)
-    model = next((m for m in analysis.models if m.label == own), None)
-    if model is not None:
-        return model.lag_s, model.lag_sd_s, True
+    found = (p for c in analysis.cells if c.label == own for p in c.nuisance)
+    lag = next((p for p in found if p.name == "angle_lag"), None)
+    if lag is not None and lag.value is not None and lag.ci_high is not None:
+        return lag.value, (lag.ci_high - lag.value) / REACH_95, True
     measured = calibration.get("angle_lag_s")
     return (0.0, 0.0, False) if measured is None else (measured["value"], measured["sd"], True)
 

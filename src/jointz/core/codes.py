@@ -287,7 +287,7 @@ class Doubt(Code):
         "instruments_unlikely",
         "the responses need a sensor, strap or reflex too far from the usual (more than 2.5 prior "
         "sds; with several sensors 3.5, or all together beyond 99.9 %): a signal may be late or "
-        "wrong, or the device is not strapped to soft tissue; K, B and J are undecided; a note "
+        "wrong, or the coupling is not the stated one; K, B and J are undecided; a note "
         "names the parameter",
     )
     SENSORS_CONTRADICT = (
@@ -308,7 +308,7 @@ class Doubt(Code):
     )
     RESPONSES_MISFIT = (
         "responses_misfit",
-        "the model of a strapped leg does not explain the responses within their noise; K and B "
+        "the model of leg and device does not explain the responses within their noise; K and B "
         "are undecided",
     )
 

@@ -20,8 +20,8 @@ from jointz.control.impedance_profile import LAW, PROFILE_UNITS
 from jointz.control.make_profile import impedance_profile
 from jointz.control.profile_file import profile_of, profile_text, read_profile, write_profile
 from jointz.core.errors import DataError, EstimationError, OutputError
+from jointz.results.estimates import ParameterEstimate
 from jointz.results.log_posterior import LogPosterior
-from jointz.results.participant_model import ParticipantModel
 
 POINTS = tuple(STIFFNESS)
 
@@ -56,8 +56,9 @@ def test_interval_of_the_equilibrium_holds_the_moments_error():
 
 def test_known_lag_and_gain_are_taken_out_of_the_angle():
     lag_s, gain = 0.011, 1.05
-    model = ParticipantModel("S01", lag_s, 0.001, 1.0, 0.1, 0.0, 0.0, 0.0, 60)
-    found = replace(made_analysis(), models=(model,))
+    lag = ParameterEstimate("angle_lag", lag_s, lag_s - 0.002, lag_s + 0.002, "ok")
+    made = made_analysis()
+    found = replace(made, cells=tuple(replace(c, nuisance=(lag,)) for c in made.cells))
     found.provenance["study"]["calibration"] = {"angle_gain": {"value": gain, "sd": 0.01}}
     own = impedance_profile(found, "S01")
     shown = stride("S01")

@@ -137,7 +137,7 @@ def _device(analysis: StudyAnalysis) -> str:
     if not study:
         return method
     stated, by_method = study.get("coupling"), COUPLING_OF.get(chosen_method(analysis))
-    used = analysis.settings.get("coupling") or stated or by_method or "strap"
+    used = analysis.settings.get("coupling") or by_method or stated or "strap"
     words = _COUPLINGS.get(used, str(used))
     if not stated:
         words += " (assumed; the study does not state it)"

@@ -131,6 +131,9 @@ def _prepared(
     pulses = assign_pulses(data.participant, data.sources, longer, baseline=PREDICTED, alone=True)
     reach_s = longer.perturbations.window_s + _MARGIN_S
     predict = partial(CellPredictor, settings=longer, reach_s=reach_s)
+    if not coupling.is_strap:
+        # With an encoder beside the goniometer its fit was refused, or J 10 % too low.
+        sensors = ()
     predictor = predict(data.sources, sensors=sensors)
     choice = predictor.choice
     if (gain := choice.goniometer_gain) is not None:

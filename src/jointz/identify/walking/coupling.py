@@ -5,7 +5,7 @@ no skin or softening.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Final
 
@@ -76,11 +76,15 @@ class Coupling:
         whose ``phases``, so many, are known; and what a study states is not supposed otherwise.
         """
         known = spec.model_fields_set - self.fixed
+        supposed = self.hypotheses
+        if "inertia_of_point" in known:  # by the study
+            first = supposed[0].inertia_sd
+            supposed = tuple(replace(h, inertia_sd=None) for h in supposed if h.inertia_sd == first)
         if several_sensors:
             known |= set(NO_TISSUE)
         return tuple(
             h
-            for h in self.hypotheses
+            for h in supposed
             if known.isdisjoint(h.shared)
             and (phases >= self.fewest_for_curve or not h.follows_cycle)
         )

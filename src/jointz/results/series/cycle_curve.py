@@ -177,7 +177,7 @@ def _range(band: ParameterBand, gait_pct: tuple[float, ...]) -> str:
         f"{band.parameter:<20} {band.participant}: {band.value[low]:.4g} (at {gait_pct[low]:g} %) "
         f"to {band.value[high]:.4g} {band.unit} (at {gait_pct[high]:g} %), median band "
         f"+-{float(np.median(widths)):.2g}, from {len(band.points)} phases; "
-        f"{band.cycle_share:.0%} of the changes follow the cycle"
+        f"{band.cycle_share:.0%} of the prior's changes follow the cycle"
     )
 
 

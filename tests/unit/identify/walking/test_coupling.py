@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import jointz
-from jointz.core.priors import LogPrior, PriorsSpec
+from jointz.core.priors import LogPrior, PriorsSpec, Spread
 from jointz.identify.walking.coupling import RIGID, STRAP
 from jointz.session.simulate_study import simulate_study
 from jointz.sim.direct_walk import WalkPlan
+from jointz.tasks.task_store import TaskStore
 
 
 def test_what_a_study_states_replaces_what_a_coupling_supposes():
@@ -18,6 +19,27 @@ def test_what_a_study_states_replaces_what_a_coupling_supposes():
     assert RIGID.spec(stated).device_share == stated.device_share
     assert RIGID.spec(stated).strap_hz == RIGID.priors.strap_hz
     assert STRAP.spec(stated) == stated
+
+
+def test_a_stated_inertia_of_a_point_is_not_supposed_otherwise():
+    stated = PriorsSpec(inertia_of_point=Spread(sd=0.1))
+    supposed = RIGID.hypotheses_of(RIGID.spec(stated), several_sensors=False, phases=6)
+
+    assert {h.inertia_sd for h in supposed} == {None}
+    assert len(supposed) == len(RIGID.hypotheses) / 2
+
+
+def test_no_curve_goes_through_three_timing_points():
+    def follows(coupling, phases):
+        spec = coupling.spec(PriorsSpec())
+        return any(
+            h.follows_cycle
+            for h in coupling.hypotheses_of(spec, several_sensors=False, phases=phases)
+        )
+
+    assert follows(RIGID, 4)
+    assert not follows(RIGID, 3)
+    assert follows(STRAP, 3)
 
 
 @pytest.fixture(scope="module")
@@ -42,3 +64,13 @@ def test_a_held_torque_shows_the_impedance_of_a_rigid_coupling(walked):
     assert all(n >= 4 for n in given.values())
     assert {cell.method for cell in analysis.cells} == {"bayesian"}
     assert analysis.settings["coupling"] == "rigid"
+
+
+def test_finished_people_of_one_coupling_are_not_taken_for_the_other(walked, tmp_path):
+    store = TaskStore(tmp_path)
+    both = [
+        jointz.analyze(walked, method=name, resamples=10, store=store, progress=False)
+        for name in ("rigid", "strapped", "rigid")
+    ]
+    means = [analysis.log_posteriors[0].mean.tolist() for analysis in both]
+    assert means[0] == means[2] != means[1]
