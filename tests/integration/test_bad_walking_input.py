@@ -79,10 +79,6 @@ def late(walk: Walk) -> Spoilt:
     return walk.samples.assign(angle=np.roll(walk.samples["angle"], 30)), walk.pulses
 
 
-def before_its_torque(walk: Walk) -> Spoilt:
-    return walk.samples.assign(angle=np.roll(walk.samples["angle"], -15)), walk.pulses
-
-
 def table_a_stride_late(walk: Walk) -> Spoilt:
     return walk.samples, walk.pulses.assign(onset_s=walk.pulses["onset_s"] + 1.1)
 
@@ -139,7 +135,6 @@ def test_the_walk_itself_is_estimated(walk, analysed):
         (saturated, Failure.TORQUE_SATURATED),
         (never_reached, Failure.CONSTANT_ANGLE),
         (late, Failure.LAG_OUT_OF_RANGE),
-        (before_its_torque, Failure.OUT_OF_STEP),
         (table_a_stride_late, Failure.OUT_OF_STEP),
         (too_few_strides, Failure.NO_UNPERTURBED_STRIDES),
         (turned, Failure.OPPOSITE_SIGN),
