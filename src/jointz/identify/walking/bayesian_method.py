@@ -365,7 +365,7 @@ class _Participant:
             fits=tuple(_fitted(posterior, k) for k in range(len(cells))),
             sensors_contradict=bool(self._choice.odd)
             or self._choice.goniometer_gain is not None
-            or set(self._predictor.sensors) < set(self._choice.used),
+            or (coupling.is_strap and set(self._predictor.sensors) < set(self._choice.used)),
             coupling=coupling,
         )
 

@@ -74,3 +74,15 @@ def test_finished_people_of_one_coupling_are_not_taken_for_the_other(walked, tmp
     ]
     means = [analysis.log_posteriors[0].mean.tolist() for analysis in both]
     assert means[0] == means[2] != means[1]
+
+
+def test_an_encoder_that_agrees_contradicts_nothing_with_rigid_coupling(tmp_path):
+    study = simulate_study(
+        tmp_path / "study",
+        preset="nominal",
+        plan=WalkPlan(per_point=12),
+        sensors=("goniometer", "encoder"),
+        seed=3,
+    )
+    (posterior,) = jointz.analyze(study, resamples=10, progress=False).log_posteriors
+    assert posterior.doubts == ()
