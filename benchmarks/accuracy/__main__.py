@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = all_rows()
     if asked.list:
         for row in rows.values():
-            print(f"{row.name:<26}{row.title}{f'  [{row.missing}]' if row.missing else ''}")
+            print(f"{row.name:<26}{row.title}")
         return 0
     chosen = [] if asked.page_only else _chosen_rows(asked.rows, rows)
     methods = _chosen_methods(asked.methods)
@@ -89,10 +89,7 @@ def _chosen_rows(names: str, rows: dict[str, Row]) -> list[Row]:
     unknown = [name for name in wanted if name not in rows]
     if unknown:
         sys.exit(f"--rows: no row {', '.join(unknown)}; --list shows all.")
-    for name in wanted:
-        if rows[name].missing:
-            print(f"{name} is left out: {rows[name].missing}.")
-    return [rows[name] for name in wanted if not rows[name].missing]
+    return [rows[name] for name in wanted]
 
 
 def _chosen_methods(names: str) -> list[str]:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from benchmarks.accuracy.rows import Row
 
-from jointz.core.errors import DataError
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.devices.interface import Stretch
@@ -76,14 +75,7 @@ def rig_of(row: Row, number: int, seed: int) -> SimulatedRig:
         Which row.
     number, seed : int
         Participant, and seed of the population.
-
-    Raises
-    ------
-    DataError
-        When the row cannot run in this version.
     """
-    if row.missing:
-        raise DataError(f"row {row.name}: {row.missing}.")
     person = draw_person(number, seed=seed)
     if row.from_priors:
         person = _from_priors(person, PRIORS)

@@ -60,8 +60,6 @@ class Row:
         K, B and J are drawn each on its own from :data:`benchmarks.accuracy.people.PRIORS`.
     target : Target or None
         What is asked for.
-    missing : str
-        Why the row cannot run, "" where it can.
     """
 
     name: str
@@ -73,7 +71,6 @@ class Row:
     inertia_spread: float = 0.0
     from_priors: bool = False
     target: Target | None = None
-    missing: str = ""
 
 
 _NOMINAL, _HARD, _BODY = preset("nominal"), preset("hard"), preset("anthropometric")

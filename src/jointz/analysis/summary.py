@@ -58,8 +58,8 @@ def chosen_method(analysis: StudyAnalysis) -> str:
 
 
 def used_coupling(analysis: StudyAnalysis) -> Coupling:
-    """Return the coupling of device and leg that was assumed; older results: a strap."""
-    return COUPLINGS[analysis.settings.get("coupling") or "strap"]
+    """Return what was assumed of the coupling of device and leg."""
+    return COUPLINGS[analysis.coupling]
 
 
 def counted_people(analysis: StudyAnalysis) -> str:

@@ -14,7 +14,7 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
-from jointz.core.method_names import BAYESIAN, COUPLING_OF, FORMER_NAMES, STRAPPED
+from jointz.core.method_names import PRESENT_NAMES, present_settings
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import RawTable, file_sha256
 from jointz.io.formats.registry import list_columns, read_table
@@ -33,8 +33,6 @@ PUBLISHED = "published"
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 #: Holds everybody's estimates with their errors.
 ANALYSIS_FILE = "analysis.json"
-#: Method in the files -> present name.
-_METHODS = {**FORMER_NAMES, STRAPPED: BAYESIAN}
 _NUMBERS = ("onset_gait_pct", "value", "ci_low", "ci_high")
 _UNIT = ("session", "side")
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
@@ -189,10 +187,7 @@ def read_results(folder: Path, name: str) -> Results:
     values, averaged = _values(table, file, name)
     people = tuple(dict.fromkeys(str(p) for p in table.columns["participant"]))
     written = dict.fromkeys(map(str, table.columns["method"]))
-    methods = tuple(dict.fromkeys(_METHODS.get(m, m) for m in written))
-    settings = provenance.get("settings", {})
-    if STRAPPED in written:
-        settings = {**settings, "coupling": COUPLING_OF[STRAPPED]}
+    methods = tuple(dict.fromkeys(PRESENT_NAMES.get(m, m) for m in written))
     inputs = tuple(
         {"file": f"{name}/{used}", "sha256": file_sha256(folder / used)}
         for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
@@ -206,7 +201,7 @@ def read_results(folder: Path, name: str) -> Results:
         joint=joint,
         recordings=str(provenance.get("study_sha256", "")),
         version=str(provenance.get("jointz", "")),
-        settings=settings,
+        settings=present_settings(provenance.get("settings", {}), written),
         inputs=inputs,
         averaged=averaged,
         people=known,

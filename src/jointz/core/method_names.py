@@ -1,6 +1,7 @@
 """Names of methods and baselines that other parts of jointz refer to."""
 
-from typing import Final
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
 
 #: Asked for, it stands for the right method of the study; no estimate carries it.
 RECOMMENDED: Final = "recommended"
@@ -22,8 +23,18 @@ PULSE_LIKELIHOOD: Final = "pulse_likelihood"
 #: Names in results that were written before -> present ones.
 FORMER_NAMES: Final = {"recommended": RIGID}
 
+#: Method in results -> the one that it is today, by the name under which results are compared.
+PRESENT_NAMES: Final = {**FORMER_NAMES, STRAPPED: BAYESIAN}
+
 #: Baseline of the methods that predict the unperturbed motion.
 PREDICTED: Final = "predicted"
+
+
+def present_settings(settings: Mapping[str, Any], methods: Iterable[str]) -> Mapping[str, Any]:
+    """Return the settings of results by these methods as they would be written today."""
+    if STRAPPED not in methods:
+        return settings
+    return {**settings, "method": BAYESIAN, "coupling": COUPLING_OF[STRAPPED]}
 
 
 def method_called(name: str) -> str:

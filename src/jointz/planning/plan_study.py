@@ -202,9 +202,7 @@ def plan_recorded(
     )
     largest = max(size for pulse in done.plan.pulses for size in pulse.sizes_nm)
     tell = _Teller(progress)
-    # Results that were written before are of a strap.
-    coupling = analysis.settings.get("coupling", "strap")
-    lab, walking = lab_of_study(found, schedule, _actuator(largest, None), coupling)
+    lab, walking = lab_of_study(found, schedule, _actuator(largest, None), analysis.coupling)
     tell("walking")
     planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
     made = on_one_thread(partial(planner.plan, None))

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointz.core.codes import Doubt
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.walking.coupling import Hypothesis
 from jointz.identify.walking.decisions import (
     Decision,
     decided_rows,
-    holds_one_torque,
+    held_torque,
     value_and_sd,
 )
 from jointz.identify.walking.estimands import ESTIMANDS, LogMoments
@@ -122,9 +121,7 @@ class PlannedLeg:
         decided = np.zeros((len(PARAMETERS), len(points)), dtype=bool)
         half = np.zeros(decided.shape)
         for k, point in enumerate(points):
-            held = self._lab.coupling.is_strap and holds_one_torque(point)
-            doubts = {Doubt.HELD_TORQUE} if held else set()
-            rows = decided_rows(k, moments, decision, doubts)
+            rows = decided_rows(k, moments, decision, held_torque(point, self._lab.coupling))
             decided[:, k] = [row.status == "ok" for row in rows[: len(PARAMETERS)]]
             for i, name in enumerate(ESTIMANDS[: len(PARAMETERS)]):
                 half[i, k] = _half_width(name, k, moments, decision)

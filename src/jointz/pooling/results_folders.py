@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from jointz.core.errors import DataError
-from jointz.core.method_names import BAYESIAN, COUPLING_OF, FORMER_NAMES, STRAPPED
+from jointz.core.method_names import PRESENT_NAMES, present_settings
 from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import file_sha256
 from jointz.io.formats.registry import list_columns, read_table
@@ -19,7 +19,6 @@ from jointz.io.small_files import read_json
 from jointz.report.wording import ALL_PARAMETERS
 from jointz.results.estimates import ESTIMATE_COLUMNS
 
-_METHODS = {**FORMER_NAMES, STRAPPED: BAYESIAN}
 _ESTIMATES, _PROVENANCE = "estimates.csv", "provenance.json"
 _LABELS = ("participant", "timing_point", "parameter", "unit", "method", "status")
 _UNIT = ("session", "side")
@@ -48,10 +47,8 @@ class ResultsFolder:
     @property
     def settings(self) -> Mapping[str, Any]:
         """The settings of the analysis."""
-        settings: Mapping[str, Any] = self.provenance["settings"]
-        if settings.get("method") == STRAPPED:  # written before the method had its present name
-            return {**settings, "method": BAYESIAN, "coupling": COUPLING_OF[STRAPPED]}
-        return settings
+        settings = self.provenance["settings"]
+        return present_settings(settings, [settings.get("method")])
 
     @cached_property
     def recordings(self) -> frozenset[str]:
@@ -163,7 +160,7 @@ def _checked_estimates(file: Path) -> pd.DataFrame:
     table = pd.DataFrame(dict(columns.columns)).assign(
         **{name: "" for name in _UNIT if name not in stated}
     )
-    table = table[list(ESTIMATE_COLUMNS)].replace({"method": _METHODS})
+    table = table[list(ESTIMATE_COLUMNS)].replace({"method": PRESENT_NAMES})
     is_available = table["status"].isin(AVAILABLE)
     is_ordered = (table["ci_low"] <= table["value"]) & (table["value"] <= table["ci_high"])
     problems = (

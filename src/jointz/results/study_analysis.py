@@ -120,6 +120,11 @@ class StudyAnalysis(Result):
         return sum(p.available for cell in self.cells for p in cell.parameters)
 
     @property
+    def coupling(self) -> str:
+        """Assumed coupling of device and leg; results that were written before are of a strap."""
+        return str(self.settings.get("coupling") or "strap")
+
+    @property
     def simulated(self) -> bool:
         """True if the study is known to be simulated."""
         return bool(self.provenance.get("run", {}).get("simulated"))

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
+from tests.unit.analysis.studies import bayesian_analysis
 
 import jointz as package
 from jointz.analysis.results_folder import write_results
@@ -149,16 +150,14 @@ def posterior_of(person, cells):
 
 
 @pytest.fixture(scope="session")
-def walked(recommended):
-    """An analysis by the method bayesian."""
-    people = dict.fromkeys(cell.participant for cell in recommended.cells)
-    cells = tuple(replace(cell, method="bayesian", budget={}) for cell in recommended.cells)
-    own = {p: [c for c in cells if c.participant == p] for p in people}
-    settings = {**recommended.settings, "method": "bayesian", "coupling": "strap"}
+def walked():
+    """An analysis by the method bayesian with a posterior of each person."""
+    made = bayesian_analysis(coupling="strap")
+    own = {}
+    for cell in made.cells:
+        own.setdefault(cell.participant, []).append(cell)
     posteriors = tuple(posterior_of(person, mine) for person, mine in own.items())
-    return replace(
-        recommended, cells=cells, models=(), settings=settings, log_posteriors=posteriors
-    )
+    return replace(made, log_posteriors=posteriors)
 
 
 @pytest.fixture(scope="session")

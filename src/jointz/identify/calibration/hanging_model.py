@@ -3,8 +3,8 @@ r"""A leg that hangs, bare and with a known weight, behind one late sensor: post
 :math:`J\ddot x + B\dot x + Kx = \tau + f\,\tau_f` for every condition, simulated from rest under
 the average measured torque and seen through tissue, lag and delay
 (:mod:`~jointz.identify.calibration.late_sensor`), compared with the average angle and weighed with
-its covariance. All is in units
-of the measured torque over the measured angle; with r the ratio of their gains,
+its covariance. All is in units of the measured torque over the measured angle; with r the ratio of
+their gains,
 :math:`J_w = J_b + r(\Delta J + \delta_J)` and :math:`K_w = K_b + r(\Delta K + \delta_K)`, the
 errors of the weight within its sd, and that of K within what a relaxed leg may change.
 """
@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 
 from jointz.core.study import Calibrated
 from jointz.identify.calibration.late_sensor import joint_motion, sensed
+from jointz.kernels.steps import at_steps
 
 #: Parameter -> mean and sd before the data (wide where nothing is known), lowest and highest
 #: value of the search, and its step.
@@ -115,6 +116,11 @@ class HangingPosterior:
         return max(self.misfit, 1.0) * noise, priors
 
 
+def _substeps(cell: HangingCell) -> int:
+    """Return the number of steps of the integration in one sample."""
+    return max(1, round(cell.period_s / _SUBSTEP_S))
+
+
 class HangingModel:
     """Finds the posterior mode of one or two conditions under one sensor."""
 
@@ -130,6 +136,7 @@ class HangingModel:
         self._cells = cells
         self._weight = weight
         self._roots = [cell.root() for cell in cells]
+        self._torques = [[at_steps(x, _substeps(cell)) for x in cell.torque] for cell in cells]
         self._resonance = resonance
         self._total_lag = total_lag
         if weight is not None:
@@ -174,11 +181,10 @@ class HangingModel:
         """Return the angle that the sensor shows and that of the joint, rad, at the samples."""
         cell = self._cells[i]
         K, B, J = self.joint(values, i)
-        substeps = max(1, round(cell.period_s / _SUBSTEP_S))
+        substeps = _substeps(cell)
         step_s = cell.period_s / substeps
-        total = cell.torque[0] + values[FRICTION_GAIN] * cell.torque[1]
-        steps = np.arange((total.size - 1) * substeps + 1) / substeps
-        torque = np.interp(steps, np.arange(total.size), total)
+        driving, friction = self._torques[i]
+        torque = driving + values[FRICTION_GAIN] * friction
         motion = joint_motion(torque, K, B, J, step_s)
         shown = sensed(
             motion,
@@ -189,7 +195,7 @@ class HangingModel:
             resonance_hz=float(np.exp(values[LOG_RESONANCE])) if self._resonance else 0.0,
             damping_ratio=float(values[RESONANCE_DAMPING]) if self._resonance else 0.0,
         )
-        return shown + values[CROSS_TALK] * total, motion[::substeps]
+        return shown + values[CROSS_TALK] * torque[::substeps], motion[::substeps]
 
     def _distances(self, free: np.ndarray) -> np.ndarray:
         values = self._mean.copy()

@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
 from jointz.core.gait_phases import mean_phase
-from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
+from jointz.core.method_names import WITH_POSTERIOR
 from jointz.core.provenance import software
 from jointz.identify.walking.coupling import COUPLINGS, ModelError
 from jointz.identify.walking.decisions import with_model_error
@@ -282,8 +282,6 @@ def _points(
         return None, [f"{text} ({doubts})" if doubted else text]
     at_onset = base.endswith("_onset")
     phases = [c.onset_gait_pct if at_onset else c.centre_gait_pct for c in placed.values()]
-    method = next(iter(placed.values())).method
-    coupling = COUPLING_OF.get(method) or analysis.settings.get("coupling", "strap")
     points = _Points(
         posterior=posterior,
         cells=tuple(placed.values()),
@@ -291,7 +289,7 @@ def _points(
         phases=np.array(phases, dtype=float) / 100.0,
         places=np.array(list(placed)),
         per=per,
-        error=COUPLINGS[coupling].error,
+        error=COUPLINGS[analysis.coupling].error,
     )
     return points, [f"curve of {name} of {posterior.label}: {doubts}"] * bool(doubted)
 

@@ -185,27 +185,26 @@ class CellPredictor:
     def example(
         self,
         cell: PredictedCell,
-        chosen: np.ndarray | None = None,
+        chosen: np.ndarray,
         *,
         n: int,
-        response_of: Callable[[np.ndarray, float], np.ndarray] | None = None,
+        response_of: Callable[[np.ndarray, float], np.ndarray],
     ) -> PulseExample:
-        """Return n samples of one of the used pulses, or of those chosen.
+        """Return n samples of one of the chosen pulses that are used.
 
         ``response_of`` returns the response as it is averaged from the turned one, (rows, n), and
-        the sign of the pulse; by default the turned angle.
+        the sign of the pulse.
         """
-        places = np.arange(len(cell.used)) if chosen is None else np.flatnonzero(chosen)
+        places = np.flatnonzero(chosen)
         responses = cell.predicted.responses[cell.kept][places, :, :n]
         best = example_place(responses[:, 0])
         candidate, response = cell.used[places[best]], responses[best]
         signals = self._predictor(candidate.source).signals
-        sign = candidate.pulse.sign
         return PulseExample(
             recording=candidate.record.recording,
             onset_s=candidate.pulse.onset_s,
             **recorded_pulse(candidate, response, signals, cell.period_s),
-            response=response[0] if response_of is None else response_of(response, sign),
+            response=response_of(response, candidate.pulse.sign),
             n_averaged=len(places),
         )
 

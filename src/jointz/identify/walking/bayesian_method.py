@@ -174,10 +174,8 @@ class _Explained:
             of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
         if self.sensors_contradict:
             of_person.add(Doubt.SENSORS_CONTRADICT)
-        found = doubts_of(self.posterior, self.moments, self.body, self.instruments)
-        # Of a leg that neither softens nor moves under a cuff, held torque shows K, too.
-        harmless = set() if self.coupling.is_strap else {Doubt.HELD_TORQUE}
-        return tuple((doubts | of_person) - harmless for doubts in found)
+        found = doubts_of(self.posterior, self.moments, self.body, self.instruments, self.coupling)
+        return tuple(doubts | of_person for doubts in found)
 
     @property
     def unlikely(self) -> tuple[UnlikelyParameter, ...]:

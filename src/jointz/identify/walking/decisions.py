@@ -13,7 +13,7 @@ from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.walking.body import Body
 from jointz.identify.walking.bounded_normal import bounded_interval
-from jointz.identify.walking.coupling import STRAP, ModelError
+from jointz.identify.walking.coupling import STRAP, Coupling, ModelError
 from jointz.identify.walking.estimands import ESTIMANDS, LogMoments
 from jointz.identify.walking.posterior import LegPosterior
 from jointz.identify.walking.prior import LAG_MODEL_S, untransformed
@@ -106,6 +106,7 @@ def doubts_of(
     moments: LogMoments,
     body: Body,
     unlikely: Sequence[UnlikelyParameter],
+    coupling: Coupling = STRAP,
 ) -> tuple[set[Doubt], ...]:
     """Return what speaks against the model at each timing point.
 
@@ -127,9 +128,17 @@ def doubts_of(
         of_person
         | ({Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set())
         | ({Doubt.INERTIA_UNLIKE_AT_POINT} if unlike[point] else set())
-        | ({Doubt.HELD_TORQUE} if holds_one_torque(posterior.model.points[point]) else set())
+        | held_torque(posterior.model.points[point], coupling)
         for point, misfit in enumerate(posterior.best.misfits)
     )
+
+
+def held_torque(point: PointResponse, coupling: Coupling) -> set[Doubt]:
+    """Return the doubt of pulses that hold one torque, empty for others.
+
+    Of a leg that neither softens nor moves under a cuff, they show K, too.
+    """
+    return {Doubt.HELD_TORQUE} if coupling.is_strap and holds_one_torque(point) else set()
 
 
 def holds_one_torque(point: PointResponse) -> bool:

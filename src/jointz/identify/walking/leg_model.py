@@ -15,6 +15,7 @@ from jointz.identify.preparation.raw_signals import ENCODER, JOINT_VELOCITY, SHA
 from jointz.identify.walking.coupling import STRAP, ModelError
 from jointz.identify.walking.responses import GONIOMETER, PointResponse
 from jointz.kernels import strapped_leg as leg
+from jointz.kernels.steps import at_steps
 from jointz.results.value_scale import ValueScale
 
 #: Scale on which K is estimated.
@@ -166,7 +167,7 @@ class LegModel:
         among = self._correlation(self.knots_s) + _KNOT_NUGGET * np.eye(self.knots_s.size)
         self._knot_inverse = np.linalg.inv(among)
         self._torques = [
-            np.stack([_at_steps(s.torque, p.period_s) for s in p.shapes]) for p in points
+            np.stack([at_steps(s.torque, _substeps(p.period_s)) for s in p.shapes]) for p in points
         ]
 
     def with_points(self, points: Sequence[PointResponse]) -> "LegModel":
@@ -215,7 +216,7 @@ class LegModel:
         torque[1] = small
         out = self._run(
             point,
-            _at_steps(torque, self.points[point].period_s)[None],
+            at_steps(torque, _substeps(self.points[point].period_s))[None],
             (stiffness, damping, inertia),
             parameters,
         )
@@ -321,10 +322,3 @@ class LegModel:
 def _substeps(period_s: float) -> int:
     """Return the number of steps of the integration in one sample."""
     return max(1, int(np.ceil(period_s / _STEP_S - 1e-6)))
-
-
-def _at_steps(torque: np.ndarray, period_s: float) -> np.ndarray:
-    """Return the torque at the steps of the integration, linear between samples."""
-    substeps = _substeps(period_s)
-    steps = np.arange((torque.size - 1) * substeps + 1) / substeps
-    return np.asarray(np.interp(steps, np.arange(torque.size), torque))

@@ -57,15 +57,17 @@ def explain(
     """
     several = bool(model.layout.sensors)
     one_mode = len(model.layout.sensors) > 1
-    known = len(model.points) * all(np.isfinite(point.phase) for point in model.points)
-    usual = priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=known)
+    known = all(np.isfinite(point.phase) for point in model.points)
+    usual = priors.coupling.hypotheses_of(
+        priors.spec, several_sensors=several, phases=len(model.points) if known else 0
+    )
     tried: list[tuple[Hypothesis, MapFit]] = []
     for hypothesis in hypotheses or usual:
+        if _is_far_less_likely(hypothesis, tried):
+            continue
         best = max((fit for _, fit in tried), key=lambda fit: fit.log_evidence, default=None)
         same = [fit for h, fit in tried if h.shared == hypothesis.shared]
         alike = max(same, key=lambda fit: fit.log_evidence, default=best)
-        if _is_far_less_likely(hypothesis, tried):
-            continue
         prior = priors.build(model, hypothesis)
         if best and alike:
             starts = [_start(model, hypothesis, prior, fit) for fit in dict.fromkeys((alike, best))]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, logit
 
-from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior
+from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, SharePrior, spread_of
 from jointz.core.study import Calibrated
 from jointz.identify.walking.body import Body
 from jointz.identify.walking.coupling import STRAP, Coupling, Hypothesis
@@ -165,11 +165,10 @@ def untransformed(name: str, value: float) -> float:
 
 def _moments(prior: AnyPrior) -> tuple[float, float]:
     """Return mean and sd of the transformed quantity."""
-    if isinstance(prior, LogPrior):
-        return float(np.log(prior.median)), prior.log_sd
-    if isinstance(prior, SharePrior):
-        return float(logit(prior.median)), prior.logit_sd
-    return prior.mean, prior.sd
+    if isinstance(prior, NormalPrior):
+        return prior.mean, prior.sd
+    transformed = np.log if isinstance(prior, LogPrior) else logit
+    return float(transformed(prior.median)), spread_of(prior)
 
 
 def _correlation(
