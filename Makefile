@@ -32,8 +32,7 @@ SLOW_identify := tests/unit/identify tests/unit/benchmarks \
 	tests/integration/test_refusal_rates.py tests/integration/test_steep_change.py
 SLOW_stats := tests/unit/stats tests/unit/kernels tests/unit/pooling tests/unit/comparison \
 	tests/integration/test_calibration_of_tests.py
-SLOW_runtime := tests/unit/experiment tests/unit/session tests/unit/devices tests/unit/console \
-	tests/unit/calibration $(wildcard tests/integration/test_run*.py)
+SLOW_runtime := tests/unit/rig $(wildcard tests/integration/test_run*.py)
 SLOW_docs := tests/unit/docs tests/integration/test_demo.py
 SLOW_reproduction := reproduction/tests
 # What no other part names.
@@ -54,7 +53,7 @@ endef
 # The drivers on the real opensourceleg and flexsea, and the main jobs on the numpy and pandas
 # that these need.
 test-osl: .venv-osl/.installed-osl
-	JOINTZ_REQUIRE="opensourceleg flexsea" .venv-osl/bin/python -m pytest tests/unit/devices -k "opensourceleg or dephy"
+	JOINTZ_REQUIRE="opensourceleg flexsea" .venv-osl/bin/python -m pytest tests/unit/rig/devices -k "opensourceleg or dephy"
 	rm -rf build/osl
 	mkdir -p build/osl
 	.venv-osl/bin/jointz --help >build/osl/help.txt

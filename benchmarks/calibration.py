@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from jointz.calibration.calibrate import calibrate
 from jointz.core.study import CalibrationSpec
 from jointz.io.calibration_file import write_into_study
 from jointz.results.bench.calibration_fit import STEPS
-from jointz.session.run import run
+from jointz.rig.calibration.calibrate import calibrate
+from jointz.rig.session.run import run
 from jointz.tasks.engine import Task, done_in_turn
 from jointz.tasks.open_engine import open_engine
 

@@ -26,11 +26,11 @@ from jointz.results.certificate_result import (
     expected_errors,
 )
 from jointz.results.estimates import CellEstimate
-from jointz.session.run import TRUTH_FILE
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.own_truth import cell_truth, own_truth
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
+from jointz.rig.session.run import TRUTH_FILE
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.own_truth import cell_truth, own_truth
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
 from jointz.tasks.open_engine import open_engine
 
 Truth = Mapping[str, Mapping[str, Mapping[str, float]]]

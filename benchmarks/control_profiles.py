@@ -16,12 +16,12 @@ import numpy as np
 import jointz
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, mean_velocity
 from jointz.core.errors import JointzError
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
-from jointz.sim.path import path
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset as preset_named
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset as preset_named
+from jointz.rig.sim.rig import SimulatedRig
+from jointz.rig.sim.walking.path import path
 
 QUANTITIES = ("stiffness", "damping", "equilibrium")
 _CURVES = ("stiffness", "damping", "moment")

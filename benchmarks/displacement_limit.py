@@ -20,15 +20,15 @@ from jointz.core.clock import VirtualClock
 from jointz.core.limits import LimitsOverride, SafetyLimits, tightened
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.session_log import Flag
-from jointz.experiment import pulse_runner, scheduler, session
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.session.worker_pool import NoOperator
-from jointz.sim import rig as rigs
-from jointz.sim.benches.running_plant import RunningPlant
-from jointz.sim.layout import State
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset as preset_named
+from jointz.rig.experiment import pulse_runner, scheduler, session
+from jointz.rig.session.worker_pool import NoOperator
+from jointz.rig.sim import rig as rigs
+from jointz.rig.sim.benches.running_plant import RunningPlant
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset as preset_named
+from jointz.rig.sim.walking.layout import State
 
 PERIOD_S = 0.002
 #: A knee is back after a pulse of 250 ms within so many ticks of its onset.

@@ -23,7 +23,7 @@ from benchmarks.kept import Entry, add_options, by_person
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.participant import analyze_participant
 from jointz.results.estimates import CellEstimate
-from jointz.sim.presets import preset
+from jointz.rig.sim.presets import preset
 
 PRESETS = ("nominal", "anthropometric", "hard", "realistic")
 _METHOD = "dissertation"

@@ -21,10 +21,10 @@ import pandas as pd
 from benchmarks.realistic.rows import METHOD, ROWS, cells_of, preset_of, set_window
 
 import jointz
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.motion_sensors import draw_motion_instruments
-from jointz.sim.own_truth import own_truth
-from jointz.sim.people import draw_instruments, draw_person
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.own_truth import own_truth
+from jointz.rig.sim.people import draw_instruments, draw_person
+from jointz.rig.sim.sensors.motion_sensors import draw_motion_instruments
 
 #: Name -> SD of lags (s) and relative SD of gains.
 CALIBRATIONS: Mapping[str, tuple[float, float]] = {

@@ -21,10 +21,10 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.sim.gait_motion import GaitMotion, draw_shift
-from jointz.sim.path import path
-from jointz.sim.people import draw_person, personal_preset
-from jointz.sim.presets import PRESETS, GaitSettings
+from jointz.rig.sim.people import draw_person, personal_preset
+from jointz.rig.sim.presets import PRESETS, GaitSettings
+from jointz.rig.sim.walking.gait_motion import GaitMotion, draw_shift
+from jointz.rig.sim.walking.path import path
 
 OUTPUT = Path(__file__).parents[1] / "docs" / "tables" / "unpredictability.csv"
 HORIZONS_S = (0.05, 0.10, 0.15)

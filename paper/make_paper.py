@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 
 import jointz
-from jointz.devices import drivers
-from jointz.experiment import controllers
 from jointz.identify import estimators
 from jointz.io.formats import registry
 from jointz.io.protocols import builtin_protocols
@@ -32,6 +30,8 @@ from jointz.report.style import (
     to_pdf,
 )
 from jointz.results.figure_style import BLUE, FAINT, GREEN, VERMILION, WIDTH_MM, figure_style
+from jointz.rig.devices import drivers
+from jointz.rig.experiment import controllers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,13 +24,13 @@ from jointz.io.study_reader import open_study
 from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.session.participant_run import run_participant
-from jointz.session.run_settings import RunSettings
-from jointz.session.study_file import study_toml
-from jointz.session.worker_pool import NoOperator
-from jointz.sim.benches.bench_load import draw_load
-from jointz.sim.benches.sea import sea_preset
-from jointz.sim.benches.sea_bench_rig import SeaBench
+from jointz.rig.session.participant_run import run_participant
+from jointz.rig.session.run_settings import RunSettings
+from jointz.rig.session.study_file import study_toml
+from jointz.rig.session.worker_pool import NoOperator
+from jointz.rig.sim.benches.bench_load import draw_load
+from jointz.rig.sim.benches.sea import sea_preset
+from jointz.rig.sim.benches.sea_bench_rig import SeaBench
 from reproduction import printed_numbers
 from reproduction.chapter2_loads import PARAMETERS, error_pct
 from reproduction.reproduction_tables import ComparedTable, compare, compared_table
@@ -46,7 +46,7 @@ class Mechanism:
     """One way to be wrong."""
 
     name: str  # name in tables and figures
-    # field of :class:`jointz.sim.benches.sea.SeaErrors` -> value
+    # field of :class:`jointz.rig.sim.benches.sea.SeaErrors` -> value
     errors: Mapping[str, Any] = field(default_factory=dict)
     window_filter_hz: float = 0.0  # zero-phase low-pass inside the cut window; 0: none
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jointz.io.protocols import load_protocol
-from jointz.session.run import TRUTH_FILE, run
+from jointz.rig.session.run import TRUTH_FILE, run
 from jointz.tasks.engine import Task, done_in_turn
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress

@@ -6,10 +6,10 @@ from typing import Final
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.io.protocols import load_protocol
 from jointz.reference import Printed, chapter2, chapter3, chapter4
-from jointz.sim import people
-from jointz.sim.benches.qdd_bench import qdd_preset
-from jointz.sim.benches.sea import sea_preset
-from jointz.sim.presets import preset as people_preset
+from jointz.rig.sim import people
+from jointz.rig.sim.benches.qdd_bench import qdd_preset
+from jointz.rig.sim.benches.sea import sea_preset
+from jointz.rig.sim.presets import preset as people_preset
 from reproduction import printed_numbers
 from reproduction.reproduction_tables import Compared, ComparedTable, compare, texts
 

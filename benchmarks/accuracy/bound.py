@@ -28,11 +28,11 @@ from benchmarks.accuracy.linear_joint import Joint, response_matrix
 from benchmarks.accuracy.people import Simulated, cell_truth
 from benchmarks.accuracy.rows import Row
 
-from jointz.devices.interface import Stretch
-from jointz.sim.direct_walk import Walk, WalkPlan, walk_directly
-from jointz.sim.layout import Param
-from jointz.sim.plant_build import PlantBuild
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import Walk, WalkPlan, walk_directly
+from jointz.rig.sim.rig import SimulatedRig
+from jointz.rig.sim.walking.layout import Param
+from jointz.rig.sim.walking.plant_build import PlantBuild
 
 WINDOW_S = 0.1
 #: The share of pure delay in the lag is 0 to 1 for all a lab knows.

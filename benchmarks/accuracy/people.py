@@ -9,14 +9,14 @@ from benchmarks.accuracy.rows import Row
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
-from jointz.devices.interface import Stretch
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.study_kinds import WALKING
-from jointz.sim.descriptions import exoskeleton
-from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
-from jointz.sim.own_truth import cell_truth as cell_truth
-from jointz.sim.people import Person, draw_person
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.descriptions import exoskeleton
+from jointz.rig.sim.direct_walk import QUICK_GRID, WALKING_PULSE, Walk, WalkPlan, walk_directly
+from jointz.rig.sim.own_truth import cell_truth as cell_truth
+from jointz.rig.sim.people import Person, draw_person
+from jointz.rig.sim.rig import SimulatedRig
 
 
 @dataclass(frozen=True, slots=True)

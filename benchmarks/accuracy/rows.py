@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from math import radians
 from typing import Any, Literal
 
-from jointz.sim.presets import ActuatorSettings, Preset, ReflexSettings, preset
+from jointz.rig.sim.presets import ActuatorSettings, Preset, ReflexSettings, preset
 
 PARAMETERS = ("stiffness", "damping", "inertia")
 

@@ -12,11 +12,11 @@ from benchmarks.kept import Entry
 from benchmarks.realistic.rows import ROWS, set_window
 
 import jointz
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.own_truth import own_truth
-from jointz.sim.people import Person, draw_person
-from jointz.sim.presets import preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.own_truth import own_truth
+from jointz.rig.sim.people import Person, draw_person
+from jointz.rig.sim.presets import preset
 
 #: How much stiffer knees are in the second condition: mean, and sd of the logarithm over people.
 STIFFER, _OWN_SD = 1.2, 0.08

@@ -17,11 +17,11 @@ from benchmarks.realistic.rows import (
 
 import jointz
 from jointz.core.protocols.pulse_models import TrapezoidPulse
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.own_truth import own_truth
-from jointz.sim.people import Person, draw_person
-from jointz.sim.presets import Preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.own_truth import own_truth
+from jointz.rig.sim.people import Person, draw_person
+from jointz.rig.sim.presets import Preset
 
 _RESAMPLES = 10
 WINDOW_S = 0.15

@@ -15,9 +15,9 @@ from jointz.planning.lab_of_study import lab_of_study
 from jointz.planning.laboratory import Actuator, Laboratory
 from jointz.planning.predicted_estimates import PlannedLeg, drawn_parameters, typical_leg
 from jointz.planning.schedule import Schedule, recorded_schedule
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.people import draw_person
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.people import draw_person
 
 #: Strides of the pilot: about four minutes.
 PILOT_STRIDES = 200

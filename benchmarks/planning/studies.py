@@ -21,11 +21,11 @@ from benchmarks.realistic.rows import PRESET
 
 from jointz.io.protocols import load_protocol
 from jointz.planning.plan_study import plan
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.motion_sensors import with_sensors
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.sensors.motion_sensors import with_sensors
 
 _SENSORS = (
     ("goniometer",),

@@ -7,8 +7,8 @@ cases at once. ``scores.csv`` has one row a quantity, ``summary.txt`` the counts
 ``--code PATH`` puts another version's ``src`` first on PYTHONPATH.
 
 Cases ``strapped`` came later, with the method of this name and knowledge of it: the walkers are
-those of :mod:`jointz.sim`, the mistakes the same and those of the benches. Cases ``walking`` have
-a rigidly coupled device, and say so.
+those of :mod:`jointz.rig.sim`, the mistakes the same and those of the benches. Cases ``walking``
+have a rigidly coupled device, and say so.
 
 Bench cases go through ``analyze`` with ``kind = "bench"``: the code that this was written on has
 no command ``identify bench``. ``analyze`` has no option that turns the certificate off.

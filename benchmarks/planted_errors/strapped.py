@@ -1,6 +1,6 @@
 """Walking with doublets and a device strapped to the leg: a study that the method strapped decides.
 
-The person is one of the preset ``anthropometric`` of :mod:`jointz.sim`, not of this package's
+The person is one of the preset ``anthropometric`` of :mod:`jointz.rig.sim`, not of this package's
 physics; mistakes and files are the benchmark's.
 """
 
@@ -11,14 +11,14 @@ import xarray as xr
 from benchmarks.planted_errors.physics import CLIP, POINTS, Recording, Truth, actuate
 
 from jointz.core.protocols.pulse_models import DoubletPulse
-from jointz.devices.interface import Stretch
 from jointz.identify.preparation.conditioning import torque_from_current
-from jointz.sim import direct_walk
-from jointz.sim.descriptions import exoskeleton
-from jointz.sim.direct_walk import QUICK_GRID, Walk, WalkPlan, walk_directly
-from jointz.sim.people import Person, draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim import direct_walk
+from jointz.rig.sim.descriptions import exoskeleton
+from jointz.rig.sim.direct_walk import QUICK_GRID, Walk, WalkPlan, walk_directly
+from jointz.rig.sim.people import Person, draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 Params = dict[str, Any]
 WINDOW_S = 0.15

@@ -15,11 +15,11 @@ from jointz.analysis.page.uncertainty_section import uncertainty_section
 from jointz.core.protocols.pulse_models import DoubletPulse
 from jointz.report.wording import parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.own_truth import own_truth
-from jointz.sim.people import draw_person
-from jointz.sim.presets import Preset, preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.own_truth import own_truth
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import Preset, preset
 
 PRESET = "realistic"
 PARAMETERS = ("stiffness", "damping", "inertia")

@@ -10,7 +10,7 @@ from benchmarks.speed.cost import Figure, in_turns
 from scipy.ndimage import gaussian_filter1d
 
 from jointz.core.clock import VirtualClock
-from jointz.sim.rig import simulated_rig
+from jointz.rig.sim.rig import simulated_rig
 from jointz.stats import mixed_model, sign_flip_max_t, spm_paired_t
 
 PERIOD_NS, SUBSTEPS = 2_000_000, 10

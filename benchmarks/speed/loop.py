@@ -11,7 +11,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from jointz.core.clock import RealClock
-from jointz.experiment.loop import ControlLoop, undisturbed
+from jointz.rig.experiment.loop import ControlLoop, undisturbed
 
 RATES_HZ = (500, 1000)
 

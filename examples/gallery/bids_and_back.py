@@ -17,8 +17,8 @@ import jointz
 from jointz.conversion.bids_study import write_bids
 from jointz.io.bids.bids_read import read_bids
 from jointz.io.recordings import read_recording
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 folder = Path(mkdtemp())
 study = simulate_study(

@@ -10,7 +10,7 @@ sensors and calibration - if its people are like the simulated ones.
 from tempfile import mkdtemp
 
 import jointz
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", participants=2, lag_sd_s=0.001, seed=9)
 certificate = jointz.certify(study, people=8, seed=1)

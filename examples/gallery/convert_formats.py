@@ -18,7 +18,7 @@ from jointz.core.errors import DataError
 from jointz.core.recording import build_recording
 from jointz.io.formats.netcdf_recording import write_recording
 from jointz.io.formats.registry import read_acquisition
-from jointz.sim.knee_joint import knee_angle
+from jointz.rig.sim.walking.knee_joint import knee_angle
 
 # %%
 # Ten seconds of a knee, on a clock that is not quite even, with two samples that are missing:

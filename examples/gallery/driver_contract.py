@@ -3,15 +3,15 @@ Is my driver a device?
 ======================
 
 A driver of your own is tested against the same contract as ours:
-:class:`jointz.testing.ActuatorContract` and :class:`jointz.testing.SensorContract` hold what a
-device must do, first of all that it goes to zero torque without commands.
+:class:`jointz.rig.testing.ActuatorContract` and :class:`jointz.rig.testing.SensorContract` hold
+what a device must do, first of all that it goes to zero torque without commands.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from jointz.core.clock import VirtualClock
-from jointz.testing import (
+from jointz.rig.testing import (
     ActuatorContract,
     ScriptedActuator,
     ScriptedSensor,

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 # %%
 # One person with instruments that are not good (preset ``hard``), analysed without and with a

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 
 import jointz
 from jointz.demo.demo_study import truth_table
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 
 folder = simulate_study(mkdtemp() + "/study", participants=2, seed=1)
 print((folder / "study.toml").read_text().split("\n\n")[0])

@@ -15,7 +15,7 @@ from time import perf_counter
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.task_store import TaskStore
 

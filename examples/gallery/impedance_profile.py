@@ -19,8 +19,8 @@ from jointz.control.profile_file import read_profile, write_profile
 from jointz.control.rendering.actuators import read_actuator
 from jointz.control.rendering.check import check_rendering
 from jointz.control.writers import export_profile
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 # %%
 # A simulated person, whose rig measures the internal moment of the knee, too:

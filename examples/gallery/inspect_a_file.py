@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from jointz.inspection.inspect_file import inspect_file
-from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 # %%
 # The file, of a logger that lost a second of its record:

@@ -14,7 +14,7 @@ import numpy as np
 from jointz.identify.bench.bench_records import BenchTrial
 from jointz.identify.bench.full_record import Impedance, fit_full_record
 from jointz.identify.bench.pulse_likelihood import fit_pulse
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 168.0, 0.5, 0.0364
 # The device's own, measured beforehand; of the dissertation's, section 2.2.2.

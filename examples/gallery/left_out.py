@@ -13,7 +13,7 @@ import numpy as np
 
 import jointz
 from jointz.io.formats.netcdf_recording import read_recording, write_recording
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", seed=17)
 

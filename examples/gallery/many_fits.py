@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 import jointz
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 from jointz.tasks.engine import Task, done_in_turn
 from jointz.tasks.open_engine import open_engine
 
@@ -47,7 +47,7 @@ tasks = [
     for noise in noises
     for seed in range(12)
 ]
-with open_engine(workers=1, tasks=len(tasks), needs="jointz.identify.series.joint") as engine:
+with open_engine(workers=1, tasks=len(tasks), needs="jointz.identify.record.joint") as engine:
     found = np.array([done.result() for done in done_in_turn(engine, tasks)])
 found = found.reshape(len(noises), -1, 3)
 

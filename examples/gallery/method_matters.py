@@ -12,7 +12,7 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 
 study = jointz.open_study(simulate_study(mkdtemp() + "/study", seed=8))
 methods = ("bayesian", "dissertation", "matched_strides", "instrumental_variable")

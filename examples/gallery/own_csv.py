@@ -16,11 +16,11 @@ import pandas as pd
 
 import jointz
 from jointz.core.errors import StudyError
-from jointz.devices.interface import Stretch
-from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 # %%
 # Two recordings as a lab has them, with a torque cell between strap and leg: neither friction nor

@@ -12,8 +12,8 @@ from tempfile import mkdtemp
 import matplotlib.pyplot as plt
 
 import jointz
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 from jointz.stats.people_likelihoods import PeopleResults
 from jointz.stats.people_together import PeopleTogether, together
 

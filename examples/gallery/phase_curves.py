@@ -13,11 +13,11 @@ import numpy as np
 
 import jointz
 from jointz.identify.over_cycle.phase_curve import timing_points_of_phases
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.impedance_curves import impedance_over_cycle
-from jointz.sim.people import draw_person
-from jointz.sim.presets import JointSettings, preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import JointSettings, preset
+from jointz.rig.sim.walking.impedance_curves import impedance_over_cycle
 
 # %%
 # A plan may spread its pulses over the cycle; phases that were measured become timing points:

@@ -12,8 +12,8 @@ import jointz
 from jointz.io.protocols import load_protocol
 from jointz.planning.page import write_plan
 from jointz.planning.plan_study import plan_recorded
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 plan = jointz.plan("walking_doublets", minutes=20)
 print(plan.summary())

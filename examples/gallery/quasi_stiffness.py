@@ -11,7 +11,7 @@ import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference.chapter4 import STIFFNESS_MEANS
-from jointz.sim.knee_joint import impedance_curve, knee_angle
+from jointz.rig.sim.walking.knee_joint import impedance_curve, knee_angle
 from jointz.stats import compare_quasi_stiffness, quasi_stiffness
 
 # %%

@@ -2,7 +2,7 @@
 What does the safety gate let through?
 ======================================
 
-Every torque passes :class:`~jointz.experiment.safety.SafetyGate` last, before the device. It
+Every torque passes :class:`~jointz.rig.experiment.safety.SafetyGate` last, before the device. It
 clamps what is asked for too much, and ends the trial for what is measured: a sensor that goes
 blind, a posture, a speed. Here a scripted device misbehaves.
 """
@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jointz.core.clock import VirtualClock
-from jointz.experiment.safety import SafetyGate
-from jointz.testing import Deviation, ScriptedActuator, ScriptedSensor, replay
+from jointz.rig.experiment.safety import SafetyGate
+from jointz.rig.testing import Deviation, ScriptedActuator, ScriptedSensor, replay
 
 RATE = 500.0
 PERIOD_NS = round(1e9 / RATE)

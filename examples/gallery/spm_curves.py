@@ -9,7 +9,7 @@ random field theory, :func:`jointz.stats.spm_unpaired_t` does so for two groups 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from jointz.sim.knee_joint import knee_angle
+from jointz.rig.sim.walking.knee_joint import knee_angle
 from jointz.stats import spm_paired_t, spm_unpaired_t
 
 # %%

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 146.39, 0.6, 0.02
 RATE = 500.0

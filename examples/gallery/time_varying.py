@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 import jointz
-from jointz.sim.knee_joint import knee_angle, respond
+from jointz.rig.sim.walking.knee_joint import knee_angle, respond
 
 RATE, STRIDE_S, STRIDES = 500.0, 1.1, 150
 

@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 from scipy.io import savemat
 
-from jointz.sim.direct_walk import WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.plant_build import Grid
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.sim.direct_walk import WALKING_PULSE, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
+from jointz.rig.sim.walking.plant_build import Grid
 
 SEED, CAMERA_HZ, CARD_HZ = 8, 240.0, 1000.0
 TIMING_POINTS = {"stance": 21.5, "push_off": 56.0, "swing": 81.0}

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from jointz.devices.interface import Stretch
-from jointz.sim.direct_walk import WALKING_PULSE, Walk, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.plant_build import Grid
-from jointz.sim.presets import Preset, preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import WALKING_PULSE, Walk, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import Preset, preset
+from jointz.rig.sim.rig import SimulatedRig
+from jointz.rig.sim.walking.plant_build import Grid
 
 SEED = 8
 RATE_HZ = 500.0

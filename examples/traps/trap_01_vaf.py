@@ -17,7 +17,7 @@ import numpy as np
 
 import jointz
 from jointz.demo.demo_study import truth_table
-from jointz.session.simulate_study import simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 
 study = simulate_study(mkdtemp() + "/study", participants=2, seed=4)
 analysis = jointz.analyze(study, resamples=50)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 import jointz
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 TRUTH = {"stiffness": 60.0, "damping": 1.5, "inertia": 0.05}
 RATE = 1000.0

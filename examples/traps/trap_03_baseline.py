@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 import jointz
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.presets import preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.presets import preset
 
 usual = preset("nominal")
 perfect = replace(preset("clean"), name="clean but for strides", gait=usual.gait)

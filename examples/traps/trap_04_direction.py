@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import butter, csd, sosfilt, welch
 
 import jointz
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 TRUTH = {"stiffness": 60.0, "damping": 1.5, "inertia": 0.05}
 RATE = 500.0

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 50.0, 1.5, 0.05
 RATE = 1000.0

@@ -15,8 +15,8 @@ import numpy as np
 
 import jointz
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.presets import preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.presets import preset
 
 # %%
 # One study with perfect instruments, analysed as if something else were known of its torque:

@@ -17,12 +17,12 @@ import pandas as pd
 
 import jointz
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
-from jointz.sim.impedance_curves import impedance_over_cycle
-from jointz.sim.knee_joint import respond
-from jointz.sim.people import draw_person
-from jointz.sim.presets import JointSettings, preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import JointSettings, preset
+from jointz.rig.sim.walking.impedance_curves import impedance_over_cycle
+from jointz.rig.sim.walking.knee_joint import respond
 
 person = draw_person(1, seed=7)
 varies = replace(

@@ -14,7 +14,7 @@ from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import DeviceSpec, ParticipantSpec
 from jointz.identify.walking.gravity import gravity_stiffness, hanging_masses
 from jointz.reference.chapter4 import MASS, STIFFNESS_MEANS
-from jointz.sim.knee_joint import knee_angle
+from jointz.rig.sim.walking.knee_joint import knee_angle
 
 person = ParticipantSpec(id="S01", mass_kg=MASS.value, height_m=1.70)
 legs = {

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jointz
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 60.0, 1.8, 0.05
 SOFTENING = 0.6  # rad: where the stiffness has halved

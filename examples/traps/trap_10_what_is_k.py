@@ -12,11 +12,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.devices.interface import Stretch
-from jointz.sim.direct_walk import WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.impedance_curves import impedance_over_cycle
-from jointz.sim.knee_joint import respond
-from jointz.sim.rig import simulated_rig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import WALKING_PULSE, WalkPlan, walk_directly
+from jointz.rig.sim.rig import simulated_rig
+from jointz.rig.sim.walking.impedance_curves import impedance_over_cycle
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 60.0, 2.0, 0.06
 RATE = 2000.0

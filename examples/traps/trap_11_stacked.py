@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from jointz.sim.knee_joint import respond
+from jointz.rig.sim.walking.knee_joint import respond
 
 K, B, J = 30.0, 1.5, 0.05
 RATE, TRIALS, STUDIES = 500.0, 30, 40

@@ -16,8 +16,8 @@ from scipy.signal import butter, lfilter, sosfilt
 
 import jointz
 from jointz.demo.demo_study import truth_table
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.presets import JointSettings, ReflexSettings, preset
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.presets import JointSettings, ReflexSettings, preset
 
 K, B, J = 60.0, 1.0, 0.015
 RATE = 1000.0

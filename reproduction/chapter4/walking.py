@@ -22,7 +22,7 @@ from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.statistics.waveform_test import WaveformTest
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.session.run import run
+from jointz.rig.session.run import run
 from jointz.stats.sign_flip import sign_flip_max_t
 from jointz.stats.spm import spm_paired_t
 from jointz.tasks.open_engine import open_engine

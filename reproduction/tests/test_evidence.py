@@ -28,7 +28,7 @@ from scipy.stats import spearmanr
 from tests.unit.report.pages import Page
 
 from jointz.reference import chapter4
-from jointz.sim.benches.sea import sea_preset
+from jointz.rig.sim.benches.sea import sea_preset
 
 NUMBERS = ComparedTable(
     "numbers",

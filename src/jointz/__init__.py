@@ -4,7 +4,10 @@ Importing the package does nothing but define where its names live; each name
 is loaded when it is first used.
 """
 
+import sys
 from importlib import import_module
+
+from jointz.former_places import FormerPlaces
 
 TYPE_CHECKING = False  # the module typing takes as long to load as Python
 if TYPE_CHECKING:
@@ -14,7 +17,6 @@ if TYPE_CHECKING:
     from jointz.analysis.analyze import analyze
     from jointz.analysis.certify import certify
     from jointz.analysis.saved_analysis import load
-    from jointz.calibration.calibrate import calibrate
     from jointz.control.make_profile import impedance_profile
     from jointz.identify.actuators.actuator import identify_actuator
     from jointz.identify.actuators.bandwidth import identify_bandwidth
@@ -23,23 +25,26 @@ if TYPE_CHECKING:
     from jointz.identify.bench.static_stiffness import identify_static_stiffness
     from jointz.identify.over_cycle.phase_curve import phase_curve
     from jointz.identify.over_cycle.time_varying import identify_time_varying
-    from jointz.identify.series.joint import identify_joint
+    from jointz.identify.record.joint import identify_joint
     from jointz.io.one_recording import read
     from jointz.io.study_reader import open_study
     from jointz.planning.plan_study import plan
     from jointz.pooling.pool import pool
-    from jointz.session.run import run
+    from jointz.rig.calibration.calibrate import calibrate
+    from jointz.rig.session.run import run
 
 __version__ = "0.1.0"
 
+sys.meta_path.insert(0, FormerPlaces())
+
 _HOMES = {
     "analyze": "jointz.analysis.analyze",
-    "calibrate": "jointz.calibration.calibrate",
+    "calibrate": "jointz.rig.calibration.calibrate",
     "certify": "jointz.analysis.certify",
     "identify_actuator": "jointz.identify.actuators.actuator",
     "identify_bandwidth": "jointz.identify.actuators.bandwidth",
     "identify_dither_stiffness": "jointz.identify.bench.dither_stiffness",
-    "identify_joint": "jointz.identify.series.joint",
+    "identify_joint": "jointz.identify.record.joint",
     "identify_paired_runs": "jointz.identify.bench.paired_runs",
     "identify_static_stiffness": "jointz.identify.bench.static_stiffness",
     "identify_time_varying": "jointz.identify.over_cycle.time_varying",
@@ -50,7 +55,7 @@ _HOMES = {
     "plan": "jointz.planning.plan_study",
     "pool": "jointz.pooling.pool",
     "read": "jointz.io.one_recording",
-    "run": "jointz.session.run",
+    "run": "jointz.rig.session.run",
 }
 
 #: Packages that belong to the public face.

@@ -10,17 +10,17 @@ from jointz.core.clock import RealClock, VirtualClock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.protocols.protocol_models import LoadSpec
 from jointz.core.study import Calibrated
-from jointz.devices.interface import Lifecycle
-from jointz.sim.benches.bench_rig import simulated_bench
-from jointz.sim.rig import simulated_rig
-from jointz.testing import (
+from jointz.rig.devices.interface import Lifecycle
+from jointz.rig.sim.benches.bench_rig import simulated_bench
+from jointz.rig.sim.rig import simulated_rig
+from jointz.rig.testing import (
     ActuatorContract,
     Deviation,
     ScriptedActuator,
     ScriptedSensor,
     SensorContract,
 )
-from jointz.testing.scripted import SCRIPTED_ACTUATOR
+from jointz.rig.testing.scripted import SCRIPTED_ACTUATOR
 
 MS = 1_000_000
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from jointz.identify.estimators import METHODS
-from jointz.testing.estimator_contract import EstimatorContract
+from jointz.rig.testing.estimator_contract import EstimatorContract
 
 CHECKS = [name for name in dir(EstimatorContract) if name.startswith("test_")]
 ACCOUNTS = "test_every_pulse_and_parameter_is_accounted_for"

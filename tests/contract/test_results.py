@@ -25,7 +25,6 @@ from scipy.signal import butter, sosfiltfilt
 
 import jointz
 from jointz.analysis.saved_analysis import Analysis
-from jointz.calibration.report import Calibration
 from jointz.comparison.comparison_result import Comparison
 from jointz.control.design import design_joint
 from jointz.control.rendering.actuators import read_actuator
@@ -87,6 +86,7 @@ from jointz.results.statistics.random_effects_fit import (
     StudyMean,
 )
 from jointz.results.study_analysis import PopulationEstimate
+from jointz.rig.calibration.report import Calibration
 
 # --- examples ------------------------------------------------------------------------------------
 

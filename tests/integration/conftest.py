@@ -12,16 +12,16 @@ from jointz.core.clock import VirtualClock
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.recording import build_recording
 from jointz.core.study import PerturbationsSpec
-from jointz.experiment.files.journal import read_journal
-from jointz.experiment.session import Session, SessionPlan
 from jointz.identify.participant import ParticipantResult, analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
 from jointz.identify.study_kinds import WALKING
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol, protocol_text
-from jointz.session.rigs.rig_settings import open_rig, rig_settings
-from jointz.session.worker_pool import NoOperator
-from jointz.sim.descriptions import exoskeleton
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.session import Session, SessionPlan
+from jointz.rig.session.rigs.rig_settings import open_rig, rig_settings
+from jointz.rig.session.worker_pool import NoOperator
+from jointz.rig.sim.descriptions import exoskeleton
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")
 

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 
 from jointz.core.codes import Failure
-from jointz.sim.descriptions import exoskeleton
-from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.sim.descriptions import exoskeleton
+from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 POINTS = {"LRE": 7.0, "ISW": 68.5}
 COLUMNS = ["angle", "current", "motor_angle", "motor_velocity", "contact"]

@@ -12,9 +12,9 @@ import pytest
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 
-from jointz.console.operator_commands import CONFIRMED_WITHIN_S, OperatorCommands
-from jointz.experiment.files.journal import read_journal
-from jointz.session.live.live_session import holder_of, is_held
+from jointz.rig.console.operator_commands import CONFIRMED_WITHIN_S, OperatorCommands
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.session.live.live_session import holder_of, is_held
 
 pytestmark = [
     pytest.mark.usefixtures("terminal_signals"),

@@ -15,9 +15,9 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from jointz.experiment.files.journal import read_journal
 from jointz.io.log_reader import read_log
-from jointz.session.live.live_session import holder_of, is_held
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.session.live.live_session import holder_of, is_held
 
 pytest.importorskip("nicegui", reason="nicegui is not installed")
 pytestmark = [
@@ -171,7 +171,7 @@ def made(shared):
 
 def end_session(made):
     """Stop what still runs; the session outlives its page."""
-    from jointz.console.operator_commands import OperatorCommands
+    from jointz.rig.console.operator_commands import OperatorCommands
 
     deadline = time.monotonic() + 15
     while is_held(made.study) and time.monotonic() < deadline:

@@ -14,8 +14,8 @@ from jointz.comparison.compare import compare_results
 from jointz.core.protocols.pulse_models import DoubletPulse
 from jointz.io.protocols import load_protocol
 from jointz.report.wording import DASH, MINUS
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 pytestmark = pytest.mark.slow
 

@@ -1,7 +1,7 @@
 """Other joints than the knee, other devices, one participant, and nobody perturbed.
 
 The truth of a joint at rest is a second-order system solved by scipy; walkers are those of
-:mod:`jointz.sim`. Neither shares anything with :mod:`jointz.identify`.
+:mod:`jointz.rig.sim`. Neither shares anything with :mod:`jointz.identify`.
 """
 
 import html
@@ -16,10 +16,10 @@ from scipy.signal import lsim
 from jointz.analysis.analyze import analyze
 from jointz.core.errors import StudyError
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.devices.interface import Stretch
 from jointz.io.study_reader import open_study
-from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.rig import simulated_rig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
+from jointz.rig.sim.rig import simulated_rig
 
 RATE_HZ = 500.0
 QUICK = ("--resamples", 50, "--no-figures", "--workers", 1)

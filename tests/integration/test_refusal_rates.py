@@ -2,10 +2,10 @@
 
 import pytest
 
-from jointz.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.sim.direct_walk import QUICK_GRID, WALKING_PULSE, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 BOTH = WALKING_PULSE.model_copy(update={"direction": "both"})
 

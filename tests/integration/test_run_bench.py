@@ -13,11 +13,11 @@ import jointz
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DeviceError, SafetyStop
 from jointz.core.session_log import Flag
-from jointz.experiment.files.journal import read_journal
-from jointz.experiment.trial_kinds import BENCH_TRIALS
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.trial_kinds import BENCH_TRIALS
 
 PERIOD_S = 1.0 / 900.0
 

@@ -13,15 +13,15 @@ from jointz.core.errors import DataError, DeviceError, ProtocolError, SafetyStop
 from jointz.core.limits import LimitsOverride
 from jointz.core.protocols.protocol_models import ControllerSpec
 from jointz.core.session_log import Flag
-from jointz.experiment import trial
-from jointz.experiment.controller_runner import FADE_IN_S
-from jointz.experiment.controllers import GROUP, ControlParameter
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording
 from jointz.io.study_reader import open_study
-from jointz.session.run import run
-from jointz.sim.simulated_devices import SimulatedSensor
+from jointz.rig.experiment import trial
+from jointz.rig.experiment.controller_runner import FADE_IN_S
+from jointz.rig.experiment.controllers import GROUP, ControlParameter
+from jointz.rig.session.run import run
+from jointz.rig.sim.simulated_devices import SimulatedSensor
 
 PERIOD_S = 0.002
 #: By then gait has long been steady and the torque has faded in.

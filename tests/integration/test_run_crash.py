@@ -14,12 +14,12 @@ import pytest
 import jointz
 from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.core.session_log import WALKING
-from jointz.experiment.files.journal import read_journal
-from jointz.experiment.files.recorder import Recorder
-from jointz.experiment.trial_kinds import WALKING_TRIALS
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
-from jointz.sim.simulated_devices import SimulatedActuator
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.recorder import Recorder
+from jointz.rig.experiment.trial_kinds import WALKING_TRIALS
+from jointz.rig.sim.simulated_devices import SimulatedActuator
 
 #: Place of the number of the pulse in a record.
 PULSE = [field.name for field in WALKING.fields].index("pulse")

@@ -13,10 +13,10 @@ import pytest
 
 import jointz
 from jointz.core.errors import DataError, DeviceError, OutputError, ProtocolError, WriteError
-from jointz.experiment.files.journal import read_journal
-from jointz.experiment.files.recorder import Recorder
-from jointz.session.session_check import write_down_losses
-from jointz.sim.simulated_devices import SimulatedActuator
+from jointz.rig.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.recorder import Recorder
+from jointz.rig.session.session_check import write_down_losses
+from jointz.rig.sim.simulated_devices import SimulatedActuator
 
 PULSES = 4
 
@@ -209,7 +209,7 @@ def test_a_study_that_lacks_a_recording_is_not_called_complete(protocol, finishe
 
 def test_no_device_is_opened_while_another_process_runs_the_study(protocol, out, monkeypatch):
     opened = []
-    monkeypatch.setattr("jointz.session.run.open_rig", lambda *_: opened.append("rig"))
+    monkeypatch.setattr("jointz.rig.session.run.open_rig", lambda *_: opened.append("rig"))
     with (out / "run.json").open("a") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(OutputError, match="another process is running this"):

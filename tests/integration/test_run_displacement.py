@@ -10,10 +10,10 @@ from jointz.core.errors import SafetyStop
 from jointz.core.limits import LimitsOverride, tightened
 from jointz.core.protocols.pulse_models import SampledPulse
 from jointz.core.session_log import Flag
-from jointz.experiment import trial
-from jointz.experiment.files.journal import Journal, pulses_done
-from jointz.experiment.gait import unperturbed_angle
-from jointz.session.session_check import missing_events
+from jointz.rig.experiment import trial
+from jointz.rig.experiment.files.journal import Journal, pulses_done
+from jointz.rig.experiment.gait import unperturbed_angle
+from jointz.rig.session.session_check import missing_events
 
 PERIOD_S = 0.002
 
@@ -31,7 +31,7 @@ def limit_displacement(monkeypatch):
 
     def limit(rad):
         monkeypatch.setattr(
-            "jointz.experiment.session.limits_on_device",
+            "jointz.rig.experiment.session.limits_on_device",
             lambda _, own, **__: tightened(own, LimitsOverride(displacement_rad=rad)),
         )
 

@@ -8,11 +8,11 @@ import pytest
 from jointz.core.errors import ProtocolError
 from jointz.core.limits import LimitsOverride
 from jointz.core.session_log import Flag
-from jointz.experiment import trial
-from jointz.experiment.controller_runner import FADE_IN_S
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
-from jointz.session.run import run
+from jointz.rig.experiment import trial
+from jointz.rig.experiment.controller_runner import FADE_IN_S
+from jointz.rig.session.run import run
 
 PERIOD_S = 0.002
 #: By then gait has long been steady and the torque has faded in.

@@ -11,12 +11,12 @@ import pytest
 from jointz.core.errors import DeviceError, NotConnectedError, ProtocolError, SafetyStop
 from jointz.core.limits import LimitsOverride, tightened
 from jointz.core.session_log import Flag
-from jointz.devices.interface import Lifecycle
-from jointz.experiment import trial
-from jointz.experiment.timing import timing_report
 from jointz.io.protocols import load_protocol
-from jointz.session.participant_run import _stopped_by_signals
-from jointz.sim.simulated_devices import SimulatedActuator, SimulatedSensor
+from jointz.rig.devices.interface import Lifecycle
+from jointz.rig.experiment import trial
+from jointz.rig.experiment.timing import timing_report
+from jointz.rig.session.participant_run import _stopped_by_signals
+from jointz.rig.sim.simulated_devices import SimulatedActuator, SimulatedSensor
 
 PERIOD_S = 0.002
 #: The first pulse of the plan fires after the warm-up; by then gait has long been steady.
@@ -114,7 +114,7 @@ def test_torque_and_its_rate_are_clamped(walk, monkeypatch):
     # The gate does not rely on the check before the trial.
     tight = limited(walk, torque_nm=10.0, torque_rate_nm_s=500.0)
     monkeypatch.setattr(
-        "jointz.experiment.session.limits_on_device",
+        "jointz.rig.experiment.session.limits_on_device",
         lambda _, own, **__: tightened(own, tight.safety),
     )
     walk.run(protocol=tight)

@@ -8,15 +8,20 @@ import pytest
 import jointz
 from jointz.core.errors import DataError
 from jointz.core.recording import damage_of
-from jointz.experiment.files.journal import decode_event, is_completed, pulses_done, read_journal
-from jointz.experiment.files.session_files import keep_plan
-from jointz.experiment.plan import written_pulse
-from jointz.experiment.trial_kinds import WALKING_TRIALS
 from jointz.io.formats.netcdf_recording import read_recording
 from jointz.io.log_reader import read_log
-from jointz.session.recordings_report import open_recordings
-from jointz.session.salvage import salvage_advice, salvage_recordings
-from jointz.session.session_check import missing_events, write_down_losses
+from jointz.rig.experiment.files.journal import (
+    decode_event,
+    is_completed,
+    pulses_done,
+    read_journal,
+)
+from jointz.rig.experiment.files.session_files import keep_plan
+from jointz.rig.experiment.plan import written_pulse
+from jointz.rig.experiment.trial_kinds import WALKING_TRIALS
+from jointz.rig.session.recordings_report import open_recordings
+from jointz.rig.session.salvage import salvage_advice, salvage_recordings
+from jointz.rig.session.session_check import missing_events, write_down_losses
 
 TRIES = pytest.mark.parametrize("tries", [4, pytest.param(100, marks=pytest.mark.slow)])
 CONDITION = "perturbed"

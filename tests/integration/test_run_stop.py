@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from jointz.experiment.files.journal import read_journal
+from jointz.rig.experiment.files.journal import read_journal
 
 pytestmark = pytest.mark.usefixtures("terminal_signals")
 

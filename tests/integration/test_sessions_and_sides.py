@@ -21,8 +21,8 @@ from jointz.explorer.reestimation import (
 from jointz.explorer.results_files import open_results
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 RESAMPLES = 5
 KEYS = ["participant", "session", "side"]

@@ -6,12 +6,12 @@ import pytest
 from jointz import phase_curve
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.core.study import Calibrated
-from jointz.devices.interface import Stretch
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 POINTS = {"ICO": 1.0, **TIMING_POINTS, "TSW": 93.5}
 PLAN = WalkPlan(per_point=38, timing_points=POINTS)

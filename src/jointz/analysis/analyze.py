@@ -22,6 +22,7 @@ from jointz.analysis.participant_jobs import (
 )
 from jointz.analysis.planned_half_widths import planned_beside_reached
 from jointz.analysis.population_step import damage_notes, study_statistics
+from jointz.analysis.rig_hooks import certificates, salvage_recordings
 from jointz.analysis.run_record import run_record
 from jointz.analysis.saved_analysis import Analysis
 from jointz.core import provenance
@@ -31,9 +32,9 @@ from jointz.core.method_names import BAYESIAN, PREDICTED, RECOMMENDED, method_ca
 from jointz.core.priors import PriorsSpec
 from jointz.core.study import Study
 from jointz.identify.estimators import METHODS
-from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.participant import ParticipantResult
 from jointz.identify.preparation.assignment import label_names
+from jointz.identify.regression.cell_parameters import failed_parameters
 from jointz.identify.study_kinds import KINDS
 from jointz.identify.walking.coupling import COUPLINGS
 from jointz.io.study_reader import open_study
@@ -89,7 +90,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         number; walking studies of the knee by ``bayesian`` only.
     salvage : bool
         Whether to recover damaged recordings first, from the logs of their sessions
-        (:func:`jointz.analysis.salvage_hook.salvage_recordings`).
+        (:func:`jointz.analysis.rig_hooks.salvage_recordings`).
     engine : Engine, optional
         Engine that analyses several participants at once
         (:func:`jointz.tasks.engine.open_engine`); results do not depend on it.
@@ -117,8 +118,6 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         If the method is unknown, or ``resamples`` is less than 2.
     """
     if salvage:
-        from jointz.analysis.salvage_hook import salvage_recordings
-
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
     asked_for = _chosen(opened, check_method(method))
@@ -126,9 +125,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     if simulated < 0:
         raise ValueError(f"certify: expected true, false or a number of people, got {certify}.")
     if simulated:
-        from jointz.analysis.certificate.study_protocol import check_certifiable
-
-        check_certifiable(opened, method_called(asked_for))
+        certificates().check_certifiable(opened, method_called(asked_for))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     outputs = _Outputs(seed)
@@ -149,10 +146,8 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
             raise StudyError(str(opened.root), outputs.problems)
         analysis = _assembled(request, outputs)
         if simulated:
-            from jointz.analysis.certificate.certificate_step import certificate_of
-
             try:
-                certificate = certificate_of(
+                certificate = certificates().certificate_of(
                     opened,
                     analysis,
                     people=simulated,

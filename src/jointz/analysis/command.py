@@ -90,7 +90,7 @@ def analyze(
         except ValueError as exc:
             raise typer.BadParameter(str(exc)) from exc
     if salvage:
-        from jointz.analysis.salvage_hook import salvage_recordings
+        from jointz.analysis.rig_hooks import salvage_recordings
 
         for sentence in salvage_recordings(study):
             typer.echo(sentence, err=True)
@@ -173,7 +173,7 @@ def _salvage_advised(study: Path) -> Iterator[None]:
     try:
         yield
     except DataError as exc:
-        from jointz.analysis.salvage_hook import salvage_advice
+        from jointz.analysis.rig_hooks import salvage_advice
 
         advice = salvage_advice(study, str(exc))
         if advice:

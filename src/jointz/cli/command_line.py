@@ -57,16 +57,19 @@ _COMMANDS = {
         "Plan pulses, sensors and people for a wanted interval.",
     ),
     "protocols": (
-        "jointz.session.protocols_command:protocols",
+        "jointz.rig.session.protocols_command:protocols",
         "List, show and check experiments.",
     ),
-    "run": ("jointz.session.command:run", "Run an experiment, on devices or simulated."),
-    "console": ("jointz.console.command:console", "Run an experiment from a page in a browser."),
+    "run": ("jointz.rig.session.command:run", "Run an experiment, on devices or simulated."),
+    "console": (
+        "jointz.rig.console.command:console",
+        "Run an experiment from a page in a browser.",
+    ),
     "calibrate": (
-        "jointz.calibration.command:calibrate",
+        "jointz.rig.calibration.command:calibrate",
         "Measure lags, gains and the device itself.",
     ),
-    "stream": ("jointz.session.stream_command:stream", "Put a session on Lab Streaming Layer."),
+    "stream": ("jointz.rig.session.stream_command:stream", "Put a session on Lab Streaming Layer."),
     "control": (
         "jointz.control.command:control",
         "Make a controller's profile of a measured leg.",

@@ -21,11 +21,11 @@ from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.protocols import load_protocol
 from jointz.io.study_reader import open_study
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.session.run import TRUTH_FILE, run
-from jointz.sim.direct_walk import WALKING_PULSE, WalkPlan
-from jointz.sim.own_truth import cell_truth, own_truth
-from jointz.sim.people import Person
-from jointz.sim.presets import preset
+from jointz.rig.session.run import TRUTH_FILE, run
+from jointz.rig.sim.direct_walk import WALKING_PULSE, WalkPlan
+from jointz.rig.sim.own_truth import cell_truth, own_truth
+from jointz.rig.sim.people import Person
+from jointz.rig.sim.presets import preset
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.progress import Progress, RunProgress

@@ -16,7 +16,6 @@ from jointz.core.method_names import BAYESIAN, COUPLING_OF, FULL_RECORD, RIGID
 from jointz.core.study import UserExclusion
 from jointz.explorer.exclusions import is_about
 from jointz.identify.estimators import METHODS, ParticipantData
-from jointz.identify.methods.cell_windows import WindowCutter
 from jointz.identify.prediction.predicted_cells import recorded_pulse
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
 from jointz.identify.preparation.conditioning import ANGLE, TORQUE
@@ -28,6 +27,7 @@ from jointz.identify.preparation.sources import (
     Source,
     prepare_sources,
 )
+from jointz.identify.regression.cell_windows import WindowCutter
 from jointz.identify.walking.bayesian_method import BayesianMethod
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis

@@ -270,7 +270,7 @@ def joint(
     """
     from jointz.identification.doubtful_values import with_doubtful_values
     from jointz.identification.identify_file import identify_file
-    from jointz.identify.series.joint import identify_joint
+    from jointz.identify.record.joint import identify_joint
 
     output = Output(model, figure, printing, _SIZES[model])
     with output.failures():

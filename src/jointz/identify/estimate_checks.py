@@ -10,7 +10,6 @@ from jointz.core.events import row_label
 from jointz.core.method_names import BAYESIAN, FULL_RECORD
 from jointz.gait.timestamps import rate_hz
 from jointz.identify.estimators import Estimates
-from jointz.identify.methods.cell_parameters import failed_parameters
 from jointz.identify.prediction.clock_checks import clock_failure
 from jointz.identify.preparation.calibration import value_of
 from jointz.identify.preparation.command_slope import DOUBTED, REFUSED, pulse_slope
@@ -22,6 +21,7 @@ from jointz.identify.preparation.instrument_checks import (
 )
 from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.identify.regression.cell_parameters import failed_parameters
 from jointz.results.estimates import FEWEST_PULSES, CellEstimate
 from jointz.results.impedance_limits import (
     beyond_limits,

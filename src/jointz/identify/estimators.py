@@ -18,7 +18,7 @@ from jointz.results.estimates import CellEstimate
 from jointz.results.log_posterior import LogPosterior
 
 GROUP = "jointz.estimators"
-_METHODS = "jointz.identify.methods"
+_METHODS = "jointz.identify.regression"
 #: Method -> estimator of the methods of jointz; pyproject.toml registers the same.
 BUILT_IN: Mapping[str, str] = {
     "bayesian": "jointz.identify.walking.bayesian_method:BayesianMethod",
@@ -53,7 +53,7 @@ class Estimates:
 
 @runtime_checkable
 class Estimator(Protocol):
-    """A method; :class:`~jointz.identify.methods.cell_estimator.CellMethod` does most of it."""
+    """A method; :class:`~jointz.identify.regression.cell_estimator.CellMethod` does most of it."""
 
     @property
     def name(self) -> str:

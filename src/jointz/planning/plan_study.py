@@ -8,9 +8,9 @@ from math import inf, pi
 from pathlib import Path
 from typing import Any
 
-from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.planned_half_widths import reached_half_widths
 from jointz.analysis.saved_analysis import load, study_of
+from jointz.analysis.study_protocol import study_protocol
 from jointz.core.errors import DataError
 from jointz.core.method_names import BAYESIAN, WITH_POSTERIOR
 from jointz.core.protocols.protocol import Protocol
@@ -192,15 +192,15 @@ def plan_recorded(
     people = len({c.participant for c in analysis.cells})
     schedule = recorded_schedule(
         found.root.resolve().name,
-        done.plan.pulses,
-        done.plan.timing_points,
-        done.plan.counts,
-        done.plan.gap_strides,
+        done.pulses,
+        done.timing_points,
+        done.per_point,
+        done.gap_strides,
         window_s=float(analysis.settings["window_s"]),
         strides=len(analysis.strides) / people,
         participants=people,
     )
-    largest = max(size for pulse in done.plan.pulses for size in pulse.sizes_nm)
+    largest = max(size for pulse in done.pulses for size in pulse.sizes_nm)
     tell = _Teller(progress)
     lab, walking = lab_of_study(found, schedule, _actuator(largest, None), analysis.coupling)
     tell("walking")

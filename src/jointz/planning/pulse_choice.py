@@ -5,6 +5,8 @@ from math import floor
 
 import numpy as np
 
+from jointz.core.limits import ACTUATOR_LATE_S, LOOK_AHEAD_S
+from jointz.core.protocols.pulse_course import PulseCourse
 from jointz.core.protocols.pulse_models import (
     DoubletPulse,
     Pulse,
@@ -13,8 +15,6 @@ from jointz.core.protocols.pulse_models import (
     TrapezoidPulse,
     name_of,
 )
-from jointz.experiment.safety import ACTUATOR_LATE_S, LOOK_AHEAD_S
-from jointz.experiment.torque import PulseCourse
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.plan_result import PlannedCourse
 from jointz.planning.predicted_estimates import planned_model

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from jointz.analysis.analyze import analyze
-from jointz.analysis.certificate.compared_statistics import compared_statistics
-from jointz.analysis.certificate.study_protocol import study_protocol
 from jointz.analysis.certify import certify
+from jointz.analysis.study_protocol import study_protocol
 from jointz.core.errors import DataError
 from jointz.core.protocols.pulse_models import DoubletPulse
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import STATISTICS
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.certificate.compared_statistics import compared_statistics
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 DOUBLET = DoubletPulse(
     name="short", kind="doublet", amplitudes_nm=(17.0,), durations_s=(0.039, 0.021),
@@ -63,12 +63,12 @@ def test_the_protocol_is_that_of_the_study(doublets):
     protocol = protocol_of(doublets)
 
     assert protocol.sensors == ("joint_encoder", "shank_velocity", "thigh_velocity")
-    assert [p.direction for p in protocol.plan.pulses] == ["positive", "negative"]
-    assert [p.sizes_nm for p in protocol.plan.pulses] == [(17.0,), (17.0,)]
-    assert all(p.length_s == pytest.approx(0.06) for p in protocol.plan.pulses)
+    assert [p.direction for p in protocol.pulses] == ["positive", "negative"]
+    assert [p.sizes_nm for p in protocol.pulses] == [(17.0,), (17.0,)]
+    assert all(p.length_s == pytest.approx(0.06) for p in protocol.pulses)
     assert "reversed after 40 ms" in protocol.text
     for point, onset_pct in POINTS.items():
-        assert protocol.plan.timing_points[point] == pytest.approx(onset_pct, abs=1.0)
+        assert protocol.timing_points[point] == pytest.approx(onset_pct, abs=1.0)
 
 
 def test_without_a_command_the_measured_torque_shows_the_second_level(doublets, tmp_path):
@@ -77,7 +77,7 @@ def test_without_a_command_the_measured_torque_shows_the_second_level(doublets, 
     lines = file.read_text().splitlines(keepends=True)
     file.write_text("".join(li for li in lines if not li.startswith("channels.command")))
 
-    for pulse in protocol_of(study).plan.pulses:
+    for pulse in protocol_of(study).pulses:
         assert pulse.durations_s[0] == pytest.approx(0.039, abs=0.006)
         assert pulse.second_level == -1.0
 

@@ -9,12 +9,12 @@ from benchmarks.realistic.rows import PARAMETERS, ROWS, preset_of
 from benchmarks.realistic.scores import remedies_of, scores_of_row, withheld_reasons
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.devices.interface import Stretch
-from jointz.sim.direct_walk import QUICK_GRID, walk_directly
-from jointz.sim.own_truth import own_truth
-from jointz.sim.people import draw_person
-from jointz.sim.presets import preset
-from jointz.sim.rig import SimulatedRig
+from jointz.rig.devices.interface import Stretch
+from jointz.rig.sim.direct_walk import QUICK_GRID, walk_directly
+from jointz.rig.sim.own_truth import own_truth
+from jointz.rig.sim.people import draw_person
+from jointz.rig.sim.presets import preset
+from jointz.rig.sim.rig import SimulatedRig
 
 FEW = replace(ROWS["a"].plan, per_point=1, warm_up_strides=2, tail_strides=2)
 

@@ -4,7 +4,7 @@ from math import radians
 
 from benchmarks.unpredictability import simulated_walk, unpredictability
 
-from jointz.sim.presets import GaitSettings, preset
+from jointz.rig.sim.presets import GaitSettings, preset
 
 
 def errors(settings, number=0):

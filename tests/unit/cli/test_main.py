@@ -15,7 +15,7 @@ from jointz.analysis import results_folder
 from jointz.cli import main
 from jointz.cli.command_line import _REPLACED, command_line
 from jointz.core.errors import EngineError, JointzError, WorkerLostError
-from jointz.experiment.files import file_lock
+from jointz.rig.experiment.files import file_lock
 from jointz.tasks.task_store import TaskStore
 
 FEW = ("--method", "pre_pulse", "--resamples", 2, "--no-figures")

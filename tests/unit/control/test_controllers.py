@@ -8,14 +8,14 @@ import pytest
 from jointz.control.profile_file import write_profile
 from jointz.core.errors import ProtocolError
 from jointz.core.protocols.protocol_models import ControllerSpec
-from jointz.devices.interface import Wearer
-from jointz.experiment.controllers import (
+from jointz.io.protocols import load_protocol
+from jointz.rig.devices.interface import Wearer
+from jointz.rig.experiment.controllers import (
     BUILT_IN,
     ControlState,
     make_controller,
     refuse_bad_controllers,
 )
-from jointz.io.protocols import load_protocol
 
 FOLLOWERS = sorted(set(BUILT_IN) - {"zero_torque"})
 #: These give the moment of the profile along its own mean stride, at the nodes.

@@ -6,9 +6,9 @@ import pytest
 from jointz.control.profile_file import write_profile
 from jointz.control.rendering.tank import EnergyTank
 from jointz.core.protocols.protocol_models import ControllerSpec
-from jointz.devices.interface import Wearer
-from jointz.experiment.controllers import ControlState, make_controller
 from jointz.io.protocols import load_protocol
+from jointz.rig.devices.interface import Wearer
+from jointz.rig.experiment.controllers import ControlState, make_controller
 
 STEP_S = 0.002
 

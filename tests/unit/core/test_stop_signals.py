@@ -9,7 +9,7 @@ import pytest
 
 from jointz.core.errors import DeviceError
 from jointz.core.stop_signals import signals_held
-from jointz.experiment.session import _stop
+from jointz.rig.experiment.session import _stop
 
 
 @pytest.fixture

@@ -24,15 +24,15 @@ from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS, OPPOSITE_DIRECTI
 from jointz.core.codes import Doubt, Exclusion, Failure
 from jointz.core.study import StudySpec
 from jointz.demo.demo_study import run_demo
-from jointz.devices import drivers
-from jointz.devices.config import device_file
 from jointz.identify.estimators import METHODS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
-from jointz.identify.series.joint_estimators import ESTIMATORS
+from jointz.identify.record.joint_estimators import ESTIMATORS
 from jointz.io.formats import registry as formats
 from jointz.results.certificate_result import Certificate
 from jointz.results.statistics.quasi_stiffness_fit import QuasiStiffnessDoubt
 from jointz.results.study_analysis import StudyAnalysis
+from jointz.rig.devices import drivers
+from jointz.rig.devices.config import device_file
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

@@ -22,7 +22,7 @@ def reference() -> Iterator[tuple[str, Any]]:
         yield name, getattr(importlib.import_module(owner), own)
 
 
-REFERENCE = {n: t for n, t in reference() if n != "testing.Signal"}  # a type
+REFERENCE = {n: t for n, t in reference() if n != "rig.testing.Signal"}  # a type
 #: Those that say themselves how they are made; fields of a study are described on their own page.
 CALLED = {
     n: t

@@ -24,10 +24,10 @@ ROOMS = ("reference", "stats", "testing")
 #: What no script can run here: opensourceleg wants an older numpy, a method belongs to a package
 #: that registers it. docs/devices.md and docs/methods.md show these.
 ON_A_PAGE = {
-    "jointz.identify.methods.cell_estimator.CellMethod",
-    "jointz.identify.methods.cell_regressions.unbounded",
-    "jointz.devices.opensourceleg_actuator.as_opensourceleg",
-    "jointz.session.rigs.opensourceleg_rig.simulated_opensourceleg_actuator",
+    "jointz.identify.regression.cell_estimator.CellMethod",
+    "jointz.identify.regression.cell_regressions.unbounded",
+    "jointz.rig.devices.opensourceleg_actuator.as_opensourceleg",
+    "jointz.rig.session.rigs.opensourceleg_rig.simulated_opensourceleg_actuator",
 }
 _FENCE = re.compile(r"^```python[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
 

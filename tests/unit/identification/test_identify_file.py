@@ -10,7 +10,7 @@ import jointz
 from jointz.core.errors import DataError, UnitError
 from jointz.identification.identify_file import identify_file
 from jointz.identify.actuators.actuator import identify_actuator
-from jointz.identify.series.joint import identify_joint
+from jointz.identify.record.joint import identify_joint
 from jointz.io.text.column_arguments import Column, parse_column, parse_quantity
 
 

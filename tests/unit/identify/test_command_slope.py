@@ -16,7 +16,7 @@ from jointz.identify.preparation.sources import (
     RecordingInput,
     prepare_sources,
 )
-from jointz.identify.series.joint import identify_joint
+from jointz.identify.record.joint import identify_joint
 from jointz.identify.study_kinds import BENCH
 
 

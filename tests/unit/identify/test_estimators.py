@@ -11,8 +11,8 @@ import pytest
 
 from jointz.identify import estimators
 from jointz.identify.estimators import METHODS
-from jointz.identify.methods.cell_estimator import CellMethod
-from jointz.identify.methods.cell_regressions import PILOT
+from jointz.identify.regression.cell_estimator import CellMethod
+from jointz.identify.regression.cell_regressions import PILOT
 
 MINE = CellMethod("mine", "pre_pulse", PILOT.fit, kinds=("walking",))
 
@@ -44,7 +44,7 @@ def test_the_methods_of_jointz_are_entry_points():
 def test_the_registry_loads_no_method():
     code = (
         "import sys, jointz.identify.estimators; "
-        "raise SystemExit(any(m.startswith(('jointz.identify.methods.', "
+        "raise SystemExit(any(m.startswith(('jointz.identify.regression.', "
         "'jointz.identify.walking.', 'jointz.identify.bench.')) for m in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

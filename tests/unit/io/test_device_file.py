@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from jointz.core.errors import DataError, DeviceFileError
-from jointz.devices.config import DeviceFile, device_file
 from jointz.io.protocols import load_protocol
-from jointz.session.rigs.hardware_rig import read_device_file, read_hardware
+from jointz.rig.devices.config import DeviceFile, device_file
+from jointz.rig.session.rigs.hardware_rig import read_device_file, read_hardware
 
 
 def test_a_file_is_read_and_fits_its_model(tmp_path):

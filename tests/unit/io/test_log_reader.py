@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from jointz.core.errors import DataError
 from jointz.core.session_log import VERSION, WALKING, checked_line, checked_text
-from jointz.experiment.files.recorder import Recorder
 from jointz.io.log_reader import read_log
+from jointz.rig.experiment.files.recorder import Recorder
 
 HEADER = {"participant": "S01", "condition": "perturbed", "segment": 3}
 #: Records that a crash may leave bad at the end.

@@ -14,8 +14,8 @@ from jointz.core.errors import DataError, DeviceFileError
 from jointz.io.calibration_file import read_calibration
 from jointz.io.protocols import load_protocol, protocol_text
 from jointz.io.small_files import file_content, parse_toml, read_json
-from jointz.session.pulse_drawing import drawn_pulses
-from jointz.session.rigs.hardware_rig import read_device_file
+from jointz.rig.session.pulse_drawing import drawn_pulses
+from jointz.rig.session.rigs.hardware_rig import read_device_file
 
 MUTANTS = 200
 VALUES = (

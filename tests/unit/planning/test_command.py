@@ -11,7 +11,7 @@ from jointz.core.errors import DataError, OutputError, WriteError
 from jointz.io.protocols import load_protocol
 from jointz.planning.page import write_plan
 from jointz.planning.plan_result import Plan
-from jointz.session.rigs.rig_settings import rig_settings
+from jointz.rig.session.rigs.rig_settings import rig_settings
 
 pytestmark = pytest.mark.usefixtures("bare_plan")
 FILES = {"plan.html", "plan.csv", "plan.json", "half_widths.svg", "pulses.svg", "protocol.toml"}

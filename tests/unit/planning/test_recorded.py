@@ -15,8 +15,8 @@ from jointz.identify.walking.coupling import RIGID, STRAP
 from jointz.planning.plan_study import plan_recorded
 from jointz.planning.predicted_estimates import typical_leg
 from jointz.planning.schedule import schedule_of_protocol
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 PULSE = DoubletPulse(
     name="short",

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from jointz.console.console_app import open_console
 from jointz.core.errors import DataError
-from jointz.experiment.loop import undisturbed
-from jointz.session.live import live_session
-from jointz.session.live.live_session import refuse_where_unseen
-from jointz.session.rigs.hardware_rig import refuse_with_devices
+from jointz.rig.console.console_app import open_console
+from jointz.rig.experiment.loop import undisturbed
+from jointz.rig.session.live import live_session
+from jointz.rig.session.live.live_session import refuse_where_unseen
+from jointz.rig.session.rigs.hardware_rig import refuse_with_devices
 
 #: Imports every module but those that need an extra; the public names come with the first.
 IMPORTS = """
 import pkgutil
 import jointz
-APP = ("jointz.console.", "jointz.explorer.", "jointz.web.")
+APP = ("jointz.rig.console.", "jointz.explorer.", "jointz.web.")
 for name in jointz.__all__:
     getattr(jointz, name)
 names = [
@@ -41,8 +41,8 @@ import os
 from pathlib import Path
 import jointz
 from jointz.core.errors import OutputError
-from jointz.experiment.files import file_lock
-from jointz.experiment.files.whole_files import open_to_append
+from jointz.rig.experiment.files import file_lock
+from jointz.rig.experiment.files.whole_files import open_to_append
 from jointz.io.protocols import load_protocol
 
 whole = load_protocol("walking")
@@ -84,7 +84,7 @@ def ran(system: str, code: str, folder: Path) -> dict:
 
 def test_everything_can_be_imported_on_windows_which_lacks_all_that_a_mac_does(tmp_path):
     told = ran("as_on_windows", IMPORTS, tmp_path)
-    assert {"jointz.session.run", "jointz.demo.command", "jointz.io.c3d.c3d_format"} <= set(
+    assert {"jointz.rig.session.run", "jointz.demo.command", "jointz.io.c3d.c3d_format"} <= set(
         told["names"]
     )
     assert told["failed"] == {}

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from jointz.console.console_app import _left
 from jointz.core.errors import DataError
 from jointz.core.stop_signals import STOP_SIGNALS, listen_for_stops
+from jointz.rig.console.console_app import _left
 from jointz.web.server import _address, _listen
 
 

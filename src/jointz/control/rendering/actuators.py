@@ -12,7 +12,6 @@ from pydantic import Field
 from jointz.core.checked_model import CheckedModel
 from jointz.io.toml_problems import read_device_model
 from jointz.reference import chapter2, chapter3
-from jointz.sim.presets import ActuatorSettings
 
 _Positive = Annotated[float, Field(gt=0.0)]
 _NotNegative = Annotated[float, Field(ge=0.0)]
@@ -107,7 +106,7 @@ def read_actuator(name_or_file: str) -> Actuator:
 
 
 def _quasi_direct_drive() -> Actuator:
-    printed, simulated = chapter3.TORQUE_MODELS["3.3"], ActuatorSettings()
+    printed = chapter3.TORQUE_MODELS["3.3"]
     per_ampere = printed["gear_ratio"].value * printed["torque_constant"].value
     return Actuator(
         name="qdd",
@@ -115,9 +114,9 @@ def _quasi_direct_drive() -> Actuator:
         "Coulomb friction without that of the current, inertia). Assumed, since nothing is "
         "printed: 6 ms delay, 12 ms time constant, 30 A (as in the simulated rig), 500 Hz; "
         "no viscous friction, as the model has none.",
-        torque_nm=per_ampere * simulated.current_max_a,
-        delay_s=simulated.delay_s,
-        time_constant_s=simulated.time_constant_s,
+        torque_nm=per_ampere * 30.0,
+        delay_s=0.006,
+        time_constant_s=0.012,
         control_hz=500.0,
         inertia=printed["rotor_inertia"].value,
         viscous=0.0,

@@ -15,8 +15,8 @@ from jointz.identify.actuators.actuator_notes import actuator_warnings, explains
 from jointz.identify.actuators.actuator_record import ActuatorRecord, gather_actuator
 from jointz.identify.actuators.actuator_terms import MODEL_TERMS, find_terms
 from jointz.identify.bench.bench_estimates import is_constant
-from jointz.identify.series.block_regression import BlockRegression, regress
-from jointz.identify.series.joint_record import check_choice, check_level
+from jointz.identify.record.block_regression import BlockRegression, regress
+from jointz.identify.record.joint_record import check_choice, check_level
 from jointz.results.bench.actuator_fit import ActuatorFit, ActuatorSeries
 from jointz.results.estimates import ParameterEstimate
 

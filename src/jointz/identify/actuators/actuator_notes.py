@@ -6,7 +6,7 @@ import numpy as np
 
 from jointz.identify.actuators.actuator_record import ActuatorRecord, velocity_noise
 from jointz.identify.actuators.actuator_terms import Terms, rest_share
-from jointz.identify.series.block_regression import BlockRegression
+from jointz.identify.record.block_regression import BlockRegression
 
 #: Torque constants of motors in robot joints and exoskeletons, N*m/A on the motor's side.
 PLAUSIBLE_TORQUE_CONSTANT = (0.02, 0.5)

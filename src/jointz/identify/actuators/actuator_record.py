@@ -9,7 +9,7 @@ import xarray as xr
 
 from jointz.core.errors import DataError
 from jointz.gait import timestamps
-from jointz.identify.series.joint_record import Samples, gather_record
+from jointz.identify.record.joint_record import Samples, gather_record
 
 #: Largest magnitude an actuator of a joint can show, SI: what lies beyond is an overflow of
 #: a sensor or its driver, not a quantity. Ten times what the largest robot joints reach.

@@ -19,14 +19,14 @@ from jointz.identify.actuators.bandwidth_crossing import (
     find_crossing,
     rough_crossing_hz,
 )
-from jointz.identify.series.joint_record import (
+from jointz.identify.record.joint_record import (
     JointRecord,
     check_choice,
     check_level,
     gather_record,
     refuse_constant,
 )
-from jointz.identify.series.response_columns import response_curve
+from jointz.identify.record.response_columns import response_curve
 from jointz.kernels.series.spectra import CrossSpectra, blackman_tukey, welch
 from jointz.results.bench.bandwidth_fit import BandwidthFit
 

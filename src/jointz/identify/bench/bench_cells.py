@@ -14,9 +14,6 @@ from jointz.core.study import Calibrated, CalibrationSpec
 from jointz.gait.timestamps import find_gaps
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, BenchTrial
 from jointz.identify.bench.full_record import Impedance, fit_full_record
-from jointz.identify.methods.cell_estimator import CellEstimator
-from jointz.identify.methods.cell_parameters import failed_parameters
-from jointz.identify.methods.cell_regressions import DISSERTATION
 from jointz.identify.preparation.assignment import Candidate, is_outside
 from jointz.identify.preparation.calibration import (
     joint_angle,
@@ -27,6 +24,9 @@ from jointz.identify.preparation.calibration import (
 )
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.sources import ParticipantSettings, Source
+from jointz.identify.regression.cell_estimator import CellEstimator
+from jointz.identify.regression.cell_parameters import failed_parameters
+from jointz.identify.regression.cell_regressions import DISSERTATION
 from jointz.results.bench.bench_fits import FullRecordFit
 from jointz.results.estimates import CellEstimate
 

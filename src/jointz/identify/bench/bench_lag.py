@@ -13,7 +13,7 @@ from jointz.identify.bench.bench_regression import (
     LoadModel,
     LoadRegression,
 )
-from jointz.identify.series.block_regression import fitted_sandwich
+from jointz.identify.record.block_regression import fitted_sandwich
 from jointz.kernels.block_sandwich import correlation_time, count_blocks
 
 LagKind = Literal["delay", "first_order", "mixed"]

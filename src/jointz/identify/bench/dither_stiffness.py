@@ -12,8 +12,8 @@ from jointz.identify.bench.bench_estimates import (
     bench_estimates,
     check_excited,
 )
-from jointz.identify.series.block_regression import BlockPlan, fitted_sandwich, t_factor
-from jointz.identify.series.joint_record import JointRecord, Samples, check_level, gather_record
+from jointz.identify.record.block_regression import BlockPlan, fitted_sandwich, t_factor
+from jointz.identify.record.joint_record import JointRecord, Samples, check_level, gather_record
 from jointz.kernels.block_sandwich import block_sandwich
 from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 

@@ -16,8 +16,8 @@ from jointz.identify.bench.bench_regression import (
     LoadModel,
     LoadRegression,
 )
-from jointz.identify.series.block_regression import t_factor
-from jointz.identify.series.joint_record import PARAMETERS, check_level
+from jointz.identify.record.block_regression import t_factor
+from jointz.identify.record.joint_record import PARAMETERS, check_level
 from jointz.results.bench.bench_fits import FullRecordFit, estimate
 from jointz.results.estimates import ParameterEstimate
 from jointz.results.series.joint_fit import FitSeries

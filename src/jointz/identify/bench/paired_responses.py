@@ -12,7 +12,7 @@ from jointz.core.study import CalibrationSpec
 from jointz.identify.bench.bench_records import white_noise_sd
 from jointz.identify.preparation.conditioning import Stretch, condition
 from jointz.identify.preparation.pulses import Pulse, pulses_from_command, with_measured_amplitudes
-from jointz.identify.series.joint_record import Samples, gather_record
+from jointz.identify.record.joint_record import Samples, gather_record
 
 _SAME_RATE = 0.01
 #: Of a fourth-order low-pass, run both ways.

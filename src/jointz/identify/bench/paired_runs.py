@@ -13,8 +13,8 @@ from jointz.identify.bench.paired_responses import PairResponses, check_same_rat
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.conditioning import ACCELERATION, ANGLE, TORQUE
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.series.block_regression import fitted_sandwich, t_factor
-from jointz.identify.series.joint_record import Samples, check_level
+from jointz.identify.record.block_regression import fitted_sandwich, t_factor
+from jointz.identify.record.joint_record import Samples, check_level
 from jointz.kernels.bounded_lsq import condition_numbers, least_squares, normal_equations
 from jointz.results.bench.paired_runs_fit import MeanResponse, PairedPulse, PairedRunsFit
 from jointz.results.estimates import FEWEST_PULSES

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from jointz.core.errors import DataError
 from jointz.identify.bench.bench_records import BenchTrial, EvenRecord, even_records
-from jointz.identify.series.block_regression import t_factor
+from jointz.identify.record.block_regression import t_factor
 from jointz.kernels.series.second_order import LikelihoodFit, PulseSignals, maximise_likelihood
 from jointz.kernels.series.second_order_recursion import REACH
 from jointz.results.bench.bench_fits import PulseFit, estimate

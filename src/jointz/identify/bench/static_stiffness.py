@@ -13,8 +13,8 @@ from jointz.identify.bench.bench_estimates import (
     check_excited,
 )
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, white_noise_sd
-from jointz.identify.series.block_regression import BlockRegression, regress
-from jointz.identify.series.joint_record import JointRecord, Samples, check_level, gather_record
+from jointz.identify.record.block_regression import BlockRegression, regress
+from jointz.identify.record.joint_record import JointRecord, Samples, check_level, gather_record
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 

@@ -26,8 +26,8 @@ from jointz.identify.over_cycle.time_varying_strides import (
     locate_strikes,
 )
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.series.frequency_response_spectra import Input, TorqueSide, prepare_record
-from jointz.identify.series.joint_record import (
+from jointz.identify.record.frequency_response_spectra import Input, TorqueSide, prepare_record
+from jointz.identify.record.joint_record import (
     JointRecord,
     Samples,
     check_choice,

@@ -14,7 +14,7 @@ from jointz.core.errors import DataError, EstimationError
 from jointz.gait.heel_strikes import find_heel_strikes
 from jointz.gait.strides import find_strides
 from jointz.identify.over_cycle.time_varying_segments import SegmentLayout
-from jointz.identify.series.joint_record import JointRecord
+from jointz.identify.record.joint_record import JointRecord
 
 _WHERE = "identify_time_varying"
 #: Samples of a segment in one period of the highest frequency.

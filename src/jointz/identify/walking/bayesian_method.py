@@ -17,7 +17,6 @@ from jointz.core.gait_phases import mean_phase
 from jointz.core.method_names import BAYESIAN, PREDICTED
 from jointz.core.study import CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
-from jointz.identify.methods.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.prediction.predicted_cells import (
     CellPredictor,
     PredictedCell,
@@ -32,6 +31,7 @@ from jointz.identify.preparation.instrument_checks import angle_failure, torque_
 from jointz.identify.preparation.raw_signals import intrinsic_left_in
 from jointz.identify.preparation.sensor_agreement import SensorChoice, with_goniometer_gain
 from jointz.identify.preparation.sources import ParticipantSettings
+from jointz.identify.regression.failed_cells import failed_cell, failure_of_codes
 from jointz.identify.study_kinds import StudyKind
 from jointz.identify.walking.body import Body, body_of
 from jointz.identify.walking.checks import differs_with_size, lag_failure, response_failure

@@ -8,9 +8,9 @@ from scipy.stats import chi2
 
 from jointz.core.codes import Doubt
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.methods.cell_parameters import per_mass
 from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
+from jointz.identify.regression.cell_parameters import per_mass
 from jointz.identify.walking.body import Body
 from jointz.identify.walking.bounded_normal import bounded_interval
 from jointz.identify.walking.coupling import STRAP, Coupling, ModelError

@@ -15,7 +15,7 @@ from jointz.identify.bench.bench_records import BenchTrial
 from jointz.identify.bench.full_record import fit_full_record
 from jointz.identify.participant import analyze_participant
 from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput
-from jointz.identify.series.joint import identify_joint
+from jointz.identify.record.joint import identify_joint
 from jointz.identify.study_kinds import BENCH
 
 RATE_HZ, FINE = 500.0, 10

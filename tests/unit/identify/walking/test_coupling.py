@@ -8,8 +8,8 @@ import pytest
 import jointz
 from jointz.core.priors import LogPrior, PriorsSpec, Spread
 from jointz.identify.walking.coupling import RIGID, STRAP
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 from jointz.tasks.task_store import TaskStore
 
 

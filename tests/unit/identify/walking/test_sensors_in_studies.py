@@ -13,8 +13,8 @@ from jointz.explorer.reestimation import ReestimationRequest, read_traces
 from jointz.explorer.results_files import pulses_of
 from jointz.explorer.traces import PulseKey
 from jointz.io.study_reader import open_study
-from jointz.session.simulate_study import simulate_study
-from jointz.sim.direct_walk import WalkPlan
+from jointz.rig.session.simulate_study import simulate_study
+from jointz.rig.sim.direct_walk import WalkPlan
 
 PULSES = (
     DoubletPulse(

@@ -1,0 +1,177 @@
+"""Write the ``study.toml`` of an experiment that jointz ran."""
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from jointz.core.channels import MOTION_SENSORS
+from jointz.core.codes import Exclusion
+from jointz.core.protocols.protocol import Protocol
+from jointz.core.study import CalibrationSpec, DeviceSpec, TorqueModelSpec
+from jointz.io.toml_text import written_table, written_text, written_value
+from jointz.rig.devices.interface import Wearer
+from jointz.rig.session.run_settings import has_pulse_table, pulses_name, recording_name
+from jointz.rig.session.session_recordings import gives_volts
+
+#: Channels of every simulated study.
+STUDY_UNITS = {
+    "time": "s",
+    "angle": "rad",
+    "current": "A",
+    "motor_angle": "rad",
+    "motor_velocity": "rad/s",
+    "command": "N*m",
+}
+_WALKING_UNITS = STUDY_UNITS | {"applied_torque": "N*m"}
+_BENCH_UNITS = STUDY_UNITS | {"reference": "N*m"}
+#: Chapter II states no filter; this one takes away encoder noise and leaves loads alone.
+_BENCH_CUTOFF_HZ = 100.0
+_PULSE_COLUMNS = ("onset_s", "duration_s", "amplitude_nm", "timing_point")
+_EXCLUSION_COLUMNS = ("participant", "recording", "onset_s", "action", "reason", "time")
+
+
+def study_toml(
+    protocol: Protocol,
+    people: Sequence[Wearer],
+    calibrations: Mapping[str, CalibrationSpec],
+    torque_model: TorqueModelSpec | None,
+    *,
+    devices: Mapping[str, Any] | None = None,
+    worn: DeviceSpec | None = None,
+    coupling: str | None = None,
+) -> str:
+    """Return the text of ``study.toml``."""
+    walking = protocol.by_gait
+    lines = [
+        f"# Written by jointz run from the protocol {protocol.name}.",
+        "jointz = 1",
+        f"joint = {written_text(protocol.joint)}",
+        f'kind = "{"walking" if walking else "bench"}"',
+        f"positive = {written_text(protocol.positive)}",
+        'torque_acts_on = "joint"',
+        *([] if coupling is None else [f'coupling = "{coupling}"']),
+    ]
+    units = _walking_units(devices or {}) if walking else _bench_units(devices or {})
+    for name, unit in units.items():
+        lines += ["", f"[channels.{name}]", f'column = "{name}"', f'unit = "{unit}"']
+    if any(condition.trials > 1 for condition in protocol.conditions):
+        lines += ["", "[channels.trial]", 'column = "trial"']
+    lines += _contact(walking=walking, devices=devices or {})
+    if torque_model is not None and "torque" not in units:
+        lines += ["", "[torque_model]", *_table(torque_model.model_dump(exclude_defaults=True))]
+    if worn is not None:
+        lines += ["", "[device]", *_table(worn.model_dump())]
+    points = _timing_points(protocol)
+    if not walking:
+        lines += ["", "[perturbations]", f"cutoff_hz = {_BENCH_CUTOFF_HZ}"]
+    elif points:
+        lines += ["", "[perturbations]", f"timing_points = {written_table(points)}"]
+        lines += [] if protocol.window_s is None else [f"window_s = {protocol.window_s:g}"]
+    if protocol.planned_half_width_pct:
+        planned = protocol.planned_half_width_pct.items()
+        lines += ["", "[planned_half_width_pct]"]
+        lines += [f"{name} = {written_table(by_point)}" for name, by_point in planned]
+    for person in people:
+        lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
+    for person in people:
+        lines += _recordings(person.id, protocol)
+    return "\n".join(lines) + "\n"
+
+
+def pulses_csv(table: pd.DataFrame) -> str:
+    """Return the text of the pulse table of a recording."""
+    columns = [name for name in _PULSE_COLUMNS if name in table]
+    return str(table[columns].to_csv(index=False, float_format="%.9g"))
+
+
+def exclusions_csv(aborted: Sequence[Mapping[str, Any]], time: str) -> str:
+    """Return the text of ``exclusions.csv``: pulses that were broken off and done again."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_EXCLUSION_COLUMNS)
+    for row in aborted:
+        writer.writerow(
+            [
+                row["participant"],
+                row["recording"],
+                f"{row['onset_s']:.9g}",
+                "exclude",
+                Exclusion.ABORTED.meaning,
+                time,
+            ]
+        )
+    return text.getvalue()
+
+
+def _contact(*, walking: bool, devices: Mapping[str, Any]) -> list[str]:
+    """Return the footswitch: contacts, or volts whose levels are calibrated."""
+    if walking and not gives_volts(devices):
+        return ["", "[channels.contact]", 'column = "contact"', 'kind = "contact"']
+    if devices.get("contact") is None:
+        return []
+    voltage = ['column = "contact"', 'kind = "voltage"', 'unit = "V"']
+    return ["", "[channels.contact]", *voltage]
+
+
+def _walking_units(devices: Mapping[str, Any]) -> dict[str, str]:
+    sensor = devices.get("torque")
+    moment = {} if sensor is None else {"joint_moment": sensor["unit"]}
+    moved = {name: devices[name]["unit"] for name in MOTION_SENSORS if devices.get(name)}
+    return _WALKING_UNITS | moment | moved
+
+
+def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
+    units = dict(_BENCH_UNITS)
+    sensor = devices.get("torque")
+    if sensor is not None:
+        units[sensor["channel"]] = sensor["unit"]
+    positioner = devices.get("positioner")
+    if positioner is not None:
+        units |= {positioner["channel"]: "rad", "reference_position": "rad"}
+    return units
+
+
+def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
+    lines = [f"id = {written_text(person.id)}"]
+    if person.mass_kg is not None:
+        lines.append(f"mass_kg = {person.mass_kg:.2f}")
+    if person.height_m is not None:
+        lines.append(f"height_m = {person.height_m:.3f}")
+    entries = calibration.model_dump(exclude_none=True)
+    if entries:
+        lines.append("calibration = " + written_table(entries))
+    return lines
+
+
+def _recordings(participant: str, protocol: Protocol) -> list[str]:
+    lines = []
+    of_kind = Counter(condition.condition for condition in protocol.conditions)
+    for condition in protocol.conditions:
+        lines += ["", "[[recordings]]", f"participant = {written_text(participant)}"]
+        lines += [f'condition = "{condition.condition}"']
+        if (
+            condition.session is not None
+            or of_kind[condition.condition] > 1
+            or protocol.kind == "calibration"  # by it the analysis tells what was done
+        ):
+            lines += [f"session = {written_text(condition.session or condition.name)}"]
+        lines += [f"file = {written_text(recording_name(participant, condition.name))}"]
+        if has_pulse_table(protocol, condition):
+            lines += [f"perturbations = {written_text(pulses_name(participant, condition.name))}"]
+    return lines
+
+
+def _timing_points(protocol: Protocol) -> dict[str, float]:
+    points: dict[str, float] = {}
+    for condition in protocol.conditions:
+        if condition.perturbations is not None:
+            points |= condition.perturbations.timing_points or {}
+    return points
+
+
+def _table(values: Mapping[str, Any]) -> list[str]:
+    return [f"{name} = {written_value(value)}" for name, value in values.items()]

@@ -1,0 +1,1 @@
+"""Physics of a walking person: joint, motion and plant."""
