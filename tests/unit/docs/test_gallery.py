@@ -20,7 +20,7 @@ REFERENCE = (DOCS / "reference.md").read_text(encoding="utf-8")
 #: Sections whose classes are met by what returns or raises them, not by their names.
 MET_OTHERWISE = ("Results", "Errors")
 #: Packages of jointz that are public beside its own names.
-ROOMS = ("reference", "stats", "testing")
+ROOMS = ("reference", "stats", "rig.testing")
 #: What no script can run here: opensourceleg wants an older numpy, a method belongs to a package
 #: that registers it. docs/devices.md and docs/methods.md show these.
 ON_A_PAGE = {
