@@ -94,7 +94,7 @@ check: $(VENV)/.installed-check
 	$(BIN)/ruff check src reproduction tests benchmarks examples docs/*.py docs/from_matlab paper .ci conftest.py
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/codespell src reproduction tests benchmarks docs examples paper .ci README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md
+	$(BIN)/codespell src reproduction tests benchmarks docs examples paper .ci .github *.md
 
 # docs/api goes first: a page of what has been moved would be a warning.
 docs: $(VENV)/.installed-docs

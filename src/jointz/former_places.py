@@ -24,12 +24,15 @@ _WALKING = (
     "plant",
     "plant_build",
 )
+# ``from jointz.sim import plant`` asks for the module in the present place of ``jointz.sim``.
+_SIM = ("jointz.sim", "jointz.rig.sim")
 #: Former place -> present place, also of what is in it.
 PRESENT = {
-    **{f"jointz.sim.{name}": f"jointz.rig.sim.sensors.{name}" for name in _SENSORS},
-    **{f"jointz.sim.{name}": f"jointz.rig.sim.walking.{name}" for name in _WALKING},
+    **{f"{sim}.{name}": f"jointz.rig.sim.sensors.{name}" for sim in _SIM for name in _SENSORS},
+    **{f"{sim}.{name}": f"jointz.rig.sim.walking.{name}" for sim in _SIM for name in _WALKING},
     **{f"jointz.{name}": f"jointz.rig.{name}" for name in _RIG},
     "jointz.analysis.certificate.study_protocol": "jointz.analysis.study_protocol",
+    "jointz.rig.certificate.study_protocol": "jointz.analysis.study_protocol",
     "jointz.analysis.certificate": "jointz.rig.certificate",
     "jointz.control.controllers": "jointz.rig.phase_controllers",
     "jointz.identify.methods": "jointz.identify.regression",
@@ -38,19 +41,32 @@ PRESENT = {
 
 
 class FormerPlaces:
-    """Finder and loader that give the module of the present place, not a second one."""
+    """Finder that gives the module of the present place, not a second one."""
 
     def find_spec(self, name: str, path: object, target: object = None) -> ModuleSpec | None:
         """Return where to load a former name from; None for every other name."""
         del path, target
-        return ModuleSpec(name, self) if _present(name) else None  # type: ignore[arg-type]
+        if not (present := _present(name)):
+            return None
+        try:
+            # Now, so that no other thread meets the empty module while this one is loaded.
+            return ModuleSpec(name, _Loader(import_module(present)))  # type: ignore[arg-type]
+        except ModuleNotFoundError as exc:
+            if exc.name != present:
+                raise
+            return None  # it never was
+
+
+class _Loader:
+    def __init__(self, module: ModuleType) -> None:
+        self._module = module
 
     def create_module(self, spec: ModuleSpec) -> None:
         """Have Python make an empty module, which nobody sees."""
 
     def exec_module(self, module: ModuleType) -> None:
         """Put the module of the present place under the former name."""
-        sys.modules[module.__name__] = import_module(_present(module.__name__))
+        sys.modules[module.__name__] = self._module
 
 
 def _present(name: str) -> str:

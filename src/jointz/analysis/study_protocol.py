@@ -98,6 +98,11 @@ def study_protocol(
         for name in sorted(points, key=lambda name: nominal.get(name, 0.0))
     }
     counts = Counter(p.timing_point for p in used)
+    if lost := [name for name, at in onsets.items() if np.isnan(at)]:
+        raise DataError(
+            f"{asked_by}: no pulse at {', '.join(lost)} has a phase, so no simulated person can "
+            "repeat it. State perturbations.timing_points."
+        )
     per_point = {name: max(1, round(counts[name] / people)) for name in onsets}
     gaps = _gap_strides(pulses, strides, longest_s=max(s.length_s for s in shapes))
     level = [s for s in strides if s.condition == "unperturbed" and not s.code]

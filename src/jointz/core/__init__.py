@@ -1,1 +1,1 @@
-"""Recordings, studies, protocols, gait phases, codes, errors and limits, which all floors share."""
+"""Recordings, studies, protocols, gait phases, codes, errors and limits, which all layers share."""
