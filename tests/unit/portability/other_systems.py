@@ -25,6 +25,8 @@ def as_on_a_mac() -> None:
     """Take away what macOS lacks."""
     for name in [name for name in vars(os) if name.startswith(("sched_", "SCHED_"))]:
         delattr(os, name)
+    if hasattr(os, "process_cpu_count"):  # since Python 3.13; on Linux it asks sched_getaffinity
+        os.process_cpu_count = os.cpu_count
     exists = pathlib.Path.exists
     pathlib.Path.exists = lambda self, **more: (
         not str(self).startswith("/proc/") and exists(self, **more)

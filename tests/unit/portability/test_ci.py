@@ -11,7 +11,7 @@ WORKFLOW = (ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8")
 def test_ci_tries_every_version_of_python_that_the_package_claims():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     claimed = {c.rpartition(" ")[2] for c in project["classifiers"] if "Python :: 3." in c}
-    assert set(re.findall(r'"(3\.\d+)"', WORKFLOW)) == claimed
+    assert claimed <= set(re.findall(r'"(3\.\d+)"', WORKFLOW))
 
 
 def test_what_ci_runs_and_leaves_out_exists():
