@@ -23,7 +23,7 @@ from jointz.core.session_log import Flag
 from jointz.io.log_reader import read_log
 from jointz.io.protocols import load_protocol
 from jointz.rig.experiment import pulse_runner, scheduler, session
-from jointz.rig.session.worker_pool import NoOperator
+from jointz.rig.session.run import NoOperator
 from jointz.rig.sim import rig as rigs
 from jointz.rig.sim.benches.running_plant import RunningPlant
 from jointz.rig.sim.people import draw_person

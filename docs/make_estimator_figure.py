@@ -71,7 +71,7 @@ def draw_pulse(axes, candidates, source) -> None:
     before, _ = signals.cut(onset, before_s=BEFORE_S, after_s=0.0)
     past, measured = np.degrees(before[0, RAW_ANGLE]), np.degrees(after[0, RAW_ANGLE])
     without = measured - np.degrees(predicted.responses[0, 0]) * candidates[number].pulse.sign
-    reach = 1.96 * np.degrees(predicted.misses[:, 0].std(axis=0))
+    reach = 1.96 * np.degrees(predicted.prediction_errors[:, 0].std(axis=0))
     time = 1e3 * np.arange(n) / signals.rate_hz
     axes.fill_between(time, without - reach, without + reach, color=SKY, alpha=0.5, linewidth=0)
     axes.plot(time, without, color=BLUE)
@@ -129,7 +129,7 @@ def main(folder: str) -> None:
         draw_sources(panels[2], cell)
         legend = [
             legend_line("measured", INK),
-            legend_line("predicted without the pulse, and 95 % of its misses", BLUE),
+            legend_line("predicted without the pulse, and 95 % of its errors", BLUE),
             legend_line("simulated from the measured torque", VERMILION, dashes=(2.5, 1.5)),
         ]
         place_legend(figure, legend)

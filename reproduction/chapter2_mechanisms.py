@@ -25,9 +25,9 @@ from jointz.kernels.bounded_lsq import least_squares, normal_equations
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
 from jointz.rig.session.participant_run import run_participant
+from jointz.rig.session.run import NoOperator
 from jointz.rig.session.run_settings import RunSettings
 from jointz.rig.session.study_file import study_toml
-from jointz.rig.session.worker_pool import NoOperator
 from jointz.rig.sim.benches.bench_load import draw_load
 from jointz.rig.sim.benches.sea import sea_preset
 from jointz.rig.sim.benches.sea_bench_rig import SeaBench

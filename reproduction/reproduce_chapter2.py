@@ -14,8 +14,7 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.identify.actuators.bandwidth import identify_bandwidth
 from jointz.identify.bench.bench_records import BenchTrial
 from jointz.identify.bench.full_record import fit_full_record
-from jointz.identify.record.frequency_response import fit_frequency_response
-from jointz.identify.record.joint import identify_joint
+from jointz.identify.record.joint import fit_frequency_response, identify_joint
 from jointz.identify.record.joint_record import JointRequest
 from jointz.io.protocols import load_protocol
 from jointz.io.recordings import read_recording

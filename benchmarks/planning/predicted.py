@@ -11,8 +11,8 @@ from benchmarks.realistic.rows import PARAMETERS, RealisticRow, preset_of
 
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.io.study_reader import open_study
-from jointz.planning.lab_of_study import lab_of_study
 from jointz.planning.laboratory import Actuator, Laboratory
+from jointz.planning.plan_study import lab_of_study
 from jointz.planning.predicted_estimates import PlannedLeg, drawn_parameters, typical_leg
 from jointz.planning.schedule import Schedule, recorded_schedule
 from jointz.rig.session.simulate_study import simulate_study

@@ -15,12 +15,12 @@ import jointz
 from jointz.rig.session.simulate_study import simulate_study
 from jointz.rig.sim.direct_walk import WalkPlan
 from jointz.stats.people_likelihoods import PeopleResults
-from jointz.stats.people_together import PeopleTogether, together
+from jointz.stats.people_together import PopulationModel, together
 
 study = simulate_study(mkdtemp() + "/study", participants=4, plan=WalkPlan(per_point=6), seed=14)
 analysis = jointz.analyze(study, resamples=2)
 results = PeopleResults(analysis.log_posteriors, analysis.cells)
-people: PeopleTogether | None = together(
+people: PopulationModel | None = together(
     [results], ["stiffness", "damping", "inertia"], same_people=True
 )
 assert people is not None

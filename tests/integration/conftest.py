@@ -20,7 +20,7 @@ from jointz.io.protocols import load_protocol, protocol_text
 from jointz.rig.experiment.files.journal import read_journal
 from jointz.rig.experiment.session import Session, SessionPlan
 from jointz.rig.session.rigs.rig_settings import open_rig, rig_settings
-from jointz.rig.session.worker_pool import NoOperator
+from jointz.rig.session.run import NoOperator
 from jointz.rig.sim.descriptions import exoskeleton
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), "")

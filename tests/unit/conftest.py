@@ -14,8 +14,7 @@ from jointz.core.events import GapRecord, PulseRecord, StrideRecord
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.results.estimates import CellEstimate, ParameterEstimate, PulseExample, Response
 from jointz.results.mean_stride import MeanStride
-from jointz.results.participant_model import ParticipantModel
-from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.study_analysis import ParticipantModel, PopulationEstimate, StudyAnalysis
 
 # Per kg, as in the dissertation's table 4.1: stiff in early stance, compliant in swing.
 STIFFNESS_PER_KG = dict(zip(TIMING_POINTS, (3.0, 2.1, 1.5, 0.9, 0.40, 0.35), strict=True))
@@ -337,7 +336,7 @@ def unperturbed_analysis():
         provenance={
             "jointz": "0.1.0",
             "study": {
-                "torque_acts_on": "device",
+                "jointz": 1, "joint": "knee", "kind": "walking", "torque_acts_on": "device",
                 "channels": {"angle": {"column": "knee"}, "torque": {"column": "KneeMoment"}},
                 "participants": [{"id": "15", "mass_kg": 79.4}],
                 "recordings": [{"participant": "15", "file": "a.csv", "condition": "no_device"}],

@@ -1,18 +1,18 @@
 """Analysis of a study: from recordings to impedance with intervals."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
-from jointz.analysis.coupling import ask_for_coupling
 from jointz.analysis.mass_checks import (
     likely_masses_kg,
     mass_questions,
     mass_remarks,
     without_values_per_kg,
 )
+from jointz.analysis.page.report_page import run_section
 from jointz.analysis.participant_jobs import (
     EstimationRequest,
     Outcome,
@@ -21,10 +21,9 @@ from jointz.analysis.participant_jobs import (
     recommended_method,
 )
 from jointz.analysis.planned_half_widths import planned_beside_reached
-from jointz.analysis.population_step import damage_notes, study_statistics
 from jointz.analysis.rig_hooks import certificates, salvage_recordings
-from jointz.analysis.run_record import run_record
 from jointz.analysis.saved_analysis import Analysis
+from jointz.analysis.study_statistics import damage_notes, study_statistics
 from jointz.core import provenance
 from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import DataError, EngineError, OutputError, StudyError, WorkerLostError
@@ -37,8 +36,10 @@ from jointz.identify.preparation.assignment import label_names
 from jointz.identify.regression.cell_parameters import failed_parameters
 from jointz.identify.study_kinds import KINDS
 from jointz.identify.walking.coupling import COUPLINGS
+from jointz.io.small_files import read_json
 from jointz.io.study_reader import open_study
 from jointz.results.estimates import CellEstimate
+from jointz.results.run_report import RunReport
 from jointz.stats.population import population_means
 from jointz.tasks.engine import Engine, Serial
 from jointz.tasks.progress import Progress
@@ -394,3 +395,75 @@ def _settings_record(request: EstimationRequest) -> dict[str, Any]:
         "timing_points": dict(spec.perturbations.timing_points or {}),
         "calibration": spec.calibration.model_dump(exclude_none=True),
     }
+
+
+_TRUTH_FILE = "ground_truth.json"
+
+
+def ask_for_coupling(study: Study) -> None:
+    """Refuse a simulated study of rigid coupling that was written before the key existed."""
+    if study.spec.kind != "walking" or study.spec.coupling is not None:
+        return
+    preset = _rigid_preset(study)
+    if preset is not None:
+        raise DataError(
+            f"{study.root / 'study.toml'}: coupling is missing, and {_TRUTH_FILE} names the "
+            f'simulated people "{preset}", to whom the device is coupled rigidly. Add the line '
+            'coupling = "rigid" above the first [table] of study.toml.'
+        )
+
+
+def _rigid_preset(study: Study) -> str | None:
+    """Return the name of a preset without strap; None where the study is of other people."""
+    try:
+        truth: Any = read_json(study.root / _TRUTH_FILE, "")
+        conditions = [c for person in truth["participants"].values() for c in person.values()]
+        bodies = [condition["settings"]["body"] for condition in conditions]
+        preset = str(truth["preset"])
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return preset if bodies and not any(bodies) else None
+
+
+#: Device of ``run.json`` -> whether it is simulated; another device is if it knows a truth.
+_SIMULATED: Final = {"sim": True, "hardware": False}
+_FILES: Final = ("run.json", "ground_truth.json", "run_report.json")
+
+
+def run_record(study: Study) -> tuple[dict[str, Any], list[str]]:
+    """Return ``simulated`` and the ``report`` of the run, as far as known, and notes."""
+    people = {person.id for person in study.spec.participants}
+    record: dict[str, Any] = {}
+    notes = []
+    for file in (study.root / name for name in _FILES):
+        if not file.exists():
+            continue
+        try:
+            content = read_json(file, "", finite=False)
+            record = _entry(file.name, content, people) | record  # run.json knows best
+        except Exception as exc:  # noqa: BLE001 - the file may hold anything
+            text = str(exc).partition("\n")[0].removeprefix(f"{file}: ").rstrip(". ")
+            problem = f"{type(exc).__name__}: {text}"
+            notes.append(
+                f"{file.name}: not used, as it is damaged or not from jointz run ({problem}). "
+                "Restore it from a copy, or remove it."
+            )
+    return record, notes
+
+
+def _entry(name: str, content: Mapping[str, Any], people: set[str]) -> dict[str, Any]:
+    if name == "run.json":
+        device, _ = content["device"], content["protocol"]
+        return {"simulated": _SIMULATED[device]} if device in _SIMULATED else {}
+    if name == "ground_truth.json":
+        known = set(content["participants"]) & people and content["preset"]
+        entry: dict[str, Any] = {"simulated": True}
+    else:
+        parts = ("onsets", "gaps", "timing")
+        own = {p: [row for row in content[p] if row["participant"] in people] for p in parts}
+        report = RunReport.from_dict({**content, **own})
+        known = run_section(report) and own["timing"]  # raises what the page would
+        entry = {"report": report.to_dict()}
+    if not known:
+        raise ValueError("names no participant of the study")
+    return entry

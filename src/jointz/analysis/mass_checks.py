@@ -6,7 +6,7 @@ from statistics import median, median_low
 
 from jointz.core.codes import Failure
 from jointz.core.study import ParticipantSpec, Study
-from jointz.identify.walking.body import shank_and_foot
+from jointz.reference.body_segments import leg_beyond
 from jointz.report.wording import PER_MASS
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 
@@ -127,7 +127,7 @@ def _doubt_of_inertia(study: Study, person: ParticipantSpec, inertias: Sequence[
     """Say that a decided inertia of the knee is too large for the leg of this mass."""
     if not inertias or person.mass_kg is None or "knee" not in study.spec.joint.lower():
         return ""
-    leg = _FREE_HIP * shank_and_foot(person.mass_kg, person.height_m or _USUAL_HEIGHT_M)[0]
+    leg = _FREE_HIP * leg_beyond("knee", person.mass_kg, person.height_m or _USUAL_HEIGHT_M).inertia
     entries = [e for e in study.spec.recordings if e.participant == person.id]
     alone = all(study.spec.calibration_of(e).intrinsic_inertia is not None for e in entries)
     most = _MOST_LEG_INERTIA * leg if alone else max(_MOST_INERTIA * leg, leg + _DEVICE_INERTIA)

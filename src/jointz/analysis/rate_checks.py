@@ -16,11 +16,11 @@ from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
     USUAL_HZ,
+    format_rates,
     is_walking_stride,
     median_stride_s,
     rates_of_strides,
     scale_of_onsets,
-    told_rates,
     usual_strides_s,
 )
 from jointz.gait.strides import find_strides
@@ -48,7 +48,7 @@ def check_strides(study: Study, entry: RecordingSpec, pieces: Sequence[xr.Datase
     shortest, most = usual_strides_s(study.spec.participant(entry.participant).height_m)
     if stride is None or shortest <= stride <= most:
         return
-    likely = told_rates(rates_of_strides(longest))
+    likely = format_rates(rates_of_strides(longest))
     raise DataError(
         f"{entry.file}: its strides last {stride:.3g} s (median) at sample_rate_hz = "
         f"{study.spec.sample_rate_hz:g}; usual are {shortest:.2g} to {most:.2g} s. "

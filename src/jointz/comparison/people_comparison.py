@@ -15,7 +15,7 @@ from jointz.results.statistics.comparison_rows import (
     SourceMean,
 )
 from jointz.stats.people_likelihoods import PeopleResults
-from jointz.stats.people_together import PeopleDifference, PeopleTogether
+from jointz.stats.people_together import PeopleDifference, PopulationModel
 from jointz.stats.population import people_models
 
 #: Timing point and parameter of a source, by its place among the compared ones.
@@ -57,7 +57,7 @@ class ComparedPeople:
         missing = row.n + row.n_missing - n
         return replace(row, n=n, n_missing=missing, mean=found.value, error_sd=error_sd, **numbers)
 
-    def _mean(self, source: str, model: PeopleTogether, element: _Element, n: int) -> float | None:
+    def _mean(self, source: str, model: PopulationModel, element: _Element, n: int) -> float | None:
         """Return a mean as its folder has it; of some of its people only, that of their model."""
         found = self._populations[source].get(element[1])
         if found is not None and found.n_participants == n:
@@ -110,7 +110,7 @@ class ComparedPeople:
         self,
         row: Difference,
         sources: Sequence[str],
-        people: PeopleTogether,
+        people: PopulationModel,
         elements: tuple[_Element, _Element],
         found: PeopleDifference | None,
         effect: str,
@@ -139,7 +139,7 @@ class ComparedPeople:
 
 def _pair(
     a: Results, b: Results, parameters: Sequence[str], *, paired: bool
-) -> Mapping[tuple[str, str], PeopleTogether]:
+) -> Mapping[tuple[str, str], PopulationModel]:
     """Return models of two sources, if both were made by one method that states its errors."""
     if a.people is None or b.people is None or a.source.methods != b.source.methods:
         return {}

@@ -1,24 +1,191 @@
 """Tabs of impedance over the gait cycle, and of methods side by side."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
-from jointz.explorer.estimate_curves import (
-    METHOD_COLOURS,
-    Curve,
-    curve_of,
-    curve_of_cells,
-    cycle_figure,
-    mean_curve,
-    method_label,
-    methods_figure,
+from jointz.core.gait_phases import PHASES
+from jointz.explorer.figures import (
+    AMBER,
+    BLUE,
+    GREEN,
+    GREY,
+    PURPLE,
+    VERMILION,
+    Figure,
+    base_layout,
+    figure,
+    plain,
+    span,
 )
-from jointz.explorer.figures import BLUE, GREEN, GREY
 from jointz.explorer.results_files import cell_of
 from jointz.explorer.tab import Tab, parameter_choice, table_columns
 from jointz.explorer.view import estimate_or_status
-from jointz.report.wording import DASH, method_name, parameter_name
+from jointz.report.wording import DASH, method_name, parameter_label, parameter_name
 from jointz.results.estimates import CellEstimate, ParameterEstimate
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+
+_PHASE: Final = "rgba(139,149,161,0.10)"
+#: The first is for the chosen method; none is the green of the mean over people.
+METHOD_COLOURS: Final = (
+    BLUE, VERMILION, PURPLE, AMBER, "#1597a8", "#c2507a", "#7d8b2e", "#5b6ee1", GREY
+)  # fmt: skip
+
+
+def cycle_figure(parameter: str, curves: Sequence["Curve"]) -> Figure:
+    """Draw one parameter over the gait cycle."""
+    data = list(map(_line, curves))
+    layout = base_layout(plain(parameter_label(parameter)), "Gait cycle (%)")
+    layout["xaxis"] |= {"range": [-1, 101], "dtick": 10, "showgrid": False, "zeroline": False}
+    layout["yaxis"] |= {"rangemode": "tozero"}
+    for k, (name, (begin, end)) in enumerate(PHASES.items()):
+        if k % 2:
+            layout["shapes"].append(span((begin, end), colour=_PHASE))
+        if end - begin > 5:
+            layout["annotations"].append(
+                {"x": (begin + end) / 2, "y": 1.0, "yref": "paper", "yanchor": "bottom",
+                 "text": name, "showarrow": False, "font": {"size": 10, "color": GREY}}
+            )  # fmt: skip
+    return figure(data, layout, name=parameter)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Estimates over the gait cycle."""
+
+    name: str  # name in the legend
+    x: tuple[float | str, ...]  # % of the gait cycle, or names of timing points
+    values: tuple[float | None, ...]  # SI
+    lows: tuple[float | None, ...]  # lower ends of the intervals, SI
+    highs: tuple[float | None, ...]  # upper ends of the intervals, SI
+    # whether each value is at its bound, so that only its upper limit is known
+    bounds: tuple[bool, ...]
+    colour: str  # colour of line and marks
+    faint: bool = False  # whether it is one of many in the background
+    symbol: str = "circle"  # symbol of the marks
+
+
+def curve_of(
+    name: str,
+    x: Sequence[float | str],
+    estimates: Sequence[ParameterEstimate | PopulationEstimate | None],
+    colour: str,
+    **style: Any,
+) -> Curve:
+    """Return estimates as a curve, with gaps at those that are None."""
+    return Curve(
+        name,
+        tuple(x),
+        tuple(None if p is None else p.value for p in estimates),
+        tuple(None if p is None else p.ci_low for p in estimates),
+        tuple(None if p is None else p.ci_high for p in estimates),
+        tuple(p is not None and p.status == "at_bound" for p in estimates),
+        colour,
+        **style,
+    )
+
+
+def curve_of_cells(
+    cells: Iterable[CellEstimate],
+    parameter: str,
+    *,
+    name: str,
+    colour: str,
+    faint: bool = False,
+    symbol: str = "circle",
+    shift: float = 0.0,
+) -> Curve:
+    """Return the available estimates as a curve."""
+    placed = [
+        (cell.onset_gait_pct + shift, p)
+        for cell in cells
+        if cell.onset_gait_pct is not None
+        and (p := cell.parameter(parameter)) is not None
+        and p.available
+    ]
+    placed.sort(key=lambda at: at[0])
+    x, estimates = [x for x, _ in placed], [p for _, p in placed]
+    return curve_of(name, x, estimates, colour, faint=faint, symbol=symbol)
+
+
+def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve | None:
+    """Return the means over people, None if there are none."""
+    rows = [
+        row
+        for row in analysis.population
+        if row.parameter == parameter
+        and row.value is not None
+        and row.n_participants > 1
+        and row.onset_gait_pct is not None
+    ]
+    if not rows:
+        return None
+    rows.sort(key=lambda row: row.onset_gait_pct or 0.0)
+    x = [row.onset_gait_pct or 0.0 for row in rows]
+    return curve_of("mean over people", x, rows, colour, symbol="diamond")
+
+
+def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
+    """Draw methods side by side at every timing point."""
+    data = []
+    for k, curve in enumerate(curves):
+        offset = (k - (len(curves) - 1) / 2) * min(0.14, 0.7 / max(1, len(curves)))
+        places = [position + offset for position in range(len(curve.x))]
+        marks = _marks(curve, places)
+        data.append({**marks, "mode": "markers", "text": [str(x) for x in curve.x]})
+    layout = base_layout(plain(parameter_label(parameter)), "")
+    names = [plain(str(x)) for x in curves[0].x] if curves else []
+    layout["xaxis"] |= {
+        "tickvals": list(range(len(names))),
+        "ticktext": names,
+        "range": [-0.6, len(names) - 0.4],
+        "showgrid": False,
+        "zeroline": False,
+    }
+    layout["yaxis"] |= {"rangemode": "tozero"}
+    return figure(data, layout, name=f"methods_{parameter}")
+
+
+def _line(curve: Curve) -> dict[str, Any]:
+    line = {"color": curve.colour, "width": 1 if curve.faint else 2.2}
+    trace = _marks(curve, curve.x) | {"mode": "lines+markers", "line": line}
+    if curve.faint:
+        trace |= {"opacity": 0.45, "error_y": {"visible": False}, "showlegend": False}
+    return trace
+
+
+def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
+    shown = [
+        high if bound and high is not None else value
+        for value, high, bound in zip(curve.values, curve.highs, curve.bounds, strict=True)
+    ]
+    ends = list(zip(shown, curve.lows, curve.highs, strict=True))
+    # At its bound a value is an upper limit: an open triangle, with the bar below it.
+    symbols = ["triangle-down-open" if bound else curve.symbol for bound in curve.bounds]
+    return {
+        "type": "scatter",
+        "name": plain(curve.name),
+        "x": list(x),
+        "y": shown,
+        "error_y": {
+            "type": "data", "symmetric": False,
+            "array": [_reach(high, value) for value, _, high in ends],
+            "arrayminus": [_reach(value, low) for value, low, _ in ends],
+            "color": curve.colour, "thickness": 1.5, "width": 3,
+        },
+        "marker": {"color": curve.colour, "size": 5 if curve.faint else 9, "symbol": symbols},
+        "hovertemplate": "%{fullData.name}<br>%{y:.4g}<extra></extra>",
+    }  # fmt: skip
+
+
+def _reach(far: float | None, near: float | None) -> float:
+    return 0.0 if far is None or near is None else max(0.0, far - near)
+
+
+def method_label(method: str) -> str:
+    """Return a method as legends name it."""
+    return plain(method_name(method))
+
 
 #: Shift between the curves of methods, % of the gait cycle.
 _SHIFT_PCT = 0.8

@@ -4,15 +4,16 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
+from jointz.core.codes import LISTED, Exclusion
 from jointz.explorer.cycle_page import CycleTab, MethodsTab
-from jointz.explorer.exclusions_page import ExclusionsTab
+from jointz.explorer.exclusions import FILE, excluded, last_line
 from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.pulses_page import PulsesTab
-from jointz.explorer.report_route import REPORT, add_report
 from jointz.explorer.results_files import Exploration, cell_of
-from jointz.explorer.tab import Tab
+from jointz.explorer.tab import Tab, table_columns
+from jointz.explorer.traces import PulseKey
 from jointz.explorer.view import View, estimate_or_status
 from jointz.report.subjects import subjects
 from jointz.report.wording import (
@@ -31,6 +32,10 @@ from jointz.web.server import require_app, serve
 if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.events import KeyEventArguments
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.requests import Request
+    from starlette.responses import Response
 
 _STYLE = Path(__file__).parent / "static" / "explore.css"
 #: NiceGUI resizes a plot even when its tab is left, and Plotly refuses a hidden plot.
@@ -303,3 +308,78 @@ def explore(
         routes=lambda app: add_report(app, results.folder),
         announce=announce,
     )
+
+
+_COLUMNS: Final = {
+    "participant": "participant", "point": "timing point", "onset": "onset (s)",
+    "by": "by", "reason": "reason", "since": "since",
+}  # fmt: skip
+_AUTHORS: Final = {Exclusion.USER.value: "you", Exclusion.ABORTED.value: "the rig"}
+
+
+class ExclusionsTab(Tab):
+    """Pulses that the user excluded, or the rig broke off."""
+
+    def build(self) -> None:
+        """Make the elements of the tab."""
+        from nicegui import ui
+
+        with ui.element("div").classes("card"):
+            ui.label("Excluded by you, or broken off by the rig").classes("head")
+            self._none = ui.label(f"No pulse: {FILE} of the study excludes none.")
+            self._left = ui.table(
+                columns=table_columns(_COLUMNS, align="left"), rows=[], row_key="key", pagination=0
+            )
+            self._left.props("dense flat hide-bottom").classes("methods")
+        with ui.element("div").classes("card"):
+            ui.label("The same numbers without this page").classes("head")
+            ui.label(
+                f"Exclusions are in the study's {FILE}, a line each with its reason and time. "
+                "The results folder stays as analysed until you run this command:"
+            ).classes("foot")
+            self._command = ui.label().classes("command")
+
+    def refresh(self) -> None:
+        """Update the elements."""
+        self._left.rows = self._rows()
+        self._left.set_visibility(bool(self._left.rows))
+        self._none.set_visibility(not self._left.rows)
+        self._command.set_text(self._view.explorer.results.command())
+
+    def _rows(self) -> list[dict[str, Any]]:
+        results = self._view.explorer.results
+        study, pulses = results.study, results.analysed.pulses
+        changed = {PulseKey.of(p) for p in self._view.explorer.changed}
+        flags = [p.code in LISTED for p in pulses] if study is None else excluded(study, pulses)
+        rows: list[dict[str, Any]] = []
+        for pulse in (p for p, is_excluded in zip(pulses, flags, strict=True) if is_excluded):
+            line = None if study is None else last_line(study, pulse)
+            since = "since the analysis" if PulseKey.of(pulse) in changed else "as analysed"
+            rows.append(
+                {"key": len(rows), "participant": pulse.label, "point": pulse.timing_point,
+                 "onset": f"{pulse.onset_s:.3f}", "by": _AUTHORS[line.code if line else pulse.code],
+                 "reason": line.reason if line else "", "since": since}
+            )  # fmt: skip
+        return rows
+
+
+REPORT: Final = "report.html"
+#: The report, and the files it links to.
+_FILES: Final = (REPORT, "methods.txt", "methods.tex")
+#: A results folder may be a stranger's: its page runs no script beside that of the explorer.
+_NO_SCRIPTS: Final = {"content-security-policy": "sandbox allow-same-origin"}
+
+
+def add_report(app: "FastAPI", folder: Path) -> None:
+    """Serve the report of a results folder under ``/report``, and no other file."""
+    from starlette.responses import FileResponse, PlainTextResponse
+
+    async def answer(request: "Request") -> "Response":
+        name = request.path_params["name"]
+        file = folder / name
+        # A link may lead to any file of this machine.
+        if name not in _FILES or file.is_symlink() or not file.is_file():
+            return PlainTextResponse("not found", 404)
+        return FileResponse(file, headers=_NO_SCRIPTS)
+
+    app.add_route("/report/{name}", answer)

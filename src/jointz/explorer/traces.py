@@ -133,8 +133,8 @@ def _group_traces(
     cells: Sequence[CellEstimate],
     pulses: Sequence[PulseRecord],
 ) -> dict[PulseKey, PulseTrace]:
-    lifted = _without_exclusions(settings, pulses)
-    sources = prepare_sources(recordings, lifted)
+    without_pulse_exclusions = _without_exclusions(settings, pulses)
+    sources = prepare_sources(recordings, without_pulse_exclusions)
     data = ParticipantData(participant, sources)
     excluded = {PulseKey.of(p) for p in pulses if p.code in LISTED}
     windows: dict[PulseKey, dict[str, Window]] = {PulseKey.of(p): {} for p in pulses}
@@ -144,9 +144,9 @@ def _group_traces(
         name = _written_name(cells) if method == BAYESIAN else method
         own = {cell.timing_point: cell for cell in cells if cell.method == name}
         windows_of_method = (
-            _predicted(data, lifted, pulses, turned=name == RIGID)
+            _predicted(data, without_pulse_exclusions, pulses, turned=name == RIGID)
             if method == BAYESIAN
-            else _filtered(participant, method, sources, lifted)
+            else _filtered(participant, method, sources, without_pulse_exclusions)
         )
         for key, label, window in windows_of_method:
             counted = replace(window, shape=-1) if key in excluded else window
@@ -174,7 +174,7 @@ _Windows = Iterator[tuple[PulseKey, str, Window]]
 
 def _predicted(
     data: ParticipantData,
-    lifted: ParticipantSettings,
+    without_pulse_exclusions: ParticipantSettings,
     pulses: Sequence[PulseRecord],
     *,
     turned: bool,
@@ -187,10 +187,13 @@ def _predicted(
     listed = [p for p in pulses if p.code in LISTED]
     excluded = {PulseKey.of(p) for p in listed}
     if excluded:
-        restored = _of_shapes(data, lifted, turned=turned)
+        restored = _of_shapes(data, without_pulse_exclusions, turned=turned)
         yield from (w for w in restored if w[0] in excluded)
     lines = [UserExclusion(p.participant, p.recording, p.onset_s, "exclude", "") for p in listed]
-    analysed = replace(lifted, user_exclusions=(*lifted.user_exclusions, *lines))
+    analysed = replace(
+        without_pulse_exclusions,
+        user_exclusions=(*without_pulse_exclusions.user_exclusions, *lines),
+    )
     windows = _of_shapes(data, analysed, turned=turned)
     yield from (w for w in windows if w[0] not in excluded)
 
@@ -270,7 +273,7 @@ def _with_surroundings(
     """Add the recording around each pulse, as in its file."""
     files: dict[str, list[Source]] = {}
     for source in sources:
-        files.setdefault(source.given.file, []).append(source)
+        files.setdefault(source.input.file, []).append(source)
     traces = {}
     for pulse in pulses:
         key = PulseKey.of(pulse)
@@ -281,7 +284,7 @@ def _with_surroundings(
 
 def _around(onset_s: float, pieces: Sequence[Source]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for source in pieces:
-        recording = source.given.recording
+        recording = source.input.recording
         time = recording["time"].to_numpy()
         first, last = np.searchsorted(time, [onset_s - _BEFORE_S, onset_s + _AFTER_S])
         if last > first:

@@ -57,7 +57,7 @@ def rates_of_strides(recording: xr.Dataset) -> dict[float, float]:
     return {hz: strides[hz] for hz in likely[:_MOST_NAMED]}
 
 
-def told_rates(rates: dict[float, float]) -> str:
+def format_rates(rates: dict[float, float]) -> str:
     """Return rates with their median strides, as text."""
     return " or ".join(f"{hz:g} Hz (strides of {stride:.2f} s)" for hz, stride in rates.items())
 

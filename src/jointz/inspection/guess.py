@@ -18,7 +18,7 @@ from jointz.inspection.names import (
     word_set,
     words_of,
 )
-from jointz.inspection.signals import Course, course_of
+from jointz.inspection.signals import SignalSummary, signal_summary
 from jointz.io.text.clock_times import CLOCK_TEXT
 from jointz.io.text.column_names import readable_unit
 from jointz.io.toml_problems import OPEN
@@ -67,7 +67,7 @@ class InspectedColumn:
 
     column: Column
     words: Words  # words of its name, with the stated unit if there is one
-    course: Course  # summary of its samples
+    course: SignalSummary  # summary of its samples
 
     @property
     def key(self) -> str | int:
@@ -100,7 +100,7 @@ def inspect_column(column: Column) -> InspectedColumn:
     words = words_of(_PART_AT_END.sub("", name))
     stated = readable_unit(column.unit)
     return InspectedColumn(
-        column, replace(words, unit=stated) if stated else words, course_of(column)
+        column, replace(words, unit=stated) if stated else words, signal_summary(column)
     )
 
 

@@ -13,10 +13,10 @@ from jointz.core.units import si_unit_of
 from jointz.gait.sample_rate import (
     LONGEST_S,
     SHORTEST_S,
+    format_rates,
     is_walking_stride,
     median_stride_s,
     rates_of_strides,
-    told_rates,
 )
 from jointz.identify.preparation.pulses import pulses_from_angle, runs_of
 from jointz.inspection.content import GUESSED_SAMPLES
@@ -147,7 +147,7 @@ def stride_notes(assigned: Assignments, clock: SeenClock, *, walking: bool) -> l
     stride = None if recording is None else median_stride_s(recording)
     if recording is None or stride is None or is_walking_stride(stride):
         return []
-    likely = told_rates(rates_of_strides(recording))
+    likely = format_rates(rates_of_strides(recording))
     return [
         f"strides last {stride:.3g} s (median) at {clock.rate_hz:.6g} Hz; people walk with "
         f"{SHORTEST_S:g} to {LONGEST_S:g} s. Likely rate: {likely or 'unknown'}."

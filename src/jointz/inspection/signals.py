@@ -25,7 +25,7 @@ _LARGEST: Mapping[str, float] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class SignalSummary:
     """Summary of the samples of a column."""
 
     n: int  # number of samples
@@ -40,16 +40,16 @@ class Course:
     outline: tuple[float | None, ...]
 
 
-def course_of(column: Column) -> Course:
+def signal_summary(column: Column) -> SignalSummary:
     """Summarise the samples of a column."""
     if column.is_text:
-        return _course_of_text(column.values)
+        return _text_summary(column.values)
     values = column.values
     good = np.isfinite(values)
     finite = values if good.all() else values[good]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
     before, after = finite[:-1], finite[1:]
-    return Course(
+    return SignalSummary(
         n=values.size,
         n_missing=int(values.size - finite.size),
         low=low,
@@ -62,7 +62,7 @@ def course_of(column: Column) -> Course:
     )
 
 
-def _course_of_text(values: np.ndarray) -> Course:
+def _text_summary(values: np.ndarray) -> SignalSummary:
     found: dict[str, None] = {}
     for value in values:
         if value and len(found) <= _LARGEST_LEVELS:
@@ -70,7 +70,7 @@ def _course_of_text(values: np.ndarray) -> Course:
     missing = int(sum(not v for v in values))
     levels = tuple(found)
     notes = ("constant",) if len(found) == 1 and values.size > 1 else ()
-    return Course(values.size, missing, None, None, levels, False, False, notes, ())  # noqa: FBT003
+    return SignalSummary(values.size, missing, None, None, levels, False, False, notes, ())  # noqa: FBT003
 
 
 def _levels(finite: np.ndarray) -> tuple[str, ...]:
@@ -150,7 +150,7 @@ def _repeated(finite: np.ndarray) -> list[str]:
             f"new one about every {each:.1f} samples"]  # fmt: skip
 
 
-def overflow_note(course: Course, si_unit: str, factor: float) -> str:
+def overflow_note(course: SignalSummary, si_unit: str, factor: float) -> str:
     """Return a sentence about impossibly large numbers of a column, "" if there are none."""
     largest = _LARGEST.get(si_unit)
     ends = [end for end in (course.low, course.high) if end is not None]

@@ -37,6 +37,12 @@ class ColumnUnit:
     offset: float
     text: str  # as given, else as the file states it, else SI
 
+    def in_si(self, values: np.ndarray, *, inverted: bool = False) -> np.ndarray:
+        """Return values of the column in SI, with the opposite sign if ``inverted``."""
+        sign = -1.0 if inverted else 1.0
+        factor, offset = sign * self.factor, sign * self.offset
+        return values if (factor, offset) == (1.0, 0.0) else factor * values + offset
+
 
 def unit_in_study(
     spec: StudySpec,

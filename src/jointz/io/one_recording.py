@@ -102,8 +102,7 @@ def read_channels(
     for name, column in columns.items():
         unit = unit_in_record(name, column, table.units, file=file.name)
         values = np.asarray(table.columns[str(keys[name])], dtype=float)
-        values = unit.factor * values + unit.offset
-        signals[name] = ("time", values, {"units": unit.si_unit})
+        signals[name] = ("time", unit.in_si(values), {"units": unit.si_unit})
         columns[name] = replace(column, unit=unit.text)
     attributes = {"file": file.name, "first_row": table.first_row, "sha256": table.sha256}
     return xr.Dataset(signals, attrs=attributes), columns

@@ -19,15 +19,15 @@ from jointz.core.channels import (
     MOTOR_CHANNELS,
     is_turned,
 )
-from jointz.core.errors import DataError
+from jointz.core.errors import DataError, UnitError
 from jointz.core.recording import build_recording, deflection
-from jointz.core.study import RecordingSpec, Study, StudySpec, name_problem
+from jointz.core.study import ChannelSpec, FilesSpec, RecordingSpec, Study, StudySpec, name_problem
+from jointz.core.units import conversion
 from jointz.io.clocks import ClockedSamples, ClockSource, clock_sources, on_one_clock
-from jointz.io.column_units import stated_unit, unit_in_study
-from jointz.io.formats.columns import RawTable, check_samples
-from jointz.io.formats.registry import list_columns, read_table
-from jointz.io.heel_strike_times import read_heel_strikes
-from jointz.io.pulse_tables import read_pulses
+from jointz.io.column_units import SAMPLE, stated_unit, unit_in_study
+from jointz.io.formats.columns import RawTable, check_samples, file_error, missing_columns
+from jointz.io.formats.registry import list_columns, read_acquisition, read_table
+from jointz.io.pulse_tables import agreed_unit, read_pulses, times_of_samples, unit_in
 from jointz.io.study_files import (
     named_as_written,
     needed_channels,
@@ -221,15 +221,11 @@ def _in_si(
     spec = source.study.spec
     channel = spec.channels[name]
     unit = unit_in_study(spec, entry, (name, channel), table.units, file=source.file)
-    factor, offset = unit.factor, unit.offset
     values = np.asarray(table.columns[str(channel.column)], dtype=float)
-    if _turned(name, spec):
-        factor, offset = -factor, -offset
-    same = (factor, offset) == (1.0, 0.0)
-    return (values if same else factor * values + offset), unit.si_unit
+    return unit.in_si(values, inverted=_sign_is_inverted(name, spec)), unit.si_unit
 
 
-def _turned(name: str, spec: StudySpec) -> bool:
+def _sign_is_inverted(name: str, spec: StudySpec) -> bool:
     """Whether a channel's sign is opposite to the study's."""
     direction = spec.channels[name].positive
     if direction is None and name in MOTOR_CHANNELS and "current" in spec.channels:
@@ -372,7 +368,7 @@ def _reading_step(
             for n, c in channels.items()
         },
         "factors": {n: c.factor for n, c in channels.items() if c.factor != 1.0},
-        "turned": [name for name in channels if _turned(name, study.spec)],
+        "turned": [name for name in channels if _sign_is_inverted(name, study.spec)],
     }
 
 
@@ -388,3 +384,89 @@ def _check_angle(entry: RecordingSpec, recording: xr.Dataset, *, bench: bool) ->
             path=entry.file,
             channel="angle",
         )
+
+
+#: Beginnings of the name of a column of heel strikes.
+_NAMES = ("heelstrike", "strike", "time", "sample")
+
+
+def read_heel_strikes(study: Study, entry: RecordingSpec, time_s: np.ndarray) -> np.ndarray | None:
+    """Return the number of heel strikes up to each sample, (n,); None where no file lists them."""
+    channel = study.spec.channels.get(HEEL_STRIKES)
+    if channel is None and entry.heel_strikes is None:
+        return None
+    file = entry.heel_strikes or entry.file
+    with named_as_written(study.root, file) as path:
+        values, unit = _listed(study, entry, path, channel)
+        strike_s = (
+            times_of_samples(path, HEEL_STRIKES, values, study.spec, time_s)
+            if unit == SAMPLE
+            else values * _seconds(path, unit)
+        )
+        inside = (strike_s >= time_s[0]) & (strike_s <= time_s[-1])
+        if not inside.any():
+            span = (
+                f"from {strike_s.min():.6g} to {strike_s.max():.6g} s" if strike_s.size else "none"
+            )
+            raise file_error(
+                path,
+                f"expected heel strikes between {time_s[0]:.6g} and {time_s[-1]:.6g} s, the "
+                f"samples of {entry.file}; found {span}. Correct their unit or clock.",
+                channel=HEEL_STRIKES,
+            )
+    return np.searchsorted(np.sort(strike_s), time_s, side="right").astype(float)
+
+
+def _listed(
+    study: Study, entry: RecordingSpec, path: Path, channel: ChannelSpec | None
+) -> tuple[np.ndarray, str]:
+    """Return what a file lists, without the missing values that pad a column, and its unit."""
+    files = study.spec.files
+    if entry.heel_strikes is not None:
+        files = FilesSpec(encoding=files.encoding)
+    names = list_columns(path, files)
+    column = _column(path, channel, names)
+    if channel is not None and names is not None and column not in names:
+        return _events(path, column, entry.side, names, files), "s"
+    table = read_table(path, numeric=[column], files=files)
+    values = np.asarray(table.columns[str(column)], dtype=float)
+    given = channel.unit if channel is not None else None
+    stated = table.units.get(str(column)) or unit_in(str(column))
+    unit = agreed_unit(path, str(column), given, stated, "s") or "s"
+    return values[np.isfinite(values)], unit
+
+
+def _column(path: Path, channel: ChannelSpec | None, names: list[str] | None) -> str | int:
+    if channel is not None:
+        return channel.column
+    likely = names or []
+    if len(likely) > 1:
+        plain = {name: name.casefold().replace("_", "").replace(" ", "") for name in likely}
+        likely = [n for n in likely if plain[n].startswith(_NAMES)]
+    if len(likely) == 1:
+        return likely[0]
+    raise file_error(
+        path,
+        f"expected one column of heel strikes, found {', '.join(names or []) or 'none'}. Name it: "
+        f'[channels.{HEEL_STRIKES}] column = "COLUMN".',
+    )
+
+
+def _events(
+    path: Path, label: str | int, side: str | None, names: Sequence[str], files: FilesSpec
+) -> np.ndarray:
+    """Return the times of the events of a label, alone or behind the recording's side, s."""
+    events = read_acquisition(path, files).events
+    labels = {str(label).casefold(), f"{side} {label}".casefold()}
+    times = [event.time_s for event in events if event.label.casefold() in labels]
+    if not times:
+        known = dict.fromkeys(event.label for event in events)
+        raise missing_columns(path, [str(label)], [*names, *known])
+    return np.array(times)
+
+
+def _seconds(path: Path, unit: str) -> float:
+    try:
+        return conversion(unit, "s")[0]
+    except UnitError as exc:
+        raise file_error(path, f"{exc} Or give {SAMPLE!r}.", channel=HEEL_STRIKES) from exc

@@ -224,7 +224,7 @@ def _group_edges(
 
 
 def _reference_problems(raw: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what only the whole file shows: names that nothing stands behind."""
+    """Yield what only the whole file shows: names that refer to nothing."""
     channels = _table(raw, "channels")
     ids = [str(p.get("id")) for p in _entries(raw, "participants") if "id" in p]
     for name, count in Counter(ids).items():

@@ -8,22 +8,25 @@ from math import inf, pi
 from pathlib import Path
 from typing import Any
 
+from jointz.analysis.participant_jobs import coupling_of, participant_settings, read_participant
 from jointz.analysis.planned_half_widths import reached_half_widths
 from jointz.analysis.saved_analysis import load, study_of
 from jointz.analysis.study_protocol import study_protocol
 from jointz.core.errors import DataError
 from jointz.core.method_names import BAYESIAN, WITH_POSTERIOR
+from jointz.core.priors import PriorsSpec
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.study import CalibrationSpec, ParticipantSpec, Study
+from jointz.identify.walking.coupling import COUPLINGS
 from jointz.io.protocols import load_protocol
 from jointz.io.study_reader import open_study
-from jointz.planning.lab_of_study import lab_of_study
 from jointz.planning.laboratory import SENSORS, Actuator, Laboratory
 from jointz.planning.plan_result import Plan
 from jointz.planning.planner import LEGS, Planner
 from jointz.planning.schedule import Schedule, recorded_schedule, schedule_of_protocol
-from jointz.planning.unperturbed_walking import stored_walking
+from jointz.planning.unperturbed_walking import recorded_walking, stored_walking
 from jointz.planning.wishes import made_wishes, out_of_range
+from jointz.report.wording import format_count
 from jointz.tasks.engine import on_one_thread
 from jointz.tasks.progress import Progress
 
@@ -282,3 +285,53 @@ class _Teller:
         self._done = min(self._done + 1, _STEPS)
         if self._progress is not None:
             self._progress(self._done, _STEPS, what)
+
+
+#: People of a pilot whose walking is used.
+_MOST_WALKERS = 4
+
+
+def lab_of_study(
+    study: Study, schedule: Schedule, actuator: Actuator, coupling: str | None = None
+) -> tuple[Laboratory, str]:
+    """Return the lab of a study, and where its walking is from, in words.
+
+    The coupling is that which the study states, or another one.
+    """
+    spec = study.spec
+    if spec.kind != "walking" or spec.joint != "knee":
+        raise DataError(
+            f"pilot: expected walking of the knee, got {spec.kind} of the {spec.joint}."
+        )
+    walkers, strides = [], 0
+    people = spec.participants[:_MOST_WALKERS]
+    for person in people:
+        settings = participant_settings(study, person.id, BAYESIAN, resamples=1, seed=0)
+        recordings = read_participant(study, person.id, {})
+        walking = recorded_walking(
+            recordings,
+            settings,
+            who=person.id,
+            timing_points=schedule.timing_points,
+            window_s=schedule.design.window_s,
+            n_strides=schedule.teaching_strides,
+        )
+        walkers.append(walking)
+        strides += next(iter(walking.values())).n_recorded
+    channels = set.intersection(*(set(next(iter(w.values())).channels) for w in walkers))
+    first = people[0]
+    own = [e for e in spec.recordings if e.participant == first.id]
+    lab = Laboratory(
+        people=people,
+        walking=tuple(walkers),
+        noise={name: noise for name, (channel, noise) in SENSORS.items() if channel in channels},
+        actuator=actuator,
+        calibration=study.spec.calibration_of(own[0]),
+        torque_model=spec.torque_model,
+        priors=spec.priors or PriorsSpec(),
+        joint=spec.joint,
+        coupling=COUPLINGS[coupling or coupling_of(study, BAYESIAN)],
+    )
+    who = format_count(len(people), "person", "people")
+    where = study.root.resolve().name
+    return lab.with_sensors(lab.noise), f"{strides} unperturbed strides of {who} of {where}"

@@ -13,7 +13,6 @@ from jointz.core.provenance import now, software
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.planning import pulse_choice
 from jointz.planning.laboratory import SENSORS, Laboratory
-from jointz.planning.people_numbers import expected_people, people_rows
 from jointz.planning.plan_result import (
     LETTERS,
     Plan,
@@ -31,7 +30,13 @@ from jointz.planning.predicted_estimates import (
 )
 from jointz.planning.predicted_responses import Design
 from jointz.planning.protocol_file import problems_of, protocol_text
-from jointz.planning.pulse_numbers import MOST, HalfWidths, half_widths
+from jointz.planning.pulse_numbers import (
+    MOST,
+    HalfWidths,
+    expected_people,
+    half_widths,
+    people_rows,
+)
 from jointz.planning.schedule import Schedule
 from jointz.planning.wishes import (
     MOST_DIFFERENCE_PCT,
@@ -122,7 +127,7 @@ class Planner:
         minutes = self.minutes(counts)
         self._say_undecidable(estimates)
         if spec is None:
-            self._say_unseen(people, participants)
+            self._note_undetectable_differences(people, participants)
         text, aborted = "", None
         if spec is not None and not self._refused:
             aborted = self._aborted(design, spec.expected_joint)
@@ -340,7 +345,9 @@ class Planner:
                     f"{', '.join(never)} with these pulses and sensors."
                 )
 
-    def _say_unseen(self, people: Sequence[PlannedPeople], participants: int) -> None:
+    def _note_undetectable_differences(
+        self, people: Sequence[PlannedPeople], participants: int
+    ) -> None:
         """Say which differences a recorded study of so many people could not find."""
         own = [p for p in people if p.participants == participants]
         if own:

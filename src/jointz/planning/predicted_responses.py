@@ -48,7 +48,7 @@ def _planned_point(design: Design, label: str, at: PointWalking, lab: Laboratory
     by_name = {name_of(pulse): pulse for pulse in design.pulses}
     shapes = tuple(
         ShapeAverage(
-            shown=np.zeros((len(at.channels), n)),
+            sensor_signals=np.zeros((len(at.channels), n)),
             torque=v.amplitude_nm * torque_share(by_name[v.shape], lab.actuator, time_s),
             n_pulses=1,
             used=time_s <= data_end_s(at.phase, at.stride_s),
@@ -62,8 +62,8 @@ def _planned_point(design: Design, label: str, at: PointWalking, lab: Laboratory
         time_s=time_s,
         shapes=shapes,
         velocity=at.velocity[:n],
-        misses=at.misses[:, :, :n],
-        torque_misses=at.torque_misses[:, :n],
+        prediction_errors=at.prediction_errors[:, :, :n],
+        torque_prediction_errors=at.torque_prediction_errors[:, :n],
         n_strides=at.n_strides,
         twist_sd=lab.twist_sd,
         channels=at.channels,

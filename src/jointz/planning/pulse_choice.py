@@ -6,7 +6,6 @@ from math import floor
 import numpy as np
 
 from jointz.core.limits import ACTUATOR_LATE_S, LOOK_AHEAD_S
-from jointz.core.protocols.pulse_course import PulseCourse
 from jointz.core.protocols.pulse_models import (
     DoubletPulse,
     Pulse,
@@ -15,6 +14,7 @@ from jointz.core.protocols.pulse_models import (
     TrapezoidPulse,
     name_of,
 )
+from jointz.core.protocols.pulse_waveform import PulseWaveform
 from jointz.planning.laboratory import Laboratory
 from jointz.planning.plan_result import PlannedCourse
 from jointz.planning.predicted_estimates import planned_model
@@ -100,16 +100,18 @@ def aborted_share(
     the rest of the pulse and with it. Its errors are those of the estimator's prediction then.
     """
     model, shares = planned_model(lab, design), []
-    courses = {name_of(pulse): PulseCourse(pulse) for pulse in design.pulses}
+    courses = {name_of(pulse): PulseWaveform(pulse) for pulse in design.pulses}
     for k, point in enumerate(model.points):
         moved = model.bone(np.stack(legs), k)
         coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
         for i, v in enumerate(design.variants):
-            rest = courses[v.shape].displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
+            rest = courses[v.shape].displacements(
+                ahead_s=LOOK_AHEAD_S, actuator_lag_s=ACTUATOR_LATE_S
+            )
             at = np.flatnonzero((point.time_s >= 0.0) & (point.time_s < 1e-3 * len(rest)))
             to_come = np.array(rest)[(1000.0 * point.time_s[at]).astype(int)] / inertia
             later = np.minimum(at + round(LOOK_AHEAD_S / point.period_s), point.time_s.size - 1)
-            ahead = coasting[:, None, i, at] + point.misses[:, 0, later]
+            ahead = coasting[:, None, i, at] + point.prediction_errors[:, 0, later]
             nearer = np.minimum(np.abs(ahead), np.abs(ahead + v.amplitude_nm * to_come))
             shares.append(np.mean(nearer.max(axis=-1) > limit_rad))
     return float(np.mean(shares))

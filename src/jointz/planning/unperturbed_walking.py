@@ -53,10 +53,12 @@ class PointWalking:
     period_s: float  # between samples
     channels: tuple[str, ...]  # goniometer first
     velocity: np.ndarray  # (n,) rad/s, of the unperturbed joint
-    misses: np.ndarray  # (virtual onset, channel, n) rad or rad/s: errors of the prediction
-    torque_misses: np.ndarray  # (virtual onset, n) N*m
+    prediction_errors: (
+        np.ndarray
+    )  # (virtual onset, channel, n) rad or rad/s: errors of the prediction
+    torque_prediction_errors: np.ndarray  # (virtual onset, n) N*m
     n_strides: int  # from which the prediction will be learned
-    n_recorded: int = 0  # unperturbed strides that ``misses`` are from; 0 if stored
+    n_recorded: int = 0  # unperturbed strides that ``prediction_errors`` are from; 0 if stored
 
     @property
     def n_samples(self) -> int:
@@ -88,7 +90,7 @@ def stored_walking(
         angle = np.cumsum(velocity, axis=1) / rate_hz
         size = _ERROR_RAD / angle[:, round(_ERROR_S * rate_hz) + LEAD_SAMPLES].std()
         of_angle = (GONIOMETER, ENCODER)
-        misses = np.stack(
+        prediction_errors = np.stack(
             [
                 size * (angle if name in of_angle else velocity)
                 + sd * rng.standard_normal(angle.shape)
@@ -104,8 +106,8 @@ def stored_walking(
             period_s=1.0 / rate_hz,
             channels=tuple(noise),
             velocity=np.gradient(knee, 1.0 / rate_hz),
-            misses=misses,
-            torque_misses=np.zeros((_ONSETS, n)),
+            prediction_errors=prediction_errors,
+            torque_prediction_errors=np.zeros((_ONSETS, n)),
             n_strides=n_strides,
         )
     return found
@@ -143,8 +145,8 @@ def recorded_walking(
     for label, pct in timing_points.items():
         candidates = list(_virtual_pulses(source, label, pct))
         predicted = predictor.predict(candidates)
-        misses = predicted.misses
-        if not len(misses):
+        errors = predicted.prediction_errors
+        if not len(errors):
             raise DataError(f"pilot: no unperturbed stride could be predicted at {label}.")
         found[label] = PointWalking(
             phase=pct / 100.0,
@@ -152,8 +154,8 @@ def recorded_walking(
             period_s=1.0 / predictor.rate_hz,
             channels=(GONIOMETER, *sensors),
             velocity=smooth_velocity(predicted.unperturbed_rad, 1.0 / predictor.rate_hz),
-            misses=np.delete(misses, TORQUE_ROWS, axis=1),
-            torque_misses=misses[:, TORQUE_ROWS].sum(axis=1),
+            prediction_errors=np.delete(errors, TORQUE_ROWS, axis=1),
+            torque_prediction_errors=errors[:, TORQUE_ROWS].sum(axis=1),
             n_strides=n_strides,
             n_recorded=predicted.n_strides,
         )
@@ -170,7 +172,7 @@ def _virtual_pulses(source: Source, label: str, pct: float) -> Iterator[Candidat
     strides = source.strides
     if strides is None:
         return
-    file, after_s = source.given.file, pct / 100.0 * _stride_s(source)
+    file, after_s = source.input.file, pct / 100.0 * _stride_s(source)
     for k in quiet_strides(source):
         onset_s = float(strides.start_s[k]) + after_s
         record = PulseRecord("", file, onset_s, _VIRTUAL_S, 0.0, label)
@@ -186,12 +188,12 @@ def with_channels(at: PointWalking, noise: Mapping[str, float]) -> PointWalking:
     rng = np.random.default_rng(2)
     width = max(3, round(_SMOOTH_S / at.period_s))
     kernel = np.hanning(width + 2)[1:-1] / np.hanning(width + 2).sum()
-    motion = convolve1d(at.misses[:, 0], kernel, axis=1, mode="nearest")
+    motion = convolve1d(at.prediction_errors[:, 0], kernel, axis=1, mode="nearest")
     parts = []
     for name, sd in noise.items():
         if name in at.channels:
-            parts.append(at.misses[:, at.channels.index(name)])
+            parts.append(at.prediction_errors[:, at.channels.index(name)])
             continue
         shown = motion if name == ENCODER else np.gradient(motion, at.period_s, axis=1)
         parts.append(shown + sd * rng.standard_normal(motion.shape))
-    return replace(at, channels=tuple(noise), misses=np.stack(parts, axis=1))
+    return replace(at, channels=tuple(noise), prediction_errors=np.stack(parts, axis=1))

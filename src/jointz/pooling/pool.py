@@ -1,32 +1,202 @@
 """Pools results folders over studies and conditions, and writes tables and a page."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtri
 
 from jointz.core.codes import Failure, NotPooled
 from jointz.core.errors import DataError, OutputError, StudyError
-from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
+from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct, phase_difference
 from jointz.core.provenance import now, software
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import MARKER, POOL, check_free, new_folder, write_marker
 from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditions
-from jointz.pooling.figures import draw_forests
-from jointz.pooling.page import render_pool
+from jointz.pooling.page import draw_forests, render_pool
 from jointz.pooling.plain_tables import typed_table
 from jointz.pooling.pooled_result import COLUMNS, ONE_STUDY, UNDECIDED, PooledStudies
-from jointz.pooling.refusals import refusals
-from jointz.pooling.results_folders import ResultsFolder, folder_names, read_folder
-from jointz.pooling.study_means import CELL, Row, people_of, study_means
-from jointz.report.wording import ALL_PARAMETERS, format_count
+from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, folder_names, read_folder
+from jointz.report.wording import ABSOLUTE, ALL_PARAMETERS, format_count
 from jointz.results.base import plain
 from jointz.results.estimates import FEWEST_PEOPLE
 from jointz.results.statistics.random_effects_fit import StudyMean
-from jointz.stats.random_effects import pool_studies
+from jointz.stats.random_effects import mean_over_people, pool_studies
+
+_FEWEST: Final = 2
+#: Columns of a cell: rows that agree in them are pooled.
+CELL: Final = ["parameter", "unit", *CONDITION_COLUMNS, "timing_point"]
+
+Row = dict[str, Any]
+
+
+def people_of(estimates: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a person and cell, with mean value and mean variance.
+
+    The mean of a person's variances is the variance of a mean of fully correlated values, which is
+    conservative. One undecided session or side makes the person undecided.
+    """
+    table = estimates
+    is_available, at_bound = table["status"].isin(AVAILABLE), table["status"] == "at_bound"
+    half = (table["ci_high"] - table["ci_low"]) / 2.0
+    reach = half.where(~at_bound, table["ci_high"] - table["value"])
+    quantile = ndtri(np.where(at_bound, table["ci_level"], 0.5 + table["ci_level"] / 2.0))
+    rows = table.assign(
+        value=table["value"].where(is_available),
+        error=((reach / quantile) ** 2).where(is_available),
+        has_value=is_available,
+        at_bound=at_bound,
+        undecided=table["status"] == "undecided",
+    )
+    how = {"value": "mean", "error": "mean", "gain_sd": "max", "ci_level": "first"}
+    how |= dict.fromkeys(["has_value", "at_bound", "undecided"], "any")
+    keys = [*CELL, "study", "participant"]
+    people = rows.groupby(keys, sort=False, dropna=False).agg(how).reset_index()
+    people["has_value"] &= ~people["undecided"]
+    return people
+
+
+def study_means(people: pd.DataFrame) -> Iterator[Row]:
+    """Yield a row a study and cell, in the columns of ``studies.csv``."""
+    keys = [*CELL, "study"]
+    for key, group in people.groupby(keys, sort=False, dropna=False):
+        used, without = group[group["has_value"]], group[~group["has_value"]]
+        counts = {
+            "n_people": len(used),
+            "n_at_bound": int(used["at_bound"].sum()),
+            "n_undecided": int(without["undecided"].sum()),
+            "n_failed": int((~without["undecided"]).sum()),
+        }
+        yield dict(zip(keys, key, strict=True)) | counts | _mean(used)
+
+
+def _mean(people: pd.DataFrame) -> Row:
+    """Return the mean of a study and its standard error, or why there is none."""
+    if people.empty:
+        return {"status": NotPooled.NO_VALUE.value}
+    n, value = len(people), float(people["value"].mean())
+    if n < _FEWEST:
+        return {"value": value, "status": NotPooled.ONE_PERSON.value}
+    errors = people["error"].fillna(0.0).to_numpy()[:, None, None]
+    shared_sd = float(people["gain_sd"].max())
+    variance = mean_over_people(people[["value"]].to_numpy(), errors, shared_sd=shared_sd)[1]
+    if (se := float(np.sqrt(variance[0, 0]))) == 0.0:
+        return {"value": value, "status": NotPooled.NO_SPREAD.value}
+    low, high = StudyMean("", value, se, n, float(people["ci_level"].iloc[0])).interval
+    return {"value": value, "se": se, "ci_low": low, "ci_high": high, "status": "ok"}
+
+
+#: Largest distance of timing points of one name, % of the gait cycle.
+_SAME_POINT_PCT: Final = 2.0
+_APART = "pool each side by itself"
+
+
+def _texts(folder: ResultsFolder, column: str) -> str:
+    return " and ".join(f"{value}" for value in folder.estimates[column].drop_duplicates())
+
+
+def _method(folder: ResultsFolder) -> str:
+    """Describe the method, and the coupling of device and leg if it assumes one."""
+    coupling = folder.settings.get("coupling")
+    assumed = f"coupling {coupling}, " if coupling else ""
+    baseline = folder.settings.get("baseline") or "its own"
+    return f"{_texts(folder, 'method')} ({assumed}baseline {baseline})"
+
+
+def _estimand(folder: ResultsFolder) -> str:
+    """Describe which K, B and J were estimated: over what time, and of the device or without."""
+    window_s = folder.settings.get("window_s")
+    time = "its own window" if window_s is None else f"the first {1e3 * window_s:g} ms"
+    subtracted = [
+        name for name in ABSOLUTE
+        if any((one.get(f"intrinsic_{name}") or {}).get("value") for one in folder.calibrations)
+    ]  # fmt: skip
+    device = (
+        f"{', '.join(subtracted)} of the device subtracted" if subtracted else "device included"
+    )
+    return f"mean over {time}, {device}"
+
+
+#: What must be the same -> (how to read it, what to do where it is not).
+_SAME: Final[Mapping[str, tuple[Callable[[ResultsFolder], str], str]]] = {
+    "joint": (lambda f: str(f.study["joint"]), f"Impedances of joints differ: {_APART}"),
+    "kind of study": (lambda f: str(f.study["kind"]), f"Walking is not a bench: {_APART}"),
+    "positive direction": (
+        lambda f: str(f.study["positive"]),
+        "Write the same positive in each study.toml, with the channels' own positive where they "
+        "differ, and run jointz analyze again",
+    ),
+    "method": (_method, "Run jointz analyze with one --method"),
+    "estimand": (
+        _estimand,
+        "Use one window_s and the same kind of [calibration], and run jointz analyze again",
+    ),
+    "level of intervals (ci_level)": (
+        lambda f: _texts(f, "ci_level"),
+        "Run jointz analyze again with this version",
+    ),
+}  # fmt: skip
+
+
+def refusals(folders: Sequence[ResultsFolder], conditions: Sequence[Condition]) -> Iterator[str]:
+    """Yield all reasons why folders cannot be pooled."""
+    for what, (read, todo) in _SAME.items():
+        yield from _difference(what, {f.name: read(f) for f in folders}, todo)
+    units: dict[str, dict[str, str]] = {}
+    for folder in folders:
+        of_folder = folder.estimates[["parameter", "unit"]].drop_duplicates()
+        for parameter, group in of_folder.groupby("parameter"):
+            units.setdefault(str(parameter), {})[folder.name] = " and ".join(group["unit"])
+    for parameter, by_folder in units.items():
+        yield from _difference(f"unit of {parameter}", by_folder, "Run jointz analyze again")
+    yield from _other_points(folders)
+    yield from _repeats(folders, conditions)
+
+
+def _difference(what: str, values: Mapping[str, str], todo: str) -> Iterator[str]:
+    sides = {value: [n for n, v in values.items() if v == value] for value in values.values()}
+    if len(sides) > 1:
+        found = "; ".join(f"{value} in {', '.join(names)}" for value, names in sides.items())
+        yield f"{what}: expected one, found {found}. {todo}."
+
+
+def _other_points(folders: Sequence[ResultsFolder]) -> Iterator[str]:
+    """Yield timing points of one name at different phases of the gait cycle."""
+    phases: dict[str, dict[str, float]] = {}
+    for folder in folders:
+        known = folder.estimates.dropna(subset="onset_gait_pct")
+        for point, onsets in known.groupby("timing_point", sort=False)["onset_gait_pct"]:
+            phases.setdefault(str(point), {})[folder.name] = circular_mean_pct(onsets)
+    for point, by_folder in phases.items():
+        pairs = combinations(by_folder.values(), 2)
+        if any(abs(phase_difference(a, b)) > _SAME_POINT_PCT for a, b in pairs):
+            found = ", ".join(f"{pct:.1f} % in {name}" for name, pct in by_folder.items())
+            yield (
+                f"timing point {point}: expected onsets within {_SAME_POINT_PCT:g} % of the gait "
+                f"cycle, found {found}. Name timing points by their phase, or {_APART}."
+            )
+
+
+def _repeats(folders: Sequence[ResultsFolder], conditions: Sequence[Condition]) -> Iterator[str]:
+    """Yield folders that hold the same people's data twice."""
+    for (a, of_a), (b, of_b) in combinations(zip(folders, conditions, strict=True), 2):
+        both = f"{a.name} and {b.name}"
+        study: Any = a.provenance.get("study_sha256")
+        if a.sha256["estimates.csv"] == b.sha256["estimates.csv"]:
+            yield f"{both}: estimates.csv is the same byte for byte. Name one of them."
+        elif n_shared := len(a.recordings & b.recordings):
+            shared = format_count(n_shared, "recording is", "recordings are")
+            yield f"{both}: {shared} in both, whose people would count twice. Name one of them."
+        elif study and study == b.provenance.get("study_sha256") and of_a.study != of_b.study:
+            yield (
+                f"{both}: analyses of the same study.toml, as the studies {of_a.study} and "
+                f"{of_b.study}. Name one of them, or give both the same study in conditions.csv."
+            )
+
 
 PAGE: Final = "report.html"
 _COUNTS: Final = ("n_at_bound", "n_undecided", "n_failed")

@@ -3,7 +3,7 @@
 from typing import Final
 
 from jointz.identify.preparation.sources import usual_source
-from jointz.report.subjects import study_record
+from jointz.report.subjects import study_spec
 from jointz.results.study_analysis import StudyAnalysis
 
 #: Letters of the units of an angle; no unit of a torque has them.
@@ -24,7 +24,7 @@ def pulse_unit(analysis: StudyAnalysis) -> str:
     source = _source(analysis)
     if source != "reference":
         return "rad" if source == "angle" else "N·m"
-    unit = study_record(analysis)["channels"]["reference"].get("unit") or "rad"
+    unit = study_spec(analysis).channels["reference"].unit or "rad"
     return "rad" if any(letters in unit for letters in _ANGLE_UNITS) else "N·m"
 
 
@@ -42,11 +42,10 @@ def window_start(analysis: StudyAnalysis) -> str:
 
 def _source(analysis: StudyAnalysis) -> str:
     """Return the source of the pulses: that of the study, else the default for its channels."""
-    study = study_record(analysis)
-    if source := (study.get("perturbations") or {}).get("source"):
-        return str(source)
-    table = any(r.get("perturbations") for r in study.get("recordings") or ())
-    channels = study.get("channels") or {}
-    trigger = "trigger" in channels
-    command = "command" in channels or not (trigger or "reference" in channels)
+    study = study_spec(analysis)
+    if study.perturbations.source:
+        return study.perturbations.source
+    table = any(r.perturbations for r in study.recordings)
+    trigger = "trigger" in study.channels
+    command = "command" in study.channels or not (trigger or "reference" in study.channels)
     return usual_source(table=table, command=command, trigger=trigger)

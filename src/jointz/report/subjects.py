@@ -1,13 +1,16 @@
 """Words for the participants of a study, and the order of their timing points."""
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from pydantic import ValidationError
 
 from jointz.core.codes import Failure
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
+from jointz.core.study import CalibrationSpec, StudySpec
 from jointz.report.wording import format_count
 from jointz.results.estimates import CellEstimate
 from jointz.results.study_analysis import StudyAnalysis
@@ -38,9 +41,25 @@ _LOADS: Final = Subjects("load", "loads", "trajectory", "trajectories", bench=Tr
 _LOADS_IN_GROUPS: Final = Subjects("load", "loads", "group", "groups", bench=True, loads=True)
 
 
-def study_record(analysis: StudyAnalysis) -> Mapping[str, Any]:
-    """Return the study file as the provenance holds it, empty where it does not."""
-    return analysis.provenance.get("study") or {}
+#: The study of results that do not say which.
+_NOT_STATED: Final = StudySpec.model_construct(
+    joint="", kind="walking", channels={}, participants=(), recordings=()
+)
+
+
+def study_spec(analysis: StudyAnalysis) -> StudySpec:
+    """Return the study file as the provenance holds it, one without entries if it does not."""
+    try:
+        return StudySpec.model_validate_json(json.dumps(analysis.provenance.get("study")))
+    except ValidationError:  # none, or of an earlier version
+        return _NOT_STATED
+
+
+def calibrations(analysis: StudyAnalysis) -> list[CalibrationSpec]:
+    """Return the calibration of each recording with a device; that of the study without any."""
+    study = study_spec(analysis)
+    worn = [r for r in study.recordings if r.condition != "no_device"]
+    return [study.calibration_of(r) for r in worn] or [study.calibration]
 
 
 def subjects(analysis: StudyAnalysis) -> Subjects:
@@ -51,9 +70,9 @@ def subjects(analysis: StudyAnalysis) -> Subjects:
 def _words(analysis: StudyAnalysis) -> Subjects:
     if analysis.settings.get("kind") != "bench":
         return _PEOPLE
-    study = study_record(analysis)
-    grouped = bool((study.get("perturbations") or {}).get("group"))
-    if study.get("subjects") == "people":
+    study = study_spec(analysis)
+    grouped = bool(study.perturbations.group)
+    if study.subjects == "people":
         return _PEOPLE_IN_GROUPS if grouped else _PEOPLE_IN_CASES
     return _LOADS_IN_GROUPS if grouped else _LOADS
 

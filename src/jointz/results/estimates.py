@@ -213,7 +213,7 @@ class CellEstimate(Result):
         return row_label(self.participant, self.session, self.side)
 
     def parameter(self, name: str) -> ParameterEstimate | None:
-        """Return a parameter by name, None where the cell has it not.
+        """Return a parameter by name, None if the cell does not have it.
 
         Parameters
         ----------

@@ -81,7 +81,7 @@ class _Fitted:
     session_sd: Mapping[str, float]
 
 
-class PeopleTogether:
+class PopulationModel:
     """A population of people: of one condition, of two, or of two groups.
 
     Made by :func:`together`. An element is a condition or group (from 0) with a place: timing point
@@ -249,7 +249,7 @@ def _share(true: np.ndarray) -> float:
 
 def together(
     conditions: Sequence[PeopleResults], parameters: Sequence[str], *, same_people: bool
-) -> PeopleTogether | None:
+) -> PopulationModel | None:
     """Look at all people as one model, whose means and differences hold for the population.
 
     Parameters
@@ -264,12 +264,12 @@ def together(
 
     Returns
     -------
-    PeopleTogether or None
+    PopulationModel or None
         The population; None if a result states no errors of the estimates.
 
     Notes
     -----
-    Draws have a fixed seed. See :class:`PeopleTogether` for the model.
+    Draws have a fixed seed. See :class:`PopulationModel` for the model.
     """
     found = [people_likelihoods(results, parameters) for results in conditions]
     known = [likelihoods for likelihoods in found if likelihoods is not None]
@@ -277,8 +277,8 @@ def together(
         return None
     masses = [results.masses_kg for results in conditions]
     if same_people:
-        return PeopleTogether([_fit(known, masses, first=0)])
-    return PeopleTogether([
+        return PopulationModel([_fit(known, masses, first=0)])
+    return PopulationModel([
         _fit([one], [own], first=k) for k, (one, own) in enumerate(zip(known, masses, strict=True))
     ])  # fmt: skip
 

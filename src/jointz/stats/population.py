@@ -14,7 +14,7 @@ from jointz.results.log_posterior import LogPosterior
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import PopulationEstimate
 from jointz.stats.people_likelihoods import PARAMETERS, PER_MASS, PeopleResults, Place
-from jointz.stats.people_together import PeopleMean, PeopleTogether, together
+from jointz.stats.people_together import PeopleMean, PopulationModel, together
 
 _LEVEL = 0.95
 #: Parameters that are looked at together; K, B and J with the covariance of their levels.
@@ -54,7 +54,7 @@ def people_models(
     *,
     same_people: bool = True,
     parameters: Collection[str] = (),
-) -> dict[Place, PeopleTogether]:
+) -> dict[Place, PopulationModel]:
     """Return timing point and parameter -> its model of all people, by default of all parameters.
 
     Means over people and comparisons of them use these models, so that both give one number.

@@ -124,7 +124,7 @@ class Output:
 
     def _leave(self, *, standing: bool) -> None:
         if not (standing or self.printing.as_json or self.printing.quiet):
-            emit("No estimate stands: a finding about the record, exit status 1.")
+            emit("No parameter could be estimated from this record (exit status 1).")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 
 

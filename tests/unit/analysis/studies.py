@@ -30,6 +30,23 @@ def _bayesian(cell):
     return replace(cell, method=BAYESIAN, budget={}, nuisance=(lag,), through_instruments=parts)
 
 
+def study_record(**parts):
+    """Return a study as a provenance holds it; people who have no recordings get one each."""
+    people = parts.get("participants", [{"id": person} for person in LAGS_S])
+    recordings = [
+        {"participant": p["id"], "file": f"{p['id']}.csv", "condition": "perturbed"} for p in people
+    ]
+    return {
+        "jointz": 1,
+        "joint": "knee",
+        "kind": "walking",
+        "channels": {"angle": {"column": "knee"}, "torque": {"column": "tau"}},
+        "participants": people,
+        "recordings": recordings,
+        **parts,
+    }
+
+
 def without_recordings(study, person, condition):
     """Leave the recordings of a person in a condition out of a study's table."""
     file = study.root / "study.toml"

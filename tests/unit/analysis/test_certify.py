@@ -12,7 +12,7 @@ from jointz.core.errors import DataError
 from jointz.core.protocols.pulse_models import DoubletPulse
 from jointz.io.study_reader import open_study
 from jointz.results.certificate_result import STATISTICS
-from jointz.rig.certificate.compared_statistics import compared_statistics
+from jointz.rig.certificate.certificate_step import compared_statistics
 from jointz.rig.session.simulate_study import simulate_study
 from jointz.rig.sim.direct_walk import WalkPlan
 

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from jointz.analysis.likelihood_pulses import likelihood_pulses
-from jointz.analysis.population_step import study_statistics
+from jointz.analysis.study_statistics import study_statistics
 from jointz.core.events import PulseEstimate
 from jointz.core.method_names import PULSE_LIKELIHOOD
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec, TorqueModelSpec

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.analysis.studies import study_record
 from tests.unit.conftest import recommended_analysis
 
 from jointz.analysis.page.report_page import render_report
@@ -25,7 +26,7 @@ STUDY = {
 
 
 def with_study(analysis, **changes):
-    study = {**STUDY, **changes}
+    study = study_record(**{**STUDY, **changes})
     return replace(analysis, provenance={**analysis.provenance, "study": study})
 
 
@@ -52,9 +53,8 @@ def test_the_sign_of_the_torque_is_told_as_it_was_read(
 
 def calibrated(analysis, study, person=None):
     people = [{"id": "S01", "calibration": person or {}}]
-    recordings = [{"participant": "S01", "file": "a", "condition": "perturbed"}]
-    changes = {"calibration": study, "participants": people, "recordings": recordings}
-    return methods_text(with_study(analysis, channels={"current": {}}, **changes))
+    changes = {"calibration": study, "participants": people}
+    return methods_text(with_study(analysis, channels={"current": {"column": "i"}}, **changes))
 
 
 def test_a_calibration_is_given_with_its_sd_that_of_the_participant_before_that_of_the_study(
@@ -79,8 +79,7 @@ def test_calibrations_that_differ_are_one_range(recommended):
         {"id": f"S{k}", "calibration": {"angle_lag_s": {"value": value, "sd": sd}}}
         for k, (value, sd) in enumerate(lags)
     ]
-    worn = [{"participant": p["id"], "file": "a", "condition": "perturbed"} for p in people]
-    text = methods_text(with_study(recommended, participants=people, recordings=worn))
+    text = methods_text(with_study(recommended, participants=people))
     span = f"lag of the angle {MINUS}0.19 ± 0.50 ms to 0.95 ± 0.50 ms (3 calibrations)"
     assert span in text
     assert " ms or " not in text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.analysis.population_step import quasi_stiffness_rows
+from jointz.analysis.study_statistics import quasi_stiffness_rows
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.identify.over_cycle.stride_curves import NODES, StrideCurves
 

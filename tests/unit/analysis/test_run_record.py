@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 from tests.unit.report.pages import Page, words
 
+from jointz.analysis.analyze import run_record
 from jointz.analysis.page.report_page import render_report
 from jointz.analysis.paper.methods_text import methods_text
 from jointz.analysis.printed_analysis import print_analysis
-from jointz.analysis.run_record import run_record
 from jointz.io.study_reader import open_study
 from jointz.results.run_report import RunReport
 from jointz.results.study_analysis import StudyAnalysis

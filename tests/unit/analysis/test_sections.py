@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from tests.unit.analysis.studies import LAGS_S, bayesian_analysis
+from tests.unit.analysis.studies import LAGS_S, bayesian_analysis, study_record
 from tests.unit.report.pages import Page
 
 from jointz.analysis.page.certificate_section import certificate_section
@@ -43,7 +43,7 @@ def test_every_timing_point_has_its_difference_and_what_the_lag_alone_would_do(r
 def test_a_lag_that_is_calibrated_away_sets_nothing_apart(recommended):
     people = [{"id": person, "calibration": {"angle_lag_s": {"value": lag_s, "sd": 1e-4}}}
               for person, lag_s in LAGS_S.items()]  # fmt: skip
-    known = replace(recommended, provenance={"study": {"participants": people}})
+    known = replace(recommended, provenance={"study": study_record(participants=people)})
     for row in differences_section(known)["rows"]:
         assert row["cells"][0]["lag"] == "0 %"
 
@@ -51,11 +51,12 @@ def test_a_lag_that_is_calibrated_away_sets_nothing_apart(recommended):
 def test_the_calibration_of_a_perturbed_recording_comes_before_that_of_the_study(recommended):
     def recording(condition, person):
         lag = {"angle_lag_s": {"value": LAGS_S[person], "sd": 1e-4}}
-        return {"participant": person, "condition": condition, "calibration": lag}
+        file = f"{person}.csv"
+        return {"participant": person, "file": file, "condition": condition, "calibration": lag}
 
     for condition, apart in (("perturbed", False), ("unperturbed", True)):
         held = [recording(condition, person) for person in LAGS_S]
-        known = replace(recommended, provenance={"study": {"recordings": held}})
+        known = replace(recommended, provenance={"study": study_record(recordings=held)})
         lags = {row["cells"][0]["lag"] for row in differences_section(known)["rows"]}
         assert (lags == {"0 %"}) is not apart
 

@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 from jointz.cli.command_line import command_line
 from jointz.control.profile_file import write_profile
 from jointz.control.rendering.actuators import BUILT_IN, read_actuator
-from jointz.control.rendering.check import RenderingCheck, check_rendering
-from jointz.control.rendering.region import (
+from jointz.control.rendering.check import (
+    RenderingCheck,
+    check_rendering,
     default_load_inertia,
     passive_stiffness,
     passivity_shortage,
@@ -27,6 +28,7 @@ from jointz.control.rendering.varying import (
     largest_multiplier,
 )
 from jointz.core.errors import DataError
+from jointz.rig.sim.presets import ActuatorSettings
 
 QDD, SEA = BUILT_IN["qdd"], BUILT_IN["sea"]
 LOAD = 0.4
@@ -249,6 +251,13 @@ def test_no_such_actuator(tmp_path):
 def test_built_in_actuators_name_what_is_assumed(actuator):
     assert "dissertation" in actuator.source
     assert "Assumed" in actuator.source
+
+
+def test_the_quasi_direct_drive_has_what_the_simulated_rig_has():
+    drive, simulated = read_actuator("qdd"), ActuatorSettings()
+    assert drive.delay_s == simulated.delay_s
+    assert drive.time_constant_s == simulated.time_constant_s
+    assert drive.torque_nm == pytest.approx(9 * 0.11 * simulated.current_max_a)
 
 
 def test_check_of_a_strong_actuator(profile):

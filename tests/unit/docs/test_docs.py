@@ -16,7 +16,7 @@ import typer
 from pydantic import BaseModel
 
 from jointz.analysis.page.details_tables import details_frame, models_frame
-from jointz.analysis.population_step import quasi_stiffness_rows
+from jointz.analysis.study_statistics import quasi_stiffness_rows
 from jointz.cli.command_line import command_line
 from jointz.control.motor import Motor
 from jointz.control.rendering.actuators import ActuatorFile

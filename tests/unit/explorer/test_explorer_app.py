@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from jointz.explorer.estimate_curves import curve_of_cells, cycle_figure, mean_curve, methods_figure
+from jointz.explorer.cycle_page import curve_of_cells, cycle_figure, mean_curve, methods_figure
 from jointz.explorer.exclusions import FILE, decide
 from jointz.explorer.explorer_app import Explorer
 from jointz.explorer.plots import Overlaid, overlay_figure, pulse_figure

@@ -5,7 +5,7 @@ import pytest
 fastapi = pytest.importorskip("fastapi")
 testclient = pytest.importorskip("starlette.testclient")
 
-from jointz.explorer.report_route import add_report  # noqa: E402 - needs the extra
+from jointz.explorer.page import add_report  # noqa: E402 - needs the extra
 
 
 def test_only_the_report_of_the_folder_is_served(tmp_path):

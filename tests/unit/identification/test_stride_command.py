@@ -59,7 +59,7 @@ def test_an_angle_that_does_not_move_exits_1(jointz, mean):
 
     assert outcome.code == plain.code == 1
     assert outcome.json["status"] == "undecided"
-    assert "No estimate stands" in plain.out
+    assert "No parameter could be estimated" in plain.out
 
 
 @pytest.mark.parametrize(

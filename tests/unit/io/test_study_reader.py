@@ -253,7 +253,7 @@ def test_the_unit_of_a_contact_is_that_of_its_kind(study, kind, unit, si):
     assert study.open().units["contact"] == si
 
 
-# --- names that nothing stands behind -------------------------------------------------------------
+# --- names that refer to nothing -------------------------------------------------------------
 
 
 def test_time_or_a_sample_rate_is_needed(study):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jointz.analysis.population_step import inertias_out_of_line
+from jointz.analysis.study_statistics import inertias_out_of_line
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 
 

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from jointz.web.security import Access, Guard, UnauthorizedConnections, is_loopback
+from jointz.web.server import Access, Guard, UnauthorizedConnections, is_loopback
 
 PORT = 8700
 

@@ -15,7 +15,13 @@ from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Exclusion
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.core.method_names import COUPLING_OF, WITH_POSTERIOR
-from jointz.report.subjects import shown_parameters, study_record, subjects, timing_points
+from jointz.report.subjects import (
+    calibrations,
+    shown_parameters,
+    study_spec,
+    subjects,
+    timing_points,
+)
 from jointz.report.wording import (
     ABSOLUTE,
     AT_ONSET,
@@ -98,8 +104,8 @@ def _done(analysis: StudyAnalysis) -> list[str]:
 
 
 def _masses(analysis: StudyAnalysis, people: Sequence[str]) -> str:
-    entries = study_record(analysis).get("participants") or ()
-    masses = [e["mass_kg"] for e in entries if e.get("id") in people and e.get("mass_kg")]
+    entries = study_spec(analysis).participants
+    masses = [e.mass_kg for e in entries if e.id in people and e.mass_kg]
     if not masses or subjects(analysis).loads:
         return ""
     missing = len(people) - len(masses)
@@ -133,10 +139,9 @@ def _device(analysis: StudyAnalysis) -> str:
     method = f"Method: {method_name(chosen_method(analysis))}."
     if subjects(analysis).bench:
         return method
-    study = study_record(analysis)
-    if not study:
+    if not analysis.provenance.get("study"):
         return method
-    stated, by_method = study.get("coupling"), COUPLING_OF.get(chosen_method(analysis))
+    stated, by_method = study_spec(analysis).coupling, COUPLING_OF.get(chosen_method(analysis))
     used = analysis.settings.get("coupling") or by_method or stated or "strap"
     words = _COUPLINGS.get(used, str(used))
     if not stated:
@@ -327,7 +332,4 @@ def _meaning(analysis: StudyAnalysis) -> str:
 
 def _device_inertia_is_known(analysis: StudyAnalysis) -> bool:
     """Return whether an inertia of the device was subtracted anywhere."""
-    study = study_record(analysis)
-    entries = (*(study.get("participants") or ()), *(study.get("recordings") or ()))
-    calibrations = [analysis.settings, study, *entries]
-    return any("intrinsic_inertia" in (c.get("calibration") or {}) for c in calibrations)
+    return any(c.intrinsic_inertia for c in calibrations(analysis))

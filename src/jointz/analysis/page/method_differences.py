@@ -9,8 +9,9 @@ import numpy as np
 from jointz.analysis.summary import used_coupling
 from jointz.core.events import row_label
 from jointz.core.method_names import DISSERTATION
+from jointz.identify.preparation.calibration import value_of
 from jointz.kernels.filtering import lowpass_zero_phase
-from jointz.report.subjects import study_record, timing_points
+from jointz.report.subjects import study_spec, timing_points
 from jointz.report.wording import (
     ABSOLUTE,
     DASH,
@@ -66,23 +67,14 @@ def _estimated_lag_s(cell: CellEstimate) -> float | None:
 
 def _calibrated_lag_s(analysis: StudyAnalysis, cell: CellEstimate) -> float:
     """Return the calibrated lag of the angle; the torque is corrected for its own lag."""
-    known = _calibration(analysis, cell)
-    return float((known.get("angle_lag_s") or {}).get("value", 0.0))
-
-
-def _calibration(analysis: StudyAnalysis, cell: CellEstimate) -> Mapping[str, Any]:
-    """Return the calibration of the perturbed recordings of a cell."""
-    known = dict(analysis.settings.get("calibration") or {})
-    study = study_record(analysis)
-    for person in study.get("participants") or ():
-        if person.get("id") == cell.participant:
-            known |= person.get("calibration") or {}
-    for recording in study.get("recordings") or ():
-        perturbed = recording.get("condition") in ("perturbed", None)
-        whose = [recording.get(key) or "" for key in ("participant", "session", "side")]
-        if perturbed and row_label(*whose) == cell.label:
-            known |= recording.get("calibration") or {}
-    return known
+    study = study_spec(analysis)
+    known = [
+        study.calibration_of(r)
+        for r in study.recordings
+        if r.condition in ("perturbed", None)
+        and row_label(r.participant, r.session or "", r.side or "") == cell.label
+    ]
+    return value_of(known[-1].angle_lag_s, 0.0) if known else 0.0
 
 
 def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
@@ -97,10 +89,10 @@ def _pairs(analysis: StudyAnalysis) -> list[_Pair]:
             continue
         if not any(p.available for p in other.parameters):
             continue  # nothing to compare with
-        late_s = _calibrated_lag_s(analysis, cell)
-        alone = _lag_alone(cell, cell.response, lag_s - late_s, analysis.settings)
-        apart_deg = _apart_deg(cell, other, late_s)
-        pairs.append(_Pair(cell, other, lag_s - late_s, alone, apart_deg))
+        calibrated_lag_s = _calibrated_lag_s(analysis, cell)
+        alone = _lag_alone(cell, cell.response, lag_s - calibrated_lag_s, analysis.settings)
+        apart_deg = _apart_deg(cell, other, calibrated_lag_s)
+        pairs.append(_Pair(cell, other, lag_s - calibrated_lag_s, alone, apart_deg))
     return pairs
 
 
@@ -123,12 +115,12 @@ def _lag_alone(
     return tuple(100.0 * (b / v - 1.0) for b, v in zip(biased, values, strict=True))
 
 
-def _apart_deg(bayesian: CellEstimate, other: CellEstimate, late_s: float) -> float:
+def _apart_deg(bayesian: CellEstimate, other: CellEstimate, calibrated_lag_s: float) -> float:
     """Return the largest distance between the average angles, without the calibrated lag."""
     a, b = bayesian.response, other.response
     if a is None or b is None:
         return float("nan")
-    at = a.time_s - late_s  # the other method has removed this lag
+    at = a.time_s - calibrated_lag_s  # the other method has removed this lag
     both = (at >= b.time_s[0]) & (at <= b.time_s[-1])
     apart = np.abs(a.angle[both] - np.interp(at[both], b.time_s, b.angle))
     return float(np.degrees(apart.max())) if apart.size else float("nan")

@@ -149,9 +149,11 @@ def _curve(coupling: Coupling) -> str:
     """Return how much follows the curve, and how probable it is unless all are alike."""
     curves = [h for h in coupling.hypotheses if h.follows_cycle]
     text = f"{100 * curves[0].follows_cycle:.0f} % of the variance"
-    if len({h.chance for h in coupling.hypotheses}) == 1:
+    if len({h.prior_probability for h in coupling.hypotheses}) == 1:
         return text
-    share = sum(h.chance for h in curves) / sum(h.chance for h in coupling.hypotheses)
+    share = sum(h.prior_probability for h in curves) / sum(
+        h.prior_probability for h in coupling.hypotheses
+    )
     return f"{text}, prior probability {100 * share:.0f} %"
 
 

@@ -1,13 +1,14 @@
 """Sentences of a methods section about calibration."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
 from jointz.analysis.paper.methods_bayesian import lags_of_sensors
 from jointz.analysis.paper.methods_used import FULL_RECORD, WITH_POSTERIOR, used_methods
-from jointz.report.subjects import study_record
+from jointz.core.study import Calibrated, CalibrationSpec
+from jointz.report.subjects import calibrations, study_spec
 from jointz.report.wording import format_with_sd
 from jointz.results.study_analysis import StudyAnalysis
 
@@ -45,16 +46,16 @@ _OF_POSTURE: Final = ("angle_zero_rad",)
 
 def calibration_sentences(analysis: StudyAnalysis) -> list[str]:
     """Describe the calibration of the instruments and its use."""
-    calibrations = list(_calibrations(analysis))
+    known = calibrations(analysis)
     used = used_methods(analysis)
     keys = [
         key
         for key in _CALIBRATED
-        if any(c.get(key) for c in calibrations) and _affects_estimates(key, analysis)
+        if any(getattr(c, key) for c in known) and _affects_estimates(key, analysis)
     ]
     included = [key for key in keys if _in_intervals(key, used)]
     sentences = [
-        f"Calibration, value ± SD, {place}: {'; '.join(_entry(k, calibrations) for k in some)}."
+        f"Calibration, value ± SD, {place}: {'; '.join(_entry(k, known) for k in some)}."
         for place, some in (
             ("the SD included in the intervals", included),
             ("the SD not included in the intervals", [k for k in keys if k not in included]),
@@ -62,32 +63,19 @@ def calibration_sentences(analysis: StudyAnalysis) -> list[str]:
         if some
     ]
     sentences += _corrections(keys, used)
-    if not any(c.get(key) for c in calibrations for key in _LAGS):
+    if not any(getattr(c, key) for c in known for key in _LAGS):
         sentences.append("No lag between angle and torque was calibrated.")
     return sentences
 
 
 def lag_is_calibrated(analysis: StudyAnalysis) -> bool:
     """Return whether a lag between angle and torque was calibrated for all recordings."""
-    return all(any(c.get(key) for key in _LAGS) for c in _calibrations(analysis))
-
-
-def _calibrations(analysis: StudyAnalysis) -> Iterable[Mapping[str, Any]]:
-    """Yield the calibration of each recording: its own, its participant's and the study's."""
-    study = study_record(analysis)
-    common = study.get("calibration") or analysis.settings.get("calibration") or {}
-    people = {str(p.get("id")): p.get("calibration") or {} for p in study.get("participants") or ()}
-    worn = [r for r in study.get("recordings") or () if r.get("condition") != "no_device"]
-    for entry in worn:
-        person = people.get(str(entry.get("participant")), {})
-        yield {**common, **person, **(entry.get("calibration") or {})}
-    if not worn:
-        yield from ({**common, **own} for own in people.values() or ({},))
+    return all(any(getattr(c, key) for key in _LAGS) for c in calibrations(analysis))
 
 
 def _affects_estimates(key: str, analysis: StudyAnalysis) -> bool:
     if key == "friction_gain":
-        return "torque" not in (study_record(analysis).get("channels") or {})
+        return "torque" not in study_spec(analysis).channels
     for begin, lags in _OF_SENSORS.items():
         if key.startswith(begin):
             return not set(lags_of_sensors(analysis)).isdisjoint(lags)
@@ -100,13 +88,14 @@ def _in_intervals(key: str, used: Sequence[str]) -> bool:
     return key not in _OF_POSTURE
 
 
-def _entry(key: str, calibrations: Sequence[Mapping[str, Any]]) -> str:
+def _entry(key: str, known: Sequence[CalibrationSpec]) -> str:
     name, factor, unit = _CALIBRATED[key]
-    entries = sorted({(c[key]["value"], c[key]["sd"]) for c in calibrations if c.get(key)})
+    found: list[Calibrated] = [c for one in known if (c := getattr(one, key)) is not None]
+    entries = sorted({(c.value, c.sd) for c in found})
     values = dict.fromkeys(format_with_sd(factor * x, factor * sd, unit) for x, sd in entries)
     first, *others = values
     last = f" to {others[-1]} ({len(values)} calibrations)" if others else ""
-    some = "" if all(c.get(key) for c in calibrations) else " (not of all recordings)"
+    some = "" if len(found) == len(known) else " (not of all recordings)"
     return f"{name} {first}{last}{some}"
 
 

@@ -11,8 +11,9 @@ from jointz.analysis.paper.methods_calibration import calibration_sentences
 from jointz.analysis.summary import name_range
 from jointz.core.channels import is_turned
 from jointz.core.events import PulseRecord
+from jointz.core.study import StudySpec
 from jointz.report.pulse_words import pulse_names, pulse_unit
-from jointz.report.subjects import study_record, subjects
+from jointz.report.subjects import study_spec, subjects
 from jointz.report.wording import (
     exclusion_meaning,
     format_count,
@@ -80,7 +81,7 @@ def protocol_sentences(analysis: StudyAnalysis) -> list[str]:
 def signal_sentences(analysis: StudyAnalysis) -> list[str]:
     """Describe the source of the torque, the sampling rates and the calibration."""
     worn = wore_device(analysis)
-    sentences = _torque_sentences(study_record(analysis)) if worn else []
+    sentences = _torque_sentences(study_spec(analysis)) if worn else []
     for lead, rates in (
         ("Recordings have", recorded_rates(analysis)),
         ("Responses were analysed at", response_rates(analysis)),
@@ -112,8 +113,7 @@ def exclusion_sentences(analysis: StudyAnalysis) -> list[str]:
 
 
 def _known(analysis: StudyAnalysis, people: Iterable[str], key: str) -> list[float]:
-    participants = study_record(analysis).get("participants") or ()
-    values = {str(p.get("id")): p.get(key) for p in participants}
+    values = {p.id: getattr(p, key) for p in study_spec(analysis).participants}
     return [float(v) for p in people if (v := values.get(p)) is not None]
 
 
@@ -197,28 +197,28 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 def torque_is_from_current(analysis: StudyAnalysis) -> bool:
     """Return whether torque was calculated from the current of a motor, including friction."""
-    channels = study_record(analysis).get("channels") or {}
+    channels = study_spec(analysis).channels
     return "current" in channels and "torque" not in channels
 
 
-def torque_is_turned(study: Mapping[str, Any]) -> bool:
+def torque_is_inverted(study: StudySpec) -> bool:
     """Return whether the sign of the measured torque was inverted on reading."""
-    positive = ((study.get("channels") or {}).get("torque") or {}).get("positive")
-    on_device = study.get("torque_acts_on") == "device"
-    return is_turned(positive, study.get("positive"), on_device=on_device)
+    torque = study.channels.get("torque")
+    on_device = study.torque_acts_on == "device"
+    return is_turned(torque.positive if torque else None, study.positive, on_device=on_device)
 
 
-def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
+def _torque_sentences(study: StudySpec) -> list[str]:
     """Describe the source of the torque, if the study names it."""
-    channels, model = study.get("channels") or {}, study.get("torque_model")
+    channels, model = study.channels, study.torque_model
     if "torque" in channels:
         return [_measured_torque(study)]
     if "current" not in channels or not model:
         return []
     parameters = ", ".join(
-        f"{name} {format_exact(model[key])}{f' {unit}' if unit else ''}"
+        f"{name} {format_exact(value)}{f' {unit}' if unit else ''}"
         for key, (name, unit) in _TORQUE_MODEL.items()
-        if model.get(key)
+        if (value := getattr(model, key))
     )
     return [
         "Torque was calculated from the current of the motor by equation 4.1 "
@@ -226,9 +226,9 @@ def _torque_sentences(study: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _measured_torque(study: Mapping[str, Any]) -> str:
-    turned = torque_is_turned(study)
-    if study.get("torque_acts_on") != "device":
+def _measured_torque(study: StudySpec) -> str:
+    turned = torque_is_inverted(study)
+    if study.torque_acts_on != "device":
         sign = ", with its sign inverted" if turned else ""
         return f"Torque was measured and is the torque on the joint{sign}."
     treatment = (
@@ -241,8 +241,7 @@ def _measured_torque(study: Mapping[str, Any]) -> str:
 
 def wore_device(analysis: StudyAnalysis) -> bool:
     """Return whether any recording is with a device; unknown counts as yes."""
-    recordings = study_record(analysis).get("recordings") or ()
-    conditions = {r.get("condition") for r in recordings} - {None}
+    conditions = {r.condition for r in study_spec(analysis).recordings} - {None}
     return (conditions | {s.condition for s in analysis.strides}) != {"no_device"}
 
 

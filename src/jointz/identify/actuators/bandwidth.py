@@ -26,7 +26,7 @@ from jointz.identify.record.joint_record import (
     gather_record,
     refuse_constant,
 )
-from jointz.identify.record.response_columns import response_curve
+from jointz.identify.record.joint_signals import response_curve
 from jointz.kernels.series.spectra import CrossSpectra, blackman_tukey, welch
 from jointz.results.bench.bandwidth_fit import BandwidthFit
 

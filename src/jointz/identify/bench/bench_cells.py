@@ -94,7 +94,7 @@ class FullRecordEstimator:
         if not used:
             return self._cell(label, Failure.ALL_PULSES_EXCLUDED, records, n_used=0), records
         trials = [self._trial(index) for index in used]
-        known = pooled_calibration([self._sources[i].given.calibration for i in used])
+        known = pooled_calibration([self._sources[i].input.calibration for i in used])
         try:
             fit = fit_full_record(
                 trials,
@@ -142,7 +142,7 @@ class FullRecordEstimator:
     def _why_not(self, index: int, candidates: Sequence[Candidate]) -> str:
         """Return why a trial cannot be used as a whole, "" where it can."""
         source = self._sources[index]
-        recording = source.given.recording
+        recording = source.input.recording
         time = recording["time"].to_numpy()
         if any(c.source == index and c.record.code in LISTED for c in candidates):
             return Exclusion.USER.value
@@ -161,7 +161,7 @@ class FullRecordEstimator:
 
     def _trial(self, index: int) -> BenchTrial:
         source = self._sources[index]
-        recording, known = source.given.recording, source.given.calibration
+        recording, known = source.input.recording, source.input.calibration
         return BenchTrial(
             time_s=recording["time"].to_numpy(),
             angle=joint_angle(deflection(recording), recording["torque"].to_numpy(), known),

@@ -287,8 +287,8 @@ def _friction_can_be_told(records: Sequence[BandRecord], notes: list[str]) -> bo
         if record.keep.any() and np.std(direction[record.keep]) > _LEAST_DIRECTION_SD:
             return True
     notes.append(
-        "the direction of motion drowns in the noise of the angle, or never reverses: friction "
-        "was left out of the model"
+        "the direction of motion is smaller than the noise of the angle, or never reverses: "
+        "friction was left out of the model"
     )
     for record in records:
         record.keep[:] = record.inside

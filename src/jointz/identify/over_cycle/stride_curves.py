@@ -32,11 +32,11 @@ def stride_curves(participant: str, sources: Sequence[Source]) -> tuple[StrideCu
     instruments and are not applied.
     """
     curves: dict[Unit, list[np.ndarray]] = {}
-    if any(source.given.condition != "no_device" for source in sources):
+    if any(source.input.condition != "no_device" for source in sources):
         return ()
     for source in sources:
         with_moment = [s for s in map(_with_moment, _strides(source)) if np.isfinite(s).all()]
-        curves.setdefault(unit_of(source.given), []).extend(with_moment)
+        curves.setdefault(unit_of(source.input), []).extend(with_moment)
     return tuple(
         StrideCurves(participant, side, angle, moment, session)
         for (session, side), strides in curves.items()
@@ -58,9 +58,9 @@ def mean_strides(participant: str, sources: Sequence[Source]) -> tuple[MeanStrid
     """
     strides: dict[tuple[str, Unit], list[tuple[np.ndarray, float]]] = {}
     for source in sources:
-        condition = source.given.condition
+        condition = source.input.condition
         if condition is not None:
-            own = strides.setdefault((condition, unit_of(source.given)), [])
+            own = strides.setdefault((condition, unit_of(source.input)), [])
             own.extend(_strides(source, settled=condition == "perturbed"))
     return tuple(
         _mean_stride(participant, unit, condition, own)
@@ -103,7 +103,7 @@ def _strides(source: Source, *, settled: bool = False) -> Iterator[tuple[np.ndar
     NaN for torque and moment with missing samples. ``settled``: the stride before has no pulse,
     either.
     """
-    recording = source.given.recording
+    recording = source.input.recording
     if source.strides is None:
         return
     time = recording["time"].to_numpy()

@@ -29,7 +29,7 @@ def clock_failure(
     participant: str, sources: Sequence[Source], settings: ParticipantSettings
 ) -> tuple[Failure, str] | None:
     """Return why the angle's own clock cannot be right, with the error; None if it can."""
-    pulsed = [s for s in sources if s.given.condition == "perturbed" and s.pulses]
+    pulsed = [s for s in sources if s.input.condition == "perturbed" and s.pulses]
     if not (settings.kind.by_gait and any(_has_own_clock(source) for source in pulsed)):
         return None
     candidates = assign_pulses(participant, sources, settings, baseline="predicted", alone=True)
@@ -52,7 +52,7 @@ def clock_failure(
 
 
 def _has_own_clock(source: Source) -> bool:
-    return "angle" in sampled_hz(source.given.recording)
+    return "angle" in sampled_hz(source.input.recording)
 
 
 def _responses(
@@ -66,15 +66,18 @@ def _responses(
     cell, _ = predictor.predict("all", early)
     if cell is None:
         return None, np.empty(0), 0.0
-    predicted = replace(cell.predicted, responses=cell.predicted.responses[cell.kept])
-    return predicted, np.array([c.pulse.onset_s + _BEFORE_S for c in cell.used]), cell.period_s
+    return (
+        cell.predicted.of(cell.kept),
+        np.array([c.pulse.onset_s + _BEFORE_S for c in cell.used]),
+        cell.period_s,
+    )
 
 
 def _drift_s(predicted: Predicted, onset_s: np.ndarray, period_s: float) -> float | None:
     """Return how far later responses are shifted against earlier ones, s; None if they are not."""
-    angles = predicted.responses[:, 0]
+    angles = predicted.one_way[:, 0]
     mean = angles.mean(axis=0)
-    whiten = _whitening(predicted.misses[:, 0])
+    whiten = _whitening(predicted.prediction_errors[:, 0])
     speed = derivative(mean, rate_hz=1.0 / period_s)
     basis = whiten @ np.stack([mean, -speed, np.ones_like(mean)], axis=1)
     shift_s = np.linalg.lstsq(basis, whiten @ angles.T, rcond=None)[0][1]
@@ -93,13 +96,13 @@ def _lead_s(predicted: Predicted, period_s: float) -> float | None:
     After its onset a torque makes an acceleration, then damping and stiffness tell: the mean
     response is a sum of the torque's integrals, shifted by the lag.
     """
-    mean = predicted.responses.mean(axis=0)
+    mean = predicted.one_way.mean(axis=0)
     time_s = np.arange(mean.shape[1]) * period_s
     n = int(np.searchsorted(time_s, time_s[-1] + _SHIFTS_S[0]))  # all shifts are within
     integrals = [mean[TORQUE_ROWS].sum(axis=0)]
     for _ in range(4):
         integrals.append(cumulative_trapezoid(integrals[-1], dx=period_s, initial=0.0))
-    whiten = _whitening(predicted.misses[:, 0, :n]) * np.sqrt(len(predicted.responses))
+    whiten = _whitening(predicted.prediction_errors[:, 0, :n]) * np.sqrt(len(predicted.responses))
     target = whiten @ mean[0, :n]
     misfits = []
     for shift_s in _SHIFTS_S:
@@ -113,7 +116,7 @@ def _lead_s(predicted: Predicted, period_s: float) -> float | None:
     return -float(_SHIFTS_S[misfit.argmin()]) if near.max() < -_LEAD_S else None
 
 
-def _whitening(misses: np.ndarray) -> np.ndarray:
+def _whitening(errors: np.ndarray) -> np.ndarray:
     """Return the matrix (n, n) that makes the errors of a prediction (v, n) white."""
-    values, vectors = np.linalg.eigh(misses.T @ misses / len(misses))
+    values, vectors = np.linalg.eigh(errors.T @ errors / len(errors))
     return np.asarray((vectors / np.sqrt(np.maximum(values, _LEAST_EIGENVALUE * values[-1]))).T)

@@ -86,9 +86,9 @@ def recorded_pulse(
 ) -> dict[str, np.ndarray]:
     """Return time from the onset, angle and torque as recorded and their baselines, by name.
 
-    ``response`` (rows, n) is that of the pulse, turned by its sign: recorded minus predicted.
+    ``response`` (rows, n) is that of the pulse: recorded minus predicted.
     """
-    n, sign = response.shape[1], candidate.pulse.sign
+    n = response.shape[1]
     begin = np.array([candidate.pulse.onset_s - LEAD_SAMPLES * period_s])
     cut, _ = signals.cut(begin, before_s=0.0, after_s=n * period_s)
     angle, torque = cut[0, RAW_ANGLE], cut[0, TORQUE_ROWS].sum(axis=0)
@@ -96,8 +96,8 @@ def recorded_pulse(
         "time_s": (np.arange(n) - LEAD_SAMPLES) * period_s,
         "angle": angle,
         "torque": torque,
-        "baseline_angle": angle - sign * response[0],
-        "baseline_torque": torque - sign * response[TORQUE_ROWS].sum(axis=0),
+        "baseline_angle": angle - response[0],
+        "baseline_torque": torque - response[TORQUE_ROWS].sum(axis=0),
     }
 
 
@@ -123,7 +123,9 @@ class CellPredictor:
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
         self.choice = choose_sensors(self._needed())
         self.sensors = self.choice.used if sensors is None else tuple(sensors)
-        self.unfelt: set[str] = set()  # timing points whose pulses did not reach the joint
+        self.points_without_response: set[str] = (
+            set()
+        )  # timing points whose pulses did not reach the joint
 
     def predict_points(
         self, candidates: Sequence[Candidate]
@@ -163,7 +165,7 @@ class CellPredictor:
         predicted = [k for k, code in zip(order, joined.codes, strict=True) if not code]
         checked = self._checked(joined, [candidates[k] for k in predicted])
         if checked.count(Exclusion.NO_RESPONSE.value) > _MOST_UNFELT * len(checked):
-            self.unfelt.add(label)
+            self.points_without_response.add(label)
         for k, code in zip(predicted, checked, strict=True):
             codes[k] = code
         kept = np.array([not code for code in checked], dtype=bool)
@@ -188,12 +190,11 @@ class CellPredictor:
         chosen: np.ndarray,
         *,
         n: int,
-        response_of: Callable[[np.ndarray, float], np.ndarray],
+        response_of: Callable[[np.ndarray], np.ndarray],
     ) -> PulseExample:
         """Return n samples of one of the chosen pulses that are used.
 
-        ``response_of`` returns the response as it is averaged from the turned one, (rows, n), and
-        the sign of the pulse.
+        ``response_of`` returns the response as it is averaged from that of all signals, (rows, n).
         """
         places = np.flatnonzero(chosen)
         responses = cell.predicted.responses[cell.kept][places, :, :n]
@@ -204,14 +205,13 @@ class CellPredictor:
             recording=candidate.record.recording,
             onset_s=candidate.pulse.onset_s,
             **recorded_pulse(candidate, response, signals, cell.period_s),
-            response=response_of(response, candidate.pulse.sign),
+            response=response_of(response),
             n_averaged=len(places),
         )
 
     def _checked(self, predicted: Predicted, candidates: Sequence[Candidate]) -> list[str]:
         """Return a code for every predicted pulse, "" for those that can be used."""
-        signs = np.array([c.pulse.sign for c in candidates])
-        torque = signs[:, None] * predicted.responses[:, TORQUE_ROWS].sum(axis=1)
+        torque = predicted.responses[:, TORQUE_ROWS].sum(axis=1)
         shapes = pulse_shapes(torque, [c.pulse for c in candidates])
         # A pulse without torque is of no shape: it is compared with all others.
         no_torque = Exclusion.NO_TORQUE.value
@@ -220,7 +220,7 @@ class CellPredictor:
         shapes = np.where(codes == "", shapes, -1)
         for shape in np.unique(shapes[shapes >= 0]):
             members = np.flatnonzero(shapes == shape)
-            part = replace(predicted, responses=predicted.responses[members])
+            part = predicted.of(members)
             own = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]
             ineffective = ineffective_pulses(part, self.amplitudes_nm(own))
             kept = alike(part, whole=np.array([not code for code in ineffective], dtype=bool))
@@ -248,7 +248,7 @@ class CellPredictor:
         windows, _ = source.signals.cut(
             np.array([p.onset_s for p in pulses]), before_s=0.0, after_s=window_s
         )
-        copies = copied_pulses(source.given.recording, pulses, window_s=window_s)
+        copies = copied_pulses(source.input.recording, pulses, window_s=window_s)
         for k, dead, copy in zip(usable, dead_signals(windows), copies, strict=True):
             codes[k] = dead or (Exclusion.COPIED_PULSE.value if copy else "")
         return [k for k in usable if not codes[k]]
@@ -266,7 +266,7 @@ class CellPredictor:
 
     def _needed(self) -> list[Source]:
         """Return the recordings with pulses, and what they learn from."""
-        pulsed = [s for s in self._sources if s.given.condition == "perturbed"]
+        pulsed = [s for s in self._sources if s.input.condition == "perturbed"]
         teachers = [t for s in pulsed for t in self._teachers(s)]
         return list({id(s): s for s in (*pulsed, *teachers)}.values())
 
@@ -274,10 +274,10 @@ class CellPredictor:
         """Return what else to learn from if a recording has too few quiet strides."""
         if quiet_strides(source).size >= FEWEST_STRIDES:
             return []
-        unperturbed = [s for s in self._sources if s.given.condition == "unperturbed"]
+        unperturbed = [s for s in self._sources if s.input.condition == "unperturbed"]
         keys = self._settings.kind.reference_keys
-        nearest = most_alike(source.given, [s.given for s in unperturbed], keys=keys)
-        return [s for s in unperturbed if any(s.given is given for given in nearest)]
+        nearest = most_alike(source.input, [s.input for s in unperturbed], keys=keys)
+        return [s for s in unperturbed if any(s.input is given for given in nearest)]
 
 
 def pulses_by_point(
@@ -295,7 +295,7 @@ def pulses_by_point(
     }
 
 
-def unlike_from(sd: np.ndarray) -> np.ndarray:
+def outlier_threshold(sd: np.ndarray) -> np.ndarray:
     """Return the deviation above which a response is excluded."""
     return np.asarray(_UNLIKE_SD * np.hypot(sd, FINEST_RAD))
 
@@ -315,5 +315,5 @@ def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarra
     size = torque @ shape / (shape @ shape)
     usual, _ = robust_moments(angles[fine] / size[fine, None])
     off = np.abs(angles - size[:, None] * usual)
-    limit = unlike_from(robust_sd(predicted.misses[:, 0]))
+    limit = outlier_threshold(robust_sd(predicted.prediction_errors[:, 0]))
     return np.asarray(fine & (off <= limit).all(axis=1))

@@ -54,7 +54,8 @@ def ineffective_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[
     per torque. This shows nothing if walking alone moves the joint as much, or if all pulses
     failed; :mod:`jointz.identify.walking.checks` checks the average.
     """
-    torque = predicted.responses[:, DRIVING] + predicted.responses[:, FRICTION]
+    responses = predicted.one_way
+    torque = responses[:, DRIVING] + responses[:, FRICTION]
     codes = np.full(len(torque), "", dtype=object)
     if not len(torque):
         return []
@@ -78,7 +79,7 @@ def has_pulses_in_strides(predicted: Predicted, amplitude_nm: float) -> bool:
     This happens if the pulse table does not match the signals: a table that is late by a stride, a
     clock that was restarted.
     """
-    torque = predicted.misses[:, DRIVING] + predicted.misses[:, FRICTION]
+    torque = predicted.prediction_errors[:, DRIVING] + predicted.prediction_errors[:, FRICTION]
     large = np.percentile(np.abs(torque), _REACHED_PCT, axis=1) > _STRAY_SIZE * amplitude_nm
     return bool(large.mean() > _STRAY_SHARE)
 
@@ -86,14 +87,14 @@ def has_pulses_in_strides(predicted: Predicted, amplitude_nm: float) -> bool:
 def _felt(predicted: Predicted, torque: np.ndarray, pushed: np.ndarray) -> np.ndarray:
     """Return which pulses moved the joint as most do; all if walking hides it."""
     # Every few samples, so that few strides determine the covariance.
-    angle = predicted.responses[:, RAW_ANGLE, ::_EVERY]
-    misses = predicted.misses[:, RAW_ANGLE, ::_EVERY]
-    noise = np.cov(misses.T)
+    angle = predicted.one_way[:, RAW_ANGLE, ::_EVERY]
+    errors = predicted.prediction_errors[:, RAW_ANGLE, ::_EVERY]
+    noise = np.cov(errors.T)
     noise += _EVEN_SHARE * np.trace(noise) / len(noise) * np.eye(len(noise))
     shape = np.linalg.solve(noise, angle[pushed].mean(axis=0))
     push = torque @ torque[pushed].mean(axis=0)
     response = angle @ shape / np.where(pushed, push / np.median(push[pushed]), 1.0)
     usual = float(np.percentile(response[pushed], _LIKE_PCT))
-    if not float(robust_sd(misses @ shape)) <= _LARGEST_NOISE * usual:
+    if not float(robust_sd(errors @ shape)) <= _LARGEST_NOISE * usual:
         return np.ones(len(angle), dtype=bool)
     return np.asarray(response >= _LEAST_RESPONSE * usual)

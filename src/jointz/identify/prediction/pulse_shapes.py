@@ -19,7 +19,7 @@ _MOST_SHAPES = 8
 def pulse_shapes(torque: np.ndarray, pulses: Sequence[Pulse]) -> np.ndarray:
     """Return the number of the shape of each pulse, from 0.
 
-    ``torque`` (n_pulse, n), N*m, relative to the unperturbed stride and not turned by the sign.
+    ``torque`` (n_pulse, n), N*m, relative to the unperturbed stride.
     """
     groups = _by_amplitude(np.array([p.amplitude for p in pulses], dtype=float))
     shapes = np.empty_like(groups)

@@ -54,16 +54,26 @@ _ROUNDING = 0.01
 class Predicted:
     """Responses of the pulses of a cell, and errors of the prediction without pulses."""
 
-    # (m, 3 + sensors, n) measured minus predicted, times the sign of the pulse, from
-    # :data:`LEAD_SAMPLES` before the onset: angle (rad), torque without friction (N*m), friction
-    # (N*m), then what further sensors show (rad, rad/s)
+    # (m, 3 + sensors, n) measured minus predicted, from :data:`LEAD_SAMPLES` before the onset:
+    # angle (rad), torque without friction (N*m), friction (N*m), then what further sensors show
+    # (rad, rad/s)
     responses: np.ndarray
+    signs: np.ndarray  # (m,) sign of each pulse, 1 or -1
     # (v, 3 + sensors, n) the same at virtual onsets of strides left out of the learning
-    misses: np.ndarray
+    prediction_errors: np.ndarray
     strides: np.ndarray  # (v,) number of the stride of each virtual onset
     codes: tuple[str, ...]  # one for each pulse; ``responses`` has a row for each ``""``
     posture_rad: float  # mean unperturbed angle over the window
     unperturbed_rad: np.ndarray  # (n,) unperturbed angle over the window, less a constant
+
+    @property
+    def one_way(self) -> np.ndarray:
+        """The responses times the sign of their pulse, for averages over both signs."""
+        return np.asarray(self.signs[:, None, None] * self.responses)
+
+    def of(self, pulses: np.ndarray) -> "Predicted":
+        """Return the same with the responses of some pulses, by their places or a mask."""
+        return replace(self, responses=self.responses[pulses], signs=self.signs[pulses])
 
     @property
     def n_strides(self) -> int:
@@ -77,7 +87,8 @@ def join_predictions(parts: Sequence[Predicted]) -> Predicted:
     parts = [part for part in parts if len(part.responses)]
     return Predicted(
         responses=np.concatenate([part.responses for part in parts]),
-        misses=np.concatenate([part.misses for part in parts]),
+        signs=np.concatenate([part.signs for part in parts]),
+        prediction_errors=np.concatenate([part.prediction_errors for part in parts]),
         strides=_apart([part.strides for part in parts]),
         codes=codes,
         posture_rad=float(np.mean([part.posture_rad for part in parts])),
@@ -139,7 +150,9 @@ class UnperturbedPredictor:
         if virtual is None:
             codes[codes == ""] = Exclusion.NO_BASELINE.value
             none = np.empty((0, self._n_rows, n))
-            return Predicted(none, none, np.empty(0, int), tuple(codes), np.nan, np.empty(0))
+            return Predicted(
+                none, np.empty(0), none, np.empty(0, int), tuple(codes), np.nan, np.empty(0)
+            )
         unusual = _distance(pulses.features, virtual.features) > _FARTHEST_PULSE
         codes[(codes == "") & unusual] = Exclusion.UNUSUAL_GAIT.value
         used = codes == ""
@@ -148,10 +161,10 @@ class UnperturbedPredictor:
         flat = (int(used.sum()), self._n_rows * n)
         predicted = ridge.predict(curve.features(pulses.features[used], like=ridge))
         responses = pulses.windows[used].reshape(flat) - predicted
-        signs = np.array([c.pulse.sign for c in candidates])[used]
         return Predicted(
-            responses=signs[:, None, None] * responses.reshape(-1, self._n_rows, n),
-            misses=ridge.left_out.reshape(-1, self._n_rows, n),
+            responses=responses.reshape(-1, self._n_rows, n),
+            signs=np.array([c.pulse.sign for c in candidates])[used],
+            prediction_errors=ridge.left_out.reshape(-1, self._n_rows, n),
             strides=virtual.strides,
             codes=tuple(codes),
             posture_rad=float(np.median(levels_rad) + virtual.windows[:, RAW_ANGLE].mean()),
@@ -331,8 +344,8 @@ def _learned(virtual: _Moments, curve: _Curve, n: int) -> BlockedRidge:
     sets = sets or [_coarse(virtual.features)]
     angles, judged = targets[:, :n], slice(0, n, 4)
     fits = [fit_blocked_ridge(matrix, angles, blocks, judged=judged) for matrix in sets]
-    misses = [float(np.median((fit.left_out**2).mean(axis=1))) for fit in fits]
-    best = int(np.argmin(misses))
+    errors = [float(np.median((fit.left_out**2).mean(axis=1))) for fit in fits]
+    best = int(np.argmin(errors))
     return fit_blocked_ridge(sets[best], targets, blocks, penalties=(fits[best].penalty,))
 
 

@@ -3,18 +3,23 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
-from jointz.core.codes import Exclusion
+from jointz.core.codes import LISTED, Exclusion
 from jointz.core.errors import DataError
 from jointz.core.events import PulseRecord
-from jointz.core.gait_phases import ALL_POINTS, TIMING_POINTS, nearest_timing_point
+from jointz.core.gait_phases import (
+    ALL_POINTS,
+    TIMING_POINTS,
+    circular_mean_pct,
+    nearest_timing_point,
+    phase_difference,
+)
 from jointz.core.recording import damage_near, damage_of
 from jointz.core.study import GroupSpec, PerturbationsSpec
 from jointz.gait.phase import gait_phase, measured_phase
-from jointz.identify.preparation.label_phases import check_labels, contradicts
 from jointz.identify.preparation.pulses import Pulse
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 
@@ -50,7 +55,7 @@ def assign_pulses(
     """
     candidates: list[Candidate] = []
     for index, source in enumerate(sources):
-        if source.given.condition == "perturbed" and source.pulses:
+        if source.input.condition == "perturbed" and source.pulses:
             candidates += _candidates(participant, index, source, settings, baseline=baseline)
     named = [c for c in candidates if c.record.target_pct is not None]
     check_labels([(c.pulse, c.record, c.predicted_pct) for c in named])
@@ -73,7 +78,7 @@ def _candidates(
     baseline: str,
 ) -> list[Candidate]:
     onsets = np.array([p.onset_s for p in source.pulses])
-    window_s, file = settings.perturbations.window_s, source.given.file
+    window_s, file = settings.perturbations.window_s, source.input.file
     by_gait, grouped = settings.kind.by_gait, settings.perturbations.group is not None
     needs_phase = np.array(
         [
@@ -85,7 +90,7 @@ def _candidates(
     labels = _labels(source, phase_pct, settings)
     overlap_codes = _overlaps(source.pulses, window_s)
     _, window_codes = source.signals.cut(onsets, before_s=0.0, after_s=window_s)
-    damage_s, guard_s = damage_of(source.given.recording), source.signals.guard_s
+    damage_s, guard_s = damage_of(source.input.recording), source.signals.guard_s
     nameless = Exclusion.OUTSIDE_GROUPS if grouped else Exclusion.NO_HEEL_STRIKES
     outside = is_outside(onsets, source)
     measured_pct = np.full(onsets.size, np.nan)
@@ -139,7 +144,7 @@ def _known(value: float) -> float | None:
 
 def is_outside(onsets: np.ndarray, source: Source) -> np.ndarray:
     """Return whether onsets lie before or after all samples of a recording, (n,) bool."""
-    time = source.given.recording["time"].to_numpy()
+    time = source.input.recording["time"].to_numpy()
     return np.asarray((onsets < time[0]) | (onsets > time[-1]))
 
 
@@ -152,7 +157,7 @@ def _phases(
     """
     unknown = np.full(onsets.size, np.nan)
     if not settings.kind.by_gait and source.strides is None:
-        return unknown, onsets - source.given.recording["time"].to_numpy()[0], [""] * onsets.size
+        return unknown, onsets - source.input.recording["time"].to_numpy()[0], [""] * onsets.size
     if source.strides is None:
         return unknown, unknown, [""] * onsets.size
     if source.strides.start_s.size == 0:
@@ -169,7 +174,7 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
     group = settings.perturbations.group
     if group is not None:
         return _group_labels(source, group, settings)
-    attrs = source.given.recording.attrs
+    attrs = source.input.recording.attrs
     # Trials of one session are repetitions of one case.
     case = attrs["session"] or attrs["trial"] or "all_pulses"
     labels = []
@@ -177,7 +182,7 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
         nearest = "" if np.isnan(pct) else nearest_timing_point(pct, settings.timing_points)
         labels.append(pulse.timing_point or (nearest if settings.kind.by_gait else case))
     if ALL_POINTS in labels:
-        file = source.given.file
+        file = source.input.file
         raise DataError(
             f'{file}: a timing point, session or trial is called "{ALL_POINTS}", which means all '
             "of them. Give it another name.",
@@ -187,7 +192,7 @@ def _labels(source: Source, phase_pct: np.ndarray, settings: ParticipantSettings
 
 
 def _group_labels(source: Source, group: GroupSpec, settings: ParticipantSettings) -> list[str]:
-    recording = source.given.recording
+    recording = source.input.recording
     time, values = recording["time"].to_numpy(), recording[group.channel].to_numpy()
     onsets = [p.onset_s for p in source.pulses]
     at_onset = values[np.clip(np.searchsorted(time, onsets), 0, time.size - 1)]
@@ -229,3 +234,84 @@ def _overlaps(pulses: Sequence[Pulse], window_s: float) -> list[str]:
         if following.onset_s < latest_s:
             codes[i + 1] = Exclusion.OVERLAPPING_PULSE.value
     return codes
+
+
+#: Largest distance of a pulse from the timing point that its table names, % of the gait cycle. The
+#: eight phases of the cycle reach at most 9.5 % from their middles.
+_FARTHEST_PCT = 10.0
+#: Share and number of contradicted pulses from which the table or the heel strikes are wrong.
+_MOST_SHARE, _FEWEST = 0.2, 3
+#: Share of the pulses that a cause has to explain.
+_EXPLAINED = 0.8
+#: Distances of the other leg's heel strikes, % of the gait cycle.
+_OTHER_LEG_PCT = (40.0, 60.0)
+_CODE = Exclusion.LABEL_CONTRADICTS_PHASE.value
+
+_Labelled = tuple[Pulse, PulseRecord, float | None]  # the last is the predicted phase, %
+
+
+def contradicts(pulse: Pulse, phase_pct: float | None, target_pct: float | None) -> str:
+    """Say how far a pulse is from the timing point of its table; "" if it may be there."""
+    if not pulse.timing_point or phase_pct is None or target_pct is None:
+        return ""
+    if abs(phase_difference(phase_pct, target_pct)) <= _FARTHEST_PCT:
+        return ""
+    return f"at {phase_pct:.1f} % of the gait cycle, {pulse.timing_point} is at {target_pct:g} %"
+
+
+def check_labels(pulses: Sequence[_Labelled]) -> None:
+    """Refuse pulses of which many contradict their table, in one recording or in all together."""
+    known = [
+        row
+        for row in pulses
+        if row[0].timing_point and row[1].code not in LISTED and _phase(row) is not None
+    ]
+    files = [list(rows) for _, rows in groupby(known, key=lambda row: row[1].recording)]
+    for rows in (*files, known):
+        wrong = [r for _, r, _ in rows if r.code == _CODE]
+        if len(wrong) < _FEWEST or len(wrong) <= _MOST_SHARE * len(rows):
+            continue
+        names = ", ".join(dict.fromkeys(r.recording for r in wrong))
+        raise DataError(
+            f"{names}: {len(wrong)} of {len(rows)} pulses lie more than {_FARTHEST_PCT:g} % of the "
+            f"gait cycle from the timing point that the pulse table names, such as the one at "
+            f"{wrong[0].onset_s:.6g} s: {wrong[0].detail}. {_likely_cause(rows)} Correct the "
+            "table's timing_point, or the heel strikes if the table is right. Without the column "
+            "timing_point every pulse takes the timing point nearest to its phase.",
+            path=wrong[0].recording,
+        )
+
+
+def _phase(row: _Labelled) -> float | None:
+    _, record, predicted_pct = row
+    return predicted_pct if record.measured_pct is None else record.measured_pct
+
+
+def _likely_cause(known: Sequence[_Labelled]) -> str:
+    """Name what would explain the contradictions."""
+    rows = [(_phase(row), row[1].target_pct) for row in known]
+    pairs = np.array(rows, dtype=float)
+    phases, targets = pairs[:, 0], pairs[:, 1]
+    for step, neighbour in ((-1, "before"), (1, "after")):
+        # Pulse k has the phase that the table names at the row after or before it.
+        if _share_near(phases, np.roll(targets, step)) >= _EXPLAINED:
+            return (
+                f"Each name fits the pulse {neighbour} it: are the names of the table moved by "
+                "one pulse?"
+            )
+    differences = np.asarray(phase_difference(phases - targets, 0.0))
+    shift = float(phase_difference(circular_mean_pct(differences), 0.0))
+    if _share_near(differences, np.full(differences.size, shift)) >= _EXPLAINED:
+        low, high = _OTHER_LEG_PCT
+        leg = "of the other leg, or " if low <= abs(shift) <= high else ""
+        way = "later" if shift > 0 else "earlier"
+        return (
+            f"Most are about {abs(shift):.0f} % {way} than their names say: are the heel strikes "
+            f"{leg}of an inverted or delayed footswitch, or the onsets of another clock?"
+        )
+    return "Is it the table of another trial, or are the footswitch or timing_points wrong?"
+
+
+def _share_near(phases: np.ndarray, targets: np.ndarray) -> float:
+    near = np.abs(phase_difference(phases - targets, 0.0)) <= _FARTHEST_PCT
+    return float(np.mean(near)) if near.size else 0.0

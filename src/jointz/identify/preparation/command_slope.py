@@ -62,7 +62,7 @@ def pulse_slope(source: Source, gain: float = 1.0) -> CommandSlope | None:
     None if neither a command nor a pulse table states what the torque should be. If both do, the
     one that the torque is more like counts: the table may state what a motor reached.
     """
-    recording, table = source.given.recording, source.given.pulse_table
+    recording, table = source.input.recording, source.input.pulse_table
     torque = recording["torque"].to_numpy() / gain
     if FRICTION_OF_MODEL in recording:
         torque = torque - recording[FRICTION_OF_MODEL].to_numpy() / gain
@@ -122,7 +122,7 @@ def _courses(
     finite = np.isfinite(samples)
     if not finite.any():
         return np.full((onset.size, since.size), np.nan)
-    time, samples = source.given.recording["time"].to_numpy()[finite], samples[finite]
+    time, samples = source.input.recording["time"].to_numpy()[finite], samples[finite]
     courses = np.interp(onset + since, time, samples, left=np.nan, right=np.nan)
     if source.strides is not None and source.undisturbed.any():
         start = source.strides.start_s

@@ -219,10 +219,10 @@ def _stretch(
     new_time = uniform
     if abs(rate / own_rate - 1) > _RATE_TOLERANCE:
         new_time = np.arange(uniform[0], uniform[-1], 1.0 / rate)
-    late_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
-    if new_time is not uniform or late_s.any():
+    lag_of_row_s = np.array([lags_s[0]] * 3 + [lags_s[1]])
+    if new_time is not uniform or lag_of_row_s.any():
         # A cubic spline: the signals are low-passed, and a straight line would damp them.
-        where = (new_time - uniform[0] + late_s[:, None]) * own_rate
+        where = (new_time - uniform[0] + lag_of_row_s[:, None]) * own_rate
         signals = np.stack(
             [
                 map_coordinates(row, [place], order=3, mode="nearest")

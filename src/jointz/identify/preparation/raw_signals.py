@@ -31,8 +31,8 @@ _MOTOR_MOTION = ("motor_velocity", "motor_angle")
 
 def common_rate_hz(sources: Sequence[Source]) -> float:
     """Return the sampling rate to which all perturbed recordings can be brought."""
-    perturbed = [s for s in sources if s.given.condition == "perturbed"] or list(sources)
-    rates = [rate_hz(s.given.recording["time"].to_numpy()) for s in perturbed]
+    perturbed = [s for s in sources if s.input.condition == "perturbed"] or list(sources)
+    rates = [rate_hz(s.input.recording["time"].to_numpy()) for s in perturbed]
     return min(rate / max(1, round(rate / _RATE_HZ)) for rate in rates)
 
 
@@ -47,7 +47,7 @@ def raw_signals(
     Rows of further sensors follow, less their calibrated lags. The torque is that which moves the
     device's own inertia, too: it is a mass of the model.
     """
-    recording = source.given.recording
+    recording = source.input.recording
     time = recording["time"].to_numpy()
     rate = rate_hz(time)
     rows = np.stack([*_rows(source), *(sensor_signal(source, name) for name in sensors)])
@@ -83,7 +83,7 @@ def intrinsic_left_in(recording: xr.Dataset) -> tuple[str, ...]:
 
 
 def _rows(source: Source) -> np.ndarray:
-    recording, known = source.given.recording, source.given.calibration
+    recording, known = source.input.recording, source.input.calibration
     angle = recording["angle"].to_numpy()
     torque = _channel(recording, "torque", angle.size)
     friction = _channel(recording, FRICTION_OF_MODEL, angle.size)
@@ -103,7 +103,7 @@ def sensor_signal(source: Source, name: str) -> np.ndarray:
     if name == JOINT_VELOCITY:
         thigh = sensor_signal(source, THIGH_VELOCITY)
         return np.asarray(sensor_signal(source, SHANK_VELOCITY) - thigh)
-    known, recording = source.given.calibration, source.given.recording
+    known, recording = source.input.calibration, source.input.recording
     time = recording["time"].to_numpy()
     values = recording[name].to_numpy() / value_of(getattr(known, f"{name}_gain"), 1.0)
     lag_s = value_of(sensor_lag(known, name), 0.0)
@@ -120,8 +120,8 @@ def sensor_lag(known: CalibrationSpec, name: str) -> Calibrated | None:
 
 def _intrinsic_torque(source: Source) -> np.ndarray:
     """Return the torque of the device's own K and B, N*m, from the motion of its motor."""
-    recording = source.given.recording
-    (stiffness, damping, _), _ = intrinsic_impedance(source.given.calibration)
+    recording = source.input.recording
+    (stiffness, damping, _), _ = intrinsic_impedance(source.input.calibration)
     time = recording["time"].to_numpy()
     torque = np.zeros(time.size)
     name = next((n for n in _MOTOR_MOTION if n in recording), None)

@@ -89,7 +89,7 @@ def choose_sensors(sources: Sequence[Source]) -> SensorChoice:
     left = [name for name in MOTION_SENSORS if name not in taken | set(used)]
     return SensorChoice(
         used=used,
-        unused=tuple(n for n in left if any(n in s.given.recording for s in sources)),
+        unused=tuple(n for n in left if any(n in s.input.recording for s in sources)),
         odd={name: value for name, value in far.items() if name not in used},
         goniometer_gain=gain,
         disagree=disagree,
@@ -100,8 +100,8 @@ def choose_sensors(sources: Sequence[Source]) -> SensorChoice:
 def with_goniometer_gain(source: Source, gain: float) -> Source:
     """Return a recording whose angle has a gain that is known from other sensors."""
     entry = Calibrated(value=gain, sd=_GAIN_SD * gain)
-    known = source.given.calibration.model_copy(update={"angle_gain": entry})
-    return replace(source, given=replace(source.given, calibration=known))
+    known = source.input.calibration.model_copy(update={"angle_gain": entry})
+    return replace(source, input=replace(source.input, calibration=known))
 
 
 def _shown_name(sensor: str) -> str:
@@ -116,7 +116,7 @@ def _present(sources: Sequence[Source]) -> list[str]:
     """Return the sensors that all recordings have, alive."""
 
     def everywhere(channel: str) -> bool:
-        return bool(sources) and all(_measures(s.given.recording, channel) for s in sources)
+        return bool(sources) and all(_measures(s.input.recording, channel) for s in sources)
 
     sensors = [ENCODER] if everywhere(ENCODER) else []
     if everywhere(SHANK_VELOCITY):
@@ -138,7 +138,7 @@ def _gain(source: Source, name: str) -> float:
 
     Walking moves the shank alone by another share of the joint's motion: that is 1 in any size.
     """
-    recording, known = source.given.recording, source.given.calibration
+    recording, known = source.input.recording, source.input.calibration
     time, angle = recording["time"].to_numpy(), recording["angle"].to_numpy()
     if name == ENCODER and np.array_equal(recording[ENCODER].to_numpy(), angle, equal_nan=True):
         return 0.0  # the same sensor twice

@@ -112,7 +112,7 @@ class ParticipantSettings:
 class Source:
     """A recording with its strides, pulses and filtered signals."""
 
-    given: RecordingInput  # recording with torque, calibration and pulse table
+    input: RecordingInput  # recording with torque, calibration and pulse table
     strides: Strides | None  # None if no channel shows heel strikes
     pulses: tuple[Pulse, ...]  # in order of time
     signals: Conditioned  # filtered signals; without a stretch for a recording without a device

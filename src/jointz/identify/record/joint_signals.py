@@ -5,10 +5,12 @@ from typing import Literal
 import numpy as np
 
 from jointz.core.errors import DataError
+from jointz.identify.record.block_regression import t_factor
 from jointz.identify.record.joint_estimators import JointSignals
 from jointz.identify.record.joint_record import JointRecord, refuse_constant
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase
+from jointz.results.series.frequency_response_curve import ResponseCurve
 
 EstimatorName = Literal[
     "least_squares", "bounded_least_squares", "admittance", "instrumental_variable"
@@ -68,3 +70,38 @@ def _check_length(record: JointRecord, cutoff_hz: float) -> None:
             f"identify_joint: the record lasts {seconds:.4g} s, at least {needed:.4g} s are needed "
             f"with cutoff_hz {cutoff_hz:g}. Give a longer record."
         )
+
+
+#: Where nothing is coherent the band is cut off here, so that files hold no infinities.
+_WIDEST_BAND = 1e3
+
+
+def response_curve(
+    frequency_hz: np.ndarray,
+    response: np.ndarray,
+    *,
+    relative_sd: np.ndarray,
+    coherence: np.ndarray,
+    n_averages: float,
+    ci_level: float,
+    fitted: np.ndarray | None = None,
+) -> ResponseCurve:
+    """Return gain, phase and a pointwise band of a response, and of a fitted model."""
+    gain = np.abs(response)
+    wide = t_factor(ci_level, max(2.0 * n_averages - 2.0, 1.0))
+    reach = np.minimum(np.exp(np.minimum(wide * relative_sd, np.log(_WIDEST_BAND))), _WIDEST_BAND)
+    columns = {
+        "frequency_hz": frequency_hz,
+        "gain": gain,
+        "phase_rad": np.unwrap(np.angle(response)),
+        "gain_low": gain / reach,
+        "gain_high": gain * reach,
+        "phase_sd_rad": np.minimum(relative_sd, np.pi),
+        "coherence": coherence,
+    }
+    if fitted is not None:
+        columns |= {
+            "fitted_gain": np.abs(fitted),
+            "fitted_phase_rad": np.unwrap(np.angle(fitted)),
+        }
+    return ResponseCurve(**{name: tuple(v.tolist()) for name, v in columns.items()})

@@ -9,7 +9,7 @@ from jointz.core.codes import Exclusion, Failure
 from jointz.core.errors import EstimationError
 from jointz.core.events import PulseEstimate, PulseRecord
 from jointz.core.gait_phases import mean_phase
-from jointz.identify.bench.pulse_estimates import pulse_estimates
+from jointz.identify.bench.bench_estimates import pulse_estimates
 from jointz.identify.estimators import Estimates, ParticipantData
 from jointz.identify.prediction.predicted_cells import example_place
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
@@ -190,7 +190,7 @@ class CellEstimator:
     def _fit_settings(self, used: Sequence[Candidate]) -> FitSettings:
         settings, kind = self._settings, self._settings.kind
         published = self.baseline == self._method.baseline_for(kind)
-        calibrations = [self._sources[c.source].given.calibration for c in used]
+        calibrations = [self._sources[c.source].input.calibration for c in used]
         return FitSettings(
             n_resamples=settings.n_resamples,
             seed=settings.seed,
@@ -216,7 +216,7 @@ class CellEstimator:
 
     def _failure(self, codes: Sequence[str]) -> Failure:
         failure = failure_of_codes(codes)
-        unperturbed = any(s.given.condition == "unperturbed" for s in self._sources)
+        unperturbed = any(s.input.condition == "unperturbed" for s in self._sources)
         if self.baseline != "unperturbed_mean" or unperturbed:
             return failure
         missing = failure is Failure.NO_UNPERTURBED_STRIDES

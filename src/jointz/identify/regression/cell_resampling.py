@@ -72,11 +72,11 @@ def _stride_influence(windows: Windows) -> np.ndarray:
     return influence
 
 
-def shifted(torque: np.ndarray, late_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
+def shifted(torque: np.ndarray, sensor_lag_s: np.ndarray, *, rate_hz: float) -> np.ndarray:
     """Return a low-passed torque later by a small time, to second order."""
     rate = derivative(torque, rate_hz=rate_hz)
     curvature = derivative(rate, rate_hz=rate_hz)
-    return np.asarray(torque - late_s * rate + 0.5 * late_s**2 * curvature)
+    return np.asarray(torque - sensor_lag_s * rate + 0.5 * sensor_lag_s**2 * curvature)
 
 
 def shown_by(torque: np.ndarray, *, rate_hz: float) -> np.ndarray:

@@ -81,10 +81,10 @@ class WindowCutter:
         """Return the recordings whose strides are the baseline of the pulses of one."""
         if self._baseline != "unperturbed_mean":
             return (index,)
-        unperturbed = [s.given for s in self._sources if s.given.condition == "unperturbed"]
+        unperturbed = [s.input for s in self._sources if s.input.condition == "unperturbed"]
         keys = self._settings.kind.reference_keys
-        nearest = most_alike(self._sources[index].given, unperturbed, keys=keys)
-        return tuple(k for k, s in enumerate(self._sources) if any(s.given is r for r in nearest))
+        nearest = most_alike(self._sources[index].input, unperturbed, keys=keys)
+        return tuple(k for k, s in enumerate(self._sources) if any(s.input is r for r in nearest))
 
     def _pool(self, home: tuple[int, ...]) -> StridePool:
         if home not in self._pools:
@@ -136,7 +136,7 @@ def _unperturbed_pool(sources: Sequence[Source], kind: StudyKind) -> StridePool:
         recordings.append(source.signals)
         onsets.append(_onsets(source))
         if source.strides is None:
-            starts.append(source.given.recording["time"].to_numpy()[:1])
+            starts.append(source.input.recording["time"].to_numpy()[:1])
         else:
             starts.append(source.strides.start_s[source.undisturbed])
     return StridePool(tuple(recordings), tuple(starts), tuple(onsets))
@@ -164,7 +164,7 @@ def unfiltered_source(source: Source, *, lead_s: float) -> Source:
 
 
 def _unfiltered(stretch: Stretch, source: Source, lead: int) -> Stretch:
-    recording, known = source.given.recording, source.given.calibration
+    recording, known = source.input.recording, source.input.calibration
     time = recording["time"].to_numpy()
     half_a_step = 0.5 * float(np.median(np.diff(time[:1000])))
     part = slice(
@@ -211,11 +211,11 @@ def _at(
     new_time: np.ndarray, time: np.ndarray, values: np.ndarray, lag: Calibrated | None
 ) -> np.ndarray:
     """Return a channel at new times, without its lag."""
-    late_s = 0.0 if lag is None else lag.value
-    if not late_s and new_time.size == time.size and np.array_equal(new_time, time):
+    torque_lag_s = 0.0 if lag is None else lag.value
+    if not torque_lag_s and new_time.size == time.size and np.array_equal(new_time, time):
         return values
     rate = (time.size - 1) / (time[-1] - time[0])
     uniform, even = resample_stretch(time, values, step_s=1.0 / rate)
     step = (uniform[-1] - uniform[0]) / (uniform.size - 1)
-    where = (new_time + late_s - uniform[0]) / step
+    where = (new_time + torque_lag_s - uniform[0]) / step
     return np.asarray(map_coordinates(even, [where], order=3, mode="nearest"))

@@ -40,8 +40,8 @@ from jointz.identify.walking.decisions import (
     Decision,
     decided_rows,
     doubts_of,
-    leaves_limits_only,
-    speaks_against,
+    only_limits,
+    rejects_value,
     unlikely_instruments,
     unlikely_lag,
 )
@@ -301,10 +301,10 @@ class _Participant:
         return common_failure(failures) if failures else {}
 
     def _failure(self, cell: PredictedCell) -> Failure | None:
-        if cell.label in self._predictor.unfelt:
+        if cell.label in self._predictor.points_without_response:
             return Failure.CONSTANT_ANGLE
         for index in dict.fromkeys(c.source for c in cell.used):
-            recording = self._sources[index].given.recording
+            recording = self._sources[index].input.recording
             pulses = [c.pulse for c in cell.used if c.source == index]
             if failure := angle_failure(recording) or torque_failure(recording, pulses):
                 return failure
@@ -315,7 +315,7 @@ class _Participant:
 
     def _known(self, cells: Sequence[PredictedCell]) -> CalibrationSpec:
         sources = [self._sources[c.source] for cell in cells for c in cell.used]
-        return pooled_calibration([s.given.calibration for s in sources])
+        return pooled_calibration([s.input.calibration for s in sources])
 
     def _point(self, cell: PredictedCell, known: CalibrationSpec) -> PointResponse:
         return point_response(
@@ -381,7 +381,7 @@ class _Participant:
             centre = (onset + 50.0 * window_s / cell.stride_s) % 100.0
         responses, vaf_pct = explained.fits[k]
         inside = point.time_s <= window_s
-        moved = max(float(np.abs(s.shown[0, inside]).max()) for s in point.shapes)
+        moved = max(float(np.abs(s.sensor_signals[0, inside]).max()) for s in point.shapes)
         pushed = max(float(np.abs(s.torque[inside]).max()) for s in point.shapes)
         natural = pushed / max(moved, 1e-9)
         decision = replace(self._decision(cell, explained.known), natural_stiffness=natural)
@@ -414,7 +414,7 @@ class _Participant:
             cell,
             point.shape_of_pulse == point.by_frequency[0],
             n=point.time_s.size,
-            response_of=lambda turned, sign: corrected(sign * turned, cell.period_s, known)[0],
+            response_of=lambda response: corrected(response, cell.period_s, known)[0],
         )
 
     def _gravity_corrected(
@@ -426,7 +426,7 @@ class _Participant:
     ) -> ParameterEstimate | None:
         """Return the stiffness without gravity's part, if limb and posture are known."""
         inside = point.time_s <= self._settings.perturbations.window_s
-        moved_rad = float(np.mean([s.shown[0, inside].mean() for s in point.shapes]))
+        moved_rad = float(np.mean([s.sensor_signals[0, inside].mean() for s in point.shapes]))
         return participant_stiffness_without_gravity(
             stiffness,
             self._settings,
@@ -436,7 +436,7 @@ class _Participant:
         )
 
     def _decision(self, cell: PredictedCell, known: CalibrationSpec) -> Decision:
-        recording = self._sources[cell.used[0].source].given.recording
+        recording = self._sources[cell.used[0].source].input.recording
         return Decision(
             known=known,
             mass_kg=self._settings.mass_kg,
@@ -465,9 +465,7 @@ class _Participant:
             doubts=tuple(ordered),
             unlikely=explained.unlikely,
             doubted=tuple(
-                bool(failures[cell.label])
-                or speaks_against(name, found)
-                or leaves_limits_only(name, found)
+                bool(failures[cell.label]) or rejects_value(name, found) or only_limits(name, found)
                 for name in ESTIMANDS
                 for cell, found in zip(explained.cells, doubts, strict=True)
             ),
@@ -517,7 +515,7 @@ def _fitted(posterior: LegPosterior, k: int) -> tuple[tuple[Response, ...], floa
     """Return the response of each shape with its fit, the most frequent first, and VAF (%)."""
     point, model = posterior.model.points[k], posterior.model
     fits = _goniometer(posterior, k)
-    measured = np.stack([s.shown[0] for s in point.shapes])
+    measured = np.stack([s.sensor_signals[0] for s in point.shapes])
     used = np.stack([s.used for s in point.shapes])
     residual = float(((measured - fits)[used] ** 2).sum() / (measured[used] ** 2).sum())
     within = point.time_s <= model.window_s + 1e-9
@@ -534,7 +532,7 @@ def _response(
     inside = within & shape.used
     return Response(
         time_s=time_s[inside],
-        angle=shape.shown[0][inside],
+        angle=shape.sensor_signals[0][inside],
         torque=shape.torque[inside],
         fitted_torque=shape.torque[inside],
         fitted_angle=fitted[inside],

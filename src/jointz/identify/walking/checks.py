@@ -39,7 +39,7 @@ def _signed_response(point: PointResponse, stride: np.ndarray, k: int) -> tuple[
     """
     shape = point.shapes[k]
     noise = stride * (1.0 / shape.n_pulses + 1.0 / point.n_strides)
-    angle = shape.shown[0]
+    angle = shape.sensor_signals[0]
     moved = float(angle @ np.linalg.solve(noise, angle)) > smallest_response(angle.size)
     early = point.time_s < _EARLY_S
     free = np.cumsum(np.cumsum(shape.torque))[early]
@@ -69,7 +69,7 @@ def differs_with_size(posterior: LegPosterior) -> bool:
     if span == 0.0:
         return False
     additions = [
-        np.repeat((own - every.mean()) / span, point.shapes[0].shown.size)
+        np.repeat((own - every.mean()) / span, point.shapes[0].sensor_signals.size)
         * model.responses(fit.theta[None], k)[0]
         for k, (own, point) in enumerate(zip(sizes, model.points, strict=True))
     ]

@@ -40,7 +40,7 @@ class Hypothesis:
     steady: float = 0.6  # of what a point has by itself, share that does not change in the window
     shared: Mapping[str, AnyPrior] = field(default_factory=dict)  # instead of the usual priors
     inertia_sd: float | None = None  # of a point's log J about the shared one; None: as usual
-    chance: float = 1.0  # prior probability over that of the others
+    prior_probability: float = 1.0  # prior probability over that of the others
 
 
 #: Sd of what is known: the search needs one above zero.
@@ -132,8 +132,8 @@ _FOLLOWS = 0.9 * (0.6 / _OVER_CYCLE_SD) ** 2
 def _hypotheses() -> Iterator[Hypothesis]:
     """Yield hypotheses about tissue, the gait cycle and the inertia."""
     for tissue, follows, inertia_sd in product((NO_TISSUE, {}), (0.0, _FOLLOWS), _INERTIA_SDS):
-        chance = _CURVE_CHANCE if follows else 1.0 - _CURVE_CHANCE
-        yield Hypothesis(follows, _STEADY, tissue, inertia_sd, chance)
+        prior_probability = _CURVE_CHANCE if follows else 1.0 - _CURVE_CHANCE
+        yield Hypothesis(follows, _STEADY, tissue, inertia_sd, prior_probability)
 
 
 RIGID = Coupling(

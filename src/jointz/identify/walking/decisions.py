@@ -2,9 +2,11 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import ndtr
+from scipy.stats import chi2, norm
 
 from jointz.core.codes import Doubt
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -12,7 +14,6 @@ from jointz.identify.preparation.calibration import gains_sd, relative_sd
 from jointz.identify.preparation.cell_data import PARAMETERS, intrinsic_impedance
 from jointz.identify.regression.cell_parameters import per_mass
 from jointz.identify.walking.body import Body
-from jointz.identify.walking.bounded_normal import bounded_interval
 from jointz.identify.walking.coupling import STRAP, Coupling, ModelError
 from jointz.identify.walking.estimands import ESTIMANDS, LogMoments
 from jointz.identify.walking.posterior import LegPosterior
@@ -213,7 +214,7 @@ def decided_rows(
     return (*kbj, *per_mass(kbj, decision.mass_kg), *onsets)
 
 
-def speaks_against(name: str, doubts: Collection[Doubt]) -> bool:
+def rejects_value(name: str, doubts: Collection[Doubt]) -> bool:
     """Return whether doubts leave an estimand without value and limits."""
     # Such an inertia or instrument shows that device or signals are not those of the model.
     against_all = not _AGAINST_ALL.isdisjoint(doubts)
@@ -221,7 +222,7 @@ def speaks_against(name: str, doubts: Collection[Doubt]) -> bool:
     return against_all or bool(others and name != "inertia")
 
 
-def leaves_limits_only(name: str, doubts: Collection[Doubt]) -> bool:
+def only_limits(name: str, doubts: Collection[Doubt]) -> bool:
     """Return whether the pulses do not decide an estimand, however narrow its interval."""
     return Doubt.HELD_TORQUE in doubts and name != "inertia"
 
@@ -236,14 +237,14 @@ def _row(
     scale = moments.scale(name)
     value, sd = value_and_sd(name, point, moments, decision)
     undecided = ParameterEstimate(name, None, None, None, "undecided", unbounded=value)
-    if (value <= 0.0 and not scale.unit) or speaks_against(name, doubts):
+    if (value <= 0.0 and not scale.unit) or rejects_value(name, doubts):
         return undecided
     sd /= float(scale.slope(value))
     if not sd < _NO_SD:  # NaN, too
         return undecided
     half, usual = scale.half_width(value, sd), _median_half_width(name, moments)
     together = usual if name in _JUDGED_BY_MEDIAN else float(np.sqrt(half * usual))
-    limits_only = leaves_limits_only(name, doubts)
+    limits_only = only_limits(name, doubts)
     if limits_only or not decides(1.0, max(half, together) if decision.by_person else half):
         known = scale.unit and not limits_only and moments.prior_share(name, point) <= _ASSUMED
         if known and (small := _at_bound(undecided, scale, sd, decision)):
@@ -301,3 +302,66 @@ def _median_half_width(name: str, moments: LogMoments) -> float:
     ]
     values = [moments.value(name, point) for point in range(n_points)]
     return float(np.median(list(map(moments.scale(name).half_width, values, sds))))
+
+
+_STEP = 0.01
+#: A measurement further below the bound than this is taken to be here: it says more of the
+#: error's size than of the mean.
+_LOWEST = -2.0
+#: No accepted measurement is so far above its mean; halved so often it leaves rounding.
+_FARTHEST, _HALVINGS = 10.0, 55
+
+
+def bounded_interval(value: float, sd: float, *, level: float = 0.95) -> tuple[float, float]:
+    """Return the interval of a mean that is not negative.
+
+    ``value`` may be negative; ``sd`` of its normal error. ``low`` is 0 where the bound is active:
+    the interval is then one-sided. Feldman and Cousins 1998, Physical Review D 57, 3873, section
+    IV.B: the choice between a limit and an interval is part of the construction, so it costs no
+    coverage.
+    """
+    if not sd > 0.0 or not 0.0 < level < 1.0:
+        raise ValueError(
+            f"bounded_interval: expected sd > 0 and 0 < level < 1, got {sd} and {level}."
+        )
+    measured = max(value / sd, _LOWEST)
+    reach = float(norm.ppf(0.5 + level / 2.0))
+    if measured >= 2.0 * reach:  # from here on the bound is out of sight of the construction
+        return sd * (measured - reach), sd * (measured + reach)
+    means, lowest, highest = _belts(level)
+    low = float(np.interp(measured, highest, means)) if measured > highest[0] else 0.0
+    high = float(np.interp(measured, lowest, means))
+    return sd * low, sd * high
+
+
+@lru_cache(maxsize=8)
+def _belts(level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return means, and lowest and highest measurement accepted for each.
+
+    They reach as far as the upper end of a measurement of twice the reach does.
+    """
+    reach = float(norm.ppf(0.5 + level / 2.0))
+    means = np.arange(_STEP, 3.0 * reach + 2.0 * _STEP, _STEP)
+    lowest, highest = _accepted(means, level)
+    # Where nothing is ordered any more (mean 0) the lowest is minus infinity.
+    return (
+        np.append(0.0, means),
+        np.append(-np.inf, lowest),
+        np.append(float(norm.ppf(level)), highest),
+    )
+
+
+def _accepted(means: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the measurements accepted for each mean: those with the largest likelihood ratio."""
+
+    def below(high: np.ndarray) -> np.ndarray:
+        mirrored = 2.0 * means - high
+        ratio = (means**2 - (high - means) ** 2) / (2.0 * means)
+        return np.asarray(np.where(mirrored >= 0.0, mirrored, ratio))
+
+    short, far = means, means + _FARTHEST
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (short + far)
+        enough = ndtr(middle - means) - ndtr(below(middle) - means) >= level
+        short, far = np.where(enough, short, middle), np.where(enough, middle, far)
+    return below(far), far

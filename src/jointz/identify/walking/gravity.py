@@ -1,6 +1,6 @@
 """Gravity stiffness of a joint: masses of limb and device, posture, correction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import cos, exp, hypot, isfinite, radians, sin, tau
 from statistics import NormalDist
@@ -9,6 +9,7 @@ from jointz.core.gait_phases import PHASES
 from jointz.core.study import CalibrationSpec, DeviceSpec, ParticipantSpec
 from jointz.identify.preparation.cell_data import calibration_sd
 from jointz.identify.preparation.sources import ParticipantSettings
+from jointz.reference.body_segments import leg_beyond
 from jointz.results.estimates import ParameterEstimate
 
 #: Name of the estimate that :func:`corrected_stiffness` returns.
@@ -26,28 +27,6 @@ _AVERAGE_HEIGHT_M, _HEIGHT_SD_M = 1.70, 0.10
 # Relative sd of mass times distance of the centre: by the table; by a scale and a tape.
 _TABLE_SD, _MEASURED_SD = 0.10, 0.05
 
-
-@dataclass(frozen=True, slots=True)
-class _Proportions:
-    segment: str
-    mass_share: float  # mass of the segment over body mass
-    centre_share: float  # distance of the centre of mass from the joint over body height
-    relative_sd: float = _TABLE_SD  # of mass times distance
-
-
-# Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, table 4.1 (mass, centre
-# as a share of the segment) and figure 4.1 (segment as a share of height). The total leg of the
-# table ends at the medial malleolus: hip height .530 less ankle height .039. The figure has no
-# lengths for foot and hand as the table defines them (to the second metatarsal, second knuckle):
-# their centres are estimated from .152 and .108 of height, and less certain.
-_PROPORTIONS: Mapping[str, _Proportions] = {
-    "knee": _Proportions("shank and foot", 0.061, 0.606 * 0.246),
-    "hip": _Proportions("leg", 0.161, 0.447 * (0.530 - 0.039)),
-    "ankle": _Proportions("foot", 0.0145, 0.038, 0.3),
-    "shoulder": _Proportions("arm", 0.050, 0.530 * (0.186 + 0.146)),
-    "elbow": _Proportions("forearm and hand", 0.022, 0.682 * 0.146),
-    "wrist": _Proportions("hand", 0.006, 0.045, 0.3),
-}
 
 # Flexion of the thigh from the vertical, deg: mean, then cosine and sine of the first three
 # harmonics of the gait cycle. Winter's hip angle at natural cadence (51 points), trunk upright;
@@ -90,27 +69,24 @@ class GravityStiffness:
 def limb_gravity(
     mass_kg: float, height_m: float | None = None, *, joint: str = "knee"
 ) -> HangingMass | None:
-    """Return mass and centre of the limb beyond a joint, by the proportions of an average body.
+    """Return mass and centre of the leg beyond a knee or hip; None for other joints.
 
-    Shares of body mass and height of Winter (2009), table 4.1 and figure 4.1; of a knee .061 of
-    the mass at .606 of .246 of the height. One person differs from the table by about 10 % (1 sd)
-    in mass times distance. It misleads for children, amputees and very heavy people: weigh and
-    measure, and write ``limb_mass_kg`` and ``limb_centre_m``. Foot and hand: 30 %.
+    By de Leva's table (:mod:`jointz.reference.body_segments`), of which one person differs by
+    about 10 % (1 sd) in mass times distance. It misleads for children, amputees and very heavy
+    people: weigh and measure, and write ``limb_mass_kg`` and ``limb_centre_m``.
     """
     for name, value in (("mass_kg", mass_kg), ("height_m", height_m)):
         if value is not None and not (isfinite(value) and value > 0.0):
             raise ValueError(f"limb_gravity: {name}: expected a number above 0, got {value}.")
-    limb = _PROPORTIONS.get(_joint(joint))
-    if limb is None:
+    known = _joint(joint)
+    if not known:
         return None
-    source = f"{limb.segment} by Winter's table 4.1"
+    limb = leg_beyond(known, mass_kg, height_m or _AVERAGE_HEIGHT_M)
+    source, sd = f"leg below the {known} by de Leva's table", _TABLE_SD
     if height_m is None:
-        spread = _HEIGHT_SD_M / _AVERAGE_HEIGHT_M
-        height, sd = _AVERAGE_HEIGHT_M, hypot(limb.relative_sd, spread)
-        source += f", height not given: {height:.2f} m taken"
-    else:
-        height, sd = height_m, limb.relative_sd
-    return HangingMass(limb.mass_share * mass_kg, limb.centre_share * height, sd, source)
+        sd = hypot(sd, _HEIGHT_SD_M / _AVERAGE_HEIGHT_M)
+        source += f", height not given: {_AVERAGE_HEIGHT_M:.2f} m taken"
+    return HangingMass(limb.mass_kg, limb.centre_m, sd, source)
 
 
 def hanging_masses(
@@ -217,7 +193,7 @@ def gravity_stiffness(
     >>> leg = limb_gravity(73.0, 1.74)
     >>> gravity = gravity_stiffness([leg], joint="knee", angle_rad=0.93, gait_pct=81.0)
     >>> round(gravity.value, 1), round(gravity.sd, 1)
-    (9.5, 1.3)
+    (9.1, 1.2)
     """
     if not (isfinite(angle_rad) and isfinite(gait_pct)):
         raise ValueError(
@@ -300,9 +276,9 @@ def participant_stiffness_without_gravity(
 
 
 def _joint(name: str) -> str:
-    """Return the joint in a name of the study, "" if there is no known one."""
+    """Return knee or hip if a name of the study has it, else ""."""
     words = name.lower().replace("_", " ").replace("-", " ").split()
-    return next((joint for joint in _PROPORTIONS if joint in words), "")
+    return next((joint for joint in ("knee", "hip") if joint in words), "")
 
 
 def _segment_angle(joint: str, angle_rad: float, gait_pct: float, positive: str) -> float | None:

@@ -39,9 +39,9 @@ def instrument_priors(
 def friction_of_model(sources: Sequence[Source]) -> float:
     """Return the usual size of the friction that the torque model subtracts, N*m; 0 without."""
     frictions = [
-        np.abs(s.given.recording[FRICTION_OF_MODEL].to_numpy())
+        np.abs(s.input.recording[FRICTION_OF_MODEL].to_numpy())
         for s in sources
-        if FRICTION_OF_MODEL in s.given.recording
+        if FRICTION_OF_MODEL in s.input.recording
     ]
     return float(np.nanmedian(np.concatenate(frictions))) if frictions else 0.0
 

@@ -206,7 +206,7 @@ class LegModel:
         """Return the angle of the bone, (m, shapes, n)."""
         return self._simulated(theta, point, [leg.BONE])[:, :, 0]
 
-    def kicks(self, theta: np.ndarray, point: int) -> np.ndarray:
+    def impulse_responses(self, theta: np.ndarray, point: int) -> np.ndarray:
         """Return what the sensors show of 1 N*m at one sample, without friction, (channel, n)."""
         stiffness, damping, parameters = self.natural(theta[None], point)
         inertia = self.limb_inertia(theta[None], point, self.points[point].time_s)

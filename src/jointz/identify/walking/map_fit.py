@@ -65,10 +65,10 @@ class MapFit:
 
     @property
     def log_evidence(self) -> float:
-        """Laplace's approximation with the hypothesis' chance, up to a constant of the data."""
+        """Laplace's approximation with the hypothesis' prior, up to a constant of the data."""
         curvature = -np.linalg.slogdet(self.covariance)[1]
-        chance = np.log(self.prior.chance)
-        return float(chance - self.objective - 0.5 * (curvature + self.prior.log_det))
+        log_prior = np.log(self.prior.prior_probability)
+        return float(log_prior - self.objective - 0.5 * (curvature + self.prior.log_det))
 
 
 class MapSearch:
@@ -195,7 +195,7 @@ class MapSearch:
     def error_covariance(self, theta: np.ndarray, k: int) -> np.ndarray:
         """Return the covariance of all errors of a point's average responses, by blocks."""
         point = self._model.points[k]
-        stride = point.stride_covariance(self._model.kicks(theta, k))
+        stride = point.stride_covariance(self._model.impulse_responses(theta, k))
         stride = _over_blocks(point, stride)
         time_s = point.blocks(point.time_s)
         n, shapes, channels = time_s.size, len(point.shapes), len(point.channels)

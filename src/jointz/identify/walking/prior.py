@@ -56,7 +56,7 @@ class Prior:
     precision: np.ndarray
     log_det: float  # of the covariance
     lag: LagObservation | None = None
-    chance: float = 1.0  # prior probability of the hypothesis over that of the others
+    prior_probability: float = 1.0  # prior probability of the hypothesis over that of the others
 
     @property
     def sd(self) -> np.ndarray:
@@ -132,7 +132,7 @@ class LegPriors:
             precision=0.5 * (precision + precision.T),
             log_det=float(np.linalg.slogdet(covariance)[1]),
             lag=observed,
-            chance=hypothesis.chance,
+            prior_probability=hypothesis.prior_probability,
         )
 
     def _independent(

@@ -36,7 +36,7 @@ _SMOOTH_S = 0.04
 class ShapeAverage:
     """Average response to the pulses of one shape, as signed."""
 
-    shown: np.ndarray  # (channel, n) by every sensor, rad or rad/s; first the goniometer
+    sensor_signals: np.ndarray  # (channel, n) by every sensor, rad or rad/s; first the goniometer
     torque: np.ndarray  # (n,) N*m
     n_pulses: float  # of a plan it may be a fraction
     used: np.ndarray  # (n,) samples before the joint has moved too far
@@ -52,8 +52,8 @@ class PointResponse:
     time_s: np.ndarray  # (n,) time from the onset
     shapes: tuple[ShapeAverage, ...]
     velocity: np.ndarray  # (n,) rad/s: velocity of the unperturbed motion
-    misses: np.ndarray  # (virtual onset, channel, n) rad or rad/s: errors of the prediction
-    torque_misses: np.ndarray  # (virtual onset, n) N*m: errors of the predicted torque
+    prediction_errors: np.ndarray  # (virtual onset, channel, n), rad or rad/s
+    torque_prediction_errors: np.ndarray  # (virtual onset, n), N*m
     n_strides: int
     twist_sd: float = 0.0  # rad/(N*m): sd of the angle shown per torque, by the calibration
     channels: tuple[str, ...] = (GONIOMETER,)  # sensors
@@ -73,7 +73,7 @@ class PointResponse:
     @property
     def stacked(self) -> np.ndarray:
         """All responses, shape by shape and channel by channel."""
-        return np.concatenate([s.shown.ravel() for s in self.shapes])
+        return np.concatenate([s.sensor_signals.ravel() for s in self.shapes])
 
     def with_pulses(self, n_pulses: float) -> "PointResponse":
         """Return the same responses as averages of another number of pulses of every shape."""
@@ -104,17 +104,20 @@ class PointResponse:
             [np.tile(self.blocks(s.used) == 1.0, len(self.channels)) for s in self.shapes]
         )
 
-    def stride_covariance(self, kicks: np.ndarray) -> np.ndarray:
-        """Return the covariance of one stride's prediction error by all channels of ``kicks``.
+    def stride_covariance(self, impulse_responses: np.ndarray) -> np.ndarray:
+        """Return the covariance of one stride's prediction error by all channels.
 
-        ``kicks`` (channel, n) are the responses to one sample of torque: torque that was predicted
-        wrongly moves the joint, which the measured torque explains.
+        ``impulse_responses`` (channel, n) are those to one sample of torque: torque that was
+        predicted wrongly moves the joint, which the measured torque explains.
         """
         n = self.time_s.size
-        explained = [self.torque_misses @ toeplitz(kick, np.zeros(n)).T for kick in kicks]
-        error = (self.misses[:, : len(kicks)] - np.stack(explained, axis=1)).reshape(
-            len(self.misses), -1
-        )
+        explained = [
+            self.torque_prediction_errors @ toeplitz(one, np.zeros(n)).T
+            for one in impulse_responses
+        ]
+        error = (
+            self.prediction_errors[:, : len(impulse_responses)] - np.stack(explained, axis=1)
+        ).reshape(len(self.prediction_errors), -1)
         usual = (np.abs(error) < _OUTLIER_SD * (robust_sd(error) + 1e-6)).all(axis=1)
         if usual.sum() < FEWEST_STRIDES:
             usual[:] = True
@@ -141,9 +144,8 @@ def point_response(
     friction_gain = value_of(known.friction_gain, 1.0)
     n_all = cell.predicted.responses.shape[2]
     n = min(round(data_length_s(window_s, coupling) / cell.period_s) + 1 + LEAD_SAMPLES, n_all)
-    signs = np.array([c.pulse.sign for c in cell.used])[:, None, None]
-    responses = signs * cell.predicted.responses[cell.kept][:, :, :n]
-    misses = cell.predicted.misses[:, :, :n]
+    responses = cell.predicted.responses[cell.kept][:, :, :n]
+    errors = cell.predicted.prediction_errors[:, :, :n]
     shapes = pulse_shapes(responses[:, TORQUE_ROWS].sum(axis=1), [c.pulse for c in cell.used])
     numbers, places = np.unique(shapes, return_inverse=True)
     until_s = data_end_s(cell.phase, cell.stride_s)
@@ -156,8 +158,8 @@ def point_response(
             _average(responses[shapes == k], cell.period_s, known, until_s=until_s) for k in numbers
         ),
         velocity=smooth_velocity(cell.predicted.unperturbed_rad[:n], cell.period_s),
-        misses=np.delete(misses, TORQUE_ROWS, axis=1),
-        torque_misses=misses[:, DRIVING] + friction_gain * misses[:, FRICTION],
+        prediction_errors=np.delete(errors, TORQUE_ROWS, axis=1),
+        torque_prediction_errors=errors[:, DRIVING] + friction_gain * errors[:, FRICTION],
         n_strides=cell.predicted.n_strides,
         twist_sd=twist_sd_of(known, coupling),
         channels=(GONIOMETER, *sensors),
@@ -187,13 +189,13 @@ def _average(
     """Average the pulses of a shape, corrected for what is known of torque and angle."""
     average = responses.mean(axis=0)
     angle, torque = corrected(average, period_s, known)
-    late_s = value_of(known.torque_lag_s, 0.0)
+    torque_lag_s = value_of(known.torque_lag_s, 0.0)
     time_s = np.arange(angle.size) * period_s
     # Beyond, the torque was recorded after the end of the window.
-    known_torque = time_s + late_s <= time_s[-1] + 0.5 * period_s
+    known_torque = time_s + torque_lag_s <= time_s[-1] + 0.5 * period_s
     since_s = time_s - LEAD_SAMPLES * period_s
     return ShapeAverage(
-        shown=np.stack([angle, *average[TORQUE_ROWS.stop :]]),
+        sensor_signals=np.stack([angle, *average[TORQUE_ROWS.stop :]]),
         torque=torque,
         n_pulses=len(responses),
         used=known_torque & (since_s <= until_s) & usable_samples(angle, since_s),
@@ -209,8 +211,8 @@ def corrected(
     recorded = driving + value_of(known.friction_gain, 1.0) * friction
     torque = np.interp(time_s + value_of(known.torque_lag_s, 0.0), time_s, recorded)
     # The sensor shows an angle in proportion to the torque that twists its mount.
-    shown = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
-    return angle - shown * torque, torque
+    per_torque = value_of(known.angle_per_torque, 0.0) / value_of(known.angle_gain, 1.0)
+    return angle - per_torque * torque, torque
 
 
 def usable_samples(angle: np.ndarray, time_s: np.ndarray) -> np.ndarray:

@@ -77,7 +77,7 @@ class BandwidthFit(PlottedResult):
 
     @property
     def status(self) -> str:
-        """``ok``: a bandwidth that cannot be told is an error, not a value."""
+        """Always ``ok``: a bandwidth that the data do not determine raises an error."""
         return "ok"
 
     def to_frame(self) -> pd.DataFrame:

@@ -5,8 +5,8 @@ from collections import Counter
 from jointz.core.codes import Trip
 from jointz.core.errors import SafetyStop
 from jointz.core.limits import ACTUATOR_LATE_S, LOOK_AHEAD_S
-from jointz.core.protocols.pulse_course import PulseCourse
 from jointz.core.protocols.pulse_models import Pulse, name_of
+from jointz.core.protocols.pulse_waveform import PulseWaveform
 from jointz.rig.experiment.files.journal import Journal
 from jointz.rig.experiment.gait.gait_watch import GaitWatch
 from jointz.rig.experiment.plan import PlannedPulse
@@ -58,7 +58,7 @@ class PulseRunner:
         inertia: float | None = None,
     ) -> None:
         self._condition, self._segment = condition, segment
-        self._courses = {name_of(pulse): PulseCourse(pulse) for pulse in pulses}
+        self._courses = {name_of(pulse): PulseWaveform(pulse) for pulse in pulses}
         self._course = next(iter(self._courses.values()))
         # Of the expected joint: how far a pulse goes on to move it, N*m -> rad.
         self._to_come = {
@@ -186,5 +186,5 @@ class PulseRunner:
         )
 
 
-def _moved(course: PulseCourse) -> list[float]:
-    return course.displacements(ahead_s=LOOK_AHEAD_S, late_s=ACTUATOR_LATE_S)
+def _moved(course: PulseWaveform) -> list[float]:
+    return course.displacements(ahead_s=LOOK_AHEAD_S, actuator_lag_s=ACTUATOR_LATE_S)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -19,8 +19,14 @@ from jointz.core.session_log import BENCH, BENCH_CONTACT, WALKING_LAYOUTS, Layou
 from jointz.rig.devices.interface import Devices, Wearer
 from jointz.rig.experiment.bench.bench_plan import TimedPulse, bench_course, make_bench_plan
 from jointz.rig.experiment.bench.bench_trial import BenchTrial
+from jointz.rig.experiment.bench.reference_signals import endless_noise
 from jointz.rig.experiment.controller_runner import ControllerRunner, RunnerSettings
-from jointz.rig.experiment.controllers import Controller, make_controller
+from jointz.rig.experiment.controllers import (
+    Controller,
+    ControlParameter,
+    ControlState,
+    make_controller,
+)
 from jointz.rig.experiment.files.journal import Journal
 from jointz.rig.experiment.files.recorder import Recorder
 from jointz.rig.experiment.files.session_files import PLAN_FILE
@@ -28,10 +34,9 @@ from jointz.rig.experiment.files.whole_files import read_twice
 from jointz.rig.experiment.gait.gait_watch import CONTACT_LEVELS
 from jointz.rig.experiment.plan import PlannedPulse, make_plan
 from jointz.rig.experiment.pulse_runner import PulseRunner
-from jointz.rig.experiment.random_torque import RandomTorque
 from jointz.rig.experiment.safety import SafetyGate
 from jointz.rig.experiment.scheduler import LATE_PCT, Scheduler
-from jointz.rig.experiment.trial import Course, Motor, Trial, walking_extras
+from jointz.rig.experiment.trial import Motor, Trial, TrialSettings, walking_extras
 
 #: Called with accepted strides, completed pulses and planned pulses of walking; with seconds done,
 #: the same again and seconds in all of a bench.
@@ -121,7 +126,7 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             inertia=protocol.expected_joint.inertia if protocol.expected_joint else None,
         )
     return Trial(
-        Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
+        TrialSettings(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
         devices=setup.devices,
         motor=None if setup.gate is None else Motor(setup.devices, setup.gate),
         pulses=pulses,
@@ -179,7 +184,7 @@ def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
             "profile, settings or version changed. Restore them, or begin another study."
         )
     return Trial(
-        Course(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
+        TrialSettings(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
         devices=setup.devices,
         motor=Motor(setup.devices, gate),
         pulses=None,
@@ -260,3 +265,24 @@ def trial_kind(protocol: ProtocolSpec) -> TrialKind:
     """Return the kind of the trials of a protocol."""
     kinds = {"walking": WALKING_TRIALS, "control": CONTROL_TRIALS}
     return kinds.get(protocol.kind, BENCH_TRIALS)
+
+
+class RandomTorque:
+    """Gives the next sample of a noise in every tick, whatever the wearer does."""
+
+    parameters: ClassVar[Mapping[str, ControlParameter]] = {}
+
+    def __init__(self, noise: Noise, *, rate_hz: float, rng: np.random.Generator) -> None:
+        self._noise = noise
+        self._samples = endless_noise(noise, rate_hz=rate_hz, rng=rng)
+        self._next = next(self._samples)  # the filter is made now, not in a tick
+
+    def torque(self, state: ControlState, values: Mapping[str, float]) -> float:
+        """Return the torque, N*m."""
+        del state, values
+        torque_nm, self._next = self._next, next(self._samples)
+        return torque_nm
+
+    def describe(self) -> Mapping[str, Any]:
+        """Return the reference."""
+        return {"torque_nm": self._noise.model_dump(mode="json")}

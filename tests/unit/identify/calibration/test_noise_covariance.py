@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointz.identify.calibration.noise_covariance import shrunk_covariance, steady_covariance
+from jointz.identify.calibration.leg import shrunk_covariance, steady_covariance
 
 N = 54
 T = np.arange(N)

@@ -89,7 +89,7 @@ def test_a_gain_of_the_torque_is_not_that_of_friction_nor_of_the_rotors_inertia(
     assert stretch.signals[FRICTION] == pytest.approx(friction)
     assert not stretch.signals[COMMAND].any()
     # What other methods divide by the gain is the true torque too.
-    assert made.given.recording["torque"].to_numpy() / 0.8 == pytest.approx(driving + friction)
+    assert made.input.recording["torque"].to_numpy() / 0.8 == pytest.approx(driving + friction)
 
 
 def test_what_torque_shows_as_angle_is_left_to_the_model_of_the_sensor():
@@ -109,7 +109,7 @@ def test_a_channel_of_the_users_own_called_friction_is_left_alone():
 
     assert stretch.signals[DRIVING] == pytest.approx(np.cos(3.0 * time))
     assert not stretch.signals[FRICTION].any()
-    np.testing.assert_array_equal(made.given.recording["friction"], own["friction"])
+    np.testing.assert_array_equal(made.input.recording["friction"], own["friction"])
 
 
 @pytest.mark.parametrize("motor", ["motor_velocity", "motor_angle"])
@@ -146,7 +146,7 @@ def test_intrinsic_stiffness_is_taken_out_where_the_angle_of_the_motor_was_recor
     known = CalibrationSpec(intrinsic_stiffness=Calibrated(value=10.0, sd=0.0))
     made = source(time, channels | {name: moved[name] for name in motor}, calibration=known)
     stretch = raw_signals(made).stretches[0]
-    assert intrinsic_left_in(made.given.recording) == (
+    assert intrinsic_left_in(made.input.recording) == (
         ("inertia",) if taken_out else ("stiffness", "inertia")
     )
     assert stretch.signals[DRIVING] == pytest.approx(-taken_out * moved["motor_angle"])
@@ -180,8 +180,8 @@ def test_recordings_of_unlike_rates_come_to_the_slowest():
 
 def test_only_perturbed_recordings_decide_the_common_rate():
     slow = plain(100.0)
-    level = replace(slow, given=replace(slow.given, recording=slow.given.recording.copy()))
-    level.given.recording.attrs["condition"] = "unperturbed"
+    level = replace(slow, input=replace(slow.input, recording=slow.input.recording.copy()))
+    level.input.recording.attrs["condition"] = "unperturbed"
     assert common_rate_hz([plain(500.0), level]) == pytest.approx(500.0)
 
 
@@ -350,4 +350,4 @@ def test_the_torque_moves_the_inertia_of_the_device_too(motor, left_in):
     driven = raw_signals(made).stretches[0]
 
     assert driven.signals[DRIVING] == pytest.approx(np.cos(3.0 * driven.time))
-    assert intrinsic_left_in(made.given.recording) == left_in
+    assert intrinsic_left_in(made.input.recording) == left_in

@@ -69,7 +69,7 @@ def test_all_recordings_come_to_the_rate_of_the_perturbed_one():
         [record("unperturbed", rate_hz=400.0), record("perturbed", rate_hz=200.0)], settings()
     )
 
-    assert [s.given.condition for s in sources] == ["perturbed", "unperturbed"]
+    assert [s.input.condition for s in sources] == ["perturbed", "unperturbed"]
     assert [s.signals.rate_hz for s in sources] == pytest.approx([200.0, 200.0])
 
 
@@ -93,8 +93,8 @@ def test_pulses_come_from_a_trigger_in_both_conditions(source):
 
 def test_torque_comes_from_current_where_it_was_not_measured():
     (source,) = prepare_sources([record(drop=["torque"])], settings(torque_model=MODEL))
-    assert source.given.recording["torque"].attrs["units"] == "N*m"
-    np.testing.assert_allclose(source.given.recording["torque"], 0.9)
+    assert source.input.recording["torque"].attrs["units"] == "N*m"
+    np.testing.assert_allclose(source.input.recording["torque"], 0.9)
 
 
 @pytest.mark.parametrize("drop", [["torque"], ["torque", "current"]])
@@ -202,7 +202,7 @@ def test_the_angle_is_counted_from_the_joints_true_zero():
         prepare_sources([replace(given, calibration=c)], settings())[0]
         for c in (known, CalibrationSpec())
     )
-    turned, shown = told.given.recording["angle"], plain.given.recording["angle"]
+    turned, shown = told.input.recording["angle"], plain.input.recording["angle"]
     np.testing.assert_allclose(turned, shown - 0.3, atol=1e-15)
     assert turned.attrs == shown.attrs
     for mine, other in zip(told.signals.stretches, plain.signals.stretches, strict=True):

@@ -29,7 +29,7 @@ def torque_of(steps):
     return (np.array([a for a, _ in steps]) * (1.0 - np.exp(-since / _MOTOR_S))).sum(axis=1)
 
 
-def misses_of(rng):
+def errors_of(rng):
     """Errors of a predicted stride: 0.3 degrees at the onset, about 2 degrees after 0.2 s."""
     quick = 0.3 * np.cumsum(rng.standard_normal((N_MISSES, TIME_S.size)), axis=1) / 20.0
     level = 0.28 * rng.standard_normal((N_MISSES, 1))
@@ -39,9 +39,9 @@ def misses_of(rng):
     return np.deg2rad(level + quick + 1.2 * slow)
 
 
-def noise(misses, rng):
+def noise(errors, rng):
     """White noise of a sensor: a thousandth of what walking itself does."""
-    return 1e-3 * misses.std() * rng.standard_normal(misses.shape)
+    return 1e-3 * errors.std() * rng.standard_normal(errors.shape)
 
 
 def of_samples(blocks, point):
@@ -53,9 +53,12 @@ def of_samples(blocks, point):
 
 def template(label, phase, shapes, n_pulses, rng, sensors=()):
     zero = np.zeros((1 + len(sensors), TIME_S.size))
-    misses = misses_of(rng)
-    velocities = np.gradient(misses, PERIOD_S, axis=1)
-    by_channel = [misses, *(velocities if "velocity" in s else misses for s in sensors)]
+    errors = errors_of(rng)
+    velocities = np.gradient(errors, PERIOD_S, axis=1)
+    by_channel = [
+        errors,
+        *(velocities if "velocity" in s else errors for s in sensors),
+    ]
     return PointResponse(
         label=label,
         phase=phase,
@@ -66,8 +69,10 @@ def template(label, phase, shapes, n_pulses, rng, sensors=()):
             for steps in shapes
         ),
         velocity=2.0 * np.sin(2.0 * np.pi * (phase + TIME_S / STRIDE_S)),
-        misses=np.stack([m + noise(m, rng) if sensors else m for m in by_channel], axis=1),
-        torque_misses=np.zeros((N_MISSES, TIME_S.size)),
+        prediction_errors=np.stack(
+            [m + noise(m, rng) if sensors else m for m in by_channel], axis=1
+        ),
+        torque_prediction_errors=np.zeros((N_MISSES, TIME_S.size)),
         n_strides=N_STRIDES,
         channels=("goniometer", *sensors),
     )
@@ -106,7 +111,7 @@ def simulated_person(
         drawn = rng.multivariate_normal(np.zeros(len(errors)), errors)
         angles = model.responses(theta[None], k)[0] + of_samples(drawn, point)
         averages = tuple(
-            replace(shape, shown=own, used=usable_samples(own[0], TIME_S))
+            replace(shape, sensor_signals=own, used=usable_samples(own[0], TIME_S))
             for shape, own in zip(
                 point.shapes, angles.reshape(len(shapes), 1 + len(sensors), -1), strict=True
             )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from jointz.identify.walking.bounded_normal import bounded_interval
+from jointz.identify.walking.decisions import bounded_interval
 
 
 @pytest.mark.parametrize(

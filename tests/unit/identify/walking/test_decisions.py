@@ -9,7 +9,7 @@ from tests.unit.identify.walking.prior_draws import DOUBLET, PULSES, simulated_p
 from jointz.core.codes import Doubt, Failure
 from jointz.core.priors import LogPrior
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.walking.body import Body, body_of, shank_and_foot
+from jointz.identify.walking.body import Body, body_of
 from jointz.identify.walking.checks import response_failure
 from jointz.identify.walking.decisions import (
     Decision,
@@ -276,10 +276,6 @@ def test_misfits_and_an_inertia_unlike_the_body_are_doubts(median, known, expect
 
 
 def test_the_body_gives_inertia_and_gravity_of_a_knee_only():
-    # De Leva's shank and foot of a man of 73 kg and 1.74 m, about the knee.
-    inertia, moment = shank_and_foot(73.0, 1.74)
-    assert inertia == pytest.approx(0.40, rel=0.1)
-    assert moment == pytest.approx(11.0, rel=0.15)
     person = SimpleNamespace(mass_kg=73.0, height_m=1.74)
     from jointz.core.priors import PriorsSpec
 
@@ -299,10 +295,13 @@ def test_motion_against_the_torque_and_none_at_all_are_noticed(shapes):
 
     def scaled(factor):
         return replace(
-            point, shapes=tuple(replace(s, shown=factor * s.shown) for s in point.shapes)
+            point,
+            shapes=tuple(
+                replace(s, sensor_signals=factor * s.sensor_signals) for s in point.shapes
+            ),
         )
 
     assert response_failure(point) is None
     assert response_failure(scaled(-1.0)) is Failure.OPPOSITE_SIGN
-    quiet = replace(scaled(0.0), misses=0.02 * point.misses)
+    quiet = replace(scaled(0.0), prediction_errors=0.02 * point.prediction_errors)
     assert response_failure(quiet) is Failure.CONSTANT_ANGLE

@@ -133,31 +133,19 @@ def test_the_sd_is_that_of_sampled_bodies_postures_and_zeros_of_the_angle(knee_d
 # --- masses --------------------------------------------------------------------------------------
 
 
-def test_the_leg_below_the_knee_is_winters_share_of_mass_and_height():
-    leg = limb_gravity(MASS_KG, HEIGHT_M)
-
-    assert leg is not None
-    assert leg.mass_kg == pytest.approx(0.061 * MASS_KG)
-    assert leg.centre_m == pytest.approx(0.606 * 0.246 * HEIGHT_M)
-    assert leg.relative_sd == 0.10
-
-
-#: Single segments of the same table, each from its own row: share of mass, centre from the joint
-#: as a share of height.
+#: Single segments of another table (Winter 2009, 4.1): share of mass, centre from the joint as a
+#: share of height.
 PARTS = {
     "knee": [(0.0465, 0.433 * 0.246), (0.0145, 0.246 + 0.02)],
     "hip": [(0.100, 0.433 * 0.245), (0.0465, 0.245 + 0.433 * 0.246), (0.0145, 0.491 + 0.02)],
-    "elbow": [(0.016, 0.430 * 0.146), (0.006, 0.146 + 0.045)],
-    "shoulder": [(0.028, 0.436 * 0.186), (0.016, 0.186 + 0.430 * 0.146), (0.006, 0.332 + 0.045)],
 }
 
 
 @pytest.mark.parametrize("joint", PARTS)
-def test_a_limb_weighs_what_its_segments_weigh_one_by_one(joint):
+def test_weight_times_distance_is_near_that_of_another_table(joint):
     whole = limb_gravity(1.0, 1.0, joint=joint)
     assert whole is not None
 
-    assert whole.mass_kg == pytest.approx(sum(mass for mass, _ in PARTS[joint]), abs=0.0005)
     one_by_one = GRAVITY * sum(mass * centre for mass, centre in PARTS[joint])
     assert whole.moment_nm == pytest.approx(one_by_one, rel=0.06)  # less than the sd claimed
 
@@ -173,7 +161,7 @@ def test_without_a_height_the_average_is_taken_and_paid_for():
 
 
 @pytest.mark.parametrize(
-    ("name", "known"), [("Knee", "knee"), ("left_elbow", "elbow"), ("hip-right", "hip")]
+    ("name", "known"), [("Knee", "knee"), ("left_knee", "knee"), ("hip-right", "hip")]
 )
 def test_the_free_name_of_a_joint_is_understood(name, known):
     assert limb_gravity(MASS_KG, joint=name) == limb_gravity(MASS_KG, joint=known)

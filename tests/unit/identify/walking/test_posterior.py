@@ -53,7 +53,9 @@ def test_large_pulses_that_were_not_given_in_full_are_noticed(given, differs, se
         replace(
             point,
             shapes=tuple(
-                replace(s, shown=given * s.shown) if np.abs(s.torque).max() > 9.0 else s
+                replace(s, sensor_signals=given * s.sensor_signals)
+                if np.abs(s.torque).max() > 9.0
+                else s
                 for s in point.shapes
             ),
         )

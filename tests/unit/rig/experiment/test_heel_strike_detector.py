@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.rig.experiment.gait.heel_strike_detector import HeelStrikeDetector
+from jointz.rig.experiment.gait.gait_watch import HeelStrikeDetector
 
 MS = 1_000_000
 

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointz.core.protocols.pulse_course import PulseCourse
 from jointz.core.protocols.pulse_models import (
     DoubletPulse,
     PulseSpec,
     SampledPulse,
     TrapezoidPulse,
 )
+from jointz.core.protocols.pulse_waveform import PulseWaveform
 from jointz.core.study import TorqueModelSpec
-from jointz.rig.experiment.torque import AppliedTorque, ZeroTorque
+from jointz.rig.experiment.trial import AppliedTorque, ZeroTorque
 
 MODEL = TorqueModelSpec(
     gear_ratio=9.0,
@@ -114,7 +114,7 @@ def test_an_unknown_velocity_asks_for_no_number():
 
 
 def trapezoid(up, hold, down):
-    return PulseCourse(
+    return PulseWaveform(
         PulseSpec(
             amplitude_nm=7.0,
             ramp_up_s=up,
@@ -160,17 +160,17 @@ BOTH = {"name": "a", "amplitudes_nm": (7.0,)}
 )
 def test_a_doublet_has_two_levels(elapsed_ms, share):
     pulse = DoubletPulse(**BOTH, kind="doublet", durations_s=(0.04, 0.02), second_level=-0.5)
-    assert PulseCourse(pulse).share(elapsed_ms * 1_000_000) == share
+    assert PulseWaveform(pulse).share(elapsed_ms * 1_000_000) == share
 
 
 def test_samples_are_joined_by_straight_lines_and_torque_ends_with_them():
     pulse = SampledPulse(**BOTH, kind="samples", times_s=(0.0, 0.1, 0.12), shares=(0.0, 1.0, -0.2))
-    course = PulseCourse(pulse)
+    course = PulseWaveform(pulse)
     found = [course.share(ms * 1_000_000) for ms in (0, 25, 100, 110, 119, 120)]
     assert found == pytest.approx([0.0, 0.25, 1.0, 0.4, -0.14, 0.0])
     assert course.duration_ns == 120_000_000
 
 
 def test_without_hold_and_ramp_down_it_is_a_ramp():
-    course = PulseCourse(TrapezoidPulse(**BOTH, kind="trapezoid", ramp_up_s=0.1))
+    course = PulseWaveform(TrapezoidPulse(**BOTH, kind="trapezoid", ramp_up_s=0.1))
     assert [course.share(ms * 1_000_000) for ms in (0, 50, 99, 100)] == [0.0, 0.5, 0.99, 0.0]

@@ -9,8 +9,8 @@ import pytest
 
 from jointz.core.errors import DeviceError, EngineError
 from jointz.rig.session import worker_pool
+from jointz.rig.session.run import run_people
 from jointz.rig.session.run_settings import RunSettings
-from jointz.rig.session.worker_pool import run_people
 from jointz.tasks.engine import Serial
 
 

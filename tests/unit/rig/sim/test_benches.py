@@ -9,7 +9,7 @@ from jointz.rig.sim.benches.bench_rig import simulated_bench
 from jointz.rig.sim.benches.qdd_bench import pack_qdd, qdd_preset
 from jointz.rig.sim.benches.qdd_bench_rig import QddBench
 from jointz.rig.sim.benches.sea import sea_preset
-from jointz.rig.sim.benches.sea_pack import pack_sea
+from jointz.rig.sim.benches.sea_plant import pack_sea
 
 LOADS = [
     LoadSpec.model_validate({"name": name, "stiffness": {"value": value, "sd": 5.0}})

@@ -5,7 +5,7 @@ import pytest
 from jointz.core.errors import DataError
 from jointz.rig.sim.benches.bench_load import BenchLoad
 from jointz.rig.sim.benches.sea import SeaErrors, sea_preset
-from jointz.rig.sim.benches.sea_pack import SeaParam, pack_sea
+from jointz.rig.sim.benches.sea_plant import SeaParam, pack_sea
 
 
 @pytest.mark.parametrize(

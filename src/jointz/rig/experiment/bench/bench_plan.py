@@ -11,8 +11,8 @@ import numpy as np
 
 from jointz.core.protocols.bench_timing import onsets_after_rests, onsets_in_cycle
 from jointz.core.protocols.protocol_models import ConditionSpec, PerturbationPlan
-from jointz.core.protocols.pulse_course import PulseCourse
 from jointz.core.protocols.pulse_models import Pulse
+from jointz.core.protocols.pulse_waveform import PulseWaveform
 from jointz.rig.experiment.bench.reference_signals import reference_samples
 from jointz.rig.experiment.plan import ordered_pulses
 
@@ -61,7 +61,7 @@ def _onsets_s(
 
 
 @dataclass(frozen=True, slots=True)
-class BenchCourse:
+class BenchSchedule:
     """Torque and position that a trial requests, tick by tick."""
 
     torque: list[float]  # N*m: reference, without pulses
@@ -82,7 +82,7 @@ def bench_course(
     duration_s: float,
     rate_hz: float,
     rng: np.random.Generator,
-) -> BenchCourse:
+) -> BenchSchedule:
     """Lay out a trial tick by tick."""
     n = round(duration_s * rate_hz)
     lead = round(LEAD_S * rate_hz) + round(REST_S * rate_hz)
@@ -99,7 +99,7 @@ def bench_course(
     command, number = _pulse_samples(pulses, shape, n, rate_hz)
     after = round(LEAD_S * rate_hz)
     moves = {"position_rad", "velocity_rad_s"} & set(condition.references)
-    return BenchCourse(
+    return BenchSchedule(
         torque=_led(torque, rate_hz, back=True),
         command=np.pad(command, (lead, after)).tolist(),
         position=_led(position, rate_hz, back=False),
@@ -127,7 +127,7 @@ def _pulse_samples(
     command, number = np.zeros(n), np.zeros(n, dtype=int)
     if shape is None:
         return command, number
-    course = PulseCourse(shape)
+    course = PulseWaveform(shape)
     ticks = int(np.ceil(shape.length_s * rate_hz))
     share = np.array([course.share(round(k * 1e9 / rate_hz)) for k in range(ticks)])
     for pulse in pulses:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from jointz.core.clock import Clock
 from jointz.core.session_log import Flag
 from jointz.rig.devices.interface import Devices
-from jointz.rig.experiment.bench.bench_plan import BenchCourse
+from jointz.rig.experiment.bench.bench_plan import BenchSchedule
 from jointz.rig.experiment.files.recorder import Recorder
 from jointz.rig.experiment.safety import SafetyGate
 from jointz.rig.experiment.streams import NO_ACTUATOR_SAMPLE, NO_SENSOR_SAMPLE, Streams
@@ -21,7 +21,7 @@ class BenchTrial:
 
     def __init__(
         self,
-        course: BenchCourse,
+        course: BenchSchedule,
         *,
         period_ns: int,
         devices: Devices,

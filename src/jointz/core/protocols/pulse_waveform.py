@@ -5,7 +5,7 @@ from itertools import accumulate
 from jointz.core.protocols.pulse_models import Pulse
 
 
-class PulseCourse:
+class PulseWaveform:
     """Torque of a pulse over the time since its onset."""
 
     __slots__ = ("_parts", "duration_ns")
@@ -20,14 +20,14 @@ class PulseCourse:
         ]
         self.duration_ns = ends_ns[-1]
 
-    def displacements(self, *, ahead_s: float, late_s: float) -> list[float]:
+    def displacements(self, *, ahead_s: float, actuator_lag_s: float) -> list[float]:
         """Return how far the torque to come moves a free inertia, for every ms of the pulse.
 
-        For 1 N*m and 1 kg*m^2, within ``ahead_s``, of an actuator that is ``late_s`` late.
+        For 1 N*m and 1 kg*m^2, within ``ahead_s``, of an actuator that is ``actuator_lag_s`` late.
         """
         since_ms = round(1e-6 * self.duration_ns)
-        ahead_ms, late_ms = round(1e3 * ahead_s), round(1e3 * late_s)
-        shares = [self.share((k - late_ms) * 1_000_000) for k in range(since_ms + ahead_ms)]
+        ahead_ms, lag_ms = round(1e3 * ahead_s), round(1e3 * actuator_lag_s)
+        shares = [self.share((k - lag_ms) * 1_000_000) for k in range(since_ms + ahead_ms)]
         weights = [1e-6 * (ahead_ms - k) for k in range(ahead_ms)]
         return [
             sum(w * shares[k + i] for i, w in enumerate(weights) if k + i < len(shares))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jointz.analysis.population_step import _session_notes
+from jointz.analysis.study_statistics import _session_notes
 from jointz.core.events import PulseRecord, StrideRecord
 from jointz.core.study import Study, StudySpec
 from jointz.identify.participant import ParticipantResult
