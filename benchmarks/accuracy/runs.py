@@ -30,7 +30,7 @@ from jointz.tasks.open_engine import open_engine
 #: Name of what is kept beside the methods' results.
 TRUTH = "truth"
 #: Packages that results depend on.
-_SIMULATION = ("sim", "core", "devices")
+_SIMULATION = ("rig/sim", "core", "rig/devices")
 ESTIMATION = ("identify", "kernels", "gait", *_SIMULATION)
 
 

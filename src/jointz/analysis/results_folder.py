@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from jointz.analysis.classical import comparison_table
 from jointz.analysis.page.details_tables import details_frame, models_frame
 from jointz.analysis.page.figure_files import FIGURES, Picture, draw_picture, draw_truth_picture
 from jointz.analysis.page.report_page import render_report
@@ -144,7 +145,7 @@ def _write_tables(analysis: StudyAnalysis, folder: Path) -> None:
     tables = {
         "estimates": analysis.to_frame(),
         "details": details_frame(analysis),
-        "comparison": analysis.comparison_frame(),
+        "comparison": comparison_table(analysis),
         "population": analysis.population_frame(),
         "excluded": analysis.excluded_frame(),
         "pulses": analysis.pulses_frame(),

@@ -2,9 +2,10 @@
 
 import os
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointz.analysis.results_folder import write_results
 from jointz.core.errors import DataError
@@ -14,7 +15,11 @@ from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import CHECKSUMS, MARKER
 from jointz.io.small_files import LARGEST_RESULTS, read_json
 from jointz.io.study_reader import open_study
+from jointz.results.figure_style import WIDTH_MM
 from jointz.results.study_analysis import StudyAnalysis
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _AGAIN = "Analyse the study again: jointz analyze."
 
@@ -57,6 +62,41 @@ class Analysis(StudyAnalysis):
             When it cannot be written.
         """
         return write_results(self, Path(folder), overwrite=overwrite, figures=figures, pdf=pdf)
+
+    def figure(
+        self,
+        name: str = "impedance",
+        *,
+        parameters: Sequence[str] | None = None,
+        width_mm: float = WIDTH_MM,
+    ) -> "Figure":
+        """Draw a figure of the report, for a paper.
+
+        Parameters
+        ----------
+        name : str
+            ``impedance``, or another file of ``figures`` without its suffix.
+        parameters : sequence of str, optional
+            Of ``impedance``: the panels, such as ``("stiffness", "damping")``; by default K, B and
+            J, per kg of body mass where there are such values.
+        width_mm : float, mm
+            Of ``impedance``: width of the page or column.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The figure: ``figure.savefig("impedance.pdf")``.
+
+        Raises
+        ------
+        ValueError
+            When there is no figure of this name, or it has no such options.
+        DataError
+            When the analysis has no data for it.
+        """
+        from jointz.analysis.page.figure_files import draw_paper_figure
+
+        return draw_paper_figure(self, name, parameters=parameters, width_mm=width_mm)
 
 
 def load(folder: str | os.PathLike[str]) -> Analysis:

@@ -1,4 +1,4 @@
-"""Commands of ``jointz``, and what their errors become."""
+"""Commands of ``jointz``, and the message and exit status of their errors."""
 
 import io
 import os
@@ -23,13 +23,7 @@ from jointz.io.formats.memory_limit import VARIABLE
 from jointz.io.formats.memory_limit import memory_limit as checked_memory_limit
 from jointz.terminal.exit_status import EXIT_STOPPED, note_command
 from jointz.terminal.options import Commands
-from jointz.terminal.output import (
-    EXIT_BAD_INPUT,
-    EXIT_DEVICE,
-    EXIT_NO_ESTIMATE,
-    emit,
-    emit_error,
-)
+from jointz.terminal.output import EXIT_BAD_INPUT, EXIT_DEVICE, EXIT_NO_ESTIMATE, emit, emit_error
 
 _EXIT_BUG = 70
 

@@ -28,9 +28,7 @@ def compare(
             "tables; or one table of your own (csv), with --response, --within and --participant.",
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for tables, figures and a page.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for tables, figures and a page.")] = None,
     paired: Annotated[
         bool | None,
         typer.Option(
@@ -48,47 +46,40 @@ def compare(
     margin: Annotated[
         float | None,
         typer.Option(
-            "--margin",
-            help="For several folders: test equivalence within this percentage of the second mean.",
+            help="For several folders: test equivalence within this percentage of the second mean."
         ),
     ] = None,
     response: Annotated[
-        list[str] | None,
-        typer.Option("--response", help="For a table: column of the values; may be repeated."),
+        list[str] | None, typer.Option(help="For a table: column of the values; may be repeated.")
     ] = None,
     within: Annotated[
-        list[str] | None,
-        typer.Option("--within", help="For a table: column of the compared conditions."),
+        list[str] | None, typer.Option(help="For a table: column of the compared conditions.")
     ] = None,
     participant: Annotated[
-        str | None, typer.Option("--participant", help="For a table: column of the participants.")
+        str | None, typer.Option(help="For a table: column of the participants.")
     ] = None,
     nested: Annotated[
-        bool,
-        typer.Option("--nested", help="For a table: rows are replicates, such as pulses."),
+        bool, typer.Option("--nested", help="For a table: rows are replicates, such as pulses.")
     ] = False,
     df: Annotated[
         Df | None,
         typer.Option(
-            "--df",
             help="For a table or one folder: denominator degrees of freedom; by default "
-            "kenward-roger.",
+            "kenward-roger."
         ),
     ] = None,
     adjust: Annotated[
         Adjust | None,
         typer.Option(
-            "--adjust",
             help="For a table or one folder: correction of p over pairs; by default bonferroni for "
-            "a table, holm for a folder.",
+            "a table, holm for a folder."
         ),
     ] = None,
     error: Annotated[
         Error | None,
         typer.Option(
-            "--error",
             help="For a table or one folder: error of pairs; by default pooled for a table, paired "
-            "for a folder.",
+            "for a folder."
         ),
     ] = None,
     overwrite: Annotated[
@@ -110,8 +101,7 @@ def compare(
     """
     columns = {"--response": response, "--within": within, "--participant": participant}
     option_names = [name for name, value in columns.items() if value]
-    is_table = _is_table(results, option_names)
-    if not is_table:
+    if not _is_table(results, option_names):
         if nested:
             raise typer.BadParameter("--nested is for a table, not for results folders.")
         options = {"paired": paired, "days": days, "margin_pct": margin,
@@ -128,12 +118,10 @@ def compare(
     _fit_table(
         Path(results[0]),
         responses=list(dict.fromkeys(response or ())),
-        columns=(within or [], str(participant)),
+        factors=within or [],
+        participant=str(participant),
         model={"nested": nested, "df": df or "kenward-roger"},
-        pairs={
-            "adjust": adjust or "bonferroni",
-            "error": error or "pooled",
-        },
+        pairs={"adjust": adjust or "bonferroni", "error": error or "pooled"},
         printing=printing,
     )
 
@@ -154,7 +142,8 @@ def _fit_table(
     file: Path,
     *,
     responses: Sequence[str],
-    columns: tuple[Sequence[str], str],
+    factors: Sequence[str],
+    participant: str,
     model: Mapping[str, Any],
     pairs: Mapping[str, str],
     printing: Printing,
@@ -164,15 +153,11 @@ def _fit_table(
     from jointz.stats import mixed_model
     from jointz.stats.mixed_model_rows import refuse_several
 
-    factors, who = columns
-    refuse_several(factors, responses[0], who)
-    (within,) = factors
-    table = read_responses(file, responses=responses, within=within, participant=who)
+    refuse_several(factors, responses[0], participant)
+    names: Mapping[str, Any] = {"within": factors[0], "participant": participant}
+    table = read_responses(file, responses=responses, **names)
     try:
-        fits = [
-            mixed_model(table, response=name, within=within, participant=who, **model)
-            for name in responses
-        ]
+        fits = [mixed_model(table, response=name, **names, **model) for name in responses]
     except EstimationError as exc:
         if printing.as_json:
             emit_json({"status": f"failed:{exc.code}", "message": str(exc)})

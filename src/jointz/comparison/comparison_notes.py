@@ -134,7 +134,7 @@ def _designs(results: Sequence[Results], designs: Designs) -> Iterator[str]:
 def _together(
     results: Sequence[Results], together: Sequence[str], comparison: Comparison
 ) -> Iterator[str]:
-    """Tell which means are of people together, and what is tested otherwise."""
+    """Yield which means are from the model of all people, and how the others are tested."""
     if together:
         yield (
             f"{' and '.join(together)}: means are of all participants together, each by what the "

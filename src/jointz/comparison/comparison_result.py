@@ -94,16 +94,16 @@ class Comparison(PlottedResult):
 
         Undecided people count where all people are looked at together.
         """
-        own: dict[tuple[str, str, str], list[PersonValue]] = {}
+        without: dict[tuple[str, str, str], list[PersonValue]] = {}
         for v in self.values:
             if v.value is None:
-                own.setdefault((v.source, v.parameter, v.timing_point), []).append(v)
-        rows = []
+                without.setdefault((v.source, v.parameter, v.timing_point), []).append(v)
+        missing = []
         for m in self.means:
-            without = own.get((m.source, m.parameter, m.timing_point), [])
-            failed = [v for v in without if v.status != UNDECIDED]
-            rows += failed if m.n_missing == len(failed) else without
-        return tuple(rows)
+            values = without.get((m.source, m.parameter, m.timing_point), [])
+            failed = [v for v in values if v.status != UNDECIDED]
+            missing += failed if m.n_missing == len(failed) else values
+        return tuple(missing)
 
     @property
     def n_missing(self) -> int:

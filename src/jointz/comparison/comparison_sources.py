@@ -40,6 +40,7 @@ _AVAILABLE = ("ok", "at_bound")
 _MASSLESS = (Failure.MASS_MISSING.status, Failure.MASS_UNLIKELY.status, "absent")
 #: No value of a joint is larger in SI units; squares of larger numbers would overflow.
 _LARGEST = 1e100
+_AGAIN = "Run jointz analyze again."
 
 
 @dataclass(frozen=True)
@@ -82,9 +83,7 @@ class Results:
     @cached_property
     def shares_inertia(self) -> bool:
         """Whether an inertia is shared by all timing points."""
-        return any(
-            parameter == "inertia" and point == ALL_POINTS for parameter, point, _ in self.values
-        )
+        return any(cell[:2] == ("inertia", ALL_POINTS) for cell in self.values)
 
     def value(self, parameter: str, point: str, person: str) -> PersonValue:
         """Return a value, with the status ``absent`` if there is no row."""
@@ -193,7 +192,7 @@ def read_results(folder: Path, name: str) -> Results:
         for used in (_ESTIMATES, _PROVENANCE, ANALYSIS_FILE)
         if (folder / used).is_file()
     )
-    known, means = _analysed(folder, provenance, values, table)
+    people_results, means = _analysed(folder, provenance, values, table)
     return Results(
         Source(name, people, methods),
         values,
@@ -204,7 +203,7 @@ def read_results(folder: Path, name: str) -> Results:
         settings=present_settings(provenance.get("settings", {}), written),
         inputs=inputs,
         averaged=averaged,
-        people=known,
+        people=people_results,
         population={(row.timing_point, row.parameter): row for row in means},
     )
 
@@ -219,7 +218,7 @@ def _analysed(
     file = folder / ANALYSIS_FILE
     if not file.is_file():
         return None, ()
-    content = read_json(file, "Run jointz analyze again.", largest=LARGEST_RESULTS)
+    content = read_json(file, _AGAIN, largest=LARGEST_RESULTS)
     try:
         posteriors = [LogPosterior.from_dict(p) for p in content.get("log_posteriors", ())]
         cells = [CellEstimate.from_dict(cell) for cell in content["cells"]]
@@ -228,18 +227,17 @@ def _analysed(
         ]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as exc:
         raise DataError(
-            f"{file}: cannot be read ({str(exc)[:200]}). Run jointz analyze again.", path=str(file)
+            f"{file}: cannot be read ({str(exc)[:200]}). {_AGAIN}", path=str(file)
         ) from exc
     _check_agreement(file, cells, estimates)
-    known = _masses(folder, provenance)
-    unknown = {
+    doubted = {
         person for (name, _, person), v in values.items()
         if name in PER_MASS and v.status in _MASSLESS
     }  # fmt: skip
-    masses = {person: mass for person, mass in known.items() if person not in unknown}
-    found = PeopleResults(posteriors, cells, masses)
+    masses = {p: mass for p, mass in _masses(folder, provenance).items() if p not in doubted}
+    people = PeopleResults(posteriors, cells, masses)
     means = means or population_means(cells, posteriors, masses)
-    return (found if found.have_errors else None), means
+    return (people if people.have_errors else None), means
 
 
 def _check_agreement(file: Path, cells: Sequence[CellEstimate], table: RawTable) -> None:
@@ -258,28 +256,24 @@ def _check_agreement(file: Path, cells: Sequence[CellEstimate], table: RawTable)
     if not alike:
         raise DataError(
             f"{file}: does not agree with {_ESTIMATES} beside it: another analysis, or one of both "
-            "was edited. Run jointz analyze again.",
+            f"was edited. {_AGAIN}",
             path=str(file),
         )
 
 
 def _masses(folder: Path, provenance: Mapping[str, Any]) -> dict[str, float]:
     """Return the stated body masses, kg."""
+    file = folder / _PROVENANCE
     try:
         stated = {p["id"]: p.get("mass_kg") for p in provenance["study"].get("participants", ())}
         masses = {str(person): float(mass) for person, mass in stated.items() if mass is not None}
     except (TypeError, KeyError, ValueError, AttributeError) as exc:
         raise DataError(
-            f"{folder / _PROVENANCE}: participants cannot be read ({exc}). Run jointz analyze "
-            "again.",
-            path=str(folder / _PROVENANCE),
+            f"{file}: participants cannot be read ({exc}). {_AGAIN}", path=str(file)
         ) from exc
     if wrong := [p for p, mass in masses.items() if not (np.isfinite(mass) and mass > 0.0)]:
-        raise DataError(
-            f"{folder / _PROVENANCE}: expected masses above 0 kg, got others for "
-            f"{', '.join(wrong)}. Run jointz analyze again.",
-            path=str(folder / _PROVENANCE),
-        )
+        text = f"expected masses above 0 kg, got others for {', '.join(wrong)}"
+        raise DataError(f"{file}: {text}. {_AGAIN}", path=str(file))
     return masses
 
 
@@ -291,27 +285,26 @@ def _provenance(folder: Path) -> dict[str, Any]:
                 f"{folder}: {problem}. Expected a results folder of jointz analyze, or the word "
                 f"'{PUBLISHED}' for the dissertation's tables."
             )
-    return read_json(folder / _PROVENANCE, "Run jointz analyze again.")
+    return read_json(folder / _PROVENANCE, _AGAIN)
 
 
 def _joint(provenance: Mapping[str, Any], folder: Path) -> str:
     """Return the joint of a walking study."""
     study, settings = provenance.get("study"), provenance.get("settings", {})
-    known = study if isinstance(study, dict) else {}
-    texts = [known.get(key) for key in ("kind", "joint")]
-    if not all(isinstance(t, str) and t for t in texts) or not isinstance(settings, dict):
+    kind, joint = (study.get(k) if isinstance(study, dict) else None for k in ("kind", "joint"))
+    is_stated = all(isinstance(text, str) and text for text in (kind, joint))
+    if not is_stated or not isinstance(settings, dict):
         raise DataError(
             f"{folder / _PROVENANCE}: expected study with kind and joint, and settings, as jointz "
-            f"analyze writes them; found study {study!r:.60}, settings {settings!r:.60}. Run "
-            "jointz analyze again.",
+            f"analyze writes them; found study {study!r:.60}, settings {settings!r:.60}. {_AGAIN}",
             path=str(folder / _PROVENANCE),
         )
-    if known["kind"] == "bench":
+    if kind == "bench":
         raise DataError(
             f"{folder}: results of a bench study. Its participants are loads, and a mean over "
             "different loads is meaningless. Compare results of walking studies."
         )
-    return str(known["joint"])
+    return str(joint)
 
 
 def _values(
@@ -326,19 +319,12 @@ def _values(
         unit = tuple(row[key] for key in _UNIT if key in row)
         line = table.first_row + i
         if unit in values.get(place, ()):
-            raise DataError(
-                f"{file}, row {line}: a second {' of '.join(place)}. Each estimate has one row; "
-                "run jointz analyze again.",
-                path=str(file),
-                row=line,
-            )
+            todo = "Each estimate has one row; run jointz analyze again."
+            raise _row_error(file, line, f"a second {' of '.join(place)}. {todo}")
         if PARAMETER_UNITS.get(parameter) != row["unit"]:
-            raise DataError(
-                f"{file}, row {line}: expected {parameter} in {PARAMETER_UNITS.get(parameter)}, "
-                f"found {row['unit']}. Values in different units cannot be compared.",
-                path=str(file),
-                row=line,
-            )
+            expected = f"expected {parameter} in {PARAMETER_UNITS.get(parameter)}"
+            text = f"{expected}, found {row['unit']}. Values in different units cannot be compared."
+            raise _row_error(file, line, text)
         values.setdefault(place, {})[unit] = _value(row, name, file, line)
     averaged = dict.fromkeys(person for (_, _, person), v in values.items() if len(v) > 1)
     means = {place: _person_mean([*by_unit.values()]) for place, by_unit in values.items()}
@@ -361,23 +347,19 @@ def _value(row: Mapping[str, Any], name: str, file: Path, line: int) -> PersonVa
     available = row["status"] in _AVAILABLE
     number = _number(row["value"])
     if available == (number is None):
-        raise DataError(
-            f"{file}, row {line}: status {row['status']!r} with "
-            f"{'no value' if number is None else 'a value'}. Run jointz analyze again.",
-            path=str(file),
-            row=line,
-        )
+        value = "no value" if number is None else "a value"
+        raise _row_error(file, line, f"status {row['status']!r} with {value}. {_AGAIN}")
     low, high = _number(row["ci_low"]), _number(row["ci_high"])
     if max(abs(x or 0.0) for x in (number, low, high)) > _LARGEST:
-        raise DataError(
-            f"{file}, row {line}: {row['parameter']} {row['value']:g} [{row['ci_low']:g}, "
-            f"{row['ci_high']:g}] is not a possible value of a joint. Correct it, or run jointz "
-            "analyze again.",
-            path=str(file),
-            row=line,
-        )
+        estimate = "{parameter} {value:g} [{ci_low:g}, {ci_high:g}]".format(**row)
+        todo = "Correct it, or run jointz analyze again."
+        raise _row_error(file, line, f"{estimate} is not a possible value of a joint. {todo}")
     place = (row["participant"], row["parameter"], row["timing_point"])
     return PersonValue(name, *place, number, low, high, row["status"])
+
+
+def _row_error(file: Path, line: int, text: str) -> DataError:
+    return DataError(f"{file}, row {line}: {text}", path=str(file), row=line)
 
 
 def _number(value: float) -> float | None:

@@ -64,8 +64,8 @@ def draw_comparison(comparison: Comparison) -> dict[str, str]:
 
 def source_looks(comparison: Comparison) -> dict[str, tuple[str, str]]:
     """Return colour and mark of every source."""
-    own = [s.name for s in comparison.sources if not s.published]
-    looks = {name: _LOOKS[k % len(_LOOKS)] for k, name in enumerate(own)}
+    names = [s.name for s in comparison.sources if not s.published]
+    looks = {name: _LOOKS[k % len(_LOOKS)] for k, name in enumerate(names)}
     return looks | {s.name: _PUBLISHED for s in comparison.sources if s.published}
 
 
@@ -136,8 +136,7 @@ def _draw_column(
     if dots and len(comparison.sources) > 1:
         axes.plot(*zip(*dots, strict=True), ".", color=colour, alpha=0.45, markersize=3.8,
                   markeredgewidth=0.0, zorder=2)  # fmt: skip
-    for point, *bar in _bars(comparison, parameter, name):
-        value, low, high = bar
+    for point, value, low, high in _bars(comparison, parameter, name):
         axes.vlines(at[point], low, high, colors=colour, linewidth=1.3, zorder=4)
         face = "white" if mark == _PUBLISHED[1] else colour
         axes.plot(at[point], value, mark, color=colour, markerfacecolor=face, markersize=4.4,
@@ -266,8 +265,7 @@ def _differences(comparison: Comparison) -> "Figure":
     for k, (parameter, rows) in enumerate(panels):
         x = left + k * (width + (gap if same else left))
         axes = place_axes(figure, x, top, width_mm=width, height_mm=height * len(rows) / longest)
-        own = [d for d in shown if d.parameter == parameter]
-        _forest(axes, own, rows, series)
+        _forest(axes, [d for d in shown if d.parameter == parameter], rows, series)
         axes.tick_params(axis="y", length=0, labelleft=k == 0 or not same)
         axes.set_xlabel(f"{_contrast(series)} ({pretty_unit(PARAMETER_UNITS[parameter])})")
         panel_heading(axes, PARAMETERS[parameter][1])
@@ -301,14 +299,14 @@ def _contrast(series: Mapping[tuple[str, str], Any]) -> str:
 
 def _forest(
     axes: "Axes",
-    own: Sequence[Difference],
+    differences: Sequence[Difference],
     rows: Sequence[str],
     series: Mapping[tuple[str, str], tuple[str, str]],
 ) -> None:
     axes.axvline(0.0, color=MUTED, linewidth=0.7, zorder=1)
     pairs = list(series)
     axes.use_sticky_edges = False
-    for d in own:
+    for d in differences:
         if d.difference is None or d.ci_low is None or d.ci_high is None:
             continue
         k = pairs.index((d.first, d.second)) if d.timing_point else 0
@@ -329,12 +327,11 @@ def _forest(
 def _differences_legend(
     figure: "Figure", comparison: Comparison, series: Mapping[tuple[str, str], tuple[str, str]]
 ) -> None:
-    handles: list[Artist] = []
-    if len(series) > 1:
-        handles = [
-            legend_line(f"{first} {MINUS} {second}", colour, marker=mark)
-            for (first, second), (colour, mark) in series.items()
-        ]
+    handles: list[Artist] = [
+        legend_line(f"{first} {MINUS} {second}", colour, marker=mark)
+        for (first, second), (colour, mark) in series.items()
+        if len(series) > 1
+    ]
     if comparison.margin_pct is not None and len(comparison.sources) > 1:
         label = f"equivalence margin, {comparison.margin_pct:g} %"
         handles.append(legend_line(label, FAINT, linewidth=4.0))

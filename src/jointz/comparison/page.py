@@ -56,15 +56,14 @@ def render_comparison(comparison: Comparison, figures: Mapping[str, str]) -> str
     """Write a comparison as one HTML page with its figures and styles inside."""
     single = len(comparison.sources) == 1
     margin = None if comparison.margin_pct is None or single else f"{comparison.margin_pct:g} %"
-    notes = comparison.notes
     return render_template(
         "comparison.html.j2",
         title=_title(comparison),
         about=[str(v) for key, v in comparison.provenance.items() if key == "created"],
         lead=_lead(comparison),
         facts=_facts(comparison),
-        warnings=[n.removeprefix(_WARNING) for n in notes if n.startswith(_WARNING)],
-        notes=[n for n in notes if not n.startswith(_WARNING)],
+        warnings=[n.removeprefix(_WARNING) for n in comparison.notes if n.startswith(_WARNING)],
+        notes=[n for n in comparison.notes if not n.startswith(_WARNING)],
         figures=page_figures(
             (name, svg, "", _caption(name, comparison)) for name, svg in figures.items()
         ),
@@ -89,18 +88,14 @@ def render_comparison(comparison: Comparison, figures: Mapping[str, str]) -> str
 
 def _title(comparison: Comparison) -> str:
     names = [source.name for source in comparison.sources]
-    if not names:
-        return "Comparison of nothing"
     if len(names) == 1:
         return f"Timing points of {names[0]}"
-    return joined(names)
+    return joined(names) if names else "Comparison of nothing"
 
 
 def _contrast(comparison: Comparison) -> str:
-    if not comparison.differences or len(comparison.sources) == 1:
-        return "first minus second"
     pairs = {(d.first, d.second) for d in comparison.differences}
-    if len(pairs) > 1:
+    if len(pairs) != 1 or len(comparison.sources) == 1:
         return "first minus second"
     ((first, second),) = pairs
     return f"{first} {MINUS} {second}"
@@ -202,8 +197,8 @@ def _by_parameter(rows: Sequence[Any], cells: Callable[[Any], _Row]) -> list[_Ro
 
 def _mean(m: SourceMean) -> _Row:
     share = None if not m.error_sd or not m.sd else 100.0 * (m.error_sd / m.sd) ** 2
-    own = m.sample_sd if m.mean is not None and m.sample_sd != m.sd else None
-    sample = "" if own is None else f" ({format_number(own, like=m.mean)})"
+    sample_sd = m.sample_sd if m.mean is not None and m.sample_sd != m.sd else None
+    sample = "" if sample_sd is None else f" ({format_number(sample_sd, like=m.mean)})"
     return {
         "point": point_name(m.timing_point),
         "source": m.source,

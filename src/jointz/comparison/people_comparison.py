@@ -1,4 +1,4 @@
-"""Means and differences from the model of people together, where results state their errors."""
+"""Means and differences by the model of all people, for results that state their errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -8,12 +8,7 @@ from jointz.comparison.comparison_cells import Designs, PersonValues, Place
 from jointz.comparison.comparison_sources import Results
 from jointz.core.channels import PARAMETER_UNITS
 from jointz.core.codes import Failure
-from jointz.results.statistics.comparison_rows import (
-    PAIRED,
-    UNDECIDED,
-    Difference,
-    SourceMean,
-)
+from jointz.results.statistics.comparison_rows import PAIRED, UNDECIDED, Difference, SourceMean
 from jointz.stats.people_likelihoods import PeopleResults
 from jointz.stats.people_together import PeopleDifference, PopulationModel
 from jointz.stats.population import people_models
@@ -43,25 +38,25 @@ class ComparedPeople:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Names of the sources whose people are looked at together."""
+        """Names of the sources with a model of all people."""
         return tuple(name for name, models in self._sources.items() if models)
 
     def mean(self, row: SourceMean) -> SourceMean:
-        """Return the mean of a source as its folder has it; the given row without one."""
-        found = self._populations[row.source].get((row.timing_point, row.parameter))
-        if found is None:
+        """Return the mean of a source as its folder has it; without one, the row as it is."""
+        mean = self._populations[row.source].get((row.timing_point, row.parameter))
+        if mean is None:
             return row
-        n, names = found.n_participants, ("sd", "ci_low", "ci_high", "status", "sample_sd")
-        numbers = {name: getattr(found, name) for name in names}
+        n, names = mean.n_participants, ("sd", "ci_low", "ci_high", "status", "sample_sd")
+        numbers = {name: getattr(mean, name) for name in names}
         error_sd = None if self._sources.get(row.source) else row.error_sd
         missing = row.n + row.n_missing - n
-        return replace(row, n=n, n_missing=missing, mean=found.value, error_sd=error_sd, **numbers)
+        return replace(row, n=n, n_missing=missing, mean=mean.value, error_sd=error_sd, **numbers)
 
     def _mean(self, source: str, model: PopulationModel, element: _Element, n: int) -> float | None:
         """Return a mean as its folder has it; of some of its people only, that of their model."""
-        found = self._populations[source].get(element[1])
-        if found is not None and found.n_participants == n:
-            return found.value
+        of_folder = self._populations[source].get(element[1])
+        if of_folder is not None and of_folder.n_participants == n:
+            return of_folder.value
         mean = model.mean(*element)
         return mean.value if mean and mean.decided else None
 
@@ -81,10 +76,9 @@ class ComparedPeople:
         if people is None or not set(elements) <= set(people.elements):
             return None
         share = None if margin_pct is None else margin_pct / 100.0
-        found = people.difference(*elements, margin_share=share)
+        difference = people.difference(*elements, margin_share=share)
         row = _row(place, names, design, (first, second))
-        effect = "d_z" if design == PAIRED else "d"
-        row = self._filled(row, names, people, elements, found, effect)
+        row = self._filled(row, names, people, elements, difference)
         mean = row.mean_second
         return replace(row, margin=None if share is None or mean is None else share * abs(mean))
 
@@ -93,17 +87,17 @@ class ComparedPeople:
     ) -> list[Difference] | None:
         """Return the differences of all pairs of timing points of one source."""
         ((source, models),) = self._sources.items() or (("", {}),)
-        known = [point for point in points if (point, parameter) in models]
-        if not known:
+        modelled = [point for point in points if (point, parameter) in models]
+        if not modelled:
             return None
-        people = models[known[0], parameter]
+        people = models[modelled[0], parameter]
         rows = []
-        for a, b in combinations(known, 2):
+        for a, b in combinations(modelled, 2):
             elements: tuple[_Element, _Element] = ((0, (a, parameter)), (0, (b, parameter)))
             values = (cells[parameter, a][0], cells[parameter, b][0])
             row = _row((parameter, ""), (a, b), PAIRED, values)
-            found = people.difference(*elements)
-            rows.append(self._filled(row, (source, source), people, elements, found, "d_z"))
+            difference = people.difference(*elements)
+            rows.append(self._filled(row, (source, source), people, elements, difference))
         return rows
 
     def _filled(
@@ -112,28 +106,27 @@ class ComparedPeople:
         sources: Sequence[str],
         people: PopulationModel,
         elements: tuple[_Element, _Element],
-        found: PeopleDifference | None,
-        effect: str,
+        difference: PeopleDifference | None,
     ) -> Difference:
-        """Return a row with what the model says; without a value where the data do not decide."""
-        if found is None:
+        """Return a row with a difference of the model; without a value if it is undecided."""
+        if difference is None:
             return replace(row, status=Failure.TOO_FEW_PARTICIPANTS.status)
         # An undecided difference keeps p: the adjustment must not count significant ones only.
-        row = replace(row, n_first=found.n_first, n_second=found.n_second, p=found.p)
-        if not found.decided:
+        row = replace(row, n_first=difference.n_first, n_second=difference.n_second, p=difference.p)
+        if not difference.decided:
             return replace(row, status=UNDECIDED)
         return replace(
             row,
-            mean_first=self._mean(sources[0], people, elements[0], found.n_first),
-            mean_second=self._mean(sources[1], people, elements[1], found.n_second),
-            difference=found.value,
-            ci_low=found.ci_low,
-            ci_high=found.ci_high,
-            p_equivalence=found.p_equivalence,
-            effect=effect,
-            effect_size=found.effect,
-            effect_low=found.effect_low,
-            effect_high=found.effect_high,
+            mean_first=self._mean(sources[0], people, elements[0], difference.n_first),
+            mean_second=self._mean(sources[1], people, elements[1], difference.n_second),
+            difference=difference.value,
+            ci_low=difference.ci_low,
+            ci_high=difference.ci_high,
+            p_equivalence=difference.p_equivalence,
+            effect="d_z" if row.design == PAIRED else "d",
+            effect_size=difference.effect,
+            effect_low=difference.effect_low,
+            effect_high=difference.effect_high,
         )
 
 
@@ -146,8 +139,7 @@ def _pair(
     if not paired:
         return people_models([a.people, b.people], same_people=False, parameters=parameters)
     shared = set(a.source.participants) & set(b.source.participants)
-    both = [_only(one.people, shared) for one in (a, b) if one.people is not None]
-    return people_models(both, parameters=parameters)
+    return people_models([_only(p, shared) for p in (a.people, b.people)], parameters=parameters)
 
 
 def _only(people: PeopleResults, names: set[str]) -> PeopleResults:
@@ -170,5 +162,5 @@ def _row(
         design=design,
         n_first=0,
         n_second=0,
-        n_at_bound=sum(v.at_bound for own in values for v in own.values()),
+        n_at_bound=sum(v.at_bound for of_source in values for v in of_source.values()),
     )

@@ -35,7 +35,7 @@ def _control() -> None:
     """Make, draw and export a profile."""
 
 
-@control.command("profile")
+@control.command()
 def profile(
     results: Annotated[
         Path | None,
@@ -43,15 +43,12 @@ def profile(
             file_okay=False, help="Results folder of jointz analyze; none with --from published."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", help="The profile to write (JSON).")] = Path(
-        "profile.json"
-    ),
+    out: Annotated[Path, typer.Option(help="The profile to write (JSON).")] = Path("profile.json"),
     participant: Annotated[
         str | None,
         typer.Option(
-            "--participant",
             help="One participant, with session and side if the study has them, such as "
-            "'S01, left'; by default the mean over all.",
+            "'S01, left'; by default the mean over all."
         ),
     ] = None,
     source: Annotated[
@@ -61,8 +58,7 @@ def profile(
         ),
     ] = "results",
     mass: Annotated[
-        float | None,
-        typer.Option("--mass", min=1.0, help="Body mass for a mean or a published knee (kg)."),
+        float | None, typer.Option(min=1.0, help="Body mass for a mean or a published knee (kg).")
     ] = None,
     figure: Figure = None,
     printing: Printing = Printing(),
@@ -81,17 +77,17 @@ def profile(
     from jointz.control.make_profile import impedance_profile
     from jointz.control.profile_file import write_profile
 
-    if results is None:
-        made = impedance_profile(None, participant, mass_kg=mass)
-    else:
+    analysis = None
+    if results is not None:
         from jointz.analysis.saved_analysis import load
 
-        made = impedance_profile(load(results), participant, mass_kg=mass)
+        analysis = load(results)
+    made = impedance_profile(analysis, participant, mass_kg=mass)
     write_profile(made, out)
     _report(made, figure, written=out, printing=printing)
 
 
-@control.command("show")
+@control.command()
 def show(
     file: _File,
     figure: Figure = None,
@@ -107,7 +103,7 @@ def show(
     _report(read_profile(file), figure, written=None, printing=printing)
 
 
-@control.command("export")
+@control.command()
 def export(
     file: _File,
     out: Annotated[
@@ -128,26 +124,26 @@ def export(
     from jointz.control.state_machine import fit_state_machine
     from jointz.control.writers import export_profile, fit_text
 
-    found = read_profile(file)
-    export_profile(found, out)
-    fit = fit_state_machine(found) if out.suffix.lower() == ".py" else None
+    profile = read_profile(file)
+    export_profile(profile, out)
+    errors, lines = {}, [f"Written: {out}"]
+    if out.suffix.lower() == ".py":
+        fit = fit_state_machine(profile)
+        errors = {"rms_nm": fit.rms_nm, "rms_deviated_nm": fit.rms_deviated_nm}
+        lines = [fit_text(fit)[0], *lines]
     if printing.as_json:
-        errors = (
-            {} if fit is None else {"rms_nm": fit.rms_nm, "rms_deviated_nm": fit.rms_deviated_nm}
-        )
         emit_json({"status": "ok", "written": str(out), **errors})
     elif not printing.quiet:
-        for text in () if fit is None else fit_text(fit)[:1]:
-            emit(text)
-        emit(f"Written: {out}")
+        for line in lines:
+            emit(line)
 
 
-control.command("design")(design)
-control.command("check")(check)
+control.command()(design)
+control.command()(check)
 
 
 def _report(
-    found: "ImpedanceProfile",
+    profile: "ImpedanceProfile",
     figure: Path | None,
     *,
     written: Path | None,
@@ -156,11 +152,11 @@ def _report(
     if figure is not None:
         from jointz.control.impedance_profile import draw_profile
 
-        save_drawn(lambda canvas: draw_profile(canvas, found), figure, _SIZE)
-    files = {"written": str(written)} if written else {}
+        save_drawn(lambda canvas: draw_profile(canvas, profile), figure, _SIZE)
     if printing.as_json:
-        emit_json({"status": "ok", **found.to_dict(), **files})
+        files = {"written": str(written)} if written else {}
+        emit_json({"status": "ok", **profile.to_dict(), **files})
     elif not printing.quiet:
-        emit(found.summary())
-        for file in files.values():
-            emit(f"Written: {file}")
+        emit(profile.summary())
+        if written:
+            emit(f"Written: {written}")

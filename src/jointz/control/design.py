@@ -131,8 +131,8 @@ class JointDesign(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a profile and quantity, with unit, interval and the 95th percentile."""
-        names = ("profile", "quantity", "value", "unit", "low", "high", "stride_95")
-        frame = record_frame((q for p in self.profiles for q in p.quantities), names)
+        rows = (q for p in self.profiles for q in p.quantities)
+        frame = record_frame(rows, DesignQuantity.__dataclass_fields__)
         return frame.astype(dict.fromkeys(("value", "low", "high", "stride_95"), float))
 
     def summary(self) -> str:
@@ -154,7 +154,7 @@ class JointDesign(PlottedResult):
 
 @dataclass(frozen=True, slots=True)
 class _Stride:
-    """Motion of the mean stride, and what computes the torque's consequences along it."""
+    """Motion of the mean stride, and the requirements of a torque along it."""
 
     angle: np.ndarray
     velocity: np.ndarray
@@ -178,7 +178,7 @@ class _Stride:
             "passive_stiffness": fit.stiffness,
             "passive_damping": fit.damping,
             "passive_rest_angle": fit.rest_angle,
-            **self._misses("passive", moment, fit.torque, fit.spring),
+            **self._errors("passive", moment, fit.torque, fit.spring),
         }
 
     def clutch(self, moment: np.ndarray) -> tuple[ClutchFit, dict[str, float]]:
@@ -191,7 +191,7 @@ class _Stride:
             "clutch_rest_angle": fit.rest_angle,
             "clutch_damping_engaged": fit.damping_engaged,
             "clutch_damping_free": fit.damping_free,
-            **self._misses("clutch", moment, fit.torque, fit.spring),
+            **self._errors("clutch", moment, fit.torque, fit.spring),
             "clutch_stored": fit.stored_j,
             "clutch_returned": fit.returned_j,
             "clutch_loss": fit.loss_j,
@@ -212,13 +212,13 @@ class _Stride:
             "motor_voltage_max": float(table.peak_voltage[0]),
         }
 
-    def _misses(
+    def _errors(
         self, kind: str, moment: np.ndarray, torque: np.ndarray, spring: np.ndarray
     ) -> dict[str, float]:
         error = _rms(moment - torque)
         needed, _ = _parts(moment * self.velocity)
-        given, _ = _parts(spring * self.velocity)
-        missing = self.step_s * np.maximum(needed - given, 0.0).sum()
+        available, _ = _parts(spring * self.velocity)
+        missing = self.step_s * np.maximum(needed - available, 0.0).sum()
         return {
             f"{kind}_error_rms": error,
             f"{kind}_error_share": error / _rms(moment),
@@ -232,7 +232,7 @@ def design_joint(
     motor: Motor | None = None,
     efficiency: float = 0.6,
 ) -> JointDesign:
-    """Return what a joint must be able to do for profiles, and joints that come near.
+    """Return the requirements of profiles on a joint, and joints that come near them.
 
     The torque is the profile's moment along its mean stride. Stiffness, damping and equilibrium do
     not change it, so their intervals do not enter. Intervals (95 %) are percentiles of 200 draws of
@@ -479,11 +479,12 @@ def _draw_power(axes: "Axes", design: ProfileDesign) -> None:
     power = design.moment * design.velocity
     power = np.append(power, power[0])
     gained, lost = _parts(power)
-    work = design.value("positive_work"), design.value("negative_work")
-    axes.fill_between(
-        at, gained, color=VERMILION, alpha=0.4, linewidth=0.0, label=f"{work[0]:.1f} J"
-    )
-    axes.fill_between(at, lost, color=BLUE, alpha=0.4, linewidth=0.0, label=f"{work[1]:.1f} J")
+    for part, color, work in (
+        (gained, VERMILION, "positive_work"),
+        (lost, BLUE, "negative_work"),
+    ):
+        label = f"{design.value(work):.1f} J"
+        axes.fill_between(at, part, color=color, alpha=0.4, linewidth=0.0, label=label)
     axes.plot(at, power, color=INK)
     axes.axhline(0.0, color=MUTED, linewidth=0.6)
     axes.set(xlim=(0.0, 100.0), xlabel="gait cycle (%)", ylabel="power (W)")

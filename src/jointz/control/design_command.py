@@ -22,13 +22,10 @@ def design(
     ],
     motor: Annotated[
         Path | None,
-        typer.Option(
-            "--motor", dir_okay=False, help="Motor (TOML); by default that of chapter III."
-        ),
+        typer.Option(dir_okay=False, help="Motor (TOML); by default that of chapter III."),
     ] = None,
     efficiency: Annotated[
-        float,
-        typer.Option("--efficiency", help="Part of negative power that can be stored, 0 to 1."),
+        float, typer.Option(help="Part of negative power that can be stored, 0 to 1.")
     ] = 0.6,
     figure: Figure = None,
     printing: Printing = Printing(),
@@ -48,25 +45,22 @@ def design(
 
     named = None if motor is None else read_motor(motor)
     profiles = {name: read_profile(file) for name, file in _names(files).items()}
-    found = design_joint(profiles, motor=named, efficiency=efficiency)
+    requirements = design_joint(profiles, motor=named, efficiency=efficiency)
     if figure is not None:
-        size = (_WIDTH, _ROW * len(found.profiles))
-        save_drawn(lambda canvas: draw_design(canvas, found), figure, size)
+        size = (_WIDTH, _ROW * len(requirements.profiles))
+        save_drawn(lambda canvas: draw_design(canvas, requirements), figure, size)
     if printing.as_json:
-        emit_json({"status": "ok", **found.to_dict()})
+        emit_json({"status": "ok", **requirements.to_dict()})
     elif not printing.quiet:
-        emit(found.summary())
-    if found.ratio is None:
+        emit(requirements.summary())
+    if requirements.ratio is None:
         raise typer.Exit(EXIT_NO_ESTIMATE)
 
 
 def _names(files: list[Path]) -> dict[str, Path]:
     """Return a name for each file: its own without suffix where that is unique."""
     stems = [file.stem for file in files]
-    names = {
-        file.stem if stems.count(file.stem) == 1 else str(file): file
-        for file in files
-    }  # fmt: skip
+    names = {f.stem if stems.count(f.stem) == 1 else str(f): f for f in files}
     if len(names) < len(files):
         raise DataError("design: a profile is named more than once. Name each file once.")
     return names

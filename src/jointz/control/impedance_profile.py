@@ -28,7 +28,7 @@ PROFILE_UNITS: Mapping[str, str] = {
     "damping": "N*m*s/rad",
     "equilibrium": "rad",
 }
-#: Arrays that go with body mass; those of stiffness and damping stand in knots, too.
+#: Arrays that are proportional to body mass; knots have those of stiffness and damping, too.
 _OF_MASS = (
     "moment",
     "moment_sd",
@@ -36,12 +36,17 @@ _OF_MASS = (
 )
 #: Characters of a subject that the title of a figure has room for.
 _LONGEST_TITLE = 30
-_INTERVALS = ("stiffness", "damping", "equilibrium")
+INTERVALS = ("stiffness", "damping", "equilibrium")
+#: Arrays of a profile, in the order of its table.
+ARRAYS = (
+    *("gait_pct", "angle", "angle_sd", "moment", "moment_sd"),
+    *(f"{name}{end}" for name in INTERVALS for end in ("", "_low", "_high")),
+)
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileKnot:
-    """Stiffness and damping at a timing point that the profile goes by."""
+    """Stiffness and damping at a timing point of which the profile is made."""
 
     timing_point: str
     stiffness_pct: float  # phase of the stiffness, % of the gait cycle
@@ -85,7 +90,7 @@ class ImpedanceProfile(PlottedResult):
     equilibrium, equilibrium_low, equilibrium_high : (n,) ndarray, rad
         angle + (moment + damping * velocity) / stiffness, and its pointwise interval.
     knots : tuple of ProfileKnot
-        Timing points that stiffness and damping go by.
+        Timing points through which stiffness and damping are interpolated.
     covariance : (2k, 2k) ndarray
         Of the errors of the logarithms at the knots: stiffness of all, then damping of all.
     displacement : {"onset", "window"}
@@ -100,7 +105,7 @@ class ImpedanceProfile(PlottedResult):
     ci_level, ci_method : float, str
         Level of the intervals, and how they were made.
     warnings : tuple of str
-        What a user must know.
+        Warnings for the user.
     provenance : mapping
         Versions, time, and hash of the study.
     """
@@ -215,15 +220,13 @@ class ImpedanceProfile(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a phase."""
-        names = ["gait_pct", "angle", "angle_sd", "moment", "moment_sd"]
-        names += [f"{name}{end}" for name in _INTERVALS for end in ("", "_low", "_high")]
-        return pd.DataFrame({name: getattr(self, name) for name in names})
+        return pd.DataFrame({name: getattr(self, name) for name in ARRAYS})
 
     def summary(self) -> str:
         """Return a short text: whose, ranges and intervals, energy, sources."""
         kind = "small displacements" if self.displacement == "onset" else "the pulses' window"
         lines = []
-        for name in _INTERVALS:
+        for name in INTERVALS:
             low, value, high = (getattr(self, f"{name}{end}") for end in ("_low", "", "_high"))
             width = float(np.median(0.5 * (high - low)))
             lines.append(

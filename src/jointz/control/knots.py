@@ -61,7 +61,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """One parameter over the cycle, and the estimates that it goes by."""
+    """One parameter over the cycle, and the estimates behind it."""
 
     value: np.ndarray  # (100,) at the phases of a profile, SI
     low: np.ndarray
@@ -108,10 +108,10 @@ def _points(analysis: StudyAnalysis, label: str | None, name: str) -> list[Point
     """Return the estimates of a parameter, undecided ones included where their error is known."""
     if label is None:
         rows = [p for p in analysis.population if p.parameter == name and p.n_participants > 1]
-        found = [_decided(p.timing_point, p.onset_gait_pct, p, name) for p in rows]
+        points = [_decided(p.timing_point, p.onset_gait_pct, p, name) for p in rows]
     else:
-        found = [_of_cell(c, name) for c in analysis.cells if c.label == label]
-    return [point for point in found if point is not None]
+        points = [_of_cell(c, name) for c in analysis.cells if c.label == label]
+    return [point for point in points if point is not None]
 
 
 def _of_cell(cell: CellEstimate, name: str) -> Point | None:
@@ -131,12 +131,12 @@ def _of_cell(cell: CellEstimate, name: str) -> Point | None:
 def _decided(
     timing_point: str,
     at: float | None,
-    found: PopulationEstimate | ParameterEstimate,
+    estimate: PopulationEstimate | ParameterEstimate,
     name: str,
 ) -> Point | None:
     """Return a value that is decided; its whole error counts as alike at neighbouring points."""
-    value, low, high = found.value, found.ci_low, found.ci_high
-    if found.status != "ok" or at is None or value is None or low is None or high is None:
+    value, low, high = estimate.value, estimate.ci_low, estimate.ci_high
+    if estimate.status != "ok" or at is None or value is None or low is None or high is None:
         return None
     if low <= 0.0:
         text = f"the interval of {name} at {timing_point} reaches zero. Plan more pulses there."
@@ -158,13 +158,13 @@ def _reaches_zero(cell: CellEstimate, name: str, value: float) -> str:
 
 def _correlations(analysis: StudyAnalysis, label: str | None) -> dict[str, float]:
     """Return timing point -> correlation of the errors of K and B, the mean over people."""
-    found: dict[str, list[float]] = {}
+    correlations: dict[str, list[float]] = {}
     for cell in analysis.cells:
         if cell.covariance is not None and label in (None, cell.label):
             (kk, kb, _), (_, bb, _), _ = cell.covariance
             if kk * bb > 0.0:
-                found.setdefault(cell.timing_point, []).append(float(kb / np.sqrt(kk * bb)))
-    return {point: float(np.mean(values)) for point, values in found.items()}
+                correlations.setdefault(cell.timing_point, []).append(float(kb / np.sqrt(kk * bb)))
+    return {point: float(np.mean(values)) for point, values in correlations.items()}
 
 
 def _covariance(stiffness: Curve, damping: Curve, correlations: dict[str, float]) -> np.ndarray:
@@ -181,7 +181,7 @@ def _covariance(stiffness: Curve, damping: Curve, correlations: dict[str, float]
 
 
 def _of_posterior(posterior: LogPosterior, analysis: StudyAnalysis) -> Impedance:
-    """Return the curves of the method strapped, small displacements where it tells of them."""
+    """Return the curves of the method strapped, for small displacements if it estimates them."""
     small = "stiffness_onset" in posterior.parameters
     names = [f"{name}_onset" if small else name for name in ("stiffness", "damping")]
     places = {

@@ -9,13 +9,7 @@ import numpy as np
 from scipy.stats import t as students_t
 
 from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile, ProfileKnot, mean_velocity
-from jointz.control.knots import (
-    METHOD,
-    Curve,
-    Impedance,
-    measured_impedance,
-    published_impedance,
-)
+from jointz.control.knots import METHOD, Curve, Impedance, measured_impedance, published_impedance
 from jointz.core.errors import DataError
 from jointz.core.events import row_label
 from jointz.core.provenance import now, software
@@ -120,10 +114,7 @@ def impedance_profile(
         "joint": analysis.settings["joint"],
         "positive": analysis.settings["positive"],
         "side": strides[0].side if label is not None else "",
-        "provenance": {
-            "created": now(),
-            "study_sha256": analysis.provenance.get("study_sha256"),
-        },
+        "provenance": {"created": now(), "study_sha256": analysis.provenance.get("study_sha256")},
     }
     made = _made(impedance, gait, about, own_kg)
     return made if mass_kg is None else made.for_mass(mass_kg)
@@ -200,7 +191,7 @@ def _measured_gait(
     one = [_average(gaits) for gaits in people.values()]  # sessions and sides first
     gait = one[0] if label is not None else _over_people(one)
     if not with_moment:
-        return _with_published_moment(analysis, gait, mass_kg)
+        return _with_moment_of_others(analysis, gait, mass_kg)
     n, all_people = len(one), len({stride.participant for stride in strides})
     if n < all_people:
         text = f"the mean stride is that of the {n} of {all_people} people with a moment"
@@ -293,9 +284,9 @@ def _lag(
     analysis: StudyAnalysis, stride: MeanStride, calibration: Mapping[str, Any]
 ) -> tuple[float, float, bool]:
     """Return the lag of the angle with its sd, s, and whether anything is known of it."""
-    own = row_label(stride.participant, stride.session, stride.side)
-    found = (p for c in analysis.cells if c.label == own for p in c.nuisance)
-    lag = next((p for p in found if p.name == "angle_lag"), None)
+    label = row_label(stride.participant, stride.session, stride.side)
+    nuisances = (p for c in analysis.cells if c.label == label for p in c.nuisance)
+    lag = next((p for p in nuisances if p.name == "angle_lag"), None)
     if lag is not None and lag.value is not None and lag.ci_high is not None:
         return lag.value, (lag.ci_high - lag.value) / REACH_95, True
     measured = calibration.get("angle_lag_s")
@@ -317,20 +308,13 @@ def _later(curve: np.ndarray, cycles: float) -> np.ndarray:
 def _published_gait() -> _Gait:
     """Return the published stride of the knee, for 1 kg."""
     sd = np.full(GRID_PCT.size, published.ANGLE_SD_RAD)
-    gait = _Gait(
-        published.published_angle(GRID_PCT),
-        sd,
-        sd,
-        sd,
-        sd,
-        sd,
-        published.STRIDE_S,
-        {"angle": published.SOURCE.format(sd=f"{published.ANGLE_SD_RAD} rad")},
-    )
-    return _with_moment_of_books(gait, 1.0)
+    sources = {"angle": published.SOURCE.format(sd=f"{published.ANGLE_SD_RAD} rad")}
+    angle, no_moment = published.published_angle(GRID_PCT), np.zeros(GRID_PCT.size)
+    moments = no_moment, no_moment, no_moment
+    return _with_published_moment(_Gait(angle, sd, sd, *moments, published.STRIDE_S, sources), 1.0)
 
 
-def _with_published_moment(analysis: StudyAnalysis, gait: _Gait, mass_kg: float) -> _Gait:
+def _with_moment_of_others(analysis: StudyAnalysis, gait: _Gait, mass_kg: float) -> _Gait:
     joint, positive = analysis.settings["joint"], analysis.settings["positive"]
     if (joint, positive) != ("knee", "flexion"):
         raise DataError(
@@ -338,15 +322,15 @@ def _with_published_moment(analysis: StudyAnalysis, gait: _Gait, mass_kg: float)
             "a knee with flexion positive. Give the moment of inverse dynamics as a channel "
             "joint_moment and analyse again."
         )
-    made = _with_moment_of_books(gait, mass_kg)
+    gait = _with_published_moment(gait, mass_kg)
     text = (
         "no internal moment was recorded: a published one of other people was taken, and the "
         "equilibrium angle is theirs as much as this person's"
     )
-    return replace(made, warnings=(*gait.warnings, text))
+    return replace(gait, warnings=(*gait.warnings, text))
 
 
-def _with_moment_of_books(gait: _Gait, mass_kg: float) -> _Gait:
+def _with_published_moment(gait: _Gait, mass_kg: float) -> _Gait:
     sd = np.full(GRID_PCT.size, mass_kg * published.MOMENT_SD_NM_KG)
     moment = mass_kg * published.published_moment(GRID_PCT)
     source = published.SOURCE.format(sd=f"{published.MOMENT_SD_NM_KG} N*m/kg")
@@ -395,10 +379,7 @@ def _made(
         ci_level=_LEVEL,
         ci_method=f"{METHOD}; equilibrium by {_DRAWS} draws of all errors",
         warnings=(*impedance.warnings, *gait.warnings),
-        **{
-            **about,
-            "provenance": {**software(), "seed": _SEED, **about.get("provenance", {})},
-        },
+        **{**about, "provenance": {**software(), "seed": _SEED, **about.get("provenance", {})}},
     )
 
 

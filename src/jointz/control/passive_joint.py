@@ -57,13 +57,13 @@ def fit_clutch(angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> C
     """
     n = angle.size
     turn = (np.arange(n)[:, None] + np.arange(n)) % n  # row: first node; column: nodes after it
-    stretch, drag, wanted = angle[:, None] - angle[turn], -velocity[turn], torque[turn]
+    stretch, drag, target = angle[:, None] - angle[turn], -velocity[turn], torque[turn]
     inside = _two_parameters(
         *(np.cumsum(a * b, axis=1) for a, b in (
-            (stretch, stretch), (stretch, drag), (drag, drag), (stretch, wanted), (drag, wanted),
+            (stretch, stretch), (stretch, drag), (drag, drag), (stretch, target), (drag, target),
         ))
     )  # fmt: skip
-    moved, worked = np.cumsum(drag * drag, axis=1), np.cumsum(drag * wanted, axis=1)
+    moved, worked = np.cumsum(drag * drag, axis=1), np.cumsum(drag * target, axis=1)
     free, gain = _one_parameter(moved[:, -1:] - moved, worked[:, -1:] - worked)
     total = (inside[2] + gain)[:, 1 : n - 1]
     first, more = divmod(int(np.argmax(total)), total.shape[1])

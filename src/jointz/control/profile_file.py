@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from jointz.control.impedance_profile import GRID_PCT, LAW, PROFILE_UNITS, ImpedanceProfile
+from jointz.control.impedance_profile import (
+    ARRAYS,
+    GRID_PCT,
+    INTERVALS,
+    LAW,
+    PROFILE_UNITS,
+    ImpedanceProfile,
+)
 from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing, whole_file
 from jointz.io.small_files import read_json
 
-_INTERVALS = ("stiffness", "damping", "equilibrium")
-_ARRAYS = (
-    *("gait_pct", "angle", "angle_sd", "moment", "moment_sd"),
-    *(f"{name}{end}" for name in _INTERVALS for end in ("", "_low", "_high")),
-)
 _POSITIVE = ("stiffness", "stiffness_low", "damping", "damping_low")
 _LARGEST_BYTES = 5_000_000
 _AGAIN = "Make the file again: jointz control profile."
@@ -83,20 +85,19 @@ def read_profile(file: str | os.PathLike[str]) -> ImpedanceProfile:
 
 def profile_of(content: Mapping[str, Any], where: str) -> ImpedanceProfile:
     """Return the profile that a file holds; raise DataError if it is none or was edited."""
-    own = {key: value for key, value in content.items() if key != "sha256"}
-    if own.get("schema") != ImpedanceProfile.SCHEMA:
+    hashed = {key: value for key, value in content.items() if key != "sha256"}
+    if (schema := hashed.get("schema")) != ImpedanceProfile.SCHEMA:
         raise DataError(
-            f"{where}: expected schema {ImpedanceProfile.SCHEMA}, got {own.get('schema')!r}. "
-            f"{_AGAIN}"
+            f"{where}: expected schema {ImpedanceProfile.SCHEMA}, got {schema!r}. {_AGAIN}"
         )
-    if content.get("sha256") != _sha256(own):
+    if content.get("sha256") != _sha256(hashed):
         raise DataError(
             f"{where}: was changed after jointz wrote it: its SHA-256 does not fit. A controller "
             f"must not follow numbers of unknown origin. {_AGAIN}"
         )
-    law, units = own.pop("law", None), own.pop("units", None)
+    law, units = hashed.pop("law", None), hashed.pop("units", None)
     try:
-        profile = ImpedanceProfile.from_dict(own)
+        profile = ImpedanceProfile.from_dict(hashed)
     except (ValueError, OverflowError) as exc:  # pydantic's among them
         raise DataError(f"{where}: {exc}. {_AGAIN}") from exc
     problems = list(_problems(profile))
@@ -110,7 +111,7 @@ def profile_of(content: Mapping[str, Any], where: str) -> ImpedanceProfile:
 def _problems(profile: ImpedanceProfile) -> list[str]:
     n = GRID_PCT.size
     problems = [
-        f"{name}: expected {n} numbers" for name in _ARRAYS if getattr(profile, name).shape != (n,)
+        f"{name}: expected {n} numbers" for name in ARRAYS if getattr(profile, name).shape != (n,)
     ]
     problems += [
         f"{name}: expected finite numbers"
@@ -136,7 +137,7 @@ def _contradictions(profile: ImpedanceProfile) -> Iterator[str]:
     for name in _POSITIVE:
         if (getattr(profile, name) <= 0.0).any():
             yield f"{name}: expected > 0"
-    for name in _INTERVALS:
+    for name in INTERVALS:
         low, value, high = (getattr(profile, f"{name}{end}") for end in ("_low", "", "_high"))
         if (low > value).any() or (value > high).any():
             yield f"{name}: expected low <= value <= high"

@@ -49,10 +49,10 @@ def fit_state_machine(profile: ImpedanceProfile) -> StateMachineFit:
     """Return the four states of constant impedance nearest to a profile.
 
     Least squares over the cycle of the torque along the mean stride and for deviations from it of
-    :data:`DEVIATION_RAD` and :data:`DEVIATION_RAD_S`, with stiffness >= 1 N*m/rad
-    and damping >= 0. Stance ends
-    at toe-off (62 % of the cycle) and early swing at the knee's largest flexion, as in that
-    controller; where early stance ends is fitted, among all full % of the cycle.
+    :data:`DEVIATION_RAD` and :data:`DEVIATION_RAD_S`, with stiffness >= 1 N*m/rad and
+    damping >= 0. Stance ends at toe-off (62 % of the cycle) and early swing at the knee's largest
+    flexion, as in that controller; the end of early stance is fitted, among all whole % of the
+    cycle.
     """
     n, toe_off = profile.gait_pct.size, round(ENDS_PCT[1])
     peak = int(np.argmax(np.where(profile.gait_pct > toe_off + _SHORTEST, profile.angle, -np.inf)))
@@ -93,12 +93,12 @@ def segment_fit(profile: ImpedanceProfile, begin: int, end: int) -> tuple[tuple[
         np.column_stack([DEVIATION_RAD * one, none, none, none]),
         np.column_stack([none, DEVIATION_RAD_S * one, none, none]),
     ])  # fmt: skip
-    wanted = np.concatenate(
+    targets = np.concatenate(
         [torque, DEVIATION_RAD * profile.stiffness[at], DEVIATION_RAD_S * profile.damping[at]]
     )
     # The offset is a difference, so that it has a sign.
-    found, residual = nnls(rows, wanted - SOFTEST * rows[:, 0])
-    impedance = SOFTEST + found[0], found[1], found[2] - found[3]
+    solution, residual = nnls(rows, targets - SOFTEST * rows[:, 0])
+    impedance = SOFTEST + solution[0], solution[1], solution[2] - solution[3]
     return tuple(map(float, impedance)), float(residual**2)
 
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from jointz.control.impedance_profile import LAW, PROFILE_UNITS, ImpedanceProfile
+from jointz.control.impedance_profile import INTERVALS, LAW, PROFILE_UNITS, ImpedanceProfile
 from jointz.control.state_machine import StateMachineFit, fit_state_machine
 from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing, whole_file
-
-_LAW_ARRAYS = ("stiffness", "damping", "equilibrium")
 
 
 def export_profile(profile: ImpedanceProfile, file: str | os.PathLike[str]) -> Path:
@@ -101,7 +99,7 @@ def _write_c(profile: ImpedanceProfile, file: Path, stem: str) -> None:
     guard = f"{name.upper()}_{hashlib.sha256(stem.encode()).hexdigest()[:8].upper()}_H"
     lines += [f"#ifndef {guard}", f"#define {guard}", "#include <math.h>"]
     lines.append(f"#define {name.upper()}_NODES {profile.gait_pct.size}")
-    for quantity in _LAW_ARRAYS:
+    for quantity in INTERVALS:
         numbers = ", ".join(repr(value) for value in getattr(profile, quantity).tolist())
         lines.append(f"/* {PROFILE_UNITS[quantity]} */")
         lines.append(

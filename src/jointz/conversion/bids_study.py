@@ -1,6 +1,5 @@
 """A study as a Motion-BIDS folder: recordings in SI and in the study's directions."""
 
-import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,7 +22,7 @@ from jointz.gait.timestamps import rate_hz
 from jointz.identify.preparation.pulses import Pulse
 from jointz.io.bids.bids_read import DESCRIPTION
 from jointz.io.bids.bids_tables import NOTHING, label_of
-from jointz.io.bids.bids_write import MotionChannel, MotionRecording, write_motion
+from jointz.io.bids.bids_write import MotionChannel, MotionRecording, json_text, write_motion
 from jointz.io.formats.columns import file_sha256
 from jointz.io.new_folder import new_folder, write_marker
 from jointz.io.recordings import read_recording
@@ -306,15 +305,15 @@ def _write_top(study: Study, folder: Path, people: Mapping[str, str]) -> None:
         "DatasetType": "raw",
         "GeneratedBy": [{"Name": "jointz", "Version": own_version()}],
     }
-    _text(folder / DESCRIPTION, _json(description))
+    _write_text(folder / DESCRIPTION, json_text(description))
     recorded = [p for p in spec.participants if p.id in people]
     columns, about = _person_columns(recorded)
     rows = [_person_row(p, people[p.id], columns) for p in recorded]
     lines = [["participant_id", "study_id", *columns], *rows]
-    _text(folder / "participants.tsv", "".join("\t".join(line) + "\n" for line in lines))
-    _text(folder / "participants.json", _json(about))
-    _text(folder / "README", _readme(study, len(people)))
-    _text(folder / ".bidsignore", f"{MARKER}\n")
+    _write_text(folder / "participants.tsv", "".join("\t".join(line) + "\n" for line in lines))
+    _write_text(folder / "participants.json", json_text(about))
+    _write_text(folder / "README", _readme(study, len(people)))
+    _write_text(folder / ".bidsignore", f"{MARKER}\n")
 
 
 def _person_columns(people: Sequence[ParticipantSpec]) -> tuple[list[str], dict[str, Any]]:
@@ -348,9 +347,5 @@ def _readme(study: Study, n_people: int) -> str:
     )
 
 
-def _json(content: Mapping[str, Any]) -> str:
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
-
-
-def _text(path: Path, text: str) -> None:
+def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")

@@ -5,9 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from jointz.terminal.file_options import (
-    TextOptions,
-)
+from jointz.terminal.file_options import TextOptions
 from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 
@@ -48,15 +46,8 @@ def convert(
     from jointz.conversion.convert import convert as convert_file
     from jointz.core.study import FilesSpec
 
-    layout = text.layout()
-    conversion = convert_file(
-        source,
-        target,
-        to=to,
-        files=FilesSpec(**layout),
-        lossy=lossy,
-        overwrite=overwrite,
-    )
+    files = FilesSpec(**text.layout())
+    conversion = convert_file(source, target, to=to, files=files, lossy=lossy, overwrite=overwrite)
     if printing.as_json:
         emit_json({"status": "ok", **conversion.to_dict()})
     elif not printing.quiet:

@@ -34,17 +34,6 @@ class Signal:
         """Whether the samples are text."""
         return self.values.dtype.kind == "O"
 
-    def equals(self, other: "Signal") -> bool:
-        """Return whether another signal is the same, sample for sample; NaN equals NaN."""
-        same_words = (self.name, self.unit, self.description) == (
-            other.name,
-            other.unit,
-            other.description,
-        )
-        if not same_words or self.is_text != other.is_text:
-            return False
-        return np.array_equal(self.values, other.values, equal_nan=not self.is_text)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignalGroup:
@@ -87,26 +76,6 @@ class SignalGroup:
             return self.time_s
         return self.start_s + np.arange(self.n_samples) / self.rate_hz
 
-    def equals(self, other: "SignalGroup") -> bool:
-        """Return whether the other has the same content, sample for sample."""
-        same_clock = (self.name, self.rate_hz, self.start_s) == (
-            other.name,
-            other.rate_hz,
-            other.start_s,
-        )
-        stamps, other_stamps = self.time_s, other.time_s
-        if not same_clock or (stamps is None) != (other_stamps is None):
-            return False
-        if (
-            stamps is not None
-            and other_stamps is not None
-            and not np.array_equal(stamps, other_stamps)
-        ):
-            return False
-        return len(self.signals) == len(other.signals) and all(
-            a.equals(b) for a, b in zip(self.signals, other.signals, strict=True)
-        )
-
 
 @dataclass(frozen=True, slots=True)
 class Event:
@@ -131,17 +100,3 @@ class Acquisition:
         names = [group.name for group in self.groups]
         if len(set(names)) < len(names):
             raise ValueError(f"more than one group of one name: {names}")
-
-    def equals(self, other: "Acquisition") -> bool:
-        """Return whether the other has the same content, sample for sample."""
-        return (
-            len(self.groups) == len(other.groups)
-            and all(a.equals(b) for a, b in zip(self.groups, other.groups, strict=True))
-            and list(map(_comparable, self.events)) == list(map(_comparable, other.events))
-            and dict(self.metadata) == dict(other.metadata)
-        )
-
-
-def _comparable(event: Event) -> tuple[float, str, float | None]:
-    """Return an event as a comparable tuple; two unknown durations are equal."""
-    return event.time_s, event.label, None if np.isnan(event.duration_s) else event.duration_s

@@ -40,17 +40,15 @@ class CheckedModel(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        problems = [problem for check in self.checks() for problem in check()]
-        if problems:
-            raise ValidationError.from_exception_data(
-                type(self).__name__,
-                [
-                    InitErrorDetails(
-                        type=PydanticCustomError(INCONSISTENT, "{told}", {"told": p.message}),
-                        loc=p.key,
-                        input=self,
-                    )
-                    for p in problems
-                ],
+        details = [
+            InitErrorDetails(
+                type=PydanticCustomError(INCONSISTENT, "{told}", {"told": problem.message}),
+                loc=problem.key,
+                input=self,
             )
+            for check in self.checks()
+            for problem in check()
+        ]
+        if details:
+            raise ValidationError.from_exception_data(type(self).__name__, details)
         return self

@@ -1,4 +1,4 @@
-"""The signals that ask for a stop: how they are noted, acted on, and made to wait."""
+"""Handling of the signals that ask for a stop: noted, acted on, or held back."""
 
 import _thread
 import atexit

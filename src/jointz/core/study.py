@@ -496,9 +496,8 @@ class StudySpec(_Model):
     def calibration_of(self, recording: RecordingSpec) -> CalibrationSpec:
         """Return the calibration that applies to one recording."""
         person = self.participant(recording.participant)
-        return self.calibration.overridden_by(person.calibration).overridden_by(
-            recording.calibration
-        )
+        of_person = self.calibration.overridden_by(person.calibration)
+        return of_person.overridden_by(recording.calibration)
 
 
 @dataclass(frozen=True, slots=True)

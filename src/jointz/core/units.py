@@ -146,11 +146,8 @@ def conversion(unit: str, si_unit: str) -> tuple[float, float]:
     if source.dimension != target.dimension:
         what, examples = _QUANTITIES.get(si_unit, ("something else", si_unit))
         known_unit = _known_si(source.dimension)
-        measured = (
-            _QUANTITIES[known_unit][0].split(" ", 1)[1]
-            if known_unit
-            else _base_si(source.dimension)
-        )
+        name = _QUANTITIES[known_unit][0].split(" ", 1)[1] if known_unit else ""
+        measured = name or _base_si(source.dimension)
         hint = " A torque is written N*m, not J." if (known_unit, si_unit) == ("J", "N*m") else ""
         raise UnitError(
             f"'{unit}' measures {measured}, expected {what} such as {examples}."
@@ -276,12 +273,10 @@ def _count(number: str) -> Any:
 
 def _resolved(unit: str, name: str) -> str:
     name = _WORDS.get(name.casefold(), name)
-    compact = _NEWTON_METER.fullmatch(name)
-    if compact:
+    if compact := _NEWTON_METER.fullmatch(name):
         seconds = "*second" if compact["second"] else ""
         return f"{_PREFIXES[compact['prefix']]}newton*{_METERS[compact['meter']]}{seconds}"
-    slip = _NEWTON_METER_SLIP.fullmatch(name)
-    if slip:
+    if slip := _NEWTON_METER_SLIP.fullmatch(name):
         raise _unreadable(unit, "N*m*s" if slip["second"] else "N*m")
     candidates = [
         (prefix, whole)

@@ -1,4 +1,4 @@
-"""``jointz demo``: the main job with nothing to bring."""
+"""``jointz demo``: a whole study on simulated people."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,11 +18,11 @@ _QUICK = f"Two simulated people walk {_ALIKE} This takes about 40 seconds."
 
 
 def demo(
-    out: Annotated[Path, typer.Option("--out", help="The demo's folder.")] = Path("jointz-demo"),
+    out: Annotated[Path, typer.Option(help="The demo's folder.")] = Path("jointz-demo"),
     quick: Annotated[
         bool, typer.Option("--quick", help="Two people with 8 pulses a timing point.")
     ] = False,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the simulation.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulation.")] = 1,
     printing: Printing = Printing(),
 ) -> None:
     """Run two walking protocols on the same simulated people and compare them with the truth.

@@ -1,4 +1,4 @@
-"""The demo: simulated people walk two protocols, are analysed, and the truth is set beside."""
+"""The demo: simulated people walk two protocols; their estimates are compared with the truth."""
 
 import json
 import os
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -40,17 +40,19 @@ _PARAMETERS = ("stiffness", "damping", "inertia")
 #: Pulses a timing point of the walks that tell how far pulses of every shape move the joint.
 _TRUTH_PULSES = 8
 
-_COLUMNS = (
-    "participant",
-    "timing_point",
-    "parameter",
-    "truth",
-    "estimate",
-    "ci_low",
-    "ci_high",
-    "error_pct",
-    "covered",
-)
+
+class TruthRow(NamedTuple):
+    """An available estimate beside the truth, in SI."""
+
+    participant: str
+    timing_point: str
+    parameter: str
+    truth: float
+    estimate: float
+    ci_low: float
+    ci_high: float
+    error_pct: float  # of the estimate, % of the truth
+    covered: bool  # whether the interval contains the truth
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +208,7 @@ def truth_table(
     plan: WalkPlan | None = None,
     engine: Engine | None = None,
 ) -> pd.DataFrame:
-    """Set every estimate beside the truth it should have found.
+    """Return every available estimate beside its truth.
 
     Parameters
     ----------
@@ -225,7 +227,7 @@ def truth_table(
     -------
     pandas.DataFrame
         ``participant, timing_point, parameter, truth, estimate, ci_low, ci_high,
-        error_pct, covered``; estimates that do not stand are left out.
+        error_pct, covered``; unavailable estimates are left out.
 
     Raises
     ------
@@ -239,25 +241,16 @@ def truth_table(
         truth = truths[cell.participant].get(cell.timing_point, {})
         for name in _PARAMETERS:
             estimate = cell.parameter(name)
-            if name not in truth or estimate is None:
-                continue
-            if estimate.value is None or not estimate.available:
+            value = None if estimate is None or not estimate.available else estimate.value
+            if estimate is None or value is None or name not in truth:
                 continue
             low, high = estimate.ci_low or 0.0, estimate.ci_high or 0.0
+            error_pct = 100.0 * (value / truth[name] - 1.0)
+            interval = low, high, error_pct, low <= truth[name] <= high
             rows.append(
-                {
-                    "participant": cell.participant,
-                    "timing_point": cell.timing_point,
-                    "parameter": name,
-                    "truth": truth[name],
-                    "estimate": estimate.value,
-                    "ci_low": low,
-                    "ci_high": high,
-                    "error_pct": 100.0 * (estimate.value / truth[name] - 1.0),
-                    "covered": low <= truth[name] <= high,
-                }
+                TruthRow(cell.participant, cell.timing_point, name, truth[name], value, *interval)
             )
-    return pd.DataFrame(rows, columns=_COLUMNS)
+    return pd.DataFrame(rows, columns=TruthRow._fields)
 
 
 def _truths(

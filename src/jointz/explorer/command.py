@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import emit, emit_json
 
 #: Processes: one that estimates, one that reads recordings. Systems without POSIX signal masks use
@@ -19,20 +19,14 @@ def explore(
     study: Annotated[
         Path | None,
         typer.Option(
-            "--study",
-            help="Folder of the study; by default the one with its name beside the results.",
+            help="Folder of the study; by default the one with its name beside the results."
         ),
     ] = None,
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for a free one.")
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0 for a free one.")
     ] = 0,
-    listen: Annotated[
-        str,
-        typer.Option("--listen", help="Address to listen on."),
-    ] = "127.0.0.1",
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    listen: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    printing: Printing = Printing(),
 ) -> None:
     """Explore results in a browser: every pulse, its fit, and the numbers without it.
 
@@ -41,7 +35,6 @@ def explore(
 
     Example: jointz explore results --study my-study
     """
-    del debug, quiet
     from jointz.web.server import require_app
 
     require_app()
@@ -52,7 +45,7 @@ def explore(
     exploration = open_results(results, study=study)
 
     def announce(address: str) -> None:
-        if as_json:
+        if printing.as_json:
             emit_json({"status": "serving", "address": address})
         else:  # also with --quiet: nobody can open the page without its token
             emit(f"Open {address}  (Ctrl-C ends it)")

@@ -54,35 +54,11 @@ class Curve:
     """Estimates over the gait cycle."""
 
     name: str  # name in the legend
-    x: tuple[float | str, ...]  # % of the gait cycle, or names of timing points
-    values: tuple[float | None, ...]  # SI
-    lows: tuple[float | None, ...]  # lower ends of the intervals, SI
-    highs: tuple[float | None, ...]  # upper ends of the intervals, SI
-    # whether each value is at its bound, so that only its upper limit is known
-    bounds: tuple[bool, ...]
+    x: Sequence[float | str]  # % of the gait cycle, or names of timing points
+    estimates: Sequence[ParameterEstimate | PopulationEstimate | None]  # None for a gap
     colour: str  # colour of line and marks
     faint: bool = False  # whether it is one of many in the background
     symbol: str = "circle"  # symbol of the marks
-
-
-def curve_of(
-    name: str,
-    x: Sequence[float | str],
-    estimates: Sequence[ParameterEstimate | PopulationEstimate | None],
-    colour: str,
-    **style: Any,
-) -> Curve:
-    """Return estimates as a curve, with gaps at those that are None."""
-    return Curve(
-        name,
-        tuple(x),
-        tuple(None if p is None else p.value for p in estimates),
-        tuple(None if p is None else p.ci_low for p in estimates),
-        tuple(None if p is None else p.ci_high for p in estimates),
-        tuple(p is not None and p.status == "at_bound" for p in estimates),
-        colour,
-        **style,
-    )
 
 
 def curve_of_cells(
@@ -96,16 +72,16 @@ def curve_of_cells(
     shift: float = 0.0,
 ) -> Curve:
     """Return the available estimates as a curve."""
-    placed = [
+    points = [
         (cell.onset_gait_pct + shift, p)
         for cell in cells
         if cell.onset_gait_pct is not None
         and (p := cell.parameter(parameter)) is not None
         and p.available
     ]
-    placed.sort(key=lambda at: at[0])
-    x, estimates = [x for x, _ in placed], [p for _, p in placed]
-    return curve_of(name, x, estimates, colour, faint=faint, symbol=symbol)
+    points.sort(key=lambda point: point[0])
+    x, estimates = [x for x, _ in points], [p for _, p in points]
+    return Curve(name, x, estimates, colour, faint=faint, symbol=symbol)
 
 
 def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve | None:
@@ -122,7 +98,7 @@ def mean_curve(analysis: StudyAnalysis, parameter: str, *, colour: str) -> Curve
         return None
     rows.sort(key=lambda row: row.onset_gait_pct or 0.0)
     x = [row.onset_gait_pct or 0.0 for row in rows]
-    return curve_of("mean over people", x, rows, colour, symbol="diamond")
+    return Curve("mean over people", x, rows, colour, symbol="diamond")
 
 
 def methods_figure(parameter: str, curves: Sequence[Curve]) -> Figure:
@@ -155,22 +131,23 @@ def _line(curve: Curve) -> dict[str, Any]:
 
 
 def _marks(curve: Curve, x: Sequence[float | str]) -> dict[str, Any]:
-    shown = [
-        high if bound and high is not None else value
-        for value, high, bound in zip(curve.values, curve.highs, curve.bounds, strict=True)
-    ]
-    ends = list(zip(shown, curve.lows, curve.highs, strict=True))
     # At its bound a value is an upper limit: an open triangle, with the bar below it.
-    symbols = ["triangle-down-open" if bound else curve.symbol for bound in curve.bounds]
+    at_bound = [p is not None and p.status == "at_bound" for p in curve.estimates]
+    ends = [(None, None) if p is None else (p.ci_low, p.ci_high) for p in curve.estimates]
+    values = [
+        high if bound and high is not None else None if p is None else p.value
+        for p, bound, (_, high) in zip(curve.estimates, at_bound, ends, strict=True)
+    ]
+    symbols = ["triangle-down-open" if bound else curve.symbol for bound in at_bound]
     return {
         "type": "scatter",
         "name": plain(curve.name),
         "x": list(x),
-        "y": shown,
+        "y": values,
         "error_y": {
             "type": "data", "symmetric": False,
-            "array": [_reach(high, value) for value, _, high in ends],
-            "arrayminus": [_reach(value, low) for value, low, _ in ends],
+            "array": [_reach(high, v) for v, (_, high) in zip(values, ends, strict=True)],
+            "arrayminus": [_reach(v, low) for v, (low, _) in zip(values, ends, strict=True)],
             "color": curve.colour, "thickness": 1.5, "width": 3,
         },
         "marker": {"color": curve.colour, "size": 5 if curve.faint else 9, "symbol": symbols},
@@ -282,15 +259,11 @@ class MethodsTab(Tab):
         self._more.set_options(more, value=None)
         self._more.set_visibility(bool(more))
         points = view.points()
-        self._plot.update_figure(
-            methods_figure(
-                view.parameter,
-                [
-                    self._curve(m, points, METHOD_COLOURS[k % len(METHOD_COLOURS)])
-                    for k, m in enumerate(methods)
-                ],
-            )
-        )
+        curves = [
+            self._curve(m, points, METHOD_COLOURS[k % len(METHOD_COLOURS)])
+            for k, m in enumerate(methods)
+        ]
+        self._plot.update_figure(methods_figure(view.parameter, curves))
         self._table.columns = [
             *table_columns({"point": ""}, align="left"),
             *table_columns({m: method_name(m) for m in methods}, align="right"),
@@ -301,8 +274,8 @@ class MethodsTab(Tab):
 
     def _curve(self, method: str, points: list[str], colour: str) -> Curve:
         estimates = [self._estimate(method, point) for point in points]
-        standing = [p if p is not None and p.available else None for p in estimates]
-        return curve_of(method_label(method), points, standing, colour)
+        available = [p if p is not None and p.available else None for p in estimates]
+        return Curve(method_label(method), points, available, colour)
 
     def _estimate(self, method: str, point: str) -> ParameterEstimate | None:
         cell = cell_of(self._view.explorer.analysis, self._view.person, point, method=method)
@@ -310,9 +283,7 @@ class MethodsTab(Tab):
 
     def _text(self, method: str, point: str) -> str:
         estimate = self._estimate(method, point)
-        if estimate is None:
-            return DASH
-        return estimate_or_status(estimate)
+        return DASH if estimate is None else estimate_or_status(estimate)
 
     def _add(self, event: Any) -> None:
         if isinstance(event.value, str):

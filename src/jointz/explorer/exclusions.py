@@ -27,7 +27,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
-    """Tell which pulses the user excluded; the last line about each counts."""
+    """Return whether the user excluded each pulse; the last line about it counts."""
     by_file: dict[tuple[str, str], list[UserExclusion]] = {}
     for line in reversed(study.user_exclusions):
         by_file.setdefault((line.participant, line.recording), []).append(line)
@@ -39,7 +39,7 @@ def excluded(study: Study, pulses: Iterable[PulseRecord]) -> list[bool]:
 
 
 def is_excluded(study: Study, pulse: PulseRecord) -> bool:
-    """Tell whether the user excluded a pulse."""
+    """Return whether the user excluded a pulse."""
     return excluded(study, [pulse])[0]
 
 
@@ -50,7 +50,7 @@ def last_line(study: Study, pulse: PulseRecord) -> UserExclusion | None:
 
 
 def is_about(line: UserExclusion, pulse: PulseRecord) -> bool:
-    """Tell whether a line of ``exclusions.csv`` is about a pulse."""
+    """Return whether a line of ``exclusions.csv`` is about a pulse."""
     same = (line.participant, line.recording) == (pulse.participant, pulse.recording)
     return same and abs(line.onset_s - pulse.onset_s) < SAME_TIME_S
 

@@ -22,7 +22,6 @@ from jointz.explorer.reestimation import (
 from jointz.explorer.results_files import Exploration
 from jointz.explorer.traces import PulseKey, PulseTrace
 from jointz.io.study_reader import open_study
-from jointz.results.study_analysis import StudyAnalysis
 
 Result = TypeVar("Result")
 
@@ -34,14 +33,14 @@ class Explorer:
     """Results that several pages show: one state, and work that blocks no page."""
 
     def __init__(self, results: Exploration, pool: Executor | None) -> None:
-        self._results = results
+        self.results = results  # the results, the study and new estimates
         self._pool = pool
-        self._analysis = results.current()
+        self.analysis = results.current()  # the current numbers
         self._traces: dict[str, Mapping[PulseKey, PulseTrace]] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._failed: set[str] = set()
         self._stamp = self._file_stamp()
-        self._changed = results.changed()
+        self.changed = results.changed()  # pulses excluded or restored since the analysis
         self.stale = results.stale()  # people whose numbers are older than the exclusions
         # One estimation at a time: another process is left to read recordings.
         self._estimating = asyncio.Lock()
@@ -50,28 +49,13 @@ class Explorer:
         self.problem = ""
         self.working: dict[str, float] = {}  # what is done -> when it began, s
 
-    @property
-    def results(self) -> Exploration:
-        """The results, the study and new estimates."""
-        return self._results
-
-    @property
-    def analysis(self) -> StudyAnalysis:
-        """The current numbers."""
-        return self._analysis
-
-    @property
-    def changed(self) -> tuple[PulseRecord, ...]:
-        """Pulses that were excluded or restored since the analysis."""
-        return self._changed
-
     def traces(self, person_id: str) -> Mapping[PulseKey, PulseTrace] | None:
         """Return a participant's traces, None until they are ready."""
         return self._traces.get(person_id)
 
     def request(self, person_id: str) -> None:
         """Start to read a participant's recordings, unless the traces are there."""
-        if self._results.study is None or person_id in self._traces:
+        if self.results.study is None or person_id in self._traces:
             return
         if (task := f"reading the recordings of {person_id}") not in {*self.working, *self._failed}:
             self._begin(task, self._read(person_id))
@@ -84,7 +68,7 @@ class Explorer:
 
     async def decide(self, pulse: PulseRecord, action: Action, *, reason: str) -> bool:
         """Exclude or restore a pulse in the study; the numbers wait for :meth:`reestimate`."""
-        study = self._results.study
+        study = self.results.study
         if study is None:
             return False
         try:
@@ -93,13 +77,13 @@ class Explorer:
             self._say(str(exc))
             return False
         self._stamp = self._file_stamp()
-        self._take(changed)
+        self._use_study(changed)
         return True
 
     async def check_study(self) -> None:
         """Follow changes of the exclusions by other pages and programs."""
         stamp = self._file_stamp()
-        study = self._results.study
+        study = self.results.study
         if study is None or stamp == self._stamp:
             return
         self._stamp = stamp
@@ -111,14 +95,14 @@ class Explorer:
         if changed.sha256 != study.sha256:
             self._say("study.toml was changed. Analyse the study again, and open the new results.")
             return
-        self._take(changed)
+        self._use_study(changed)
 
     def compare(self, method: str) -> None:
         """Estimate all participants by another method, on the pulses of the numbers shown."""
         if self.stale:
             self._say("Re-estimate first: the numbers shown are from before the exclusions.")
-        elif method in self._results.more_methods():
-            for person in self._results.people:
+        elif method in self.results.more_methods():
+            for person in self.results.people:
                 self._begin(f"estimating {person} by {method}", self._estimate_by(method, person))
 
     def dismiss(self) -> None:
@@ -126,26 +110,26 @@ class Explorer:
         self._failed.clear()
         self._say("")
 
-    def _take(self, study: Study) -> None:
-        self._results = self._results.with_study(study)
+    def _use_study(self, study: Study) -> None:
+        self.results = self.results.with_study(study)
         self._failed.clear()
         self._compare_with_study()
         self._say("")
 
     def _compare_with_study(self) -> None:
         """Find numbers on the pages that are older than the exclusions."""
-        self._changed = self._results.changed()
-        older = self._results.changed(self._analysis.pulses)
+        self.changed = self.results.changed()
+        older = self.results.changed(self.analysis.pulses)
         self.stale = tuple(dict.fromkeys(pulse.participant for pulse in older))
 
-    async def _settle(self) -> None:
+    async def _update_analysis(self) -> None:
         """Compute the analysis that pages show; means over people take a moment."""
         while True:
-            results = self._results
+            results = self.results
             analysis = await asyncio.to_thread(results.current)
-            if results is self._results:
+            if results is self.results:
                 break
-        self._analysis = analysis
+        self.analysis = analysis
         self._compare_with_study()
 
     def _say(self, problem: str) -> None:
@@ -172,37 +156,37 @@ class Explorer:
 
     async def _read(self, person: str) -> None:
         """Read until the numbers did not change meanwhile."""
-        request, analysis = ReestimationRequest.of(self._results.analysed), None
-        while (study := self._results.study) is not None and analysis is not self._analysis:
-            analysis = self._analysis
+        request, analysis = ReestimationRequest.of(self.results.analysed), None
+        while (study := self.results.study) is not None and analysis is not self.analysis:
+            analysis = self.analysis
             traces = await self.call(partial(read_traces, study, person, request, analysis))
             self._traces[person] = traces
         while len(self._traces) > _MOST_TRACED:
             del self._traces[next(iter(self._traces))]
 
     async def _estimate(self, person: str) -> None:
-        request = ReestimationRequest.of(self._results.analysed)
+        request = ReestimationRequest.of(self.results.analysed)
         async with self._estimating:
-            study, began = self._results.study, time.monotonic()
+            study, began = self.results.study, time.monotonic()
             if study is None:
                 return
             result = await self.call(partial(reestimate, study, person, request))
             self.seconds = time.monotonic() - began
-        self._results = self._results.with_result(person, result)
-        await self._settle()
+        self.results = self.results.with_result(person, result)
+        await self._update_analysis()
         await self._read(person)
-        for method in {method for method, other in self._results.others if other == person}:
+        for method in {method for method, other in self.results.others if other == person}:
             self._begin(f"estimating {person} by {method}", self._estimate_by(method, person))
 
     async def _estimate_by(self, method: str, person: str) -> None:
-        request = ReestimationRequest.of(self._results.analysed)
-        study = self._results.study
+        request = ReestimationRequest.of(self.results.analysed)
+        study = self.results.study
         if study is not None:
             work = partial(estimate_by_method, study, person, request, method=method)
             async with self._estimating:
                 cells = await self.call(work)
-            self._results = self._results.with_other(method, person, cells)
-            await self._settle()
+            self.results = self.results.with_other(method, person, cells)
+            await self._update_analysis()
 
     async def call(self, work: Callable[[], Result]) -> Result:
         """Run work where it blocks no page."""
@@ -213,7 +197,7 @@ class Explorer:
             return await asyncio.to_thread(work)
 
     def _file_stamp(self) -> tuple[int, int] | None:
-        study = self._results.study
+        study = self.results.study
         with suppress(OSError):
             if study is not None:
                 stat = (study.root / FILE).stat()

@@ -30,10 +30,9 @@ from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.web.server import require_app, serve
 
 if TYPE_CHECKING:
+    from fastapi import FastAPI
     from nicegui.element import Element
     from nicegui.events import KeyEventArguments
-if TYPE_CHECKING:
-    from fastapi import FastAPI
     from starlette.requests import Request
     from starlette.responses import Response
 
@@ -96,8 +95,7 @@ class ExplorePage:
             ui.label("jointz explore").classes("brand")
             ui.label(str(settings.get("study", ""))).classes("study")
             what = ", ".join(dict.fromkeys([settings["joint"], settings["kind"]]))
-            about = f"{what} · {method_name(settings['method'])}"
-            ui.label(about).classes("about")
+            ui.label(f"{what} · {method_name(settings['method'])}").classes("about")
             ui.space()
             if (self._explorer.results.folder / REPORT).is_file():
                 ui.link("report", f"/report/{REPORT}", new_tab=True).classes("report")
@@ -150,10 +148,10 @@ class ExplorePage:
             task, began = next(iter(explorer.working.items()))
             more = f" and {len(explorer.working) - 1} more" if len(explorer.working) > 1 else ""
             return f"{task}{more} … {time.monotonic() - began:.0f} s"
-        again = ", ".join(explorer.results.reestimated)
+        reestimated = ", ".join(explorer.results.reestimated)
         changed = len(explorer.changed)
         words = [f"{format_count(changed, 'pulse')} changed since the analysis"] if changed else []
-        words += [f"{again} re-estimated, not saved"] if again else []
+        words += [f"{reestimated} re-estimated, not saved"] if reestimated else []
         return " · ".join(words) or "as analysed"
 
     def _show_notices(self) -> None:
@@ -278,9 +276,8 @@ def _switch(dark: "object") -> None:
 
 
 def _onset(cell: CellEstimate | None) -> str:
-    if cell is None or cell.onset_gait_pct is None:
-        return ""
-    return f"{cell.onset_gait_pct:.1f} %"
+    onset_pct = None if cell is None else cell.onset_gait_pct
+    return "" if onset_pct is None else f"{onset_pct:.1f} %"
 
 
 def _short(parameter: ParameterEstimate | None) -> str:
@@ -293,8 +290,8 @@ def explore(
     results: Exploration,
     *,
     pool: Executor | None,
-    host: str = "127.0.0.1",
-    port: int = 0,
+    host: str,
+    port: int,
     announce: Callable[[str], None],
 ) -> None:
     """Serve the explorer until the process ends."""

@@ -58,22 +58,19 @@ def _averages(cell: CellEstimate, quantity: str, scale: float) -> list[dict[str,
     name = f"average by shape, size and sign ({len(cell.responses)})" if parts else "average"
     width, data = 1.8 if parts else 3.0, []
     for k, response in enumerate(cell.responses):
-        time, legend = _list(response.time_s, _MS), {"showlegend": k == 0}
-        average = _list(getattr(response, quantity), scale)
-        data.append(_line(time, average, BLUE, name=name, width=width) | legend)
+        legend, average = {"showlegend": k == 0}, scale * getattr(response, quantity)
+        data.append(_line(response.time_s, average, BLUE, name=name, width=width) | legend)
         if (response.fitted_angle is not None) == (quantity == "angle"):
-            fitted = _list(getattr(response, f"fitted_{quantity}"), scale)
-            data.append(
-                _line(time, fitted, VERMILION, name="fit", width=width, dash="dash") | legend
-            )
+            fitted = scale * getattr(response, f"fitted_{quantity}")
+            line = _line(response.time_s, fitted, VERMILION, name="fit", width=width, dash="dash")
+            data.append(line | legend)
     return [line | {"legendgroup": line["name"]} for line in data]
 
 
 def _overlaid(pulse: Overlaid, quantity: str, scale: float) -> dict[str, Any]:
-    values = getattr(pulse.window, f"response_{quantity}")
     trace = _line(
-        _list(pulse.window.time_s, _MS),
-        _list(values, scale),
+        pulse.window.time_s,
+        scale * getattr(pulse.window, f"response_{quantity}"),
         _FAINT if pulse.used else VERMILION,
         name=f"pulse {pulse.number + 1}",
         width=1,
@@ -99,29 +96,24 @@ def pulse_figure(trace: PulseTrace | None, window: Window | None) -> Figure:
 def _measured(
     trace: PulseTrace, window: Window | None, quantity: str, scale: float, *, panel: int
 ) -> list[dict[str, Any]]:
-    recorded = _list(getattr(trace, quantity), scale)
-    lines = [_line(_list(trace.time_s, _MS), recorded, GREY, name="recorded", width=1.3)]
+    recorded = scale * getattr(trace, quantity)
+    lines = [_line(trace.time_s, recorded, GREY, name="recorded", width=1.3)]
     if window is not None:
-        time = _list(window.time_s, _MS)
-        measured = _list(getattr(window, quantity), scale)
-        baseline = _list(getattr(window, f"baseline_{quantity}"), scale)
-        lines.append(_line(time, measured, BLUE, name="measured", width=2.4))
-        lines.append(_line(time, baseline, GREEN, name="baseline", width=2, dash="dash"))
+        measured = scale * getattr(window, quantity)
+        baseline = scale * getattr(window, f"baseline_{quantity}")
+        lines.append(_line(window.time_s, measured, BLUE, name="measured", width=2.4))
+        lines.append(_line(window.time_s, baseline, GREEN, name="baseline", width=2, dash="dash"))
     return [_on(line, panel, legend=panel == 1) for line in lines]
 
 
 def _response(window: Window, quantity: str, scale: float, *, panel: int) -> list[dict[str, Any]]:
-    time = _list(window.time_s, _MS)
-    response = _list(getattr(window, f"response_{quantity}"), scale)
-    lines = [
-        _on(_line(time, response, PURPLE, name="response", width=2.4), panel, legend=panel == 3)
-    ]
-    residual = window.residual
-    if window.fitted is not None and residual is not None and window.fits == quantity:
-        fitted = _line(
-            time, _list(window.fitted, scale), VERMILION, name="fit", width=2, dash="dash"
-        )
-        error = _line(time, _list(residual, scale), AMBER, name="residual", width=1.6)
+    time_s, values = window.time_s, scale * getattr(window, f"response_{quantity}")
+    response = _line(time_s, values, PURPLE, name="response", width=2.4)
+    lines = [_on(response, panel, legend=panel == 3)]
+    fit, residual = window.fitted, window.residual
+    if fit is not None and residual is not None and window.fits == quantity:
+        fitted = _line(time_s, scale * fit, VERMILION, name="fit", width=2, dash="dash")
+        error = _line(time_s, scale * residual, AMBER, name="residual", width=1.6)
         error |= {"fill": "tozeroy", "fillcolor": "rgba(217,154,28,0.15)"}
         lines += [_on(fitted, panel, legend=True), _on(error, panel, legend=True)]
     return lines
@@ -152,19 +144,20 @@ def _pulse_layout(window: Window | None) -> dict[str, Any]:
 
 
 def _line(
-    x: list[float | None],
-    y: list[float | None],
+    time_s: np.ndarray,
+    values: np.ndarray,
     colour: str,
     *,
     name: str,
     width: float,
     dash: str = "solid",
 ) -> dict[str, Any]:
+    """Return a line over time in ms."""
     return {
         "type": "scatter",
         "mode": "lines",
-        "x": x,
-        "y": y,
+        "x": _list(_MS * time_s),
+        "y": _list(values),
         "name": name,
         "line": {"color": colour, "width": width, "dash": dash},
         "hovertemplate": "%{x:.0f} ms: %{y:.4g}<extra>" + name + "</extra>",
@@ -182,8 +175,6 @@ def _on(line: dict[str, Any], panel: int, *, legend: bool) -> dict[str, Any]:
     }
 
 
-def _list(values: np.ndarray, scale: float) -> list[float | None]:
+def _list(values: np.ndarray) -> list[float | None]:
     """Return numbers for JSON, to five digits; NaN becomes None."""
-    return [
-        None if value != value else float(f"{value:.5g}") for value in (scale * values).tolist()
-    ]
+    return [None if value != value else float(f"{value:.5g}") for value in values.tolist()]

@@ -115,13 +115,9 @@ def pulse_traces(
     traces: dict[PulseKey, PulseTrace] = {}
     for unit, group in recording_groups(recordings, settings.kind):
         if unit is not None:
-            own = (participant, *unit)
-            cells = [
-                c
-                for c in (*analysis.cells, *analysis.comparison)
-                if (c.participant, c.session, c.side) == own
-            ]
-            pulses = [p for p in analysis.pulses if (p.participant, p.session, p.side) == own]
+            key, estimates = (participant, *unit), (*analysis.cells, *analysis.comparison)
+            cells = [c for c in estimates if (c.participant, c.session, c.side) == key]
+            pulses = [p for p in analysis.pulses if (p.participant, p.session, p.side) == key]
             traces |= _group_traces(participant, group, settings, cells, pulses)
     return traces
 
@@ -142,15 +138,15 @@ def _group_traces(
         if method == FULL_RECORD:
             continue  # it fits whole trials and has no windows
         name = _written_name(cells) if method == BAYESIAN else method
-        own = {cell.timing_point: cell for cell in cells if cell.method == name}
+        cell_at = {cell.timing_point: cell for cell in cells if cell.method == name}
         windows_of_method = (
             _predicted(data, without_pulse_exclusions, pulses, turned=name == RIGID)
             if method == BAYESIAN
             else _filtered(participant, method, sources, without_pulse_exclusions)
         )
         for key, label, window in windows_of_method:
-            counted = replace(window, shape=-1) if key in excluded else window
-            windows[key][name] = _with_fit(counted, own.get(label))
+            averaged = replace(window, shape=-1) if key in excluded else window
+            windows[key][name] = _with_fit(averaged, cell_at.get(label))
     return _with_surroundings(pulses, sources, windows)
 
 
@@ -259,10 +255,10 @@ def _with_fit(window: Window, cell: CellEstimate | None) -> Window:
     if cell is None or not 0 <= window.shape < len(cell.responses):
         return window
     response = cell.responses[window.shape]
-    angle = response.fitted_angle is not None
-    fitted = response.fitted_angle if response.fitted_angle is not None else response.fitted_torque
-    on_own_time = np.interp(window.time_s, response.time_s, fitted, left=np.nan, right=np.nan)
-    return replace(window, fitted=on_own_time, fits="angle" if angle else "torque")
+    fits = "torque" if response.fitted_angle is None else "angle"
+    curve = getattr(response, f"fitted_{fits}")
+    fitted = np.interp(window.time_s, response.time_s, curve, left=np.nan, right=np.nan)
+    return replace(window, fitted=fitted, fits=fits)
 
 
 def _with_surroundings(

@@ -224,10 +224,7 @@ def strikes_from_count(time: np.ndarray, count: np.ndarray) -> HeelStrikes:
 
 
 _INTERPOLATED = ("voltage", "force")
-_FOOTSWITCHES = {
-    "contact": strikes_from_contact,
-    "pulse": strikes_from_pulse,
-}
+_FOOTSWITCHES = {"contact": strikes_from_contact, "pulse": strikes_from_pulse}
 
 
 def _none(method: str) -> HeelStrikes:
@@ -282,8 +279,7 @@ def _without_drift(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 def _from_levels(
     t: np.ndarray, x: np.ndarray, coarse: tuple[float, float], *, method: str
 ) -> HeelStrikes:
-    thresholds = _thresholds(x, coarse)
-    if thresholds is None:
+    if (thresholds := _thresholds(x, coarse)) is None:
         return _none(method)
     return _trigger(t, x, thresholds, method=method)
 

@@ -48,14 +48,9 @@ def rate_of_lengths(
     order = np.argsort(onset_s[known], kind="stable")
     onsets, stated = onset_s[known][order], duration_s[known][order]
     following = np.append(onsets[1:], np.inf)
-    ratios = np.array(
-        [
-            _lengths(time, signal, onset, length, after) / length
-            for onset, length, after in zip(
-                onsets.tolist(), stated.tolist(), following.tolist(), strict=True
-            )
-        ]
-    ).reshape(-1, len(_LEVELS))
+    pulses = zip(onsets.tolist(), stated.tolist(), following.tolist(), strict=True)
+    measured = [_lengths(time, signal, *pulse) / pulse[1] for pulse in pulses]
+    ratios = np.array(measured).reshape(-1, len(_LEVELS))
     ratios = ratios[np.isfinite(ratios).all(axis=1)]
     if len(ratios) < max(_FEWEST_PULSES, 0.5 * onsets.size):
         return None

@@ -4,14 +4,7 @@ from typing import Annotated
 
 import typer
 
-from jointz.terminal.file_options import (
-    Figure,
-    File,
-    Rate,
-    TextOptions,
-    Time,
-    given_columns,
-)
+from jointz.terminal.file_options import Figure, File, Rate, TextOptions, Time, given_columns
 from jointz.terminal.options import Printing
 from jointz.terminal.printout import Output
 
@@ -29,16 +22,14 @@ def static(
     direction: Annotated[
         str | None,
         typer.Option(
-            "--direction",
             help="COL whose sign says which way the angle moves, such as its low-passed velocity. "
-            "With it friction is fitted, too; samples where it is 0 are left out.",
+            "With it friction is fitted, too; samples where it is 0 are left out."
         ),
     ] = None,
     time: Time = None,
     rate: Rate = None,
     cutoff_hz: Annotated[
-        float | None,
-        typer.Option("--cutoff-hz", help="Low-pass of angle and torque, by default none."),
+        float | None, typer.Option(help="Low-pass of angle and torque, by default none.")
     ] = None,
     figure: Figure = None,
     text: TextOptions = TextOptions(),
@@ -68,17 +59,14 @@ def dither(
     file: File,
     angle: Angle,
     torque: Torque,
-    frequency_hz: Annotated[
-        float, typer.Option("--frequency-hz", help="Frequency of the dither, Hz.")
-    ],
+    frequency_hz: Annotated[float, typer.Option(help="Frequency of the dither, Hz.")],
     time: Time = None,
     rate: Rate = None,
     inertia: Annotated[
         str,
         typer.Option(
-            "--inertia",
             help="VALUE[:unit] of the inertia that moves with the angle (kg*m^2); its torque is "
-            "subtracted.",
+            "subtracted."
         ),
     ] = "0",
     figure: Figure = None,

@@ -33,23 +33,18 @@ Sign = Literal["1", "-1"]
 
 def actuator(
     file: File,
-    current: Annotated[str, typer.Option("--current", help="COL[:unit] of the current (A).")],
-    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque sensor (N*m).")],
-    gear_ratio: Annotated[
-        float, typer.Option("--gear-ratio", help="Motor turns a turn of the output.")
-    ],
+    current: Annotated[str, typer.Option(help="COL[:unit] of the current (A).")],
+    torque: Annotated[str, typer.Option(help="COL[:unit] of the torque sensor (N*m).")],
+    gear_ratio: Annotated[float, typer.Option(help="Motor turns a turn of the output.")],
     velocity: Annotated[
         str | None,
-        typer.Option(
-            "--velocity", help="COL[:unit] of the output's speed (rad/s); current needs none."
-        ),
+        typer.Option(help="COL[:unit] of the output's speed (rad/s); current needs none."),
     ] = None,
     acceleration: Annotated[
         str | None,
         typer.Option(
-            "--acceleration",
             help="COL[:unit] of the output's acceleration (rad/s^2); without it the differenced "
-            "speed, where --time or --rate is given.",
+            "speed, where --time or --rate is given."
         ),
     ] = None,
     time: Time = None,
@@ -57,26 +52,19 @@ def actuator(
     model: Annotated[
         TorqueModel,
         typer.Option(
-            "--model",
             help="current (3.1); motor (3.2): viscous friction, rotor inertia; friction (3.3): "
-            "Coulomb and gear friction, rotor inertia.",
+            "Coulomb and gear friction, rotor inertia."
         ),
     ] = "friction",
     torque_sign: Annotated[
-        Sign, typer.Option("--torque-sign", help="-1: the sensor counts against the motor.")
+        Sign, typer.Option(help="-1: the sensor counts against the motor.")
     ] = "1",
     rotor_inertia: Annotated[
-        str | None,
-        typer.Option(
-            "--rotor-inertia", help="VALUE[:unit] at the output (kg*m^2): given, not fitted."
-        ),
+        str | None, typer.Option(help="VALUE[:unit] at the output (kg*m^2): given, not fitted.")
     ] = None,
     smooth_velocity: Annotated[
         str | None,
-        typer.Option(
-            "--smooth-velocity",
-            help="VALUE[:unit] s (rad/s): tanh(velocity/s) in place of the sign.",
-        ),
+        typer.Option(help="VALUE[:unit] s (rad/s): tanh(velocity/s) in place of the sign."),
     ] = None,
     figure: Figure = None,
     text: TextOptions = TextOptions(),
@@ -119,27 +107,18 @@ Method = Literal["welch", "blackman_tukey"]
 
 def bandwidth(
     file: File,
-    command: Annotated[
-        str, typer.Option("--command", help="COL[:unit] of the commanded torque (N*m).")
-    ],
-    torque: Annotated[
-        str, typer.Option("--torque", help="COL[:unit] of the measured torque (N*m).")
-    ],
+    command: Annotated[str, typer.Option(help="COL[:unit] of the commanded torque (N*m).")],
+    torque: Annotated[str, typer.Option(help="COL[:unit] of the measured torque (N*m).")],
     time: Time = None,
     rate: Rate = None,
-    method: Annotated[
-        Method, typer.Option("--method", help="How the spectra are estimated.")
-    ] = "welch",
+    method: Annotated[Method, typer.Option(help="How the spectra are estimated.")] = "welch",
     window_s: Annotated[
         float | None,
         typer.Option(
-            "--window-s",
-            help="Length of a Welch segment, or longest lag, s; chosen from the record by default.",
+            help="Length of a Welch segment, or longest lag, s; chosen from the record by default."
         ),
     ] = None,
-    drop_db: Annotated[
-        float, typer.Option("--drop-db", help="Loss of gain that ends the bandwidth, dB.")
-    ] = 3.0,
+    drop_db: Annotated[float, typer.Option(help="Loss of gain that ends the bandwidth, dB.")] = 3.0,
     figure: Figure = None,
     text: TextOptions = TextOptions(),
     printing: Printing = Printing(),
@@ -219,14 +198,13 @@ def _identify() -> None:
     """Identify a model from one time series."""
 
 
-@identify.command("joint")
+@identify.command()
 def joint(
     file: File,
-    angle: Annotated[str, typer.Option("--angle", help="COL[:unit] of the angle (rad).")],
-    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque (N*m).")],
+    angle: Annotated[str, typer.Option(help="COL[:unit] of the angle (rad).")],
+    torque: Annotated[str, typer.Option(help="COL[:unit] of the torque (N*m).")],
     command: Annotated[
-        str | None,
-        typer.Option("--command", help="COL[:unit] of the commanded torque (N*m)."),
+        str | None, typer.Option(help="COL[:unit] of the commanded torque (N*m).")
     ] = None,
     time: Time = None,
     rate: Rate = None,
@@ -235,26 +213,23 @@ def joint(
     model: Annotated[
         Model,
         typer.Option(
-            "--model",
             help="kbj: stiffness, damping, inertia. irf: impulse response, frf: frequency "
             "response, both with the second-order joint behind them. reflex: stiffness, damping, "
-            "inertia beside a stretch reflex with gain and delay.",
+            "inertia beside a stretch reflex with gain and delay."
         ),
     ] = "kbj",
     estimator: Annotated[
         Estimator | None,
         typer.Option(
-            "--estimator",
             help="Of kbj. By default least_squares for angle input; for torque input "
-            "instrumental_variable with --command, else admittance.",
+            "instrumental_variable with --command, else admittance."
         ),
     ] = None,
     cutoff_hz: Annotated[
         float | None,
         typer.Option(
-            "--cutoff-hz",
             help="kbj, reflex: low-pass of all signals, by default 30 and 20 Hz. irf, frf: end of "
-            "the band, by default where the coherence is lost.",
+            "the band, by default where the coherence is lost."
         ),
     ] = None,
     figure: Figure = None,
@@ -289,10 +264,5 @@ def joint(
     output.report(with_doubtful_values(fit), columns, file=file)
 
 
-identify.command("actuator")(actuator)
-identify.command("bandwidth")(bandwidth)
-identify.command("static")(static)
-identify.command("dither")(dither)
-identify.command("time-varying")(time_varying)
-identify.command("phase-curve")(phase_curve)
-identify.command("stride")(stride)
+for _command in (actuator, bandwidth, static, dither, time_varying, phase_curve, stride):
+    identify.command()(_command)

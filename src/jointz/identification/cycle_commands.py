@@ -34,26 +34,23 @@ Out = Annotated[
 
 def time_varying(
     file: File,
-    angle: Annotated[str, typer.Option("--angle", help="COL[:unit] of the angle (rad).")],
-    torque: Annotated[str, typer.Option("--torque", help="COL[:unit] of the torque (N*m).")],
+    angle: Annotated[str, typer.Option(help="COL[:unit] of the angle (rad).")],
+    torque: Annotated[str, typer.Option(help="COL[:unit] of the torque (N*m).")],
     command: Annotated[
-        str | None,
-        typer.Option("--command", help="COL[:unit] of the commanded random torque (N*m)."),
+        str | None, typer.Option(help="COL[:unit] of the commanded random torque (N*m).")
     ] = None,
     contact: Annotated[
-        str | None, typer.Option("--contact", help="COL of a footswitch, for the heel strikes.")
+        str | None, typer.Option(help="COL of a footswitch, for the heel strikes.")
     ] = None,
     force: Annotated[
         str | None,
         typer.Option(
-            "--force",
-            help="COL[:unit] of the vertical ground reaction force (N), for the heel strikes.",
+            help="COL[:unit] of the vertical ground reaction force (N), for the heel strikes."
         ),
     ] = None,
     heel_strikes: Annotated[
         Path | None,
         typer.Option(
-            "--heel-strikes",
             dir_okay=False,
             help="Text file with the times of the heel strikes (s), one in each line, on the clock "
             "of --time; with --rate from 0.",
@@ -64,26 +61,19 @@ def time_varying(
     perturbed: Input = "torque",
     torque_acts_on: TorqueActsOn = "joint",
     segment_s: Annotated[
-        float, typer.Option("--segment-s", help="Length of the segments about each phase, s.")
+        float, typer.Option(help="Length of the segments about each phase, s.")
     ] = 0.1,
-    n_phases: Annotated[
-        int, typer.Option("--n-phases", help="Phases, evenly over the cycle.")
-    ] = 50,
-    cutoff_hz: Annotated[
-        float, typer.Option("--cutoff-hz", help="Low-pass of all signals.")
-    ] = 20.0,
+    n_phases: Annotated[int, typer.Option(help="Phases, evenly over the cycle.")] = 50,
+    cutoff_hz: Annotated[float, typer.Option(help="Low-pass of all signals.")] = 20.0,
     length_s: Annotated[
         float | None,
         typer.Option(
-            "--length-s",
             help="Longest lag of the impulse response, s; by default 0.3 for torque input, 0.04 to "
-            "each side for angle input.",
+            "each side for angle input."
         ),
     ] = None,
-    resamples: Annotated[
-        int, typer.Option("--resamples", help="Bootstrap resamples of the strides.")
-    ] = 1000,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling.")] = 0,
+    resamples: Annotated[int, typer.Option(help="Bootstrap resamples of the strides.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the resampling.")] = 0,
     out: Out = None,
     figure: Figure = None,
     text: TextOptions = TextOptions(),
@@ -138,23 +128,20 @@ def time_varying(
 
 def phase_curve(
     results: Annotated[
-        Path,
-        typer.Argument(file_okay=False, help="Results folder of jointz analyze, walking."),
+        Path, typer.Argument(file_okay=False, help="Results folder of jointz analyze, walking.")
     ],
     participant: Annotated[
         str | None,
         typer.Option(
-            "--participant",
             help="One participant, with session and side if the study has them, such as "
-            "'S01, left'; by default all participants and the mean over them.",
+            "'S01, left'; by default all participants and the mean over them."
         ),
     ] = None,
     parameter: Annotated[
         list[str] | None,
         typer.Option(
-            "--parameter",
             help="Such as stiffness; may be repeated. By default stiffness, damping and both per "
-            "kg. The figure shows the first.",
+            "kg. The figure shows the first."
         ),
     ] = None,
     out: Out = None,

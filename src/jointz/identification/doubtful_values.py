@@ -1,4 +1,4 @@
-"""Values of a joint that a reflex in the record biases: shown with their warning, no estimates."""
+"""Values of a joint that a reflex in the record biases: printed as doubtful, with a warning."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,7 +9,7 @@ DOUBTFUL = "doubtful"
 
 
 def with_doubtful_values(fit: Any) -> Any:
-    """Return a fit whose undecided K, B and J have their values, where a reflex is why."""
+    """Return a fit with the values of K, B and J that are undecided because of a reflex."""
     check = getattr(fit, "check", None)
     reflex = isinstance(check, SecondOrderCheck) and check.finding == "reflex"
     if not reflex or fit.status != "undecided":

@@ -1,4 +1,4 @@
-"""Identify one recording that stands in a file by itself."""
+"""Identification of a single recording file."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

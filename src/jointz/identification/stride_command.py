@@ -5,11 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from jointz.terminal.file_options import (
-    Figure,
-    TextOptions,
-    given_columns,
-)
+from jointz.terminal.file_options import Figure, TextOptions, given_columns
 from jointz.terminal.options import Printing
 from jointz.terminal.printout import Output, check_table, file_origin
 
@@ -27,37 +23,27 @@ def stride(
         ),
     ],
     angle: Annotated[
-        str, typer.Option("--angle", help="COL[:unit] of the angle, 0 at neutral posture (rad).")
+        str, typer.Option(help="COL[:unit] of the angle, 0 at neutral posture (rad).")
     ],
     torque: Annotated[
         str | None,
-        typer.Option(
-            "--torque", help="COL[:unit] of the torque on the joint (N*m), positive as the angle."
-        ),
+        typer.Option(help="COL[:unit] of the torque on the joint (N*m), positive as the angle."),
     ] = None,
     torque_per_mass: Annotated[
-        str | None,
-        typer.Option(
-            "--torque-per-mass", help="In place of --torque: COL[:unit] per body mass (N*m/kg)."
-        ),
+        str | None, typer.Option(help="In place of --torque: COL[:unit] per body mass (N*m/kg).")
     ] = None,
     gait_pct: Annotated[
         str | None,
         typer.Option(
-            "--gait-pct",
             help="COL[:unit] of the phase (% of the gait cycle); by default the rows lie evenly "
-            "from 0 to 100 %.",
+            "from 0 to 100 %."
         ),
     ] = None,
     window_pct: Annotated[
-        float,
-        typer.Option(
-            "--window-pct", help="Width of the window of the local slope, % of the cycle."
-        ),
+        float, typer.Option(help="Width of the window of the local slope, % of the cycle.")
     ] = 6.0,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", help="Write a csv file, one row a timing point and measure."),
+        Path | None, typer.Option(help="Write a csv file, one row a timing point and measure.")
     ] = None,
     figure: Figure = None,
     text: TextOptions = TextOptions(),

@@ -97,8 +97,8 @@ METHODS = Methods()
 @cache
 def _entries() -> Mapping[str, EntryPoint]:
     """Return the entry points by method; other packages cannot replace the methods of jointz."""
-    own = {name: EntryPoint(name, place, GROUP) for name, place in BUILT_IN.items()}
-    return own | {e.name: e for e in entry_points(group=GROUP) if e.name not in own}
+    built_in = {name: EntryPoint(name, value, GROUP) for name, value in BUILT_IN.items()}
+    return built_in | {e.name: e for e in entry_points(group=GROUP) if e.name not in built_in}
 
 
 @cache

@@ -19,11 +19,7 @@ from jointz.core.recording import damage_near, damage_of
 from jointz.gait.heel_strikes import is_unclean_switch
 from jointz.gait.timestamps import find_gaps, rate_hz
 from jointz.identify.estimators import METHODS, Estimates, ParticipantData
-from jointz.identify.over_cycle.stride_curves import (
-    StrideCurves,
-    mean_strides,
-    stride_curves,
-)
+from jointz.identify.over_cycle.stride_curves import StrideCurves, mean_strides, stride_curves
 from jointz.identify.prediction.clock_checks import clock_failure
 from jointz.identify.preparation.calibration import value_of
 from jointz.identify.preparation.channel_clocks import clock_notes
@@ -106,12 +102,12 @@ def _analyze_group(
 ) -> ParticipantResult:
     """Estimate a session and side; recordings that another group has reported are not repeated."""
     sources = prepare_sources(recordings, settings)
-    new = [s for s, given in zip(sources, recordings, strict=True) if id(given) not in reported]
+    new = [s for s, r in zip(sources, recordings, strict=True) if id(r) not in reported]
     data = ParticipantData(participant, sources)
     estimates = {name: METHODS[name].estimate(data, settings) for name in settings.methods}
     chosen = settings.methods[0]
     cells, notes = check_estimates(estimates[chosen], sources, settings)
-    # The methods that are compared keep all that may be.
+    # The methods to compare with keep their values, unless too few pulses or their sign forbid it.
     estimates = {
         name: replace(e, cells=cells if name == chosen else decided_cells(e.cells, settings))
         for name, e in estimates.items()
@@ -129,15 +125,13 @@ def _analyze_group(
             for name, e in estimates.items()
         },
         single=next((e.single for e in estimates.values() if e.single), ()),
-        pulses=tuple(
-            replace(p, session=session, side=side) for p in estimates[settings.methods[0]].pulses
-        ),
+        pulses=tuple(replace(p, session=session, side=side) for p in estimates[chosen].pulses),
         strides=tuple(r for source in new for r in _stride_records(participant, source, settings)),
         gaps=tuple(
-            GapRecord(participant, given.file, float(a), float(b - a))
-            for given in recordings  # before short gaps were filled
-            if id(given) not in reported
-            for a, b in find_gaps(given.recording["time"].to_numpy())
+            GapRecord(participant, r.file, float(start), float(end - start))
+            for r in recordings  # before short gaps were filled
+            if id(r) not in reported
+            for start, end in find_gaps(r.recording["time"].to_numpy())
         ),
         log_posteriors=tuple(replace(p, session=session, side=side) for p in log_posteriors),
         curves=stride_curves(participant, sources) if settings.kind.by_gait else (),
@@ -204,22 +198,21 @@ def _stride_records(
         )
 
 
-#: Failures whatever a method says: torque or clock are not those of the pulses.
-_OF_TORQUE_OR_CLOCK = (
-    Failure.TORQUE_UNLIKE_COMMAND,
-    Failure.OUT_OF_STEP,
-    Failure.CLOCKS_DRIFT,
-)
+#: Failures that also make limits wrong: torque or clock do not belong to the pulses.
+_OF_TORQUE_OR_CLOCK = (Failure.TORQUE_UNLIKE_COMMAND, Failure.OUT_OF_STEP, Failure.CLOCKS_DRIFT)
 
 
 def check_estimates(
     estimates: Estimates, sources: Sequence[Source], settings: ParticipantSettings
 ) -> tuple[tuple[CellEstimate, ...], tuple[str, ...]]:
-    """Return the cells without values that cannot be, and notes about them.
+    """Return the cells without impossible values, and notes about what was withheld.
 
-    A method that was asked for by name keeps its values, of which none that may be zero or
-    negative is ``ok``; the notes are its doubts.
+    A method that was requested by name keeps its values, of which none that may be zero or
+    negative is ``ok``; the notes name the reasons to doubt them.
     """
+    if not estimates.cells:
+        return (), ()
+    participant = estimates.cells[0].participant
     # Trials and conditions of one file are sources of their own.
     failures: list[tuple[Failure, set[tuple[str, float]]]] = []
     cells: list[CellEstimate] = []
@@ -228,11 +221,10 @@ def check_estimates(
         failure, note = _instrument_failure(source, settings)
         if failure is not None:
             failures.append((failure, {(source.input.file, p.onset_s) for p in source.pulses}))
-        if note and estimates.cells:
-            label = row_label(estimates.cells[0].participant)
-            notes.append(f"{label}, {source.input.file}: {note}.")
+        if note:
+            notes.append(f"{row_label(participant)}, {source.input.file}: {note}.")
     every = {(p.recording, p.onset_s) for p in estimates.pulses}
-    clocks = _clock_failure(estimates, sources, settings)
+    clocks = clock_failure(participant, sources, settings)
     if clocks is not None:
         failures.insert(0, (clocks[0], every))
         notes.append(f"{clocks[0].value}: {clocks[0].meaning}: {clocks[1]}.")
@@ -253,7 +245,7 @@ def check_estimates(
 
 def _sensors_contradict_angle(estimates: Estimates, sources: Sequence[Source]) -> bool:
     """Return whether sensors contradict the angle; ``bayesian`` judges them by itself."""
-    if not estimates.cells or estimates.cells[0].method == BAYESIAN:
+    if estimates.cells[0].method == BAYESIAN:
         return False
     choice = choose_sensors([s for s in sources if s.input.condition == "perturbed" and s.pulses])
     return choice.disagree or choice.goniometer_gain is not None
@@ -274,15 +266,6 @@ def _decided(cell: CellEstimate, settings: ParticipantSettings) -> CellEstimate:
     parameters = tuple(map(without_negative, cell.parameters))
     gravity = cell.gravity_corrected and without_negative(cell.gravity_corrected)
     return replace(cell, parameters=parameters, gravity_corrected=gravity)
-
-
-def _clock_failure(
-    estimates: Estimates, sources: Sequence[Source], settings: ParticipantSettings
-) -> tuple[Failure, str] | None:
-    """Return why the clock of the angle is wrong, and by how much."""
-    if not estimates.cells:
-        return None
-    return clock_failure(estimates.cells[0].participant, sources, settings)
 
 
 def _instrument_failure(
@@ -331,17 +314,16 @@ def _command_failure(source: Source) -> tuple[Failure | None, str]:
 def _checked(
     cell: CellEstimate, failure: Failure | None, settings: ParticipantSettings
 ) -> CellEstimate:
-    # Methods for walking have checks of their own, whose reasons stay, and so does the reason of a
-    # load that is none.
-    last = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
+    # Methods for walking have checks of their own, whose failures stay, and so do those of a load
+    # whose torque is unlike its command.
+    keeps_own_failure = settings.kind.by_gait or failure is Failure.TORQUE_UNLIKE_COMMAND
     # The limits of a parameter that is undecided are wrong, too.
     limited = failure in _OF_TORQUE_OR_CLOCK
-    own = last and not any(
+    has_own_failure = keeps_own_failure and not any(
         p.available or (limited and p.status == "undecided") for p in cell.parameters
     )
-    if failure is None or own or not cell.n_used:
-        parameters = withhold_impossible(cell.parameters)
-        return cell if parameters == cell.parameters else replace(cell, parameters=parameters)
+    if failure is None or has_own_failure or not cell.n_used:
+        return replace(cell, parameters=withhold_impossible(cell.parameters))
     return _failed(cell, failure, settings)
 
 

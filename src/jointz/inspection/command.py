@@ -56,22 +56,28 @@ def inspect(
     del debug
     check_figure(figure)
     target = None if toml is None else _target(toml)
-    for written in (target, figure):
-        if written is not None:
-            _check_free(written, file, overwrite=overwrite)
+    for output in filter(None, (target, figure)):
+        _check_free(output, file, overwrite=overwrite)
     from jointz.inspection.inspect_file import inspect_file
 
-    layout = _layout(encoding, delimiter, decimal, skip_rows, no_header=no_header)
-    found = inspect_file(file, layout=layout, study_folder=target.parent if target else None)
+    layout = _stated_layout(
+        encoding=encoding,
+        delimiter=delimiter,
+        decimal=decimal and decimal.value,
+        skip_rows=skip_rows,
+        header=False if no_header else None,
+    )
+    inspection = inspect_file(file, layout=layout, study_folder=target.parent if target else None)
     if figure is not None:
-        _draw(found, figure)
+        _draw(inspection, figure)
     if target is not None:
         with whole_file(target, "Name another place.") as partial:
-            partial.write_text(found.toml, encoding="utf-8")
+            partial.write_text(inspection.toml, encoding="utf-8")
     if as_json:
-        emit_json({"status": "ok", **found.to_dict(), "written": str(target) if target else None})
+        written_file = str(target) if target else None
+        emit_json({"status": "ok", **inspection.to_dict(), "written": written_file})
     elif not quiet:
-        _print(found, target)
+        _print(inspection, target)
 
 
 def _target(toml: Path) -> Path:
@@ -96,39 +102,26 @@ def _check_free(target: Path, file: Path, *, overwrite: bool) -> None:
         )
 
 
-def _layout(
-    encoding: str | None,
-    delimiter: str | None,
-    decimal: Decimal | None,
-    skip_rows: int | None,
-    *,
-    no_header: bool,
-) -> dict[str, Any]:
-    if delimiter == "":
+def _stated_layout(**keys: Any) -> dict[str, Any]:
+    """Return the keys of ``[files]`` that options state; the others are detected."""
+    if keys["delimiter"] == "":
         raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
-    known: dict[str, Any] = {
-        "encoding": encoding,
-        "delimiter": delimiter,
-        "decimal": decimal.value if decimal else None,
-        "skip_rows": skip_rows,
-    }
-    assigned = {name: value for name, value in known.items() if value is not None}
-    return assigned | ({"header": False} if no_header else {})
+    return {name: value for name, value in keys.items() if value is not None}
 
 
-def _draw(found: "Inspection", figure: Path) -> None:
+def _draw(inspection: "Inspection", figure: Path) -> None:
     from matplotlib.figure import Figure as Canvas
 
-    drawn = sum(any(v is not None for v in c.outline) for c in found.channels)
+    drawn = sum(any(v is not None for v in c.outline) for c in inspection.channels)
     canvas = Canvas(figsize=(7.0, max(2.0, 0.45 * drawn + 0.8)), layout="constrained")
-    found.plot(canvas.subplots())
+    inspection.plot(canvas.subplots())
     save_canvas(canvas, figure)
 
 
-def _print(found: "Inspection", target: Path | None) -> None:
-    emit(found.summary())
+def _print(inspection: "Inspection", target: Path | None) -> None:
+    emit(inspection.summary())
     if target is None:
         emit("\nA study.toml to start from (--toml FILE writes it):\n")
-        emit(found.toml.rstrip("\n"))
+        emit(inspection.toml.rstrip("\n"))
     else:
-        emit(f"\nWrote {target}: {found.n_guesses} guesses to check.")
+        emit(f"\nWrote {target}: {inspection.n_guesses} guesses to check.")

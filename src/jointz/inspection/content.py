@@ -15,12 +15,7 @@ from jointz.io.file_kinds import missing_file
 from jointz.io.formats.columns import RawTable, TableRequest
 from jointz.io.formats.group_format import TIME, GroupFormat, study_columns
 from jointz.io.formats.memory_limit import NUMBER_BYTES, PACKED, check_unpacked
-from jointz.io.formats.registry import (
-    TEXT_SUFFIXES,
-    format_of,
-    read_acquisition,
-    read_table,
-)
+from jointz.io.formats.registry import TEXT_SUFFIXES, format_of, read_acquisition, read_table
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import CLOCK_COLUMN, READING, time_column_key, time_unit_key
 from jointz.io.text.delimited import as_written_with_point, stray_cells
@@ -107,21 +102,21 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     keys = [int(c) if not layout.files.header else c for c in layout.columns]
     table, refused = _read(path, keys, layout.files)
     units = layout.units or ("",) * len(keys)
-    found = []
+    stated = []
     for key, title, unit in zip(keys, layout.names, units, strict=True):
         cells = table.columns[str(key)]
         values = _numbers(cells, layout.files.decimal)
         is_clock = cells.dtype.kind == "O" and values.dtype.kind == "f" and ":" in str(cells[0])
-        found.append(Signal(title or str(key), values, CLOCK_TEXT if is_clock else unit))
-    signals, log = with_vendor_units(found)
-    why = f"by the documentation of {log}"
+        stated.append(Signal(title or str(key), values, CLOCK_TEXT if is_clock else unit))
+    signals, log = with_vendor_units(stated)
     columns = tuple(
-        replace(
-            _text_column(key, title, signal, refused.get(key, "")),
-            unit_why=why if signal.unit != stated.unit else "",
+        Column(
+            "", key, "" if key == title else title, signal.values, signal.unit,
+            "" if signal.is_text or signal.unit == CLOCK_TEXT else refused.get(key, ""),
+            f"by the documentation of {log}" if signal.unit != own.unit else "",
         )
-        for key, title, signal, stated in zip(keys, layout.names, signals, found, strict=True)
-    )
+        for key, title, signal, own in zip(keys, layout.names, signals, stated, strict=True)
+    )  # fmt: skip
     clock = GroupClock("", len(columns[0].values) if columns else 0, layout.rate_hz)
     strays = [c.stray for c in columns if c.stray]
     more = [f"({len(strays)} columns hold such cells.)"] if len(strays) > 1 else []
@@ -132,12 +127,6 @@ def _text_content(path: Path, layout: TextLayout) -> Content:
     return Content(
         columns, (clock,), files=layout.files, notes=notes, mass_kg=layout.mass_kg, above=above
     )
-
-
-def _text_column(key: str | int, title: str, signal: Signal, refused: str) -> Column:
-    stray = "" if signal.is_text or signal.unit == CLOCK_TEXT else refused
-    own = "" if key == title else title
-    return Column("", key, own, signal.values, signal.unit, stray)
 
 
 def _read(

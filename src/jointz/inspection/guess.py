@@ -168,7 +168,8 @@ def _main_axes(columns: Sequence[InspectedColumn]) -> list[InspectedColumn]:
         words = replace(words_of(name), unit=best.words.unit)
         others = [_span(c) for c in axes if c is not best]
         far_more = _span(best) > _FAR_MORE * max(others, default=0.0)
-        if far_more and (words.joint or others) and _is_joint(words):
+        is_of_joint = bool({"angle", "torque"} & set(channel_scores(words)))
+        if far_more and (words.joint or others) and is_of_joint:
             for axis in axes:
                 del kept[id(axis)]
             kept[id(best)] = replace(best, words=words)
@@ -179,15 +180,11 @@ def _span(inspected: InspectedColumn) -> float:
     return (inspected.course.high or 0.0) - (inspected.course.low or 0.0)
 
 
-def _is_joint(words: Words) -> bool:
-    return bool({"angle", "torque"} & set(channel_scores(words)))
-
-
 def _own_clock(
     assigned: dict[str, tuple[InspectedColumn, Assignment]], columns: Sequence[InspectedColumn]
 ) -> None:
     """Take the column of time that stands nearest before the angle and is as long, in place."""
-    angle = assigned.get("angle", (None,))[0]
+    angle = assigned["angle"][0] if "angle" in assigned else None
     clocks = [c for c in columns if _fits("time", c) or c.column.unit == CLOCK_TEXT]
     if angle is not None and len(clocks) > 1 and not angle.column.is_text:
         before = [c for c in clocks[1:] if columns.index(c) < columns.index(angle)]
@@ -272,10 +269,8 @@ def _by_content(
     named = channel_scores(file)
     wanted = max(named, key=lambda name: named[name], default="")
     if wanted and wanted not in assigned and wanted not in ("time", *_LABELS):
-        assigned[wanted] = (
-            only,
-            _assignment(wanted, only, "the only column beside time; file's name"),
-        )
+        why = "the only column beside time; file's name"
+        assigned[wanted] = (only, _assignment(wanted, only, why))
 
 
 def _assignment(channel: str, inspected: InspectedColumn, why: str) -> Assignment:
@@ -330,8 +325,7 @@ def in_seconds(inspected: InspectedColumn, assignment: Assignment) -> np.ndarray
 
 def guessed_condition(text: str) -> str:
     """Return the condition that a name or a level means, "" for none."""
-    known = CONDITIONS.get(text.strip().casefold())
-    if known:
+    if known := CONDITIONS.get(text.strip().casefold()):
         return known
     if _NOT_PERTURBED.search(without_accents(text)):
         return "unperturbed"

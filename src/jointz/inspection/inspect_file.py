@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from jointz.core.errors import DataError
-from jointz.core.study import FilesSpec
 from jointz.identify.preparation.pulses import runs_of
 from jointz.inspection.content import Content
-from jointz.inspection.guess import Assignments, InspectedColumn
+from jointz.inspection.guess import Assignment, InspectedColumn
 from jointz.inspection.inspection_result import Inspection, SeenChannel, SeenClock, SeenRecording
 from jointz.inspection.names import unreadable_unit
 from jointz.inspection.people import Person, people_in
@@ -36,12 +35,7 @@ from jointz.inspection.source import (
     with_most_telling_first,
     without_samples,
 )
-from jointz.inspection.study_draft import (
-    Proposal,
-    RecordingDraft,
-    assignments_by_column,
-    study_text,
-)
+from jointz.inspection.study_draft import Proposal, RecordingDraft, study_text
 from jointz.inspection.trials import is_whole, joined, trials_of, with_strikes
 from jointz.io.formats.losses import is_plain, plainly
 from jointz.io.formats.registry import format_of
@@ -78,25 +72,18 @@ def inspect_file(
     DataError
         If a file is missing, unknown or damaged, or a folder has no recording.
     """
-    given = Path(path)
-    if not given.is_dir():
-        found, tables = read_sources(given, layout, study_folder)
-        return _inspection(found, tables, found[0].people, notes=[])
-    sources, tables, people, notes = _sources_in(given, layout, study_folder or given)
+    target = Path(path)
+    if not target.is_dir():
+        sources, tables = read_sources(target, layout, study_folder)
+        return _inspection(sources, tables, sources[0].people, notes=[])
+    sources, tables, people, notes = _sources_in(target, layout, study_folder or target)
     if not sources:
-        unread = [f for f in sorted(given.rglob("[!.]*")) if f.is_file()]
+        unread = [f for f in sorted(target.rglob("[!.]*")) if f.is_file()]
         if unread and not notes:
             format_of(unread[0])  # says what is read
-        raise DataError(
-            " ".join(
-                [
-                    f"{given}: no recording found.",
-                    *notes[:_LONGEST_LIST],
-                    "Name a file with the joint's angle and torque in time.",
-                ]
-            ),
-            path=str(given),
-        )
+        todo = "Name a file with the joint's angle and torque in time."
+        message = " ".join([f"{target}: no recording found.", *notes[:_LONGEST_LIST], todo])
+        raise DataError(message, path=str(target))
     return _inspection(sources, tables, people, notes=notes)
 
 
@@ -167,15 +154,16 @@ def _inspection(
     notes: Sequence[str],
 ) -> Inspection:
     main = sources[0]
-    obstacles, todo = _verdict(main.in_group, main.assigned, main.clock, main.overflow)
+    obstacles, todo = _verdict(main)
     obstacles = (*_bad_name(main.file), *obstacles)
     proposal = proposal_of(sources, tables, people, obstacles)
     proposal = replace(proposal, questions=questions_of(proposal, main.clock))
     walking = proposal.kind.value == "walking"
+    recordings = map(_seen_recording, sources, proposal.recordings)
     return Inspection(
         file=plainly(main.file.name),
-        layout=_layout(main.content.files),
-        channels=_seen(main.columns, main.assigned, main.overflow),
+        layout={} if main.content.files is None else main.content.files.model_dump(),
+        channels=_seen_channels(main),
         clocks=main.clocks,
         n_events=len(main.content.events),
         notes=(
@@ -189,12 +177,7 @@ def _inspection(
         obstacles=obstacles,
         advice=todo or _advice(main, proposal),
         questions=proposal.questions,
-        recordings=tuple(
-            sorted(
-                map(_seen_recording, sources, proposal.recordings),
-                key=lambda r: (r.participant, r.file, r.part),
-            )
-        ),
+        recordings=tuple(sorted(recordings, key=lambda r: (r.participant, r.file, r.part))),
         toml=study_text(proposal),
     )
 
@@ -235,19 +218,15 @@ def _rate_notes(content: Content, clock: SeenClock) -> list[str]:
     ]
 
 
-def _verdict(
-    columns: Sequence[InspectedColumn],
-    assigned: Assignments,
-    clock: SeenClock,
-    overflow: Mapping[str, str],
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _verdict(main: Source) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the obstacles to an analysis, and advice if the file is not a recording."""
+    columns, assigned = main.in_group, main.assigned
     why, todo = not_a_recording(columns, assigned)
     if why:
         return (why,), (todo,)
-    bad = [*bad_channels(assigned, overflow), *clock_obstacles(assigned, clock)]
+    bad = [*bad_channels(assigned, main.overflow), *clock_obstacles(assigned, main.clock)]
     wrong = ("Repair the file first; its content cannot be trusted.",)
-    return (*missing_channels(columns, assigned, clock), *bad), wrong if bad else ()
+    return (*missing_channels(columns, assigned, main.clock), *bad), wrong if bad else ()
 
 
 def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
@@ -255,13 +234,14 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     if proposal.kind.value == "walking" and not proposal.obstacles:
         is_random = main.pulses.n and not main.pulses.source
         return ("Is its torque random? See jointz identify time-varying --help.",) * bool(is_random)
-    asked = ("channels.angle.unit", "channels.torque.unit")
-    if any(map(proposal.question, asked)) or main.joined or main.part or main.clock_groups:
+    open_units = map(proposal.question, ("channels.angle.unit", "channels.torque.unit"))
+    if any(open_units) or main.joined or main.part or main.clock_groups:
         return ()
-    if main.clock.gaps or main.clock.n < FEWEST_SAMPLES or _is_of_day(proposal.assigned):
+    is_of_day = "time" in main.assigned and main.assigned["time"][1].unit == CLOCK_TEXT
+    if main.clock.gaps or main.clock.n < FEWEST_SAMPLES or is_of_day:
         return ()
     commands = command_advice(
-        plainly(str(main.file)), proposal.assigned, main.clock, proposal.files,
+        plainly(str(main.file)), main.assigned, main.clock, main.content.files,
         acts_on=proposal.signs.acts_on.value,
     )  # fmt: skip
     if commands and proposal.question("torque_acts_on"):
@@ -269,40 +249,26 @@ def _advice(main: Source, proposal: Proposal) -> tuple[str, ...]:
     return tuple(commands)
 
 
-def _is_of_day(assigned: Assignments) -> bool:
-    return "time" in assigned and assigned["time"][1].unit == CLOCK_TEXT
+def _seen_channels(main: Source) -> tuple[SeenChannel, ...]:
+    assignments = {(c.column.group, c.key): own for c, own in main.assigned.values()}
+    return tuple(
+        _seen_channel(c, assignments.get((c.column.group, c.key)), main.overflow)
+        for c in main.columns
+    )
 
 
-def _layout(files: FilesSpec | None) -> dict[str, Any]:
-    return {} if files is None else files.model_dump()
-
-
-def _seen(
-    columns: Sequence[InspectedColumn], assigned: Assignments, overflow: Mapping[str, str]
-) -> tuple[SeenChannel, ...]:
-    assignment = assignments_by_column(assigned)
-    return tuple(_seen_one(c, assignment, overflow) for c in columns)
-
-
-def _seen_one(
-    inspected: InspectedColumn,
-    assignment: Mapping[tuple[str, str | int], Any],
-    overflow: Mapping[str, str],
+def _seen_channel(
+    inspected: InspectedColumn, own: Assignment | None, overflow: Mapping[str, str]
 ) -> SeenChannel:
     column, course = inspected.column, inspected.course
-    own = assignment.get((column.group, inspected.key))
     unit = own.unit if own else (column.unit or inspected.words.unit)
     guessed = own.unit_why if own else column.unit_why
     unit_is = ("guessed" if guessed else "stated") if unit else ""
-    notes = (
-        *course.notes,
-        *([overflow[own.channel]] if own and own.channel in overflow else []),
-        *(
-            [f"its unit '{odd}' cannot be read"]
-            if (odd := unreadable_unit(inspected.title, column.unit))
-            else []
-        ),
-    )
+    notes = [*course.notes]
+    if own and own.channel in overflow:
+        notes.append(overflow[own.channel])
+    if odd := unreadable_unit(inspected.title, column.unit):
+        notes.append(f"its unit '{odd}' cannot be read")
     return SeenChannel(
         group=column.group,
         column=str(column.key),
@@ -316,7 +282,7 @@ def _seen_one(
         low=course.low,
         high=course.high,
         levels=course.levels,
-        notes=notes,
+        notes=tuple(notes),
         outline=course.outline,
     )
 
@@ -338,9 +304,9 @@ def _seen_recording(source: Source, draft: RecordingDraft) -> SeenRecording:
 def _group_notes(source: Source, of_tables: Collection[str]) -> list[str]:
     """Return notes about groups that are no part of the study, and about missing numbers."""
     notes = []
-    content, group, assigned = source.content, source.group, source.assigned
-    taken = {group, *of_tables, *source.clock_groups.values()}
-    others = [c for c in content.clocks if c.group not in taken and c.n > 1]
+    assigned = source.assigned
+    taken = {source.group, *of_tables, *source.clock_groups.values()}
+    others = [c for c in source.content.clocks if c.group not in taken and c.n > 1]
     if others:
         text = ", ".join(f"'{c.group}' ({c.n} samples)" for c in others)
         notes.append(f"the study takes nothing of {text}.")

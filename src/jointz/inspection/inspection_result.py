@@ -63,11 +63,11 @@ class SeenChannel:
 
     def heights(self) -> tuple[float | None, ...]:
         """Return the course scaled to 0 (lowest mean) to 1 (highest mean)."""
-        found = [value for value in self.outline if value is not None]
-        if not found:
+        means = [value for value in self.outline if value is not None]
+        if not means:
             return self.outline
-        largest = max(map(abs, found)) or 1.0  # the span of huge numbers has no room in a float
-        low, high = min(found) / largest, max(found) / largest
+        largest = max(map(abs, means)) or 1.0  # the span of huge numbers has no room in a float
+        low, high = min(means) / largest, max(means) / largest
         span = (high - low) or 1.0
         return tuple(None if v is None else (v / largest - low) / span for v in self.outline)
 
@@ -145,11 +145,11 @@ class Question:
         """Return the question and its answers, a line each."""
         marks = ["* " if self.drafted else "  ", *["  "] * len(self.answers)]
         values = ["(leave out)" if a.value is None else a.value for a in self.answers]
-        said = [
+        lines = [
             f"    {mark}{value}: {a.why}" if a.why else f"    {mark}{value}"
             for mark, value, a in zip(marks, values, self.answers, strict=False)
         ]
-        return [f"  ? {self.text}  [{self.about}]", *said]
+        return [f"  ? {self.text}  [{self.about}]", *lines]
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,16 +217,15 @@ class Inspection(Result):
         """Return clocks, a line with a thumbnail for each column, notes and obstacles."""
         lines = [f"{self.file}: {len(self.channels)} column(s)"]
         if self.layout:
-            text = ", ".join(
-                f"{name} {value!r}" for name, value in self.layout.items() if value is not None
-            )
-            lines.append(f"  layout: {text}")
+            stated = (f"{k} {value!r}" for k, value in self.layout.items() if value is not None)
+            lines.append(f"  layout: {', '.join(stated)}")
         lines += [
             f"  {clock.group + ': ' if clock.group else ''}{clock.text()}" for clock in self.clocks
         ]
         if self.n_events:
             lines.append(f"  {self.n_events} event(s)")
-        lines += _channel_lines(self.channels)
+        width = max((len(c.name) for c in self.channels), default=0)
+        lines += [line for c in self.channels for line in _channel_text(c, width)]
         lines += [f"  Note: {note}" for note in self.notes]
         lines += [f"  Cannot be analysed as it is: {reason}" for reason in self.obstacles]
         lines += [f"  {advice}" for advice in self.advice]
@@ -246,8 +245,7 @@ class Inspection(Result):
     def plot(self, ax: "Axes | None" = None) -> "Axes":
         """Draw the course of every column, each on its own scale."""
         drawn = [c for c in self.channels if any(v is not None for v in c.outline)]
-        size = (7.0, max(2.0, 0.45 * len(drawn) + 0.8))
-        axes = axes_or_new(ax, size)
+        axes = axes_or_new(ax, (7.0, max(2.0, 0.45 * len(drawn) + 0.8)))
         for k, channel in enumerate(reversed(drawn)):
             course = np.array([np.nan if v is None else v for v in channel.heights()])
             where = (np.arange(course.size) + 0.5) / course.size
@@ -258,13 +256,6 @@ class Inspection(Result):
         axes.set_ylabel("columns, each on its own scale")
         axes.set_title(self.file, fontsize="medium")
         return axes
-
-
-def _channel_lines(channels: tuple[SeenChannel, ...]) -> list[str]:
-    if not channels:
-        return []
-    width = max(len(c.name) for c in channels)
-    return [line for c in channels for line in _channel_text(c, width)]
 
 
 def _channel_text(channel: SeenChannel, width: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Channels of a recording that other clocks sampled, brought to its times to be looked at."""
+"""Channels with clocks of their own, at the times of a recording; for inspection only."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -36,10 +36,10 @@ def times_of(clock: GroupClock, assigned: Assignments) -> np.ndarray | None:
     return None if clock.rate_hz is None else clock.start_s + np.arange(n) / clock.rate_hz
 
 
-def brought(
+def channels_at_times(
     assigned: Assignments, time_s: np.ndarray, others: Mapping[str, tuple[Assignments, np.ndarray]]
 ) -> tuple[dict[str, tuple[InspectedColumn, Assignment]], dict[str, str]]:
-    """Return the channels that other groups bring, at other times, and the group of each."""
+    """Return the channels that only other groups have, at given times, and the group of each."""
     found: dict[str, tuple[InspectedColumn, Assignment]] = {}
     groups = {}
     for group, (own, own_time_s) in others.items():

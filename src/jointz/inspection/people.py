@@ -47,11 +47,11 @@ def people_of(columns: Sequence[InspectedColumn]) -> dict[str, Person]:
     if ids is None or (about["mass"] is None and about["height"] is None):
         return {}
     known = {key: c for key, c in about.items() if c is not None}
-    found = {}
+    people = {}
     for k, name in enumerate(map(label_of, ids.column.values)):
         row = {key: (c.column.values[k], c.words.unit) for key, c in known.items()}  # noqa: PD011
-        found[name] = _person(row)
-    return found
+        people[name] = _person(row)
+    return people
 
 
 def people_in(file: Path) -> dict[str, Person]:
@@ -89,7 +89,7 @@ def person_of(singles: Mapping[str, str], part: str = "", others: Sequence[str] 
     return _person(row)
 
 
-def named(people: Mapping[str, Person], participant: str, others: Collection[str]) -> Person:
+def find_person(people: Mapping[str, Person], participant: str, others: Collection[str]) -> Person:
     """Return the person of a name, or the only one of the same number that has no other's name."""
     if (same := people.get(participant)) is not None:
         return same

@@ -244,7 +244,7 @@ def _si(assigned: Assignments, channel: str) -> np.ndarray:
 def not_a_recording(columns: Sequence[InspectedColumn], assigned: Assignments) -> tuple[str, str]:
     """Return why a table holds no course in time, and what takes it; two empty texts: it may."""
     rows = columns[0].course.n if columns else 0
-    names = {str(c.column.title or c.key).casefold() for c in columns}
+    names = {c.title.casefold() for c in columns}
     if any("stiffness" in n or "damping" in n for n in names):
         return (
             "it is a table of estimates, one row a person and timing point; not a course in time.",
@@ -276,14 +276,11 @@ def _percent(columns: Sequence[InspectedColumn]) -> str:
     for inspected in columns:
         course, words = inspected.course, inspected.words
         few = course.rises and _CYCLE_POINTS[0] <= course.n <= _CYCLE_POINTS[1]
-        strides = course.low is not None and course.low >= 0 and _is_hundred(course.high)
+        low, high = course.low or 0.0, course.high or 0.0  # without a number it is no percentage
+        strides = low >= 0 and _HUNDRED[0] <= high <= _HUNDRED[1]
         if (few or strides) and words.found & {"percent", "pct", "cycle", "gait", "phase"}:
-            return str(inspected.column.title or inspected.key)
+            return inspected.title
     return ""
-
-
-def _is_hundred(value: float | None) -> bool:
-    return value is not None and _HUNDRED[0] <= value <= _HUNDRED[1]
 
 
 def _stamps(inspected: InspectedColumn) -> bool:
@@ -295,14 +292,11 @@ def missing_channels(
     columns: Sequence[InspectedColumn], assigned: Assignments, clock: SeenClock
 ) -> list[str]:
     """Return what a study needs and the file does not have, a sentence each."""
-    found = []
+    sentences = []
     names = {w for c in columns for w in c.words.found}
-    if (
-        columns
-        and not {"angle", "torque"} & set(assigned)
-        and not any(_has_name(c) for c in columns)
-    ):
-        found.append("its columns have no names: assign them to channels in [channels].")
+    is_unassigned = not {"angle", "torque"} & set(assigned)
+    if columns and is_unassigned and not any(map(_has_name, columns)):
+        sentences.append("its columns have no names: assign them to channels in [channels].")
     if "angle" not in assigned:
         why = "no column holds the joint's angle"
         if names & {"posx", "posy", "posz"}:
@@ -310,17 +304,17 @@ def missing_channels(
         elif "motor_velocity" in assigned or "current" in assigned:
             why += " (it is a log of the actuator only)"
         why += _in_other_units(columns, "angle")
-        found.append(f"{why}; every study needs it.")
+        sentences.append(f"{why}; every study needs it.")
     if "torque" not in assigned and "current" not in assigned:
         why = "no column holds a torque, or a motor current to compute it from"
-        found.append(f"{why}{_in_other_units(columns, 'torque')}.")
+        sentences.append(f"{why}{_in_other_units(columns, 'torque')}.")
     if "time" not in assigned and clock.rate_hz is None:
-        found.append(
+        sentences.append(
             f"no column holds time in numbers{_time_as_text(columns)}"
             f"{_in_other_units(columns, 'time')}, and the file states no rate: give it as "
             "sample_rate_hz."
         )
-    return found
+    return sentences
 
 
 def _in_other_units(columns: Sequence[InspectedColumn], channel: str) -> str:
@@ -348,27 +342,23 @@ def _time_as_text(columns: Sequence[InspectedColumn]) -> str:
 
 def _has_name(inspected: InspectedColumn) -> bool:
     """Tell whether a column has a name, not only a number."""
-    last = (inspected.column.title or str(inspected.key)).rpartition(".")[2]
-    return not last.isdecimal()
+    return not inspected.title.rpartition(".")[2].isdecimal()
 
 
 def bad_channels(assigned: Assignments, overflow: Mapping[str, str]) -> list[str]:
     """Return why channels cannot be used, a sentence each."""
-    found = [
+    sentences = [
         f"column '{assigned[channel][0].key}' ({channel}): {note} Its samples cannot be trusted."
         for channel, note in overflow.items()
         if channel in ("torque", "angle", "current", "time")
     ]
-    found += [
+    sentences += [
         f"column '{inspected.title}': {value:g} stands {n} times, far from all other numbers. If "
         f'it means a missing sample, give [files] missing = ["{value:g}"].'
         for inspected, _ in assigned.values()
         for value, n in _stand_ins(inspected)
     ]
-    found += [
-        inspected.column.stray for inspected, _ in assigned.values() if inspected.column.stray
-    ]
-    return found
+    return sentences + [c.column.stray for c, _ in assigned.values() if c.column.stray]
 
 
 def _stand_ins(inspected: InspectedColumn) -> list[tuple[float, int]]:
@@ -384,9 +374,9 @@ def _stand_ins(inspected: InspectedColumn) -> list[tuple[float, int]]:
 
 def clock_obstacles(assigned: Assignments, clock: SeenClock) -> list[str]:
     """Return the problems of the time stamps, a sentence each."""
-    found = []
+    sentences = []
     if clock.n_back:
-        found.append(
+        sentences.append(
             f"{clock.n_back} time stamp(s) are missing, repeat or go back; time must increase."
         )
     cut = set()
@@ -396,11 +386,11 @@ def clock_obstacles(assigned: Assignments, clock: SeenClock) -> list[str]:
             cut |= set((np.flatnonzero(values[1:] != values[:-1]) + 1).tolist())
     open_ends = [k for k in clock.restarts if k not in cut]
     if open_ends:
-        found.append(
+        sentences.append(
             f"time begins again {len(open_ends)} time(s), first at sample {open_ends[0] + 1}, and "
             "no column marks the end of a trial there: add one that counts trials, or split it."
         )
-    return found
+    return sentences
 
 
 def command_advice(
@@ -419,9 +409,11 @@ def command_advice(
     timed = f" --torque {options['torque']}{_clock(options, clock)}"
     commands = []
     if "angle" in assigned:
+        command = f"--command {options['command']}" if "command" in options else ""
+        perturbed = f"torque {command}" if command else "angle"
         commands.append(
             f"{by}: jointz identify joint {own} --angle {options['angle']}{timed} --torque-acts-on "
-            f"{acts_on} {_input(options)} --model kbj"
+            f"{acts_on} --input {perturbed} --model kbj"
         )
     if {"current", "motor_velocity"} <= set(assigned):
         commands.append(
@@ -457,14 +449,6 @@ def _quoted(text: str) -> str:
 
 def _clock(options: Mapping[str, str], clock: SeenClock) -> str:
     return f" --time {options['time']}" if "time" in options else f" --rate {clock.rate_hz:.8g}"
-
-
-def _input(options: Mapping[str, str]) -> str:
-    return (
-        f"--input torque --command {options['command']}"
-        if "command" in options
-        else "--input angle"
-    )
 
 
 def _option(assigned: Assignments, name: str) -> str:

@@ -17,7 +17,7 @@ from jointz.inspection.guess import (
     guessed_joint,
 )
 from jointz.inspection.names import GAIT_WORDS, channel_scores
-from jointz.inspection.people import Person, named
+from jointz.inspection.people import Person, find_person
 from jointz.inspection.problems import (
     Pulses,
     motion_of,
@@ -27,16 +27,8 @@ from jointz.inspection.problems import (
 )
 from jointz.inspection.pulse_columns import OwnPulses, PulseColumns, stated_unit
 from jointz.inspection.signs import angle_direction, is_clear
-from jointz.inspection.source import JoinedSource, Source
-from jointz.inspection.study_draft import (
-    Guess,
-    JoinedDraft,
-    Proposal,
-    RecordingDraft,
-    Signs,
-    assignments_by_column,
-    usual_direction,
-)
+from jointz.inspection.source import Source
+from jointz.inspection.study_draft import Guess, Proposal, RecordingDraft, Signs, usual_direction
 from jointz.io.column_units import SAMPLE
 from jointz.io.toml_problems import OPEN
 
@@ -50,17 +42,16 @@ def proposal_of(
     people: Mapping[str, Person],
     obstacles: Sequence[str],
 ) -> Proposal:
-    """Return the study for recordings, of which the first shows what the columns mean."""
+    """Return the proposed study; the first source shows the meaning of the columns."""
     main = sources[0]
     assigned, clock = main.assigned, main.clock
-    taken = assignments_by_column(assigned)
     others = [c for one in main.joined for c in one.source.columns]
     joint, why = guessed_joint([*main.columns, *others], main.names)
+    joint, why = joint or _USUAL_JOINT, why or "the file does not state it"
     kind = _kind(main)
     tables_of = _tables_of(sources, tables)
     table = tables_of[0]
-    positive = usual_direction(joint or _USUAL_JOINT)
-    is_knee = (joint or _USUAL_JOINT) == "knee"
+    positive = usual_direction(joint)
     # Where the first recording has none, another's shows at least the names.
     shown_table = next(filter(None, tables_of), None)
     onset_unit = "" if shown_table is None else stated_unit(shown_table, "onset")
@@ -71,19 +62,18 @@ def proposal_of(
     is_onset_open = shown_table is not None and not onset_unit
     is_onset_open = is_onset_open and (own is None or not own.is_unit_clear)
     rates = {s.clock.rate_hz if s.clock.source == "rate" else None for s in sources}
-    signs = _signs(main, own, positive.value, walking=kind.value != "bench", knee=is_knee)
-    recordings = [
-        _draft(s, t, main, signs, people, [one.labels.participant for one in sources])
-        for s, t in zip(sources, tables_of, strict=True)
-    ]
-    recordings = [_as_in_tables(recording, tables) for recording in recordings]
+    signs = _signs(main, own, positive.value, walking=kind.value != "bench", knee=joint == "knee")
+    participants = [source.labels.participant for source in sources]
+    pairs = zip(sources, tables_of, strict=True)
+    drafts = (_draft(s, t, main, signs, people, participants) for s, t in pairs)
+    recordings = [_as_in_tables(draft, tables) for draft in drafts]
     return Proposal(
+        main=main,
         recordings=tuple(_distinct(recordings)),
         assigned=assigned,
-        joint=Guess(joint or _USUAL_JOINT, why or "the file does not state it"),
+        joint=Guess(joint, why),
         kind=kind,
         positive=positive,
-        inverted=main.inverted,
         table_columns={}
         if shown_table is None
         else _table_columns(shown_table, own, is_onset_open=is_onset_open),
@@ -94,23 +84,19 @@ def proposal_of(
         torque_over_command=torque_over_command(assigned, clock),
         first_sample=None if own is None else own.first_sample,
         pulses=Pulses() if table is not None else main.pulses,
-        files=main.content.files,
         rate_hz=next(iter(rates)) if len(rates) == 1 else None,
         rates_hz=tuple(sorted(hz for hz in rates if hz)),
         obstacles=tuple(obstacles),
-        free=tuple(c for c in main.in_group if (c.column.group, c.key) not in taken),
         levels=condition_levels(assigned),
-        own_times=main.own_times,
         heel_strikes=next((one for s in sources if (one := s.heel_strikes) and not one.file), None),
-        joined_channels=main.joined_channels,
     )
 
 
 def _tables_of(
     sources: Sequence[Source], tables: Sequence[PulseColumns]
 ) -> list[PulseColumns | None]:
-    """Return the pulse table of each recording: its own part's, its file's, or of a like name."""
-    found = [source.table for source in sources]
+    """Return the pulse table of each recording: of its part, its file, or a similar name."""
+    tables_of = [source.table for source in sources]
     free = [k for k, s in enumerate(sources) if not s.part and may_have_pulses(s)]
     for table in tables:
         own = [k for k in free if _may_be_of(table, sources[k])]
@@ -120,15 +106,13 @@ def _tables_of(
             own = [k for k in own if likeness[k] == most]
             named = [k for k in own if sources[k].labels.condition == "perturbed"]
             own = named or own
-            if len(own) > 1:  # nothing tells whose it is
+            if len(own) > 1:  # it may belong to any of them
                 continue
         for k in own:
-            other = found[k]
-            if other is None or _likeness(table.file, sources[k].shown) > _likeness(
-                other.file, sources[k].shown
-            ):
-                found[k] = table
-    return found
+            current, shown = tables_of[k], sources[k].shown
+            if current is None or _likeness(table.file, shown) > _likeness(current.file, shown):
+                tables_of[k] = table
+    return tables_of
 
 
 def may_have_pulses(source: Source) -> bool:
@@ -184,7 +168,7 @@ def _draft(
     participants: Collection[str],
 ) -> RecordingDraft:
     labels = source.labels
-    of_table, of_file = named(people, labels.participant, participants), source.person
+    of_table, of_file = find_person(people, labels.participant, participants), source.person
     person = Guess(labels.participant, "its name, or that of the folder or part")
     if not person.value:
         person = Guess(OPEN if len(participants) > 1 else "S01", "the file does not state it")
@@ -201,7 +185,7 @@ def _draft(
         height_m=of_file.height_m or of_table.height_m,
         changes=_changes(source, main, signs),
         files=source.content.files if source.content.files != main.content.files else None,
-        joined=tuple(map(_joined, source.joined)),
+        joined=source.joined,
         heel_strikes=own if (own := source.heel_strikes) and own.file else None,
     )
 
@@ -212,16 +196,6 @@ def _side(source: Source, stated: str) -> Guess:
     if not stated or stated == side:
         return Guess(side, why)
     return Guess(OPEN if side else stated)
-
-
-def _joined(one: JoinedSource) -> JoinedDraft:
-    why = "both clocks begin and end together"
-    offset = Guess(OPEN) if one.offset_s is None else Guess(f"{one.offset_s:g}", why)
-    own = one.source.assigned
-    return JoinedDraft(
-        one.source.shown, offset, {n: own[n] for n in ("time", *one.channels) if n in own},
-        one.source.content.files, Guess(one.source.angle_direction, "its range"),
-    )  # fmt: skip
 
 
 def _is_unlike(own: InspectedColumn, first: InspectedColumn) -> bool:
@@ -259,7 +233,7 @@ def _as_in_tables(recording: RecordingDraft, tables: Sequence[PulseColumns]) -> 
 
 
 def _changes(source: Source, main: Source, signs: Signs) -> dict[str, dict[str, Any]]:
-    """Return what a recording's channels have differently from those of the study."""
+    """Return the keys of a recording's channels that differ from those of the study."""
     changes: dict[str, dict[str, Any]] = {}
     for name, (inspected, assignment) in source.assigned.items():
         if source is main or name not in main.assigned or name in source.joined_channels:
@@ -306,12 +280,8 @@ def _distinct(recordings: Sequence[RecordingDraft]) -> list[RecordingDraft]:
 
 
 def _cell(recording: RecordingDraft) -> tuple[str, ...]:
-    return (
-        recording.participant.value,
-        recording.condition.value,
-        recording.session,
-        recording.side.value,
-    )
+    guesses = (recording.participant, recording.condition, recording.side)
+    return (*(guess.value for guess in guesses), recording.session)
 
 
 def _kind(main: Source) -> Guess:

@@ -34,8 +34,7 @@ _USUAL_TORQUES = [("N*m", "the usual one"), ("N*m/kg", "inverse dynamics"), ("mN
 
 def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
     """Return the questions about a proposed study, the ones that stop an analysis first."""
-    assigned = proposal.assigned
-    found = [
+    questions = [
         *_kind(proposal),
         *_missing(proposal),
         *_heel_strikes(proposal),
@@ -50,19 +49,18 @@ def questions_of(proposal: Proposal, clock: SeenClock) -> tuple[Question, ...]:
         *_sessions(proposal),
         *_gait(proposal),
     ]
-    driven = "angle" in assigned and {"torque", "current"} & set(assigned)
+    return (*questions, *_coupling(proposal))
+
+
+def _coupling(proposal: Proposal) -> Iterator[Question]:
+    driven = "angle" in proposal.assigned and {"torque", "current"} & set(proposal.assigned)
     if proposal.kind.value == "walking" and driven:
-        found.append(
-            Question(
-                "coupling",
-                "How does the device hold the leg?",
-                (
-                    Answer("strap", "cuffs on skin and muscle, as on most devices; the default"),
-                    Answer("rigid", "the device moves with the bone: simulators, bone pins"),
-                ),
-            )
-        )
-    return tuple(found)
+        yield Question(
+            "coupling",
+            "How does the device hold the leg?",
+            (Answer("strap", "cuffs on skin and muscle, as on most devices; the default"),
+             Answer("rigid", "the device moves with the bone: simulators, bone pins")),
+        )  # fmt: skip
 
 
 def _open(about: str, text: str, *answers: tuple[Any, str]) -> Question:
@@ -83,7 +81,9 @@ def _missing(proposal: Proposal) -> Iterator[Question]:
     lacking = ["angle"] if "angle" not in assigned else []
     lacking += [] if {"torque", "current"} & set(assigned) else ["torque"]
     for name in lacking:
-        free = [c for c in proposal.free if not c.column.is_text and _moves(c)][:_MOST_ANSWERS]
+        free = [c for c in proposal.main.unassigned if not c.column.is_text and _moves(c)][
+            :_MOST_ANSWERS
+        ]
         answers = [(c.key, f"'{c.title}', {c.course.low:.4g} to {c.course.high:.4g}") for c in free]
         text = f"Which column is the {name}?"
         if name == "torque":
@@ -144,7 +144,8 @@ def _clock(proposal: Proposal, clock: SeenClock) -> Iterator[Question]:
 
 
 def _offsets(proposal: Proposal) -> Iterator[Question]:
-    unknown = [j.file for r in proposal.recordings for j in r.joined if j.offset.value == OPEN]
+    joined = (one for recording in proposal.recordings for one in recording.joined)
+    unknown = [one.source.shown for one in joined if one.offset_s is None]
     if unknown:
         yield _open(
             "recordings.joined.offset_s",
@@ -207,13 +208,9 @@ def _units(proposal: Proposal) -> Iterator[Question]:
         r.file for r in proposal.recordings if r.changes.get("torque", {}).get("unit") == OPEN
     ]
     if unlike:
-        yield _open(
-            "recordings.channels.torque.unit",
-            f"In what unit is the torque of {', '.join(unlike[:_MOST_ANSWERS])}? It is of another "
-            "size than the first's.",
-            ("N*m", ""),
-            ("mN*m", ""),
-        )
+        text = f"In what unit is the torque of {', '.join(unlike[:_MOST_ANSWERS])}? It is of "
+        text += "another size than the first's."
+        yield _open("recordings.channels.torque.unit", text, ("N*m", ""), ("mN*m", ""))
     yield from _torque_unit(proposal)
 
 

@@ -25,7 +25,7 @@ from jointz.inspection.guess import (
 )
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import JOINTS, Words, channel_scores, is_of_strikes, words_of
-from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
+from jointz.inspection.own_clocks import HeelStrikes, channels_at_times, times_of
 from jointz.inspection.people import Person, people_of, person_of
 from jointz.inspection.problems import (
     FEWEST_SAMPLES,
@@ -177,6 +177,12 @@ class Source:
         return [c for c in self.columns if c.column.group == self.group]
 
     @property
+    def unassigned(self) -> list[InspectedColumn]:
+        """The columns of the study's clock without a channel."""
+        taken = {(c.column.group, c.key) for c, _ in self.assigned.values()}
+        return [c for c in self.in_group if (c.column.group, c.key) not in taken]
+
+    @property
     def joined_channels(self) -> frozenset[str]:
         """The channels that other files bring."""
         return frozenset(name for one in self.joined for name in one.channels)
@@ -247,7 +253,8 @@ def read_sources(
     """Return the recordings and the pulse tables of a file; ``root`` is the inspected folder."""
     folders = _folders(file, root)
     content = read_content(file, layout)
-    shown = _name_in(file, study_folder)
+    # Bytes of a name that are no letters are written as codes.
+    shown = plainly(file.name if study_folder is None else seen_from(file, Path(study_folder)))
     columns = tuple(inspect_column(column) for column in content.columns)
     by_group = [[c for c in columns if c.column.group == g.group] for g in content.clocks]
     tables = [t for group in by_group if (t := pulse_columns(shown, group)) is not None]
@@ -311,7 +318,7 @@ def _source(
     folders: Sequence[str],
 ) -> Source:
     labels = labels_of(file.name, part, inside, folders)
-    names = words_of(f"{file.parent.resolve().name} {_stem(file)}")
+    names = words_of(f"{file.parent.resolve().name} {file.name.split('.')[0]}")
     names = Words(names.found, names.joint, labels.side or _side_above(content))
     every, group = _groups(columns, content.clocks, names)
     assigned = every.get(group, {})
@@ -355,26 +362,15 @@ def _source(
 
 def _side(source: Source, joint: str) -> tuple[str, str]:
     """Return the side by names, else the only one that lines above a table tell."""
-    told = _side_above(source.content)
-    if told and not source.labels.side:
-        return told, "a line above the table"
+    stated = _side_above(source.content)
+    if stated and not source.labels.side:
+        return stated, "a line above the table"
     return guessed_side(source.in_group, source.names, joint)
 
 
 def _side_above(content: Content) -> str:
-    told = {words_of(line).side for line in content.above} - {""}
-    return told.pop() if len(told) == 1 else ""
-
-
-def _stem(file: Path) -> str:
-    return file.name.split(".")[0]
-
-
-def _name_in(file: Path, folder: str | os.PathLike[str] | None) -> str:
-    """Return the file's name in a study; bytes that are no letters are written as codes."""
-    if folder is None:
-        return plainly(file.name)
-    return plainly(seen_from(file, Path(folder)))
+    sides = {words_of(line).side for line in content.above} - {""}
+    return sides.pop() if len(sides) == 1 else ""
 
 
 def _groups(
@@ -402,7 +398,7 @@ def _brought(
         for g, own_time_s in times.items()
         if g != group and own_time_s is not None and own_time_s.size
     }
-    return brought(every[group], time_s, others)
+    return channels_at_times(every[group], time_s, others)
 
 
 def _heel_strikes(
@@ -431,18 +427,14 @@ def _clock(stated: GroupClock, assigned: Assignments) -> SeenClock:
         end = start + (n - 1) / stated.rate_hz if n else start
         return SeenClock(stated.group, "rate", n, stated.rate_hz, start, end, uniform=True)
     if "time" in assigned:
-        inspected, assignment = assigned["time"]
-        return clock_of(
-            stated.group, stated.n, str(inspected.key), in_seconds(inspected, assignment)
-        )
+        column = str(assigned["time"][0].key)
+        return clock_of(stated.group, stated.n, column, in_seconds(*assigned["time"]))
     return SeenClock(stated.group, "", stated.n)
 
 
 def _overflows(assigned: Assignments) -> dict[str, str]:
-    found = {}
-    for channel, (inspected, assignment) in assigned.items():
-        si_unit, factor = si_of(assignment)
-        note = overflow_note(inspected.course, si_unit, factor)
-        if note:
-            found[channel] = note
-    return found
+    return {
+        channel: note
+        for channel, (inspected, assignment) in assigned.items()
+        if (note := overflow_note(inspected.course, *si_of(assignment)))
+    }

@@ -1,23 +1,26 @@
 """Draft of a ``study.toml``, in which each guess is marked with its reason."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from jointz.core.channels import CHANNEL_UNITS, LABEL_CHANNELS
 from jointz.core.study import FilesSpec
-from jointz.inspection.guess import Assignment, Assignments, InspectedColumn
+from jointz.inspection.guess import Assignments
 from jointz.inspection.inspection_result import Question
 from jointz.inspection.own_clocks import HeelStrikes
 from jointz.inspection.problems import Pulses
+from jointz.inspection.source import JoinedSource, Source
 from jointz.io.toml_problems import OPEN
 from jointz.io.toml_text import written_comment, written_key, written_text
 
 _POSITIVE = {"ankle": "dorsiflexion"}
 _LONGEST_LIST = 12
 _DIRECTED = ("angle", "torque", "command", "current")
-_CHANNELS = (*CHANNEL_UNITS, *LABEL_CHANNELS, "contact")
+_WHY_INVERTED = {
+    "contact": "the knee is bent where it rises: it is low on the ground",
+    "ground_reaction_force": "it is negative where the foot is loaded",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,17 +29,6 @@ class Guess:
 
     value: str
     why: str = ""  # "" if the value is known
-
-
-@dataclass(frozen=True, slots=True)
-class JoinedDraft:
-    """A file that brings channels to a recording."""
-
-    file: str
-    offset: Guess  # s
-    assigned: Assignments
-    files: FilesSpec | None
-    angle: Guess  # direction by the range of its own angle, "" where that does not decide it
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +48,7 @@ class RecordingDraft:
     height_m: float | None = None  # likewise
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of channels
     files: FilesSpec | None = None  # layout, where it is another than the study's
-    joined: tuple[JoinedDraft, ...] = ()
+    joined: tuple[JoinedSource, ...] = ()
     heel_strikes: HeelStrikes | None = None  # in another file
 
 
@@ -81,13 +73,13 @@ class Signs:
 class Proposal:
     """Content of a ``study.toml``."""
 
+    main: Source  # the recording that shows what the columns mean
     recordings: tuple[RecordingDraft, ...]
     assigned: Assignments  # channel -> column
     joint: Guess  # key ``joint``
     kind: Guess  # key ``kind``
     positive: Guess  # key ``positive``
     signs: Signs
-    inverted: frozenset[str] = frozenset()  # channels
     # meaning -> column and unit of the pulse tables; empty if their names say it
     table_columns: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     in_samples: bool = False  # whether pulse tables count samples
@@ -96,18 +88,13 @@ class Proposal:
     torque_over_command: float | None = None  # median ratio of their changes in pulses
     first_sample: int | None = None
     pulses: Pulses = field(default_factory=Pulses)
-    files: FilesSpec | None = None  # layout of a text file; None for other formats
     rate_hz: float | None = None  # rate stated by the files; None if not stated, or of several
     rates_hz: tuple[float, ...] = ()  # stated by the files of the recordings
     obstacles: tuple[str, ...] = ()  # reasons why the file cannot be analysed
-    free: tuple[InspectedColumn, ...] = ()  # columns without a channel
     # level of the column of conditions -> condition
     levels: Mapping[str, str] = field(default_factory=dict)
     questions: tuple[Question, ...] = ()
-    # channel with a clock of its own -> column of its stamps, and their unit
-    own_times: Mapping[str, tuple[str | int, str]] = field(default_factory=dict)
     heel_strikes: HeelStrikes | None = None
-    joined_channels: frozenset[str] = frozenset()  # of other files
 
     def question(self, about: str) -> Question | None:
         """Return what is asked about a key and has no answer yet."""
@@ -119,7 +106,7 @@ class Proposal:
 
 
 def study_text(proposal: Proposal) -> str:
-    """Return the text."""
+    """Return the text of a ``study.toml``."""
     lines = [
         f"# Proposed by jointz inspect for {written_comment(_first_file(proposal))}.",
         f'# A value "{OPEN}" is open: no file says it. Answer each before an analysis.',
@@ -138,10 +125,10 @@ def study_text(proposal: Proposal) -> str:
         *_rate(proposal),
     ]
     for name in proposal.assigned:
-        lines += _channel(proposal, name) if name not in proposal.joined_channels else []
-    lines += _heel_strikes(proposal) + _missing(proposal) + _others(proposal.free)
+        lines += _channel(proposal, name) if name not in proposal.main.joined_channels else []
+    lines += _heel_strikes(proposal) + _missing(proposal) + _unassigned(proposal.main)
     lines += _people(proposal) + _recordings(proposal) + _perturbations(proposal)
-    return "\n".join([*lines, *_calibration(proposal), *_files(proposal.files)]) + "\n"
+    return "\n".join([*lines, *_calibration(proposal), *_files(proposal.main.content.files)]) + "\n"
 
 
 def _first_file(proposal: Proposal) -> str:
@@ -212,8 +199,8 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
     title = f" ('{inspected.column.title}')" if inspected.column.title else ""
     lines = ["", f"[channels.{name}]"]
     lines.append(_line("column", Guess(column, f"{assignment.why}{title}"), raw=True))
-    if name in proposal.own_times:
-        stamps, unit = proposal.own_times[name]
+    if name in proposal.main.own_times:
+        stamps, unit = proposal.main.own_times[name]
         lines.append(f"time = {_inline({'column': stamps, 'unit': unit})}")
     if name == "contact":
         volts = bool(assignment.unit)
@@ -227,12 +214,8 @@ def _channel(proposal: Proposal, name: str) -> list[str]:
         for key in ("scale", "positive")
         if proposal.question(about := f"channels.{name}.{key}")
     ]
-    if name in proposal.inverted and name == "contact":
-        lines.append(
-            "invert = true  # guess: the knee is bent where it rises: it is low on the ground"
-        )
-    if name in proposal.inverted and name == "ground_reaction_force":
-        lines.append("invert = true  # guess: it is negative where the foot is loaded")
+    if name in proposal.main.inverted:
+        lines.append(f"invert = true  # guess: {_WHY_INVERTED[name]}")
     turned = proposal.direction_of(name)
     if turned.value not in ("", proposal.positive.value):
         lines.append(_line("positive", turned))
@@ -268,23 +251,22 @@ def _missing(proposal: Proposal) -> list[str]:
     return lines
 
 
-def _others(free: Sequence[InspectedColumn]) -> list[str]:
-    if not free:
+def _unassigned(main: Source) -> list[str]:
+    """Return a comment about the columns without a channel."""
+    if not (columns := main.unassigned):
         return []
-    names = [written_comment(c.title) for c in free[:_LONGEST_LIST]]
-    more = f" and {len(free) - _LONGEST_LIST} more" if len(free) > _LONGEST_LIST else ""
+    names = [written_comment(c.title) for c in columns[:_LONGEST_LIST]]
+    more = f" and {len(columns) - _LONGEST_LIST} more" if len(columns) > _LONGEST_LIST else ""
     keep = "[channels.NAME] with its column keeps one"
     return ["", f"# Columns without a channel: {', '.join(names)}{more}. {keep}."]
 
 
-def _states_mass(recording: RecordingDraft) -> bool:
-    return recording.mass_kg is not None
-
-
 def _people(proposal: Proposal) -> list[str]:
-    people = {r.participant.value: r for r in sorted(proposal.recordings, key=_states_mass)}
+    # Of several recordings of a person, one that states the mass stands last, and counts.
+    recordings = sorted(proposal.recordings, key=lambda r: r.mass_kg is not None)
+    people = {r.participant.value: r for r in recordings}
     lines = []
-    for own in (people[person] for person in sorted(people)):
+    for _, own in sorted(people.items()):
         mass = "# mass_kg = 70.0  # only for values per kg"
         if proposal.question("participants.mass_kg"):
             mass = _key(proposal, "participants.mass_kg", Guess(""))
@@ -349,22 +331,26 @@ def _strikes_of(proposal: Proposal, recording: RecordingDraft) -> list[str]:
     return lines
 
 
-def _joined(proposal: Proposal, one: JoinedDraft) -> list[str]:
-    lines = ["[[recordings.joined]]", f"file = {written_text(one.file)}"]
-    if one.offset.value == OPEN:
-        lines.append(_key(proposal, "recordings.joined.offset_s", one.offset))
+def _joined(proposal: Proposal, joined: JoinedSource) -> list[str]:
+    source = joined.source
+    lines = ["[[recordings.joined]]", f"file = {written_text(source.shown)}"]
+    if joined.offset_s is None:
+        lines.append(_key(proposal, "recordings.joined.offset_s", Guess(OPEN)))
     else:
-        lines.append(_line("offset_s", one.offset, raw=True))
-    if one.files is not None and (layout := _own_layout(one.files)):
+        offset = Guess(f"{joined.offset_s:g}", "both clocks begin and end together")
+        lines.append(_line("offset_s", offset, raw=True))
+    if source.content.files is not None and (layout := _own_layout(source.content.files)):
         lines.append(f"files = {_inline(layout)}")
-    for name, (inspected, assignment) in one.assigned.items():
+    for name in [n for n in ("time", *joined.channels) if n in source.assigned]:
+        inspected, assignment = source.assigned[name]
         keys = {"column": inspected.key} | ({"unit": assignment.unit} if assignment.unit else {})
-        is_own = name == "angle" and one.angle.value
-        turned = one.angle if is_own else proposal.direction_of(name)
+        turned = proposal.direction_of(name)
+        if name == "angle" and source.angle_direction:
+            turned = Guess(source.angle_direction, "its range")
         if turned.value not in ("", proposal.positive.value):
             keys["positive"] = turned.value
-        asked = ("unit", "scale", "positive")
-        keys |= {k: OPEN for k in asked if proposal.question(f"channels.{name}.{k}")}
+        open_keys = ("unit", "scale", "positive")
+        keys |= {k: OPEN for k in open_keys if proposal.question(f"channels.{name}.{k}")}
         why = "; ".join(filter(None, (assignment.why, assignment.unit_why, turned.why)))
         lines.append(f"channels.{name} = {_inline(keys)}  # guess: {written_comment(why)}")
     return lines
@@ -382,38 +368,25 @@ def _perturbations(proposal: Proposal) -> list[str]:
         lines.append(_line("baseline", Guess("pre_pulse", why)))
     if proposal.table_columns:
         lines.append(f"columns = {_inline(proposal.table_columns)}  # guess: by their names")
-    asked = []
     if proposal.question("perturbations.first_sample"):
         lines.append(_key(proposal, "perturbations.first_sample", Guess("")))
     elif proposal.in_samples:
         first = Guess(str(proposal.first_sample), "pulses of the command begin there")
         lines.append(_line("first_sample", first, raw=True))
+    head = ["", "[perturbations]" if lines else "# [perturbations]"]
     if (proposal.pulses.source or "perturbed" in conditions) and proposal.kind.value == "walking":
-        asked += ["# timing_points = { name = % }  # of the cycle: the planned times of the pulses"]
-    if not lines and not asked:
-        return []
-    return ["", "[perturbations]" if lines else "# [perturbations]", *lines, *asked]
+        lines += ["# timing_points = { name = % }  # of the cycle: the planned times of the pulses"]
+    return head + lines if lines else []
 
 
 def _own_layout(files: FilesSpec) -> dict[str, Any]:
-    """Return what of a layout is not usual."""
-    found = {k: v for k, v in files.model_dump().items() if v != FilesSpec.model_fields[k].default}
-    return {k: v for k, v in found.items() if (k, v) != ("delimiter", ",")}
+    """Return the keys of a layout that differ from their defaults."""
+    keys = files.model_dump(exclude_defaults=True)
+    return {k: v for k, v in keys.items() if (k, v) != ("delimiter", ",")}
 
 
 def _files(files: FilesSpec | None) -> list[str]:
-    if files is None:
+    if files is None or not (layout := _own_layout(files)):
         return []
-    found = _own_layout(files)
-    if not found:
-        return []
-    lines = ["", "[files]  # guess: by the first lines of the file"]
-    for name, value in found.items():
-        written = str(value).lower() if isinstance(value, bool | int) else written_text(value)
-        lines.append(f"{name} = {written}")
-    return lines
-
-
-def assignments_by_column(assigned: Assignments) -> dict[tuple[str, str | int], Assignment]:
-    """Return the assignment of each column, by its group and key."""
-    return {(c.column.group, c.key): assignment for c, assignment in assigned.values()}
+    keys = (f"{name} = {_value(value)}" for name, value in layout.items())
+    return ["", "[files]  # guess: by the first lines of the file", *keys]

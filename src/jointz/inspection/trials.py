@@ -1,4 +1,4 @@
-"""Files of one trial: angle and torque apart, heel strikes as times."""
+"""Trials in several files: angle apart from torque, heel strikes as times."""
 
 import re
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 from jointz.inspection.file_labels import agree
 from jointz.inspection.inspection_result import SeenClock
 from jointz.inspection.names import word_set
-from jointz.inspection.own_clocks import HeelStrikes, brought, times_of
+from jointz.inspection.own_clocks import HeelStrikes, channels_at_times, times_of
 from jointz.inspection.source import JoinedSource, Source
 
 _SAME_LENGTH = 0.2  # of files of one trial, whose devices start and stop by themselves
@@ -70,7 +70,7 @@ def joined(main: Source, others: Sequence[Source]) -> Source:
         if time_s is not None and other.group in own_clocks:
             own_time_s = times_of(own_clocks[other.group], other.assigned)
             if own_time_s is not None:
-                lacking, _ = brought(assigned, time_s, {"": (other.assigned, own_time_s)})
+                lacking, _ = channels_at_times(assigned, time_s, {"": (other.assigned, own_time_s)})
         assigned |= lacking
         offset_s = 0.0 if _together(main.clock, other.clock) else None
         found.append(JoinedSource(other, tuple(lacking), offset_s))

@@ -122,20 +122,12 @@ def stated_unit(name: str, column: str, units: Mapping[str, str], given: str | N
     return written if written and quantity in si_units else ""
 
 
-def same_quantity(unit: str, si_unit: str) -> bool:
-    """Return whether a unit can be converted."""
-    try:
-        conversion(unit, si_unit)
-    except UnitError:
-        return False
-    return True
-
-
 def same_unit(unit: str, other: str, si_unit: str) -> bool:
     """Return whether two units are one; a unit that cannot be converted is no other."""
-    if not (same_quantity(unit, si_unit) and same_quantity(other, si_unit)):
+    try:
+        both = conversion(unit, si_unit), conversion(other, si_unit)
+    except UnitError:
         return False
-    both = conversion(unit, si_unit), conversion(other, si_unit)
     return np.allclose(*both, rtol=1e-9, atol=0.0)
 
 

@@ -1,6 +1,5 @@
 """Pulse tables: onsets of the pulses of one recording, or of several, as a lab writes them."""
 
-import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -24,12 +23,9 @@ from jointz.io.formats.registry import (
 from jointz.io.study_files import PART, named_as_written
 from jointz.io.text.clock_times import CLOCK_TEXT, seconds_of_clock
 from jointz.io.text.column_names import known_unit_in_name, written_unit
-from jointz.io.text.delimited import (
-    MISSING_TEXT,
-    is_number,
-)
+from jointz.io.text.delimited import MISSING_TEXT, is_number
 from jointz.io.text.text_bytes import likely_encoding, not_decoded, stated_encoding
-from jointz.io.text.text_layout import DELIMITERS
+from jointz.io.text.text_layout import DELIMITERS, split_cells
 
 #: What a column holds -> names that say so without [perturbations.columns].
 NAMES: Mapping[str, tuple[str, ...]] = {
@@ -138,18 +134,10 @@ def _header(text: str, onset: tuple[str, ...]) -> tuple[int, str, list[str]]:
     lines = _LINE_ENDS.split(text)  # those that pandas knows
     for above, line in enumerate(lines[:_MOST_LINES_ABOVE]):
         for delimiter in DELIMITERS:
-            names = _split(line, delimiter)
+            names = split_cells(line, delimiter)
             if set(names) & set(onset):
-                return above, delimiter, names
-    return 0, ",", _split(lines[0], ",")
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    try:
-        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:
-        return [line]
-    return [cell.strip() for cell in cells]
+                return above, delimiter, list(names)
+    return 0, ",", list(split_cells(lines[0], ","))
 
 
 def _wanted(spec: StudySpec, entry: RecordingSpec) -> dict[str, tuple[str, ...]]:

@@ -126,7 +126,10 @@ def _samples(source: ClockSource, entry: RecordingSpec) -> Iterator[ClockedSampl
             from_zero=_counts_from_zero(spec),
             several_clocks=True,
         )
-        table = _with_clocks(table, [str(columns[n]) for n in clocks])
+        seconds = {
+            str(columns[n]): seconds_of_clock(table.columns[str(columns[n])]) for n in clocks
+        }
+        table = replace(table, columns={**table.columns, **seconds})
         check_samples(path, table)
         _check_labels(path, table, columns, labels)
     text = {n: np.asarray(table.columns[str(columns[n])]) for n in labels}
@@ -164,12 +167,6 @@ def _by_clock(
             yield names, clocks[names[0]]
 
 
-def _with_clocks(table: RawTable, names: Sequence[str]) -> RawTable:
-    """Return a table in which times of day are seconds."""
-    seconds = {name: seconds_of_clock(table.columns[name]) for name in names}
-    return replace(table, columns={**table.columns, **seconds})
-
-
 def _counts_from_zero(spec: StudySpec) -> bool:
     """Return whether columns count from 0: one of them is 0, be it needed or not."""
     zeros: set[str | int] = {0} if spec.files.header else {0, "0"}
@@ -202,16 +199,10 @@ def _check_labels(
     path: Path, table: RawTable, columns: Mapping[str, str | int], labels: Sequence[str]
 ) -> None:
     """Refuse labels that cannot stand in a table; a number, however signed, can."""
-    for name in labels:
-        for label in dict.fromkeys(table.columns[str(columns[name])].tolist()):
-            if not is_number(label):
-                _check_name(path, str(columns[name]), label)
-
-
-def _check_name(path: Path, column: str, name: str) -> None:
-    if problem := name_problem(name):
-        where = f"{path.name}, column '{column}'"
-        raise DataError(f"{where}: {name!r} {problem}. Rename it.", path=str(path), channel=column)
+    for column in (str(columns[name]) for name in labels):
+        for label in dict.fromkeys(table.columns[column].tolist()):
+            if not is_number(label) and (problem := name_problem(label)):
+                raise file_error(path, f"{label!r} {problem}. Rename it.", channel=column)
 
 
 def _in_si(
@@ -290,10 +281,10 @@ def _has_rate(spec: StudySpec, names: Sequence[str]) -> bool:
 
 
 def _without_clock(file: str, columns: Sequence[str]) -> DataError:
-    names = ", ".join(columns)
     return DataError(
-        f"{file}: {names}: expected one time stamp for each sample, found none or another number "
-        "of them. Give the channel a time of its own: a column of as many stamps, or rate_hz.",
+        f"{file}: {', '.join(columns)}: expected one time stamp for each sample, found none or "
+        "another number of them. Give the channel a time of its own: a column of as many stamps, "
+        "or rate_hz.",
         path=file,
         channel=columns[0],
     )
@@ -405,13 +396,11 @@ def read_heel_strikes(study: Study, entry: RecordingSpec, time_s: np.ndarray) ->
         )
         inside = (strike_s >= time_s[0]) & (strike_s <= time_s[-1])
         if not inside.any():
-            span = (
-                f"from {strike_s.min():.6g} to {strike_s.max():.6g} s" if strike_s.size else "none"
-            )
+            ends = f"from {strike_s.min():.6g} to {strike_s.max():.6g} s" if strike_s.size else ""
             raise file_error(
                 path,
                 f"expected heel strikes between {time_s[0]:.6g} and {time_s[-1]:.6g} s, the "
-                f"samples of {entry.file}; found {span}. Correct their unit or clock.",
+                f"samples of {entry.file}; found {ends or 'none'}. Correct their unit or clock.",
                 channel=HEEL_STRIKES,
             )
     return np.searchsorted(np.sort(strike_s), time_s, side="right").astype(float)

@@ -48,7 +48,7 @@ def shown_file(file: str) -> str:
 
 @contextmanager
 def named_as_written(root: Path, file: str) -> Iterator[Path]:
-    """Give the path of a file named in a study; what its variables hold is not told in errors."""
+    """Yield the path of a file named in a study; errors hide the values of its variables."""
     path = data_file(root, file)
     if "$" not in file:
         yield path

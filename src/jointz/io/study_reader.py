@@ -20,12 +20,7 @@ from jointz.core.channels import (
 )
 from jointz.core.errors import DataError, StudyError, UnitError
 from jointz.core.events import row_label
-from jointz.core.study import (
-    FilesSpec,
-    RecordingSpec,
-    Study,
-    StudySpec,
-)
+from jointz.core.study import FilesSpec, RecordingSpec, Study, StudySpec
 from jointz.core.units import conversion
 from jointz.io.column_units import OVER_MASS, Unit, channel_unit
 from jointz.io.file_kinds import special_kind
@@ -198,11 +193,8 @@ def _changed_channel(raw: Mapping[str, Any], entry: Mapping[str, Any], name: str
 
 def _in_part(named: Mapping[str, Any], part: Any) -> dict[str, Any]:
     column = named.get("column")
-    return (
-        {**named, "column": column.replace(PART, str(part))}
-        if isinstance(column, str)
-        else {**named}
-    )
+    own = {"column": column.replace(PART, str(part))} if isinstance(column, str) else {}
+    return {**named, **own}
 
 
 def _group_edges(
@@ -419,19 +411,14 @@ def _direction_problems(name: str, direction: Any, raw: Mapping[str, Any]) -> It
         yield f"channels.{name}.positive: {name} has no direction. Remove the key."
         return
     study_direction = raw.get("positive", StudySpec.model_fields["positive"].default)
-    comparable = (
-        isinstance(study_direction, str)
-        and study_direction in OPPOSITE_DIRECTION
-        and isinstance(direction, str)
-    )
-    if (
-        comparable
-        and direction in OPPOSITE_DIRECTION
-        and direction not in (study_direction, OPPOSITE_DIRECTION[study_direction])
-    ):
+    both = (study_direction, direction)
+    if not all(isinstance(one, str) and one in OPPOSITE_DIRECTION for one in both):
+        return  # reported already
+    opposite = OPPOSITE_DIRECTION[study_direction]
+    if direction not in (study_direction, opposite):
         yield (
             f"channels.{name}.positive: expected the study's '{study_direction}' or its opposite "
-            f"'{OPPOSITE_DIRECTION[study_direction]}', got '{direction}'. Correct it, or the "
+            f"'{opposite}', got '{direction}'. Correct it, or the "
             "study's positive."
         )
 
@@ -440,20 +427,16 @@ def _perturbation_problems(raw: Mapping[str, Any], channels: Mapping[str, Any]) 
     channels = {**channels, **_joined_everywhere(raw)}
     settings = _table(raw, "perturbations")
     source = settings.get("source")
-    perturbed = [
-        (i, r)
-        for i, r in enumerate(_entries(raw, "recordings"), start=1)
-        if "condition" not in r or _condition_of(r) == "perturbed"
-    ]
-    if source in ("command", "trigger", "reference") and source not in channels:
+    shown = {"command", "trigger", "reference"}
+    if isinstance(source, str) and source in shown and source not in channels:
         yield f"perturbations.source: '{source}' needs [channels.{source}]."
-    for i, entry in perturbed:
+    for i, entry in enumerate(_entries(raw, "recordings"), start=1):
+        if "condition" in entry and _condition_of(entry) != "perturbed":
+            continue
         if source == "table" and "perturbations" not in entry:
             yield f'recordings[{i}].perturbations: missing; perturbations.source is "table".'
-        has_command = {"command", "trigger", "reference"} & set(
-            channels
-        ) or "perturbations" in entry
-        if source is None and not has_command:
+        has_pulses = not shown.isdisjoint(channels) or "perturbations" in entry
+        if source is None and not has_pulses:
             yield (
                 f"recordings[{i}]: nothing says when the pulses are. Give [channels.command], "
                 '[channels.trigger], a table (perturbations = "FILE.csv"), or perturbations.source.'

@@ -11,7 +11,7 @@ _COLUMNS = ("participant", "recording", "onset_s", "action")
 
 
 def read_user_exclusions(root: Path) -> tuple[tuple[UserExclusion, ...], list[str]]:
-    """Return the lines of a study's ``exclusions.csv``, if there is one, and its problems."""
+    """Return the lines of a study's ``exclusions.csv``, none without the file, and its problems."""
     file = root / "exclusions.csv"
     if not file.is_file():
         return (), []

@@ -10,7 +10,7 @@ from scipy import fft
 
 #: A block spans at least this many correlation times of the residuals.
 CORRELATION_TIMES_PER_BLOCK = 10.0
-#: Shortest block wanted, s; gives way before the number of blocks falls under ``FEWEST_BLOCKS``.
+#: Shortest block, s; gives way before the number of blocks falls under ``FEWEST_BLOCKS``.
 SHORTEST_BLOCK_S = 1.0
 #: Fewer blocks give no useful interval.
 FEWEST_BLOCKS = 10
@@ -41,8 +41,7 @@ def block_sandwich(scores: np.ndarray, bread: np.ndarray, n_blocks: int) -> np.n
         half = np.linalg.solve(bread, sums.T)
     except np.linalg.LinAlgError as exc:
         raise ValueError("block_sandwich: the bread is singular") from exc
-    covariance: np.ndarray = half @ half.T * (n_blocks / (n_blocks - 1))
-    return covariance
+    return np.asarray(half @ half.T * (n_blocks / (n_blocks - 1)))
 
 
 def autocorrelation(x: np.ndarray) -> np.ndarray:
@@ -57,8 +56,7 @@ def autocorrelation(x: np.ndarray) -> np.ndarray:
         return np.zeros_like(centred)
     padded = fft.next_fast_len(2 * centred.size, real=True)
     spectrum = np.abs(fft.rfft(centred, padded)) ** 2
-    correlation: np.ndarray = fft.irfft(spectrum, padded)[: centred.size] / power
-    return correlation
+    return np.asarray(fft.irfft(spectrum, padded)[: centred.size] / power)
 
 
 def correlation_time(residual: np.ndarray, *, rate_hz: float) -> float:
@@ -84,5 +82,5 @@ def count_blocks(duration_s: float, *, correlation_time_s: float) -> int:
     independent_s = CORRELATION_TIMES_PER_BLOCK * correlation_time_s
     if duration_s < FEWEST_BLOCKS * independent_s:
         return 0
-    wanted = int(duration_s / max(independent_s, SHORTEST_BLOCK_S))
-    return min(max(wanted, FEWEST_BLOCKS), MOST_BLOCKS)
+    n_blocks = int(duration_s / max(independent_s, SHORTEST_BLOCK_S))
+    return min(max(n_blocks, FEWEST_BLOCKS), MOST_BLOCKS)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from jointz.kernels.resampling import resampled_normal_equations, trial_products
+from jointz.kernels.resampling import check_weights, resampled_normal_equations, trial_products
 
 #: A system is singular where some column keeps less than this share of its square once
 #: the others are taken out (one over its variance inflation factor): few digits are left.
@@ -65,9 +65,7 @@ def nonnegative_least_squares(
     ones are all >= 0 (Karush, Kuhn and Tucker); where rounding leaves none, the nearest one,
     clipped.
     """
-    gram, moment = _checked_system("nonnegative_least_squares", gram, moment)
-    fits = _empty_fits(len(gram))
-    _solve(gram, moment, fits.bounded, fits.unbounded, fits.active)
+    fits = _solved("nonnegative_least_squares", gram, moment)
     return fits.bounded, fits.active
 
 
@@ -77,10 +75,7 @@ def least_squares(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     ``gram`` (R, 3, 3): X'X; ``moment`` (R, 3): X'y. Returns (R, 3); NaN where X is singular
     (:data:`SINGULAR_SHARE`).
     """
-    gram, moment = _checked_system("least_squares", gram, moment)
-    fits = _empty_fits(len(gram))
-    _solve(gram, moment, fits.bounded, fits.unbounded, fits.active)
-    return fits.unbounded
+    return _solved("least_squares", gram, moment).unbounded
 
 
 def condition_numbers(gram: np.ndarray) -> np.ndarray:
@@ -154,11 +149,7 @@ def _check_channels(where: str, values: np.ndarray) -> None:
 
 def _check_bootstrap(weights: np.ndarray, trials: np.ndarray) -> None:
     _check_channels("bootstrap_fits: trials", trials)
-    if weights.ndim != 2 or weights.shape[1] != len(trials):
-        raise ValueError(
-            f"bootstrap_fits: expected weights of shape (R, {len(trials)}), one column a trial, "
-            f"got {weights.shape}."
-        )
+    check_weights("bootstrap_fits", weights, len(trials))
     finite = np.isfinite(trials).all(axis=(1, 2))
     if not finite.all():
         raise ValueError(
@@ -172,9 +163,8 @@ def _check_gram(where: str, gram: np.ndarray) -> None:
         raise ValueError(f"{where}: expected gram of shape (R, 3, 3), got {gram.shape}.")
 
 
-def _checked_system(
-    where: str, gram: np.ndarray, moment: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _solved(where: str, gram: np.ndarray, moment: np.ndarray) -> BootstrapFits:
+    """Return the checked systems solved with and without bounds."""
     gram = np.ascontiguousarray(gram, dtype=np.float64)
     moment = np.ascontiguousarray(moment, dtype=np.float64)
     _check_gram(where, gram)
@@ -182,7 +172,9 @@ def _checked_system(
         raise ValueError(
             f"{where}: expected moment of shape {gram.shape[:2]} beside gram, got {moment.shape}."
         )
-    return gram, moment
+    fits = _empty_fits(len(gram))
+    _solve(gram, moment, fits.bounded, fits.unbounded, fits.active)
+    return fits
 
 
 @njit(cache=True, nogil=True, fastmath=_REORDER)

@@ -48,8 +48,7 @@ def _fill_inside(values: np.ndarray, out: np.ndarray, *, first: int, stop: int) 
     """Write samples ``first`` to ``stop`` of ``out`` by the widest formula that fits them all."""
     if stop <= first:
         return
-    n = values.shape[-1]
-    half_width = min(first, n - stop, _WIDEST)
+    half_width = min(first, values.shape[-1] - stop, _WIDEST)
     inside = out[..., first:stop]
     inside[...] = 0.0
     difference = np.empty_like(inside)

@@ -30,15 +30,14 @@ def lowpass_zero_phase(
             f"got {cutoff_hz:g} Hz. Lower the cutoff or record faster."
         )
     needed = shortest_record(order=order)
-    found = values.shape[-1] if values.ndim else 0
-    if found < needed:
+    n = values.shape[-1] if values.ndim else 0
+    if n < needed:
         raise ValueError(
             f"lowpass_zero_phase: expected at least {needed} samples along the last axis for "
-            f"order {order}, got {found}. Give a longer record."
+            f"order {order}, got {n}. Give a longer record."
         )
     sections = butter(order, cutoff_hz, fs=rate_hz, output="sos")
-    filtered: np.ndarray = sosfiltfilt(sections, values, axis=-1, padlen=_padding(order))
-    return filtered
+    return np.asarray(sosfiltfilt(sections, values, axis=-1, padlen=_padding(order)))
 
 
 def _padding(order: int) -> int:

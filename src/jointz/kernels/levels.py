@@ -65,9 +65,9 @@ def schmitt_states(
     """
     side = (x >= high).astype(np.int8) - (x < low)
     start = np.append(0, np.flatnonzero(side[1:] != side[:-1]) + 1)
-    at = side[start]
-    decided = np.maximum.accumulate(np.where(at != 0, np.arange(start.size), -1))
-    return start, at, (decided < 0) | (at[decided] > 0)
+    side_at_start = side[start]
+    decided = np.maximum.accumulate(np.where(side_at_start != 0, np.arange(start.size), -1))
+    return start, side_at_start, (decided < 0) | (side_at_start[decided] > 0)
 
 
 def joined_runs(on: np.ndarray, off: np.ndarray, shortest: float) -> tuple[np.ndarray, np.ndarray]:

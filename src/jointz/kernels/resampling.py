@@ -67,11 +67,7 @@ def resampled_normal_equations(
     3) and ``moment`` (R, 3) of the averages. A product of averages is a quadratic form of the
     weights: 9 P^2 / 2 multiplications a resample instead of 4 P T for averaging.
     """
-    if weights.ndim != 2 or weights.shape[1] != len(products):
-        raise ValueError(
-            f"resampled_normal_equations: expected weights of shape (R, {len(products)}), one "
-            f"column a trial, got {weights.shape}."
-        )
+    check_weights("resampled_normal_equations", weights, len(products))
     gram, moment = np.empty((len(weights), 3, 3)), np.empty((len(weights), 3))
     weights = np.ascontiguousarray(weights, dtype=np.float64)
     lanes, sums = _aligned_rows(products.shape[1]), _aligned_rows(products.shape[2])
@@ -80,6 +76,15 @@ def resampled_normal_equations(
         _quadratic_forms(weights[rows], products, lanes, sums)
         _unpack(sums, gram[rows], moment[rows])
     return gram, moment
+
+
+def check_weights(where: str, weights: np.ndarray, n_trials: int) -> None:
+    """Raise ValueError unless there is a column of weights for each trial."""
+    if weights.ndim != 2 or weights.shape[1] != n_trials:
+        raise ValueError(
+            f"{where}: expected weights of shape (R, {n_trials}), one column a trial, "
+            f"got {weights.shape}."
+        )
 
 
 def _aligned_rows(n: int) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Plans of perturbation experiments (``jointz plan``): what pulses, sensors and people decide."""
+"""Plans of perturbation experiments (``jointz plan``): pulses, sensors, minutes and people."""

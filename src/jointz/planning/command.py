@@ -1,4 +1,4 @@
-"""``jointz plan``: which pulses, sensors and people decide what is asked."""
+"""``jointz plan``: pulses, sensors and people for a wanted interval."""
 
 from math import ceil, radians
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from jointz.core.errors import DataError
-from jointz.terminal.options import Debug, Json, Quiet
+from jointz.terminal.options import Printing
 from jointz.terminal.output import EXIT_NO_ESTIMATE, emit, emit_json, emit_table
 from jointz.terminal.progress_bars import progress_bar
 
@@ -22,13 +22,10 @@ def plan(
     protocol: Annotated[
         str, typer.Argument(help="Walking protocol with pulses; none with --study.")
     ] = "",
-    out: Annotated[Path, typer.Option("--out", help="Folder for page, table and protocol.")] = Path(
-        "plan"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for page, table and protocol.")] = Path("plan"),
     pilot: Annotated[
         Path | None,
         typer.Option(
-            "--pilot",
             file_okay=False,
             help="Study with 3 to 5 minutes of your own walking: sensors, calibration, people.",
         ),
@@ -36,75 +33,57 @@ def plan(
     study: Annotated[
         Path | None,
         typer.Option(
-            "--study",
             file_okay=False,
             help="Results of jointz analyze: what that study could see, instead of a plan.",
         ),
     ] = None,
     study_folder: Annotated[
         Path | None,
-        typer.Option(
-            "--study-folder", file_okay=False, help="With --study: the study, if not beside it."
-        ),
+        typer.Option(file_okay=False, help="With --study: the study, if not beside it."),
     ] = None,
     sensor: Annotated[
         list[str] | None,
         typer.Option(
-            "--sensor",
             help="goniometer, encoder or gyroscopes; with =NOISE in degrees, or degrees/s. "
-            "May be repeated.",
+            "May be repeated."
         ),
     ] = None,
     calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", dir_okay=False, help="A file of jointz calibrate."),
+        Path | None, typer.Option(dir_okay=False, help="A file of jointz calibrate.")
     ] = None,
-    mass: Annotated[
-        float | None, typer.Option("--mass", help="Body mass (kg); 75 by default.")
-    ] = None,
-    height: Annotated[
-        float | None, typer.Option("--height", help="Height (m); 1.75 by default.")
-    ] = None,
+    mass: Annotated[float | None, typer.Option(help="Body mass (kg); 75 by default.")] = None,
+    height: Annotated[float | None, typer.Option(help="Height (m); 1.75 by default.")] = None,
     torque: Annotated[
-        float | None, typer.Option("--torque", help="Largest torque of the device (N*m).")
+        float | None, typer.Option(help="Largest torque of the device (N*m).")
     ] = None,
     bandwidth: Annotated[
-        float | None, typer.Option("--bandwidth", help="Of the torque (Hz); 13 by default.")
+        float | None, typer.Option(help="Of the torque (Hz); 13 by default.")
     ] = None,
     motion: Annotated[
-        float, typer.Option("--motion", help="Degrees that 9 of 10 legs may move at most.")
+        float, typer.Option(help="Degrees that 9 of 10 legs may move at most.")
     ] = 15.0,
     half_width: Annotated[
-        float | None,
-        typer.Option("--half-width", help="Wanted half of the 95 % interval of a person (%)."),
+        float | None, typer.Option(help="Wanted half of the 95 % interval of a person (%).")
     ] = None,
-    of: Annotated[
-        str, typer.Option("--of", help="Of which of K, B and J, separated by commas.")
-    ] = "K,B",
+    of: Annotated[str, typer.Option(help="Of which of K, B and J, separated by commas.")] = "K,B",
     mean: Annotated[
-        float | None, typer.Option("--mean", help="Wanted half-width of the mean over people (%).")
+        float | None, typer.Option(help="Wanted half-width of the mean over people (%).")
     ] = None,
     difference: Annotated[
-        float | None,
-        typer.Option("--difference", help="Difference of two conditions to be found (%)."),
+        float | None, typer.Option(help="Difference of two conditions to be found (%).")
     ] = None,
     share: Annotated[
-        float,
-        typer.Option("--share", help="Legs that shall reach the half-width, and the power (%)."),
+        float, typer.Option(help="Legs that shall reach the half-width, and the power (%).")
     ] = 80.0,
     minutes: Annotated[
-        float | None, typer.Option("--minutes", help="Walking of a participant, at most (min).")
+        float | None, typer.Option(help="Walking of a participant, at most (min).")
     ] = None,
-    participants: Annotated[
-        int | None, typer.Option("--participants", help="At most so many.")
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the legs that are drawn.")] = 1,
+    participants: Annotated[int | None, typer.Option(help="At most so many.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the legs that are drawn.")] = 1,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace an earlier plan.")
     ] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    debug: Debug = False,
+    printing: Printing = Printing(),
 ) -> None:
     """Plan an experiment: pulses, sensors, minutes and people for a wanted interval.
 
@@ -113,7 +92,6 @@ def plan(
 
     Example: jointz plan walking_doublets --pilot my-walking --half-width 25 --minutes 30
     """
-    del debug
     if bool(protocol) == (study is not None):
         raise DataError("expected either a protocol to plan, or --study RESULTS of a recorded one.")
     if not 50.0 <= share <= 95.0:
@@ -142,21 +120,21 @@ def plan(
         "torque_nm": torque,
         "bandwidth_hz": bandwidth,
     }
-    with progress_bar(shown=not (quiet or as_json)) as progress:
+    with progress_bar(shown=not (printing.quiet or printing.as_json)) as progress:
         made = _made(protocol, study, study_folder, of_lab, wishes, seed=seed, progress=progress)
     keeps = made.recorded or not made.refused
     page = str(write_plan(made, out, overwrite=overwrite)) if keeps else ""
-    if as_json:
+    if printing.as_json:
         status = "refused" if made.refused else "ok"
         emit_json({"status": status, "page": page, "plan": made.to_dict()})
-    elif not quiet:
+    elif not printing.quiet:
         _print(made)
         emit(f"Page: {page}" if page else "Nothing was written. Ask for the nearest wish.")
         if made.protocol_text:
             sensors = ",".join(made.sensors)
             emit(f"Next: jointz run {quote(str(out / PROTOCOL))} --sensors {sensors} --out STUDY")
     if made.refused:
-        for text in made.refused if quiet else ():
+        for text in made.refused if printing.quiet else ():
             typer.echo(f"jointz: refused: {text}", err=True)
         raise typer.Exit(EXIT_NO_ESTIMATE)
 
@@ -195,16 +173,16 @@ def _sensors(stated: list[str] | None) -> dict[str, float | None] | None:
     """Return sensors with their noise, rad or rad/s."""
     if not stated:
         return None
-    found: dict[str, float | None] = {}
+    sensors: dict[str, float | None] = {}
     for text in stated:
         name, equals, noise = text.partition("=")
         try:
-            found[name] = radians(float(noise)) if equals else None
+            sensors[name] = radians(float(noise)) if equals else None
         except ValueError:
             raise DataError(
                 f"--sensor {text}: expected NAME or NAME=NOISE in degrees, such as goniometer=0.3."
             ) from None
-    return found
+    return sensors
 
 
 def _calibration(file: Path | None) -> Any:

@@ -69,7 +69,7 @@ class Laboratory:
         return body_of(who, self.joint, spec, of_body=self.coupling.is_strap)
 
     def walking_of(self, person: int) -> Mapping[str, PointWalking]:
-        """Return the walking of a person, or of one who stands for the person."""
+        """Return the walking for a person; with fewer walkers than people, walkers take turns."""
         return self.walking[person % len(self.walking)]
 
     def leg_priors(self, person: int) -> LegPriors:
@@ -85,12 +85,12 @@ class Laboratory:
 
     @property
     def twist_sd(self) -> float:
-        """Sd of the angle shown per torque, rad/(N*m)."""
+        """SD of the measured angle per torque, rad/(N*m)."""
         return twist_sd_of(self.calibration, self.coupling)
 
     @property
     def decision(self) -> Decision:
-        """On what it depends whether a value is decided."""
+        """Settings that determine whether a value is decided."""
         return Decision(
             known=self.calibration,
             mass_kg=None,

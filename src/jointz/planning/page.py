@@ -12,7 +12,7 @@ import numpy as np
 from jointz.core.errors import DataError
 from jointz.core.whole_file import refuse_existing
 from jointz.io.new_folder import MARKER, new_folder, write_marker
-from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate
+from jointz.planning.plan_result import LETTERS, Plan, PlannedEstimate, PlannedMeasure, PlannedShape
 from jointz.report.html_page import page_figures, render_template
 from jointz.report.style import new_figure, to_svg
 from jointz.report.wording import DASH, MINUS, joined, point_name
@@ -114,10 +114,9 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         "pulses": "Commanded torque of the pulses, all sizes; blue: first level positive, orange: "
         "negative.",
     }
-    names = list(next(iter(plan.sources.values()), {}))
     return render_template(
         "plan.html.j2",
-        title=_title(plan),
+        title=f"{'What this study could see' if plan.recorded else 'Plan'}: {plan.protocol}",
         about=[str(plan.provenance.get("created", ""))],
         lead=_lead(plan),
         facts=_facts(plan),
@@ -128,7 +127,7 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         legs=plan.provenance.get("legs", ""),
         wish=_wish(plan),
         points=[_point(plan, e) for e in plan.estimates],
-        source_names=names,
+        source_names=list(next(iter(plan.sources.values()), {})),
         sources=[
             {"name": LETTERS[name], "shares": [_pct(100.0 * v) for v in shares.values()]}
             for name, shares in plan.sources.items()
@@ -138,23 +137,13 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
                 "name": s.name,
                 "text": s.text,
                 "peak": f"{s.peak_deg:.0f}",
-                "k": _pct(s.stiffness_pct),
-                "b": _pct(s.damping_pct),
-                "j": _pct(s.inertia_pct),
+                **_half_widths(s),
                 "chosen": s.chosen,
                 "remark": s.why_not or ("chosen" if s.chosen and not plan.recorded else ""),
             }
             for s in plan.shapes
         ],
-        measures=[
-            {
-                "what": m.what,
-                "k": _pct(m.stiffness_pct),
-                "b": _pct(m.damping_pct),
-                "j": _pct(m.inertia_pct),
-            }
-            for m in plan.measures
-        ],
+        measures=[{"what": m.what, **_half_widths(m)} for m in plan.measures],
         people=[
             {
                 "n": p.participants,
@@ -170,11 +159,6 @@ def render_plan(plan: Plan, figures: Mapping[str, str]) -> str:
         ],
         protocol=plan.protocol_text,
     )
-
-
-def _title(plan: Plan) -> str:
-    what = "What this study could see" if plan.recorded else "Plan"
-    return f"{what}: {plan.protocol}"
 
 
 def _lead(plan: Plan) -> str:
@@ -200,12 +184,11 @@ def _facts(plan: Plan) -> list[tuple[str, str]]:
         (f"{ceil(plan.minutes)} min", "of walking each"),
         (f"{plan.peak_deg:.0f}°", "motion of the joint"),
     ]
-    medians = [
-        np.median([e.half_width_pct for e in plan.estimates if e.parameter == name])
-        for name in LETTERS
-    ]
-    facts.append((f"±{', '.join(f'{m:.0f}' for m in medians)} %", "K, B, J of a typical leg"))
-    return facts
+    half_widths = (
+        [e.half_width_pct for e in plan.estimates if e.parameter == name] for name in LETTERS
+    )
+    medians = ", ".join(f"{np.median(values):.0f}" for values in half_widths)
+    return [*facts, (f"±{medians} %", "K, B, J of a typical leg")]
 
 
 def _point(plan: Plan, estimate: PlannedEstimate) -> dict[str, Any]:
@@ -222,6 +205,11 @@ def _point(plan: Plan, estimate: PlannedEstimate) -> dict[str, Any]:
         "decided": _pct(100.0 * estimate.decided_share),
         "bias": f"{estimate.reflex_bias_pct:+.0f} %".replace("-", MINUS),
     }
+
+
+def _half_widths(row: PlannedShape | PlannedMeasure) -> dict[str, str]:
+    values = row.stiffness_pct, row.damping_pct, row.inertia_pct
+    return dict(zip("kbj", map(_pct, values), strict=True))
 
 
 def _pct(value: float) -> str:

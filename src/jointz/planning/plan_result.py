@@ -1,4 +1,4 @@
-"""A plan of a perturbation experiment: what it will decide, and what would decide more."""
+"""Result of ``jointz plan``: expected half-widths, and measures that make them smaller."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,18 +19,6 @@ if TYPE_CHECKING:
 _DECIDED_PCT, _WIDEST_PCT = 100.0 * WIDEST, 150.0
 #: Parameters and their symbols.
 LETTERS: Mapping[str, str] = dict(zip(ABSOLUTE, SYMBOLS, strict=True))
-_COLUMNS = (
-    "timing_point",
-    "gait_pct",
-    "parameter",
-    "pulses",
-    "half_width_pct",
-    "assured_pct",
-    "decided_share",
-    "endless_pct",
-    "decidable",
-    "reflex_bias_pct",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +38,11 @@ class PlannedEstimate:
     half_width_pct : float
         Half of the 95 % interval of a typical leg, % of the value.
     assured_pct : float
-        What the asked share of legs does not exceed, %.
+        Half-width that the wanted share of legs does not exceed, %.
     decided_share : float
         Share of legs in which the value is decided.
     endless_pct : float
-        Half-width of a typical leg with any number of pulses, %: what is left is no noise.
+        Half-width of a typical leg with any number of pulses, %: errors other than noise.
     decidable : bool
         Whether any number of pulses decides the value of a typical leg.
     reflex_bias_pct : float
@@ -135,7 +123,7 @@ class PlannedPeople:
         Half-width of the mean, median over timing points, %.
     paired_pct, groups_pct : float
         Smallest difference between two conditions of the same people, and between two groups, that
-        is found with the asked power, median over timing points, %.
+        is found with the wanted power, median over timing points, %.
     difference_half_width_pct : float
         Half-width of a difference between two conditions of the same people, %.
     """
@@ -194,9 +182,9 @@ class Plan(PlottedResult):
     shapes : tuple of PlannedShape
         Pulses that were compared.
     measures : tuple of PlannedMeasure
-        What sensors and calibrations would buy.
+        Half-widths with other sensors and calibrations.
     people : tuple of PlannedPeople
-        What numbers of people tell.
+        Half-widths and detectable differences by number of people.
     participants : int
         Participants of the plan.
     minutes : float
@@ -204,11 +192,11 @@ class Plan(PlottedResult):
     peak_deg : float
         Motion of the joint that 9 of 10 legs do not exceed, degrees.
     wishes : mapping
-        What was asked for.
+        Wanted half-widths, differences and limits.
     refused : tuple of str
         Wishes that cannot be kept, each with the nearest one that can; empty if all are kept.
     notes : tuple of str
-        What a reader should know.
+        Notes for the reader.
     sources : mapping
         Parameter -> source of error -> share of the variance of a typical leg that it explains.
     courses : tuple of PlannedCourse
@@ -282,7 +270,7 @@ class Plan(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row for each timing point and parameter."""
-        return record_frame(self.estimates, _COLUMNS)
+        return record_frame(self.estimates, PlannedEstimate.__dataclass_fields__)
 
     def summary(self) -> str:
         """Return a short text."""
@@ -293,14 +281,15 @@ class Plan(PlottedResult):
             + ", ".join(f"{point} {n}" for point, n in counts.items()),
         ]
         for name, letter in LETTERS.items():
-            own = [e for e in self.estimates if e.parameter == name]
-            shown = ", ".join(f"{e.timing_point} {e.half_width_pct:.0f}" for e in own)
-            lines.append(f"  {letter}, half-width of a typical leg (%): {shown}")
-        if self.undecidable:
-            which = ", ".join(
-                f"{LETTERS[e.parameter]} at {e.timing_point}" for e in self.undecidable
+            half_widths = ", ".join(
+                f"{e.timing_point} {e.half_width_pct:.0f}"
+                for e in self.estimates
+                if e.parameter == name
             )
-            lines.append(f"  No number of pulses decides {which}.")
+            lines.append(f"  {letter}, half-width of a typical leg (%): {half_widths}")
+        if self.undecidable:
+            cells = (f"{LETTERS[e.parameter]} at {e.timing_point}" for e in self.undecidable)
+            lines.append(f"  No number of pulses decides {', '.join(cells)}.")
         lines[1:1] = [f"  Refused: {text}" for text in self.refused]
         return "\n".join(lines)
 
@@ -308,17 +297,13 @@ class Plan(PlottedResult):
         points = self.timing_points
         at = np.arange(len(points), dtype=float)
         for k, (name, colour) in enumerate(zip(LETTERS, (BLUE, VERMILION, MUTED), strict=True)):
-            own = [self.estimate(point, name) for point in points]
+            estimates = [self.estimate(point, name) for point in points]
             x = at + 0.22 * (k - 1)
-            axes.vlines(
-                x,
-                [e.endless_pct for e in own],
-                [e.assured_pct for e in own],
-                color=colour,
-                linewidth=4.0,
-                alpha=0.35,
-            )
-            axes.plot(x, [e.half_width_pct for e in own], "o", color=colour, label=LETTERS[name])
+            endless = [e.endless_pct for e in estimates]
+            assured = [e.assured_pct for e in estimates]
+            half_widths = [e.half_width_pct for e in estimates]
+            axes.vlines(x, endless, assured, color=colour, linewidth=4.0, alpha=0.35)
+            axes.plot(x, half_widths, "o", color=colour, label=LETTERS[name])
         axes.axhline(_DECIDED_PCT, color=INK, linewidth=0.8, linestyle=":")
         axes.set_xticks(at, points)
         widest = max(e.assured_pct for e in self.estimates)

@@ -1,8 +1,8 @@
-"""Plan a perturbation experiment before it, or see what a recorded one could see."""
+"""Plans of new perturbation experiments, and the precision that recorded ones can reach."""
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import inf, pi
 from pathlib import Path
@@ -39,16 +39,6 @@ _WALKING = (
     "stored, that of a recorded walker, whose knee angle 0.1 s after an onset is predicted within "
     "0.8 degrees. Record three to five minutes of your own: --pilot"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class _Given:
-    """Facts about the lab by the caller; None for those of the pilot or a usual lab."""
-
-    sensors: Mapping[str, float | None] | None
-    calibration: CalibrationSpec | None
-    mass_kg: float | None
-    height_m: float | None
 
 
 def plan(  # noqa: PLR0913 - the options of the command, all by keyword
@@ -91,7 +81,7 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
     progress : callable, optional
         Called with steps done, steps in all and what was done.
     **wishes : optional
-        Fields of :class:`~jointz.planning.wishes.Wishes`: what shall be reached, such as
+        Fields of :class:`~jointz.planning.wishes.Wishes`: wanted limits, such as
         ``half_width_pct=25``. Without, the plan states what the protocol's own number of pulses
         gives.
 
@@ -129,11 +119,10 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
     if torque_nm is None:
         torque_nm = spec.safety.torque_nm or largest
     actuator = _actuator(torque_nm, bandwidth_hz)
-    given = _Given(sensors, calibration, mass_kg, height_m)
     tell = _Teller(progress)
     files: dict[str, Any] = {}
     if pilot is None:
-        lab, walking = _usual_lab(spec, schedule, given, actuator), _WALKING
+        lab, walking = _usual_lab(spec, schedule, sensors, actuator), _WALKING
     else:
         study = pilot if isinstance(pilot, Study) else open_study(pilot)
         files = {"pilot": study.root.name, "pilot_sha256": study.sha256}
@@ -141,7 +130,10 @@ def plan(  # noqa: PLR0913 - the options of the command, all by keyword
         if sensors is not None:
             lab = lab.with_sensors(_beside_pilot(_known_sensors(sensors), lab))
     tell("walking")
-    lab = _as_given(lab, given)
+    body = {"mass_kg": mass_kg, "height_m": height_m}
+    stated = {name: value for name, value in body.items() if value is not None}
+    people = tuple(person.model_copy(update=stated) for person in lab.people)
+    lab = replace(lab, people=people, calibration=calibration or lab.calibration)
     planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
     made = on_one_thread(partial(planner.plan, spec))
     return replace(made, provenance={**made.provenance, **files})
@@ -183,18 +175,18 @@ def plan_recorded(
     wanted = made_wishes(wishes)
     folder = Path(results)
     analysis = load(folder)
-    found = study_of(analysis, folder, study)
-    if found is None:
+    recorded = study_of(analysis, folder, study)
+    if recorded is None:
         raise DataError(f"{folder}: the study is not beside the results. Name it: --study-folder.")
     if analysis.settings.get("method") not in WITH_POSTERIOR:
         raise DataError(
             f"{folder}: expected results of the method {BAYESIAN}, got "
             f"{analysis.settings.get('method')}. Analyse the study by it: jointz analyze."
         )
-    done = study_protocol(found, analysis.pulses, analysis.strides, asked_by="plan")
+    done = study_protocol(recorded, analysis.pulses, analysis.strides, asked_by="plan")
     people = len({c.participant for c in analysis.cells})
     schedule = recorded_schedule(
-        found.root.resolve().name,
+        recorded.root.resolve().name,
         done.pulses,
         done.timing_points,
         done.per_point,
@@ -205,11 +197,11 @@ def plan_recorded(
     )
     largest = max(size for pulse in done.pulses for size in pulse.sizes_nm)
     tell = _Teller(progress)
-    lab, walking = lab_of_study(found, schedule, _actuator(largest, None), analysis.coupling)
+    lab, walking = lab_of_study(recorded, schedule, _actuator(largest, None), analysis.coupling)
     tell("walking")
     planner = Planner(schedule, lab, wanted, walking=walking, seed=seed, tell=tell)
     made = on_one_thread(partial(planner.plan, None))
-    files = {"study": found.root.name, "study_sha256": found.sha256}
+    files = {"study": recorded.root.name, "study_sha256": recorded.sha256}
     return replace(
         made, reached=reached_half_widths(analysis.cells), provenance={**made.provenance, **files}
     )
@@ -249,11 +241,16 @@ def _beside_pilot(sensors: dict[str, float | None], lab: Laboratory) -> dict[str
     return sensors
 
 
-def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actuator) -> Laboratory:
-    """Return a lab with stored walking."""
-    own: dict[str, float | None] = dict.fromkeys(spec.sensors or ("goniometer",))
-    sensors = _known_sensors(own if given.sensors is None else given.sensors)
-    noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in sensors.items()}
+def _usual_lab(
+    spec: Protocol,
+    schedule: Schedule,
+    sensors: Mapping[str, float | None] | None,
+    actuator: Actuator,
+) -> Laboratory:
+    """Return a lab with stored walking, by default with the sensors of the protocol."""
+    if sensors is None:
+        sensors = dict.fromkeys(spec.sensors or ("goniometer",))
+    noise = {n: SENSORS[n][1] if sd is None else sd for n, sd in _known_sensors(sensors).items()}
     gait = spec.gait
     walking = stored_walking(
         schedule.timing_points,
@@ -265,14 +262,6 @@ def _usual_lab(spec: Protocol, schedule: Schedule, given: _Given, actuator: Actu
     )
     person = ParticipantSpec(id="typical", mass_kg=_MASS_KG, height_m=_HEIGHT_M)
     return Laboratory((person,), (walking,), noise, actuator, joint=spec.joint)
-
-
-def _as_given(lab: Laboratory, given: _Given) -> Laboratory:
-    """Return the lab with what the caller stated."""
-    body = {"mass_kg": given.mass_kg, "height_m": given.height_m}
-    stated = {k: v for k, v in body.items() if v is not None}
-    people = tuple(p.model_copy(update=stated) for p in lab.people)
-    return replace(lab, people=people, calibration=given.calibration or lab.calibration)
 
 
 class _Teller:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from itertools import chain
 from math import radians
 
 import numpy as np
@@ -57,9 +58,9 @@ _COMPARED = 48
 _PEOPLE = (4, 6, 8, 10, 12, 16, 20, 30, 40)
 #: The protocol's own pulses stay if others are better by no more than this.
 _MOST_OWN_WORSE = 1.02
-#: Amplitudes are sought until the motion is as close to its limit.
+#: Motion over its limit up to which pulses are accepted.
 _MOTION_MARGIN = 1.02
-#: Pulses that decide nothing are chosen only if no others are possible.
+#: Penalty of pulses that decide nothing: they are chosen only if no others are possible.
 _UNDECIDED = 10.0
 #: Numbers of pulses are interpolated: a wish is kept with a margin.
 _SURELY = 0.98
@@ -125,7 +126,7 @@ class Planner:
         self._tell("sensors")
         people, participants = self._people(typical)
         minutes = self.minutes(counts)
-        self._say_undecidable(estimates)
+        self._note_undecidable_values(estimates)
         if spec is None:
             self._note_undetectable_differences(people, participants)
         text, aborted = "", None
@@ -154,12 +155,7 @@ class Planner:
             recorded=spec is None,
             aborted_share=aborted,
             protocol_text=text,
-            provenance={
-                "software": software(),
-                "created": now(),
-                "seed": self._seed,
-                "legs": LEGS,
-            },
+            provenance={"software": software(), "created": now(), "seed": self._seed, "legs": LEGS},
         )
 
     # --- shapes --------------------------------------------------------------------------------
@@ -171,11 +167,11 @@ class Planner:
         motion_rad = radians(self._motion_deg)
         compared = [own, *pulse_choice.candidates(self._lab, legs, own.window_s, motion_rad)]
         typical = [typical_leg(self._lab, design) for design in compared]
-        rows, scores = [], []
-        for design, leg in zip(compared, typical, strict=True):
-            row, score = self._compared(design, leg, pulse_choice.peak_rad(self._lab, legs, design))
-            rows.append(row)
-            scores.append(score)
+        results = [
+            self._compared(design, leg, pulse_choice.peak_rad(self._lab, legs, design))
+            for design, leg in zip(compared, typical, strict=True)
+        ]
+        rows, scores = [row for row, _ in results], [score for _, score in results]
         if not fixed and not np.isfinite(scores).any():
             raise DataError(
                 "plan: no pulse of at least 1 N*m that the device can give stays below "
@@ -201,7 +197,7 @@ class Planner:
         return f"--motion {motion:g}"
 
     def _compared(self, design: Design, leg: PlannedLeg, peak: float) -> tuple[PlannedShape, float]:
-        """Return what a design gives, and its score: lower is better, infinite is not possible."""
+        """Return the half-widths of a design and its score: lower is better, inf is impossible."""
         half = leg.estimates(dict.fromkeys(self._points, float(_COMPARED)))
         beyond = self._beyond_limits(design, peak)
         score = float(np.log(half.half_width[self._wanted]).mean())
@@ -334,7 +330,7 @@ class Planner:
             for i, parameter in enumerate(PARAMETERS)
         ]
 
-    def _say_undecidable(self, estimates: Sequence[PlannedEstimate]) -> None:
+    def _note_undecidable_values(self, estimates: Sequence[PlannedEstimate]) -> None:
         for parameter in PARAMETERS:
             never = [
                 e.timing_point for e in estimates if e.parameter == parameter and not e.decidable
@@ -348,11 +344,13 @@ class Planner:
     def _note_undetectable_differences(
         self, people: Sequence[PlannedPeople], participants: int
     ) -> None:
-        """Say which differences a recorded study of so many people could not find."""
-        own = [p for p in people if p.participants == participants]
-        if own:
-            paired = ", ".join(f"{_found(p.paired_pct)} in {LETTERS[p.parameter]}" for p in own)
-            groups = ", ".join(f"{_found(p.groups_pct)} in {LETTERS[p.parameter]}" for p in own)
+        """Note the smallest differences that a recorded study of so many people can find."""
+        rows = [p for p in people if p.participants == participants]
+        if rows:
+            paired, groups = (
+                ", ".join(f"{_size(getattr(p, key))} in {LETTERS[p.parameter]}" for p in rows)
+                for key in ("paired_pct", "groups_pct")
+            )
             self._notes.append(
                 f"The smallest differences that {participants} participants find in "
                 f"{100.0 * self._wishes.share:.0f} of 100 studies: between two conditions "
@@ -366,7 +364,7 @@ class Planner:
         counts: Mapping[str, int],
         known: Mapping[str, np.ndarray],
     ) -> list[PlannedMeasure]:
-        """Return what sensors and calibrations would buy, and twice the pulses."""
+        """Return half-widths with other sensors and calibrations, and with twice the pulses."""
         here = self._sensors
         rows = [_measure("as above", middle.estimates(_float(counts)).half_width)]
         for names in _sensor_sets(here):
@@ -377,9 +375,7 @@ class Planner:
             rows.append(_measure(what, leg.estimates(_float(counts)).half_width))
         twice = {name: 2.0 * n for name, n in counts.items()}
         rows.append(_measure("with twice the pulses", middle.estimates(twice).half_width))
-        for what, half in known.items():
-            rows.append(_measure(f"{what} known exactly", half))
-        return rows
+        return rows + [_measure(f"{what} known exactly", half) for what, half in known.items()]
 
     # --- people --------------------------------------------------------------------------------
 
@@ -388,27 +384,24 @@ class Planner:
         asked = self._wishes.participants
         participants = asked or self._schedule.participants
         wishes = (("mean_pct", self._wishes.mean_pct), ("paired_pct", self._wishes.difference_pct))
-        wanted = {attribute: wish for attribute, wish in wishes if wish is not None}
-        needs = {name: self._fewest_people(expected, wish, name) for name, wish in wanted.items()}
+        limits = {attribute: wish for attribute, wish in wishes if wish is not None}
+        needs = {name: self._fewest_people(expected, wish, name) for name, wish in limits.items()}
         most = max((need for need in needs.values() if need is not None), default=participants)
         for name, need in needs.items():
             if need is None or (asked is not None and need > asked):
                 # The most that a wish needs are enough for all.
                 people = None if need is None else most
-                self._refused.append(self._more_people(expected, wanted[name], name, people))
+                self._refused.append(self._more_people(expected, limits[name], name, people))
         if asked is None and needs:
             participants = most
-        rows = [
-            row
-            for n in sorted({*_PEOPLE, participants} - {1})
-            for row in people_rows(expected, n, self._wishes.share)
-        ]
-        return tuple(rows), participants
+        numbers = sorted({*_PEOPLE, participants} - {1})
+        rows = (people_rows(expected, n, self._wishes.share) for n in numbers)
+        return tuple(chain.from_iterable(rows)), participants
 
     def _more_people(
         self, expected: ExpectedPeople | None, wish: float, attribute: str, need: int | None
     ) -> str:
-        """Return why so many people do not do, and what is nearest."""
+        """Return why so many people are too few, and the nearest possible wishes."""
         at = self._wishes.participants or MOST_PEOPLE
         of_mean = attribute == "mean_pct"
         option, most = (
@@ -433,8 +426,8 @@ class Planner:
 
     def _worst(self, rows: Sequence[PlannedPeople], attribute: str) -> float:
         """Return the largest of what was asked for; infinite where nothing is decided."""
-        found = {r.parameter: float(getattr(r, attribute)) for r in rows}
-        return max(found.get(name, np.inf) for name in self._wishes.parameters)
+        values = {r.parameter: float(getattr(r, attribute)) for r in rows}
+        return max(values.get(name, np.inf) for name in self._wishes.parameters)
 
     # --- limit of displacement -----------------------------------------------------------------
 
@@ -463,14 +456,9 @@ class Planner:
         estimates: Sequence[PlannedEstimate],
         participants: int,
     ) -> str:
-        planned = {
-            parameter: {
-                e.timing_point: round(e.half_width_pct, 1)
-                for e in estimates
-                if e.parameter == parameter
-            }
-            for parameter in PARAMETERS
-        }
+        planned: dict[str, dict[str, float]] = {parameter: {} for parameter in PARAMETERS}
+        for e in estimates:
+            planned[e.parameter][e.timing_point] = round(e.half_width_pct, 1)
         text = protocol_text(
             spec,
             design,
@@ -499,7 +487,7 @@ def _replaced(own: PlannedShape, chosen: PlannedShape) -> str:
     return f"The protocol's own pulses ({own.text}) were replaced: {why}."
 
 
-def _found(pct: float) -> str:
+def _size(pct: float) -> str:
     return f"{pct:.0f} %" if pct <= _LARGEST_NAMED_PCT else f"over {_LARGEST_NAMED_PCT:.0f} %"
 
 

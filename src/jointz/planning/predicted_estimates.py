@@ -1,37 +1,29 @@
-"""Estimates that a design lets expect of one leg: half-widths, what is decided, and motion."""
+"""Expected estimates of one leg by a design: half-widths, and which values are decided."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.walking.coupling import Hypothesis, ModelError
-from jointz.identify.walking.decisions import (
-    Decision,
-    decided_rows,
-    held_torque,
-    value_and_sd,
-)
+from jointz.identify.walking.decisions import Decision, decided_rows, held_torque, value_and_sd
 from jointz.identify.walking.estimands import ESTIMANDS, LogMoments, log_gradient, mixed_moments
 from jointz.identify.walking.information import GROUPS, places_of
 from jointz.identify.walking.leg_model import REFLEX, LegModel
 from jointz.identify.walking.map_fit import MapFit, MapSearch
 from jointz.identify.walking.prior import LegPriors, Prior
 from jointz.planning.laboratory import Laboratory
-from jointz.planning.predicted_responses import (
-    Design,
-    planned_points,
-    with_usable_samples,
-)
+from jointz.planning.predicted_responses import Design, planned_points, with_usable_samples
 from jointz.results.value_scale import ValueScale
 
 #: Half a step of the central differences, of transformed parameters.
 _STEP = 1e-4
 #: The same of delays, which are in seconds.
 _DELAYS, _STEP_S = ("encoder_delay_s", "gyroscope_delay_s"), 1e-6
-#: Logarithm of a gain that is none.
+#: Logarithm of a gain that is practically zero.
 _NO_REFLEX = -20.0
 
 
@@ -156,13 +148,13 @@ def reflex_bias(
     return np.asarray(np.expm1(logs.gradient @ shift))
 
 
-#: As many pulses as nobody fires: what remains is not noise.
+#: So many pulses that noise averages out: the remaining error has other causes.
 ENDLESS = 1e7
-#: Information about what is known.
+#: Fisher information of parameters that are taken as known.
 _KNOWN = 1e9
 #: Steps of derivatives of what is estimated, over those of the estimator, in prior sds.
 _STEP_SD = 0.05
-#: Half-width of a value of which the device's own part leaves nothing.
+#: Half-width if nothing of a value is left without the device's own part.
 _NOTHING_LEFT = 1e3
 
 
@@ -188,23 +180,17 @@ class PlannedLeg:
         ]
         self.theta = self.priors[0].mean if theta is None else theta
         self.model = with_usable_samples(model, self.theta)
-        self._sensitivity: Sensitivity | None = None
-        self._logs: LogValues | None = None
         self._information: dict[tuple[float, ...], np.ndarray] = {}
 
-    @property
+    @cached_property
     def sensitivity(self) -> Sensitivity:
-        """How the responses depend on the parameters; computed once."""
-        if self._sensitivity is None:
-            self._sensitivity = sensitivity(self.model, self.theta)
-        return self._sensitivity
+        """How the responses depend on the parameters."""
+        return sensitivity(self.model, self.theta)
 
-    @property
+    @cached_property
     def logs(self) -> LogValues:
-        """Logarithms of all estimands with their gradient; computed once."""
-        if self._logs is None:
-            self._logs = log_values(self.model, self.theta, self.priors[0], _STEP_SD)
-        return self._logs
+        """Logarithms of all estimands with their gradient."""
+        return log_values(self.model, self.theta, self.priors[0], _STEP_SD)
 
     def search(self, counts: Mapping[str, float]) -> MapSearch:
         """Return the estimator's errors with numbers of pulses."""
@@ -213,17 +199,17 @@ class PlannedLeg:
         return MapSearch(self.model.with_points(points), self.priors[0])
 
     def estimates(self, counts: Mapping[str, float]) -> LegEstimates:
-        """Return what would be said after so many pulses at each timing point."""
+        """Return the expected estimates after so many pulses at each timing point."""
         return self._estimates(self._information_of(counts))
 
     def if_known(self, counts: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Return the half-widths (parameter, point) if a group of parameters were known."""
-        information, found = self._information_of(counts), {}
+        information, half_widths = self._information_of(counts), {}
         for source in GROUPS:
             known = np.zeros(self.theta.size)
             known[places_of(self.model.layout, source)] = _KNOWN
-            found[source] = self._estimates(information + np.diag(known)).half_width
-        return found
+            half_widths[source] = self._estimates(information + np.diag(known)).half_width
+        return half_widths
 
     def reflex_bias(self, counts: Mapping[str, float]) -> np.ndarray:
         """Return the relative bias (parameter, point) of an estimator without a reflex."""
@@ -275,9 +261,9 @@ def typical_leg(lab: Laboratory, design: Design) -> PlannedLeg:
 
 
 def _hypotheses(model: LegModel, priors: LegPriors) -> Sequence[Hypothesis]:
-    several = bool(model.layout.sensors)
-    phases = len(model.points)
-    return priors.coupling.hypotheses_of(priors.spec, several_sensors=several, phases=phases)
+    return priors.coupling.hypotheses_of(
+        priors.spec, several_sensors=bool(model.layout.sensors), phases=len(model.points)
+    )
 
 
 def drawn_parameters(lab: Laboratory, design: Design, *, n: int, seed: int) -> list[np.ndarray]:

@@ -35,7 +35,7 @@ class Design:
 
 
 def planned_points(design: Design, lab: Laboratory, person: int) -> list[PointResponse]:
-    """Return the responses of all timing points, with zeros for what the sensors will show."""
+    """Return the responses of all timing points, with zeros for the sensor signals."""
     walking = lab.walking_of(person)
     return [_planned_point(design, label, at, lab) for label, at in walking.items()]
 
@@ -71,7 +71,7 @@ def _planned_point(design: Design, label: str, at: PointWalking, lab: Laboratory
 
 
 def torque_share(pulse: Pulse, actuator: Actuator, time_s: np.ndarray) -> np.ndarray:
-    """Return the torque over the amplitude at times from the onset, late by the actuator."""
+    """Return torque over amplitude at times from the onset, with the lag of the actuator."""
     fine = np.arange(0.0, time_s[-1] + _STEP_S, _STEP_S)
     ends = np.cumsum([part.duration_s for part in pulse.course])
     starts = np.concatenate([[0.0], ends[:-1]])
@@ -88,7 +88,7 @@ def torque_share(pulse: Pulse, actuator: Actuator, time_s: np.ndarray) -> np.nda
 
 
 def with_usable_samples(model: LegModel, theta: np.ndarray) -> LegModel:
-    """Return the model without what comes after the joint has moved too far."""
+    """Return the model without the samples after the joint has moved too far."""
     points = []
     for k, point in enumerate(model.points):
         shown = model.responses(theta[None], k)[0].reshape(

@@ -23,7 +23,7 @@ from jointz.planning.predicted_responses import Design
 #: A step and its reversal leave the joint with little motion if the second lasts .55 of the first.
 _SHORT_S, _LONG_S = (0.040, 0.022), (0.092, 0.050)
 _PUSH_S, _HOLD_S = 0.06, 0.25
-#: Sizes of a shape over the largest: what is not proportional shows.
+#: Sizes of a shape over the largest: two sizes reveal nonlinear responses.
 _SIZES = (0.6, 1.0)
 #: Amplitudes are multiples of this.
 _STEP_NM = 0.5
@@ -102,8 +102,9 @@ def aborted_share(
     model, shares = planned_model(lab, design), []
     courses = {name_of(pulse): PulseWaveform(pulse) for pulse in design.pulses}
     for k, point in enumerate(model.points):
-        moved = model.bone(np.stack(legs), k)
-        coasting = moved + LOOK_AHEAD_S * np.gradient(moved, point.period_s, axis=-1)
+        displacement = model.bone(np.stack(legs), k)
+        rate = np.gradient(displacement, point.period_s, axis=-1)
+        coasting = displacement + LOOK_AHEAD_S * rate
         for i, v in enumerate(design.variants):
             rest = courses[v.shape].displacements(
                 ahead_s=LOOK_AHEAD_S, actuator_lag_s=ACTUATOR_LATE_S
@@ -141,12 +142,11 @@ def text_of(pulses: Sequence[Pulse]) -> str:
 
 def _words(pulse: Pulse) -> str:
     sizes = " and ".join(f"{size:g}" for size in pulse.sizes_nm)
-    parts = [f"{1000.0 * part.duration_s:.0f}" for part in pulse.course]
-    if isinstance(pulse, SampledPulse):
-        parts = [f"{1000.0 * pulse.length_s:.0f}"]
-    times = " + ".join(parts)
-    way = {"both": "both signs", "positive": "positive", "negative": "negative"}[pulse.direction]
     kind = "doublet" if isinstance(pulse, DoubletPulse) else "pulse"
-    kind = "sampled pulse" if isinstance(pulse, SampledPulse) else kind
+    durations_s = [part.duration_s for part in pulse.course]
+    if isinstance(pulse, SampledPulse):
+        kind, durations_s = "sampled pulse", [pulse.length_s]
+    times = " + ".join(f"{1000.0 * duration_s:.0f}" for duration_s in durations_s)
+    way = {"both": "both signs", "positive": "positive", "negative": "negative"}[pulse.direction]
     name = "" if isinstance(pulse, PulseSpec) else f"{name_of(pulse)}: "
     return f"{name}{kind} of {times} ms, {sizes} N*m, {way}"

@@ -33,10 +33,10 @@ class HalfWidths:
     drawn: np.ndarray  # (leg, count, parameter, point)
 
     def assured(self, count: float, share: float) -> np.ndarray:
-        """Return what a share of legs does not exceed, (parameter, point).
+        """Return the half-widths that a share of legs does not exceed, (parameter, point).
 
-        What legs have over the typical one is taken to be alike at all timing points: few legs
-        are drawn.
+        Few legs are drawn: the ratio of their half-widths to the typical ones is taken to be the
+        same at all timing points.
         """
         over = self.drawn / self.typical
         ratio = np.quantile(
@@ -113,21 +113,21 @@ def half_widths(
 
     def one(number: int) -> tuple[PlannedLeg, np.ndarray]:
         leg = PlannedLeg(lab, design, number, legs[number])
-        found = [leg.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
-        return leg, np.stack(found)
+        rows = [leg.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
+        return leg, np.stack(rows)
 
     results = []
     with ThreadPoolExecutor(max_workers=2) as pool:
         for result in pool.map(one, range(len(legs))):
             results.append(result)
             tell()
-    made, half = zip(*results, strict=True)
-    # What legs have over the typical one hardly changes any more with endless pulses.
+    planned, half = zip(*results, strict=True)
+    # The ratio of legs to the typical one hardly changes from here to endless pulses.
     drawn = np.stack([np.concatenate([h, h[-1:]]) for h in half])
     counts = np.append(counts, ENDLESS)
     typical = [middle.estimates(dict.fromkeys(points, float(n))).half_width for n in counts]
     drawn[:, -1] *= typical[-1] / typical[-2]
-    return HalfWidths(tuple(made), step, counts, np.stack(typical), drawn)
+    return HalfWidths(tuple(planned), step, counts, np.stack(typical), drawn)
 
 
 #: Directions without information keep their matrix regular.
@@ -161,7 +161,7 @@ def expected_people(
 
 
 def people_rows(expected: ExpectedPeople | None, n: int, power: float) -> list[PlannedPeople]:
-    """Return what a number of people tells of K, B and J, of those that are decided."""
+    """Return half-widths and detectable differences of K, B and J, as far as decided."""
     if expected is None:
         return []
     mean, difference, own = expected.mean_sd(n), expected.difference_sd(), expected.person_sd()

@@ -11,7 +11,7 @@ from jointz.core.protocols.pulse_models import NamedPulse
 from jointz.planning.predicted_responses import Design
 
 _WINDOW_S, _LONGEST_WINDOW_S = 0.15, 0.25
-#: A pulse's stride and the next do not teach the prediction.
+#: Strides that a pulse disturbs, its own and the next: the prediction does not learn from them.
 _DISTURBED_STRIDES = 2.0
 _FEWEST_STRIDES = 20
 
@@ -92,7 +92,7 @@ def recorded_schedule(
     strides: float,
     participants: int,
 ) -> Schedule:
-    """Return the schedule of what was recorded, so many strides of a participant."""
+    """Return the schedule of a recorded study; ``strides`` are those of a participant."""
     return Schedule(
         name=name,
         timing_points=dict(timing_points),

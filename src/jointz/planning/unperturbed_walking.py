@@ -20,11 +20,7 @@ from jointz.identify.prediction.unperturbed_prediction import (
 )
 from jointz.identify.preparation.assignment import Candidate
 from jointz.identify.preparation.pulses import Pulse
-from jointz.identify.preparation.raw_signals import (
-    ENCODER,
-    TORQUE_ROWS,
-    raw_signals,
-)
+from jointz.identify.preparation.raw_signals import ENCODER, TORQUE_ROWS, raw_signals
 from jointz.identify.preparation.sensor_agreement import choose_sensors
 from jointz.identify.preparation.sources import (
     ParticipantSettings,
@@ -53,9 +49,8 @@ class PointWalking:
     period_s: float  # between samples
     channels: tuple[str, ...]  # goniometer first
     velocity: np.ndarray  # (n,) rad/s, of the unperturbed joint
-    prediction_errors: (
-        np.ndarray
-    )  # (virtual onset, channel, n) rad or rad/s: errors of the prediction
+    # (virtual onset, channel, n) rad or rad/s: errors of the prediction
+    prediction_errors: np.ndarray
     torque_prediction_errors: np.ndarray  # (virtual onset, n) N*m
     n_strides: int  # from which the prediction will be learned
     n_recorded: int = 0  # unperturbed strides that ``prediction_errors`` are from; 0 if stored
@@ -74,16 +69,15 @@ def stored_walking(
     rate_hz: float,
     stride_s: float,
     n_strides: int,
-    seed: int = 1,
 ) -> dict[str, PointWalking]:
-    """Return walking as published, and as a recorded walker varies.
+    """Return walking as published, with the variability of a recorded walker.
 
     ``noise`` is the white noise of each channel, SI.
     """
     n = round(data_length_s(window_s) * rate_hz) + 1 + LEAD_SAMPLES
     since = (np.arange(n) - LEAD_SAMPLES) / rate_hz
-    rng = np.random.default_rng(seed)
-    found = {}
+    rng = np.random.default_rng(1)
+    walking = {}
     for label, pct in timing_points.items():
         steps = rng.standard_normal((_ONSETS, n)) * (since > 0.0)
         velocity = np.cumsum(steps, axis=1)
@@ -98,9 +92,8 @@ def stored_walking(
             ],
             axis=1,
         )
-        at_pct = pct + 100.0 * since / stride_s
-        knee = published_angle(at_pct % 100.0)
-        found[label] = PointWalking(
+        knee = published_angle((pct + 100.0 * since / stride_s) % 100.0)
+        walking[label] = PointWalking(
             phase=pct / 100.0,
             stride_s=stride_s,
             period_s=1.0 / rate_hz,
@@ -110,7 +103,7 @@ def stored_walking(
             torque_prediction_errors=np.zeros((_ONSETS, n)),
             n_strides=n_strides,
         )
-    return found
+    return walking
 
 
 def recorded_walking(
@@ -126,9 +119,9 @@ def recorded_walking(
 
     Without unperturbed recordings, the strides between the pulses of perturbed ones.
     """
-    worn = [r for r in recordings if r.condition == "unperturbed"]
-    pulsed = [r for r in recordings if r.condition == "perturbed"]
-    sources = prepare_sources(worn or pulsed, settings)
+    unperturbed = [r for r in recordings if r.condition == "unperturbed"]
+    perturbed = [r for r in recordings if r.condition == "perturbed"]
+    sources = prepare_sources(unperturbed or perturbed, settings)
     sources = [s for s in sources if quiet_strides(s).size >= FEWEST_STRIDES]
     if not sources:
         raise DataError(
@@ -141,14 +134,14 @@ def recorded_walking(
     predictor = UnperturbedPredictor(
         source, signals, window_s=data_length_s(window_s), sensors=sensors
     )
-    found = {}
+    walking = {}
     for label, pct in timing_points.items():
         candidates = list(_virtual_pulses(source, label, pct))
         predicted = predictor.predict(candidates)
         errors = predicted.prediction_errors
         if not len(errors):
             raise DataError(f"pilot: no unperturbed stride could be predicted at {label}.")
-        found[label] = PointWalking(
+        walking[label] = PointWalking(
             phase=pct / 100.0,
             stride_s=_stride_s(source),
             period_s=1.0 / predictor.rate_hz,
@@ -159,7 +152,7 @@ def recorded_walking(
             n_strides=n_strides,
             n_recorded=predicted.n_strides,
         )
-    return found
+    return walking
 
 
 def _stride_s(source: Source) -> float:
@@ -182,8 +175,8 @@ def _virtual_pulses(source: Source, label: str, pct: float) -> Iterator[Candidat
 def with_channels(at: PointWalking, noise: Mapping[str, float]) -> PointWalking:
     """Return walking as other sensors show it.
 
-    ``noise`` is the white noise of each channel, SI. A sensor that is not there is given the error
-    of the goniometer's prediction, smoothed, or its rate, and its own noise.
+    ``noise`` is the white noise of each channel, SI. A channel that was not recorded gets the
+    error of the goniometer's prediction, smoothed, or its rate, and its own noise.
     """
     rng = np.random.default_rng(2)
     width = max(3, round(_SMOOTH_S / at.period_s))

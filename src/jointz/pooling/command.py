@@ -11,13 +11,12 @@ from jointz.terminal.output import EXIT_NO_ESTIMATE, EXIT_OK, emit, emit_json
 
 def pool(
     results: Annotated[list[Path], typer.Argument(help="Results folders of jointz analyze.")],
-    out: Annotated[Path, typer.Option("--out", help="Folder for tables, figures and a page.")],
+    out: Annotated[Path, typer.Option(help="Folder for tables, figures and a page.")],
     conditions: Annotated[
         Path | None,
         typer.Option(
-            "--conditions",
             help="Table (csv) with the columns results, study, condition, walking_speed_m_s, "
-            "slope_deg, surface, group: one row a folder.",
+            "slope_deg, surface, group: one row a folder."
         ),
     ] = None,
     overwrite: Annotated[

@@ -19,7 +19,7 @@ from jointz.io.new_folder import MARKER, POOL, check_free, new_folder, write_mar
 from jointz.pooling.conditions import CONDITION_COLUMNS, Condition, read_conditions
 from jointz.pooling.page import draw_forests, render_pool
 from jointz.pooling.plain_tables import typed_table
-from jointz.pooling.pooled_result import COLUMNS, ONE_STUDY, UNDECIDED, PooledStudies
+from jointz.pooling.pooled_result import COLUMNS, COUNTS, ONE_STUDY, UNDECIDED, PooledStudies
 from jointz.pooling.results_folders import AVAILABLE, ResultsFolder, folder_names, read_folder
 from jointz.report.wording import ABSOLUTE, ALL_PARAMETERS, format_count
 from jointz.results.base import plain
@@ -40,17 +40,17 @@ def people_of(estimates: pd.DataFrame) -> pd.DataFrame:
     The mean of a person's variances is the variance of a mean of fully correlated values, which is
     conservative. One undecided session or side makes the person undecided.
     """
-    table = estimates
-    is_available, at_bound = table["status"].isin(AVAILABLE), table["status"] == "at_bound"
-    half = (table["ci_high"] - table["ci_low"]) / 2.0
-    reach = half.where(~at_bound, table["ci_high"] - table["value"])
-    quantile = ndtri(np.where(at_bound, table["ci_level"], 0.5 + table["ci_level"] / 2.0))
-    rows = table.assign(
-        value=table["value"].where(is_available),
+    status, high, level = estimates["status"], estimates["ci_high"], estimates["ci_level"]
+    is_available, at_bound = status.isin(AVAILABLE), status == "at_bound"
+    half = (high - estimates["ci_low"]) / 2.0
+    reach = half.where(~at_bound, high - estimates["value"])
+    quantile = ndtri(np.where(at_bound, level, 0.5 + level / 2.0))
+    rows = estimates.assign(
+        value=estimates["value"].where(is_available),
         error=((reach / quantile) ** 2).where(is_available),
         has_value=is_available,
         at_bound=at_bound,
-        undecided=table["status"] == "undecided",
+        undecided=status == "undecided",
     )
     how = {"value": "mean", "error": "mean", "gain_sd": "max", "ci_level": "first"}
     how |= dict.fromkeys(["has_value", "at_bound", "undecided"], "any")
@@ -95,7 +95,7 @@ _SAME_POINT_PCT: Final = 2.0
 _APART = "pool each side by itself"
 
 
-def _texts(folder: ResultsFolder, column: str) -> str:
+def _distinct(folder: ResultsFolder, column: str) -> str:
     return " and ".join(f"{value}" for value in folder.estimates[column].drop_duplicates())
 
 
@@ -104,7 +104,7 @@ def _method(folder: ResultsFolder) -> str:
     coupling = folder.settings.get("coupling")
     assumed = f"coupling {coupling}, " if coupling else ""
     baseline = folder.settings.get("baseline") or "its own"
-    return f"{_texts(folder, 'method')} ({assumed}baseline {baseline})"
+    return f"{_distinct(folder, 'method')} ({assumed}baseline {baseline})"
 
 
 def _estimand(folder: ResultsFolder) -> str:
@@ -115,10 +115,8 @@ def _estimand(folder: ResultsFolder) -> str:
         name for name in ABSOLUTE
         if any((one.get(f"intrinsic_{name}") or {}).get("value") for one in folder.calibrations)
     ]  # fmt: skip
-    device = (
-        f"{', '.join(subtracted)} of the device subtracted" if subtracted else "device included"
-    )
-    return f"mean over {time}, {device}"
+    device = f"{', '.join(subtracted)} of the device subtracted" if subtracted else ""
+    return f"mean over {time}, {device or 'device included'}"
 
 
 #: What must be the same -> (how to read it, what to do where it is not).
@@ -136,7 +134,7 @@ _SAME: Final[Mapping[str, tuple[Callable[[ResultsFolder], str], str]]] = {
         "Use one window_s and the same kind of [calibration], and run jointz analyze again",
     ),
     "level of intervals (ci_level)": (
-        lambda f: _texts(f, "ci_level"),
+        lambda f: _distinct(f, "ci_level"),
         "Run jointz analyze again with this version",
     ),
 }  # fmt: skip
@@ -199,7 +197,6 @@ def _repeats(folders: Sequence[ResultsFolder], conditions: Sequence[Condition]) 
 
 
 PAGE: Final = "report.html"
-_COUNTS: Final = ("n_at_bound", "n_undecided", "n_failed")
 
 _PathLike = str | os.PathLike[str]
 
@@ -367,7 +364,7 @@ def _mean_over_studies(group: pd.DataFrame, level: float) -> tuple[Row, np.ndarr
         "n_studies": len(ok),
         "n_people": int(ok["n_people"].sum()),
         "n_left_out": len(group) - len(ok),
-        **{name: int(group[name].sum()) for name in _COUNTS},
+        **{name: int(group[name].sum()) for name in COUNTS},
         "status": Failure.TOO_FEW_STUDIES.status,
     }
     if ok.empty:

@@ -25,7 +25,7 @@ _NUMBERS = (
     "i2_pct", "q", "q_p", "se", "weight_pct",
 )  # fmt: skip
 _CELL = ("timing_point", *CONDITION_COLUMNS, "parameter", "unit")
-_COUNTS = ("n_at_bound", "n_undecided", "n_failed")
+COUNTS: Final = ("n_at_bound", "n_undecided", "n_failed")
 _ENDS = ("value", "ci_low", "ci_high")
 
 
@@ -41,10 +41,10 @@ def _kinds(*names: str) -> Mapping[str, Kind]:
 COLUMNS: Final[Mapping[str, Mapping[str, Kind]]] = {
     "table": _kinds(
         *_CELL, "method", *_ENDS, "prediction_low", "prediction_high", "tau", "tau_low",
-        "tau_high", "i2_pct", "q", "q_p", "n_studies", "n_people", "n_left_out", *_COUNTS, "status",
+        "tau_high", "i2_pct", "q", "q_p", "n_studies", "n_people", "n_left_out", *COUNTS, "status",
     ),
     "studies": _kinds(
-        *_CELL, "study", "method", "n_people", *_COUNTS, "value", "se", "ci_low", "ci_high",
+        *_CELL, "study", "method", "n_people", *COUNTS, "value", "se", "ci_low", "ci_high",
         "weight_pct", "status",
     ),
     "estimates": _kinds(
@@ -176,7 +176,7 @@ def cell_text(row: Mapping[Any, Any]) -> str:
 def studies_of(studies: pd.DataFrame, row: Mapping[Any, Any]) -> pd.DataFrame:
     """Return the studies of a row of the table of means."""
     columns = list(_CELL)
-    wanted = pd.Series({name: row[name] for name in columns}, dtype=object)
+    cell = pd.Series({name: row[name] for name in columns}, dtype=object)
     both = studies[columns].astype(object)
-    is_same = (both == wanted) | (both.isna() & pd.isna(wanted))
+    is_same = (both == cell) | (both.isna() & pd.isna(cell))
     return studies[is_same.all(axis=1)]

@@ -1,8 +1,7 @@
 """Published numbers, each with its source, as they are printed.
 
-Nothing in the chapters is corrected: what is wrong with a printed number stands in its note. Only
-digits that the copy of the text damaged, or that cannot be meant, are repaired, and the note
-says so.
+Nothing in the chapters is corrected: the note of a number states its errors. Only digits that the
+copy of the text damaged, or that cannot be meant, are repaired, and the note says so.
 """
 
 from collections.abc import Mapping

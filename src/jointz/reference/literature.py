@@ -9,8 +9,6 @@ from typing import Final, Literal
 
 from jointz.reference import chapter4
 
-Relation = Literal["similar", "higher", "lower", "different"]
-
 #: Studies that the dissertation compares with -> their names in the text.
 STUDIES: Final = {
     "rouse": "Rouse",
@@ -28,64 +26,43 @@ class StatedComparison:
     """What the text says of a study's values beside the dissertation's."""
 
     study: str  # key of :data:`STUDIES`
-    # ``stiffness``, ``damping`` or ``inertia``
     quantity: Literal["stiffness", "damping", "inertia"]
-    # compared timing points; empty for all where the study has values
-    timing_points: tuple[str, ...]
-    # of the study's values to the dissertation's: ``similar``, ``higher``, ``lower``, ``different``
-    relation: Relation
-    factor_low: float | None  # printed lower end of the study's value over the dissertation's
-    factor_high: float | None  # printed upper end of the study's value over the dissertation's
-    source: str  # section of the dissertation
+    relation: Literal["similar", "higher", "lower", "different"]  # of the study's values
     words: str  # statement in the words of the text
+    timing_points: tuple[str, ...]  # compared timing points
+    factor_low: float | None = (
+        None  # printed lower end of the study's value over the dissertation's
+    )
+    factor_high: float | None = None  # its upper end
+    source: str = "4.4"  # section of the dissertation
 
 
 _STANCE_EARLY, _STANCE_MID, _STANCE_END = ("LRE",), ("MST",), ("TST",)
 _SWING = ("ISW", "MSW")
 #: 20 and 30 % of a swing from 62 to 100 % are 69.6 and 73.4 % of the cycle.
 _TUCKER_SWING = ("ISW",)
-_FACTOR = (2.0, 3.0)
 _MATCH = "matched results from other knee perturbation studies closely"
 _HIGHER = "all of our damping estimates were higher than the corresponding literature"
 _EARLY = "among the largest differences: early stance and swing"
-
-
-def _said(
-    study: str,
-    quantity: Literal["stiffness", "damping", "inertia"],
-    relation: Relation,
-    words: str,
-    *,
-    points: tuple[str, ...] = (),
-    factor: tuple[float, float] | None = None,
-) -> StatedComparison:
-    low, high = factor or (None, None)
-    return StatedComparison(study, quantity, points, relation, low, high, "4.4", words)
+_LARGER = "larger than ours by a factor of approximately two or three"
 
 
 #: Every comparison of values in 4.4, by study, quantity and timing point.
 COMPARISONS: Final = (
-    _said("kooij", "stiffness", "similar", _MATCH, points=_SWING),
-    _said("kooij", "inertia", "similar", _MATCH, points=_SWING),
-    _said("kooij", "damping", "lower", _HIGHER, points=_SWING),
-    _said("tucker", "stiffness", "similar", _MATCH, points=_TUCKER_SWING),
-    _said("tucker", "inertia", "similar", _MATCH, points=_TUCKER_SWING),
-    _said("tucker", "damping", "lower", _HIGHER, points=_TUCKER_SWING),
-    _said("pfeifer", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
-    _said("pfeifer", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
-    _said("pfeifer", "stiffness", "higher", "higher than our estimates", points=_STANCE_END),
-    _said(
-        "pfeifer",
-        "stiffness",
-        "higher",
-        "larger than ours by a factor of approximately two or three",
-        points=_SWING,
-        factor=_FACTOR,
-    ),
-    _said("sartori", "stiffness", "different", _EARLY, points=_STANCE_EARLY),
-    _said("sartori", "stiffness", "similar", "similar magnitudes", points=_STANCE_MID),
-    _said("sartori", "stiffness", "similar", "matched ours well", points=_STANCE_END),
-    _said("sartori", "stiffness", "different", _EARLY, points=_SWING),
+    StatedComparison("kooij", "stiffness", "similar", _MATCH, _SWING),
+    StatedComparison("kooij", "inertia", "similar", _MATCH, _SWING),
+    StatedComparison("kooij", "damping", "lower", _HIGHER, _SWING),
+    StatedComparison("tucker", "stiffness", "similar", _MATCH, _TUCKER_SWING),
+    StatedComparison("tucker", "inertia", "similar", _MATCH, _TUCKER_SWING),
+    StatedComparison("tucker", "damping", "lower", _HIGHER, _TUCKER_SWING),
+    StatedComparison("pfeifer", "stiffness", "different", _EARLY, _STANCE_EARLY),
+    StatedComparison("pfeifer", "stiffness", "similar", "similar magnitudes", _STANCE_MID),
+    StatedComparison("pfeifer", "stiffness", "higher", "higher than our estimates", _STANCE_END),
+    StatedComparison("pfeifer", "stiffness", "higher", _LARGER, _SWING, 2.0, 3.0),
+    StatedComparison("sartori", "stiffness", "different", _EARLY, _STANCE_EARLY),
+    StatedComparison("sartori", "stiffness", "similar", "similar magnitudes", _STANCE_MID),
+    StatedComparison("sartori", "stiffness", "similar", "matched ours well", _STANCE_END),
+    StatedComparison("sartori", "stiffness", "different", _EARLY, _SWING),
 )
 
 
@@ -125,8 +102,8 @@ def stated_stiffness_range(study: str, timing_point: str) -> tuple[float, float]
     if study not in STUDIES:
         raise KeyError(f"study: expected one of {', '.join(STUDIES)}; got {study!r}.")
     mean = chapter4.STIFFNESS_MEANS[timing_point].value
-    for said in COMPARISONS:
-        stands = said.study == study and timing_point in said.timing_points
-        if stands and said.factor_low is not None and said.factor_high is not None:
-            return round(said.factor_low * mean, 6), round(said.factor_high * mean, 6)
+    for row in COMPARISONS:
+        is_same = row.study == study and timing_point in row.timing_points
+        if is_same and row.factor_low is not None and row.factor_high is not None:
+            return round(row.factor_low * mean, 6), round(row.factor_high * mean, 6)
     return None

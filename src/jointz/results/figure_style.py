@@ -22,6 +22,7 @@ MM_PER_INCH: Final = 25.4
 INK: Final = "#1b1f24"
 MUTED: Final = "#5f6872"
 FAINT: Final = "#b9c0c8"
+GREY: Final = "#8f98a1"
 PANEL: Final = "#eff2f5"
 BLUE: Final = "#0072b2"
 SKY: Final = "#7fb2d3"

@@ -1,9 +1,9 @@
 """The controllers of jointz: laws over the gait cycle that follow a profile."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +11,7 @@ from jointz.control.impedance_profile import GRID_PCT, ImpedanceProfile
 from jointz.control.make_profile import impedance_profile
 from jointz.control.profile_file import profile_text, read_profile
 from jointz.control.rendering.tank import EnergyTank
-from jointz.control.state_machine import (
-    ImpedanceState,
-    fit_state_machine,
-    osl_states,
-    state_tables,
-)
+from jointz.control.state_machine import ImpedanceState, fit_state_machine, osl_states, state_tables
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES
 from jointz.core.protocols.protocol import Protocol as ProtocolSpec
@@ -112,45 +107,36 @@ class PhaseController:
         return {**self._about, "tables": dict(zip(names, map(list, columns), strict=True))}
 
 
-class Law(Protocol):
-    """Makes the tables of a controller."""
-
-    def __call__(self, profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
-        """Return the tables for a profile."""
+#: Makes the tables of a controller, given a profile and the controller's settings.
+Law = Callable[[ImpedanceProfile, Mapping[str, float]], PhaseTables]
+_ZERO = np.zeros(GRID_PCT.size)
 
 
-def _replayed(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
-    del settings
-    none = np.zeros(GRID_PCT.size)
-    return PhaseTables(profile.moment, none, none, none)
+def _torque_replay(profile: ImpedanceProfile, _: Mapping[str, float]) -> PhaseTables:
+    return PhaseTables(profile.moment, _ZERO, _ZERO, _ZERO)
 
 
-def _followed(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
+def _kinematic_pd(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
     """Return a PD law to the mean angle and velocity."""
-    none = np.zeros(GRID_PCT.size)
-    damping = none + settings["damping"]
-    stiffness = none + settings["stiffness"]
+    damping = _ZERO + settings["damping"]
+    stiffness = _ZERO + settings["stiffness"]
     return PhaseTables(damping * profile.velocity, stiffness, damping, profile.angle)
 
 
-def _measured(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
-    del settings
-    none = np.zeros(GRID_PCT.size)
-    return PhaseTables(none, profile.stiffness, profile.damping, profile.equilibrium)
+def _continuous(profile: ImpedanceProfile, _: Mapping[str, float]) -> PhaseTables:
+    return PhaseTables(_ZERO, profile.stiffness, profile.damping, profile.equilibrium)
 
 
-def _constant(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
-    del settings
+def _constant(profile: ImpedanceProfile, _: Mapping[str, float]) -> PhaseTables:
     one = np.ones(GRID_PCT.size)
     return _through_moment(profile, profile.stiffness.mean() * one, profile.damping.mean() * one)
 
 
-def _per_phase(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
-    del settings
+def _per_phase(profile: ImpedanceProfile, _: Mapping[str, float]) -> PhaseTables:
     stiffness, damping = profile.stiffness.copy(), profile.damping.copy()
     for begin, end in PHASES.values():
-        own = slice(round(begin), round(end))  # nodes lie at full %
-        stiffness[own], damping[own] = stiffness[own].mean(), damping[own].mean()
+        phase = slice(round(begin), round(end))  # nodes lie at full %
+        stiffness[phase], damping[phase] = stiffness[phase].mean(), damping[phase].mean()
     return _through_moment(profile, stiffness, damping)
 
 
@@ -158,35 +144,32 @@ def _through_moment(
     profile: ImpedanceProfile, stiffness: np.ndarray, damping: np.ndarray
 ) -> PhaseTables:
     """Return a law that gives the moment of the profile along its mean stride."""
-    lever = (profile.moment + damping * profile.velocity) / stiffness
-    none = np.zeros(GRID_PCT.size)
-    return PhaseTables(none, stiffness, damping, profile.angle + lever)
+    lead = (profile.moment + damping * profile.velocity) / stiffness
+    return PhaseTables(_ZERO, stiffness, damping, profile.angle + lead)
 
 
-def _lines(profile: ImpedanceProfile, settings: Mapping[str, float]) -> PhaseTables:
+def _quasi_stiffness(profile: ImpedanceProfile, _: Mapping[str, float]) -> PhaseTables:
     """Return quasi-stiffness: in each gait phase the line of moment on angle that resists it.
 
     A phase has its mean moment instead where the line would drive the knee on (moment growing with
     angle) or the angle hardly moves; no line is stiffer than the profile.
     """
-    del settings
     feedforward, stiffness = np.zeros(GRID_PCT.size), np.zeros(GRID_PCT.size)
     stiffest = float(profile.stiffness.max())
     for begin, end in PHASES.values():
-        own = slice(round(begin), round(end))  # nodes lie at full %
-        angle, moment = profile.angle[own], profile.moment[own]
+        phase = slice(round(begin), round(end))  # nodes lie at full %
+        angle, moment = profile.angle[phase], profile.moment[phase]
         off, slope = angle - angle.mean(), 0.0
         if np.ptp(angle) > _MOVES_RAD:
             slope = min(max(0.0, -float(off @ moment) / float(off @ off)), stiffest)
-        stiffness[own] = slope
-        feedforward[own] = moment.mean() + slope * angle.mean()
-    none = np.zeros(GRID_PCT.size)
-    return PhaseTables(feedforward, stiffness, none, none)
+        stiffness[phase] = slope
+        feedforward[phase] = moment.mean() + slope * angle.mean()
+    return PhaseTables(feedforward, stiffness, _ZERO, _ZERO)
 
 
 def _of_states(states: tuple[ImpedanceState, ...]) -> PhaseTables:
     stiffness, damping, equilibrium = state_tables(states, GRID_PCT)
-    return PhaseTables(np.zeros(GRID_PCT.size), stiffness, damping, equilibrium)
+    return PhaseTables(_ZERO, stiffness, damping, equilibrium)
 
 
 # --- factories -----------------------------------------------------------------------------------
@@ -207,12 +190,12 @@ def _make(
     return PhaseController(law(profile, settings), settings["share"], about, tank_j)
 
 
-make_torque_replay = partial(_make, _replayed, _SHARE)
-make_kinematic_pd = partial(_make, _followed, _PD)
-make_quasi_stiffness = partial(_make, _lines, _SHARE)
+make_torque_replay = partial(_make, _torque_replay, _SHARE)
+make_kinematic_pd = partial(_make, _kinematic_pd, _PD)
+make_quasi_stiffness = partial(_make, _quasi_stiffness, _SHARE)
 make_impedance_constant = partial(_make, _constant, _IMPEDANCE)
 make_impedance_per_phase = partial(_make, _per_phase, _IMPEDANCE)
-make_impedance_continuous = partial(_make, _measured, _IMPEDANCE)
+make_impedance_continuous = partial(_make, _continuous, _IMPEDANCE)
 
 
 def make_zero_torque(
@@ -223,8 +206,7 @@ def make_zero_torque(
     _settings(spec, {})
     if spec.profile is not None:
         raise DataError("profile: zero torque follows none. Remove it.")
-    none = np.zeros(GRID_PCT.size)
-    return PhaseController(PhaseTables(none, none, none, none), 0.0, {})
+    return PhaseController(PhaseTables(_ZERO, _ZERO, _ZERO, _ZERO), 0.0, {})
 
 
 def make_four_state(

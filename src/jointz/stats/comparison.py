@@ -8,7 +8,9 @@ from scipy.special import chdtri, fdtri, gammaln, nctdtrinc, stdtr, stdtrit
 #: Below this share of its size a spread is rounding.
 _ROUNDING = 1e-12
 _HUGE_T = 1000.0
-_TWO_SIDED_95 = 0.975
+_CI_LEVEL, _TWO_SIDED_95 = 0.95, 0.975
+#: Probability of each side outside an interval.
+_TAIL = (1.0 - _CI_LEVEL) / 2.0
 
 
 class NoSpreadError(ValueError):
@@ -43,9 +45,7 @@ class MeanDifference:
         return float(max(lower, upper))
 
 
-def paired_difference(
-    first: np.ndarray, second: np.ndarray, *, ci_level: float = 0.95
-) -> MeanDifference:
+def paired_difference(first: np.ndarray, second: np.ndarray) -> MeanDifference:
     """Return the mean difference of the same people measured twice.
 
     The effect size is g_z: mean over standard deviation of the differences, times Hedges'
@@ -61,14 +61,10 @@ def paired_difference(
     if sd <= _ROUNDING * float(max(np.abs(a).max(), np.abs(b).max())):
         raise NoSpreadError("paired_difference: all differences are the same")
     df, reach = float(n - 1), n**-0.5
-    return _tested(
-        float(d.mean()), sd * reach, df, effect=(df, reach, sd * reach), ci_level=ci_level
-    )
+    return _tested(float(d.mean()), sd * reach, df, effect=(df, reach, sd * reach))
 
 
-def group_difference(
-    first: np.ndarray, second: np.ndarray, *, ci_level: float = 0.95
-) -> MeanDifference:
+def group_difference(first: np.ndarray, second: np.ndarray) -> MeanDifference:
     """Return the mean difference of different people, with variances of their own.
 
     Welch's t. The effect size is Hedges' g: the difference over the pooled standard
@@ -88,7 +84,7 @@ def group_difference(
     pooled = np.sqrt(((n - 1) * va + (m - 1) * vb) / pooled_df)
     reach = float(np.sqrt(1.0 / n + 1.0 / m))
     effect = (pooled_df, reach, float(pooled) * reach)
-    return _tested(float(a.mean() - b.mean()), se, float(df), effect=effect, ci_level=ci_level)
+    return _tested(float(a.mean() - b.mean()), se, float(df), effect=effect)
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
@@ -99,15 +95,15 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 
 def _tested(
-    difference: float, se: float, df: float, *, effect: tuple[float, float, float], ci_level: float
+    difference: float, se: float, df: float, *, effect: tuple[float, float, float]
 ) -> MeanDifference:
     """Return test, interval and effect size; ``effect`` is df, reach and error of its t."""
-    half = se * float(stdtrit(df, (1.0 + ci_level) / 2.0))
+    half = se * float(stdtrit(df, (1.0 + _CI_LEVEL) / 2.0))
     effect_df, reach, effect_se = effect
     size: tuple[float | None, float | None, float | None] = (None, None, None)
     if effect_df > 1.0:
         effect_t = difference / effect_se
-        low, high = _noncentrality(effect_t, effect_df, ci_level)
+        low, high = _noncentrality(effect_t, effect_df)
         size = (hedges_correction(effect_df) * effect_t * reach, low * reach, high * reach)
     t = difference / se
     return MeanDifference(
@@ -124,15 +120,15 @@ def hedges_correction(df: float) -> float:
     return float(np.exp(gammaln(df / 2.0) - gammaln((df - 1.0) / 2.0)) * np.sqrt(2.0 / df))
 
 
-def _noncentrality(t: float, df: float, ci_level: float) -> tuple[float, float]:
+def _noncentrality(t: float, df: float) -> tuple[float, float]:
     """Return the noncentralities at which t is as large, and as small, as the level allows."""
-    tail, size = (1.0 - ci_level) / 2.0, abs(t)  # scipy is more exact at positive t
+    size = abs(t)  # scipy is more exact at positive t
     if size > _HUGE_T:  # where scipy takes minutes, the standard deviation alone is uncertain
-        low = size * float(np.sqrt(chdtri(df, 1.0 - tail) / df))
-        high = size * float(np.sqrt(chdtri(df, tail) / df))
+        low = size * float(np.sqrt(chdtri(df, 1.0 - _TAIL) / df))
+        high = size * float(np.sqrt(chdtri(df, _TAIL) / df))
     else:
-        low = float(nctdtrinc(df, 1.0 - tail, size))
-        high = float(nctdtrinc(df, tail, size))
+        low = float(nctdtrinc(df, 1.0 - _TAIL, size))
+        high = float(nctdtrinc(df, _TAIL, size))
     return (low, high) if t >= 0 else (-high, -low)
 
 
@@ -153,14 +149,14 @@ class RepeatedMeasurements:
     mdc: tuple[float, float, float]
 
 
-def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeasurements:
+def repeatability(values: np.ndarray) -> RepeatedMeasurements:
     """Return ICC, standard error of measurement and minimal detectable change.
 
     ICC(A,1) and ICC(C,1) of McGraw and Wong 1996, Psychol. Methods 1, 30-46 (Shrout and
     Fleiss's ICC(2,1) and ICC(3,1)); both may be negative. The standard error of measurement
     is the square root of the error mean square (Weir 2005, J. Strength Cond. Res. 19,
-    231-240): a shift of all people between days is not in it. An ICC tells how people
-    can be told apart, so it is low where they are alike, however well they repeat.
+    231-240): it does not include a shift of all people between days. An ICC is low if people
+    are alike, however well their measurements repeat.
 
     The minimal detectable change is t sqrt(2) SEM, with the 97.5 % quantile of Student's t for
     the (n - 1)(k - 1) degrees of freedom of the SEM: the change of a stable new person exceeds
@@ -180,28 +176,27 @@ def repeatability(values: np.ndarray, *, ci_level: float = 0.95) -> RepeatedMeas
     if np.sqrt(error) <= _ROUNDING * float(np.abs(y).max()):
         raise NoSpreadError("repeatability: nothing varies inside people")
     df = float((n - 1) * (k - 1))
-    tail = (1.0 - ci_level) / 2.0
     sem = float(np.sqrt(error))
-    low, high = (sem * float(np.sqrt(df / chdtri(df, p))) for p in (tail, 1.0 - tail))
+    low, high = (sem * float(np.sqrt(df / chdtri(df, p))) for p in (_TAIL, 1.0 - _TAIL))
     factor = float(stdtrit(df, _TWO_SIDED_95) * np.sqrt(2.0))
     return RepeatedMeasurements(
-        icc_agreement=_agreement(people, days, error, shape=(n, k), tail=tail),
-        icc_consistency=_consistency(people / error, n, k, tail=tail),
+        icc_agreement=_agreement(people, days, error, shape=(n, k)),
+        icc_consistency=_consistency(people / error, n, k),
         sem=(sem, low, high),
         mdc=(factor * sem, factor * low, factor * high),
     )
 
 
-def _consistency(f: float, n: int, k: int, *, tail: float) -> tuple[float, float, float]:
+def _consistency(f: float, n: int, k: int) -> tuple[float, float, float]:
     df = float((n - 1) * (k - 1))
-    low = f / float(fdtri(n - 1, df, 1.0 - tail))
-    high = f * float(fdtri(df, n - 1, 1.0 - tail))
+    low = f / float(fdtri(n - 1, df, 1.0 - _TAIL))
+    high = f * float(fdtri(df, n - 1, 1.0 - _TAIL))
     value, *ends = ((x - 1.0) / (x + k - 1.0) for x in (f, low, high))
     return value, ends[0], ends[1]
 
 
 def _agreement(
-    people: float, days: float, error: float, *, shape: tuple[int, int], tail: float
+    people: float, days: float, error: float, *, shape: tuple[int, int]
 ) -> tuple[float, float, float]:
     n, k = shape
     value = (people - error) / (people + (k - 1) * error + k * (days - error) / n)
@@ -209,8 +204,8 @@ def _agreement(
     b = 1.0 + k * value * (n - 1) / (n * (1.0 - value))
     parts = (a * days) ** 2 / (k - 1) + (b * error) ** 2 / ((n - 1) * (k - 1))
     v = (a * days + b * error) ** 2 / parts
-    below = float(fdtri(n - 1, v, 1.0 - tail))
-    above = float(fdtri(v, n - 1, 1.0 - tail))
+    below = float(fdtri(n - 1, v, 1.0 - _TAIL))
+    above = float(fdtri(v, n - 1, 1.0 - _TAIL))
     rest = k * days + (k * n - k - n) * error
     low = n * (people - below * error) / (below * rest + n * people)
     high = n * (above * people - error) / (rest + n * above * people)

@@ -1,4 +1,4 @@
-"""Errors of means and differences over people that a typical person's likelihood lets expect."""
+"""Expected errors of means and differences over people, from a typical person's likelihood."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,10 @@ from jointz.stats.people_together import LEVEL_SD, POINT_SD, SHARED
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExpectedPeople:
-    """Sds of logarithms over people with the same likelihood, element by element.
+    """SDs of logarithms over people with the same likelihood, element by element.
 
-    People differ by the root mean square of the priors of the model of people: few people tell
-    little about that themselves.
+    The SD between people is the root mean square of its prior in the model of people: few people
+    hold little information about it.
     """
 
     parameters: np.ndarray  # (d,) number of the parameter of each element: K, B, J
@@ -30,7 +30,7 @@ class ExpectedPeople:
     gain_sd: float  # of the gains, the same for everybody
 
     def mean_sd(self, n_people: int) -> np.ndarray:
-        """Return the sds of means over people, with what does not average out."""
+        """Return the SDs of means over people, with the errors that do not average out."""
         variance = np.diag(self._covariance(1)) / n_people
         return np.asarray(np.sqrt(variance + (SHARED * self.own_sd) ** 2 + self.gain_sd**2))
 

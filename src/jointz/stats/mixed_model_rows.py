@@ -10,7 +10,7 @@ import pandas as pd
 from jointz.core.errors import DataError
 from jointz.results.statistics.comparison_labels import alike_labels
 
-#: Beyond these the squares of values are no numbers any more.
+#: Beyond these, squares of values overflow or underflow.
 _LARGEST, _SMALLEST = 1e100, 1e-100
 
 

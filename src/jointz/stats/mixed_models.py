@@ -142,12 +142,7 @@ def mixed_model(
         n_participants=len(rows.persons),
         missing=tuple((rows.persons[i], rows.levels[j]) for i, j in np.argwhere(rows.counts == 0)),
         ci_level=ci_level,
-        settings={
-            "df": df,
-            "nested": nested,
-            "ci_level": ci_level,
-            "version": own_version(),
-        },
+        settings={"df": df, "nested": nested, "ci_level": ci_level, "version": own_version()},
         notes=(*rows.notes, *_notes(fit, df, complete=repeated is not None)),
     )
 
@@ -226,10 +221,8 @@ def _random_effects(
 
 def _random_effect(effect: str, ratio: float, exact: FTest | None) -> RandomEffectTest:
     p = float(chdtrc(1.0, ratio))
-    test = RandomEffectTest(effect, ratio, p, p / 2.0 if ratio > 0 else 1.0)
-    if exact is None:
-        return test
-    return RandomEffectTest(effect, ratio, p, test.p_mixture, **asdict(_effect(exact)))
+    exact_test = {} if exact is None else asdict(_effect(exact))
+    return RandomEffectTest(effect, ratio, p, p / 2.0 if ratio > 0 else 1.0, **exact_test)
 
 
 def _icc(
@@ -280,18 +273,8 @@ def _means(rows: Rows, singles: _Singles, offset: float) -> tuple[LevelMean, ...
     half = se * stdtrit(df, (1.0 + singles.ci_level) / 2.0)
     n = np.count_nonzero(rows.counts, axis=0)
     low, high = value - half, value + half
-    return tuple(
-        LevelMean(
-            level=name,
-            mean=float(value[j]),
-            se=float(se[j]),
-            df=float(df[j]),
-            ci_low=float(low[j]),
-            ci_high=float(high[j]),
-            n_participants=int(n[j]),
-        )
-        for j, name in enumerate(rows.levels)
-    )
+    columns = (column.tolist() for column in (value, se, df, low, high, n))
+    return tuple(LevelMean(*mean) for mean in zip(rows.levels, *columns, strict=True))
 
 
 def _pooled_pairs(rows: Rows, singles: _Singles) -> tuple[LevelPair, ...]:
@@ -302,37 +285,26 @@ def _pooled_pairs(rows: Rows, singles: _Singles) -> tuple[LevelPair, ...]:
     t = difference / se
     p = 2.0 * stdtr(df, -np.abs(t))
     both = (rows.counts[:, first] > 0) & (rows.counts[:, second] > 0)
+    columns = (column.tolist() for column in (difference, se, df, t, p, both.sum(axis=0)))
     return tuple(
-        LevelPair(
-            first=rows.levels[a],
-            second=rows.levels[b],
-            error="pooled",
-            difference=float(difference[k]),
-            se=float(se[k]),
-            df=float(df[k]),
-            t=float(t[k]),
-            p=float(p[k]),
-            n_participants=int(both[:, k].sum()),
-        )
-        for k, (a, b) in enumerate(pairs)
+        LevelPair(rows.levels[a], rows.levels[b], "pooled", *pair)
+        for (a, b), pair in zip(pairs, zip(*columns, strict=True), strict=True)
     )
 
 
 def _paired_pairs(rows: Rows) -> tuple[LevelPair, ...]:
-    means = rows.means
-    return tuple(
-        _paired_pair(rows, means, a, b) for a, b in combinations(range(len(rows.levels)), 2)
-    )
+    named_means = zip(rows.levels, rows.means.T, strict=True)
+    return tuple(_paired_pair(*first, *second) for first, second in combinations(named_means, 2))
 
 
-def _paired_pair(rows: Rows, means: np.ndarray, a: int, b: int) -> LevelPair:
-    both = np.isfinite(means[:, a]) & np.isfinite(means[:, b])
-    names, n = (rows.levels[a], rows.levels[b], "paired"), int(both.sum())
+def _paired_pair(first: str, a: np.ndarray, second: str, b: np.ndarray) -> LevelPair:
+    both = np.isfinite(a) & np.isfinite(b)
+    names, n = (first, second, "paired"), int(both.sum())
     try:
-        test = paired_t_test(means[both, a], means[both, b])
+        test = paired_t_test(a[both], b[both])
     except ValueError:
         # Fewer than two pairs, or all differ alike: there is no error to compare with.
-        mean = float((means[both, a] - means[both, b]).mean()) if n else None
+        mean = float((a[both] - b[both]).mean()) if n else None
         return LevelPair(*names, mean, None, None, None, None, n)
     return LevelPair(*names, test.difference, test.se, test.df, test.t, test.p, n)
 

@@ -217,14 +217,14 @@ def _of_posterior(
     places = list(scales)
     keys = zip(posterior.timing_points, posterior.parameters, strict=True)
     doubted = posterior.doubted or (False,) * len(posterior.parameters)
-    found = {key: k for k, key in enumerate(keys) if not doubted[k]}
+    element_of = {key: k for k, key in enumerate(keys) if not doubted[k]}
     weighed = posterior.participant in masses_kg
     at = [
         e
         for e, (point, name) in enumerate(places)
-        if (point, name.removesuffix(PER_MASS)) in found and (weighed or PER_MASS not in name)
+        if (point, name.removesuffix(PER_MASS)) in element_of and (weighed or PER_MASS not in name)
     ]
-    own = [found[places[e][0], places[e][1].removesuffix(PER_MASS)] for e in at]
+    own = [element_of[places[e][0], places[e][1].removesuffix(PER_MASS)] for e in at]
     mass_kg = masses_kg.get(posterior.participant, 1.0)
     rows = [
         _moved(posterior, k, scales[places[e]], mass_kg if PER_MASS in places[e][1] else 1.0)
@@ -276,17 +276,12 @@ def _of_cells(
     units = []
     for key in dict.fromkeys(row[0] for row in rows):
         own = sorted((order[at], value, sd) for k, at, value, sd in rows if k == key)
-        at, found, sds = (np.array(column) for column in zip(*own, strict=True))
+        at, estimates, sds = (np.array(column) for column in zip(*own, strict=True))
         logs = logarithmic[at]
-        positive = np.where(logs, found, 1.0)
-        units.append(
-            _Unit(
-                key[0],
-                at,
-                np.where(logs, np.log(positive), found / unit[at]),
-                np.diag((sds / np.where(logs, positive, unit[at])) ** 2),
-            )
-        )
+        positive = np.where(logs, estimates, 1.0)
+        mean = np.where(logs, np.log(positive), estimates / unit[at])
+        sd = sds / np.where(logs, positive, unit[at])
+        units.append(_Unit(key[0], at, mean, np.diag(sd**2)))
     return places, units, logarithmic, np.where(logarithmic, 0.0, unit)
 
 

@@ -250,7 +250,7 @@ def _share(true: np.ndarray) -> float:
 def together(
     conditions: Sequence[PeopleResults], parameters: Sequence[str], *, same_people: bool
 ) -> PopulationModel | None:
-    """Look at all people as one model, whose means and differences hold for the population.
+    """Fit one model to all people; its means and differences hold for the population.
 
     Parameters
     ----------
@@ -271,16 +271,15 @@ def together(
     -----
     Draws have a fixed seed. See :class:`PopulationModel` for the model.
     """
-    found = [people_likelihoods(results, parameters) for results in conditions]
-    known = [likelihoods for likelihoods in found if likelihoods is not None]
-    if len(known) < len(found):
-        return None
-    masses = [results.masses_kg for results in conditions]
+    likelihoods, masses = [], [results.masses_kg for results in conditions]
+    for results in conditions:
+        if (likelihood := people_likelihoods(results, parameters)) is None:
+            return None
+        likelihoods.append(likelihood)
     if same_people:
-        return PopulationModel([_fit(known, masses, first=0)])
-    return PopulationModel([
-        _fit([one], [own], first=k) for k, (one, own) in enumerate(zip(known, masses, strict=True))
-    ])  # fmt: skip
+        return PopulationModel([_fit(likelihoods, masses, first=0)])
+    groups = zip(likelihoods, masses, strict=True)
+    return PopulationModel([_fit([one], [kg], first=k) for k, (one, kg) in enumerate(groups)])
 
 
 def _fit(
@@ -407,9 +406,9 @@ def _correlations(
     drawn: np.ndarray, names: Sequence[str]
 ) -> dict[tuple[str, str], tuple[float, float, float]]:
     """Return median and interval of each correlation."""
-    found = {}
+    correlations = {}
     for j, second in enumerate(names):
         for i, first in enumerate(names[:j]):
             low, value, high = np.percentile(drawn[:, i, j], (_TAILS[0], 50.0, _TAILS[1])).tolist()
-            found[first, second] = (value, low, high)
-    return found
+            correlations[first, second] = (value, low, high)
+    return correlations

@@ -32,9 +32,9 @@ def population_means(
 ) -> tuple[PopulationEstimate, ...]:
     """Return the mean of every parameter at every timing point over participants.
 
-    The unit of analysis is the person: sessions, sides and pulses of one person are no people
-    (SCIENCE trap 15). Of a method that states its errors, means are those of
-    :func:`jointz.stats.people_together.together`, to which undecided people belong.
+    The unit of analysis is the person: sessions, sides and pulses of one person are not
+    independent (SCIENCE trap 15). If the method states its errors, means are those of
+    :func:`jointz.stats.people_together.together`, which include undecided people.
     """
     results = PeopleResults(posteriors, cells, masses_kg or {})
     models = people_models([results]) if results.have_errors else {}
@@ -65,9 +65,9 @@ def people_models(
 
 
 def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> PopulationEstimate:
-    standing = rows[rows["status"].isin(["ok", "at_bound"])]
-    values = standing["value"].to_numpy(dtype=float)
-    onsets = standing["onset_gait_pct"].dropna().to_numpy(dtype=float)
+    available = rows[rows["status"].isin(["ok", "at_bound"])]
+    values = available["value"].to_numpy(dtype=float)
+    onsets = available["onset_gait_pct"].dropna().to_numpy(dtype=float)
     first, n = rows.iloc[0], values.size
     row = PopulationEstimate(
         timing_point=str(first["timing_point"]),
@@ -85,11 +85,11 @@ def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> Popul
         sample_sd=float(values.std(ddof=1)) if n >= FEWEST_PEOPLE else None,
     )
     if means is not None:
-        found = _of_people(row, means.get((row.timing_point, row.parameter)))
-        undecided = int((rows["status"] == "undecided").sum())
-        # Where nobody's data count, people are there: it is the data that do not decide.
-        nobody = found.status == row.status and undecided >= FEWEST_PEOPLE
-        return replace(found, status="undecided") if nobody else found
+        mean_row = _of_people(row, means.get((row.timing_point, row.parameter)))
+        n_undecided = int((rows["status"] == "undecided").sum())
+        # If nobody's data count, there are people enough, but their data do not decide.
+        nobody = mean_row.status == row.status and n_undecided >= FEWEST_PEOPLE
+        return replace(mean_row, status="undecided") if nobody else mean_row
     if n < FEWEST_PEOPLE:
         return row
     mean = decided_mean(values, level=_LEVEL)
@@ -103,11 +103,11 @@ def _of_people(row: PopulationEstimate, mean: PeopleMean | None) -> PopulationEs
     """Return a row with a mean of people together; without one it stays failed."""
     if mean is None:
         return row
-    found = replace(row, n_participants=mean.n_people, status="undecided")
+    row = replace(row, n_participants=mean.n_people, status="undecided")
     if not mean.decided:
-        return found
+        return row
     return replace(
-        found, value=mean.value, sd=mean.sd, ci_low=mean.ci_low, ci_high=mean.ci_high, status="ok"
+        row, value=mean.value, sd=mean.sd, ci_low=mean.ci_low, ci_high=mean.ci_high, status="ok"
     )
 
 

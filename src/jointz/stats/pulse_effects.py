@@ -283,28 +283,21 @@ def _single(blank: PulseTest, fit: RandomInterceptFit, k: int, alpha: float) -> 
     if blank.effect == "type:direction":
         return decided
     # Levels are coded -1 and 1: a difference is twice the effect.
-    difference = 2.0 * float(fit.beta[k])
+    value = 2.0 * float(fit.beta[k])
     half = 2.0 * float(np.sqrt(fit.covariance[k, k]) * stdtrit(test.df_den, 1.0 - alpha / 2.0))
-    return replace(
-        decided, difference=difference, ci_low=difference - half, ci_high=difference + half
-    )
+    return replace(decided, difference=value, ci_low=value - half, ci_high=value + half)
 
 
 def _undecided(pulses: _Pulses, effect: str, analysis: str) -> PulseTest:
+    names = ("statistic", "df_num", "df_den", "p", "p_holm", "difference", "ci_low", "ci_high")
+    no_numbers: dict[str, Any] = dict.fromkeys(names)
     return PulseTest(
         case=pulses.case,
         trajectory=pulses.trajectory,
         response=pulses.response,
         effect=effect,
         analysis=analysis,
-        statistic=None,
-        df_num=None,
-        df_den=None,
-        p=None,
-        p_holm=None,
-        difference=None,
-        ci_low=None,
-        ci_high=None,
+        **no_numbers,
         n_pulses=pulses.estimates.size,
         n_trials=np.unique(pulses.trial).size,
         status="undecided",

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from scipy.special import stdtr, stdtrit
 
-from jointz.core import provenance
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import PHASES, TIMING_POINTS, phase_name
+from jointz.core.provenance import own_version
 from jointz.results.statistics.quasi_stiffness_fit import (
     STEP_PCT,
     WINDOW_PCT,
@@ -24,7 +24,7 @@ from jointz.results.statistics.quasi_stiffness_fit import (
     QuasiStiffnessEstimate,
 )
 
-#: From this share of going back on, the angle is said to turn.
+#: Share of backward travel from which the angle counts as turning.
 TURNS_FROM = 0.2
 #: Below this the angle's range, or the angle under a secant, is small.
 SMALL_RAD = radians(1.0)
@@ -113,11 +113,7 @@ def quasi_stiffness(
         gait_pct=tuple(curve[0].tolist()),
         angle=tuple(curve[1].tolist()),
         moment=tuple(curve[2].tolist()),
-        settings={
-            "window_pct": window_pct,
-            "step_pct": STEP_PCT,
-            "jointz": provenance.own_version(),
-        },
+        settings={"window_pct": window_pct, "step_pct": STEP_PCT, "jointz": own_version()},
         notes=("a secant changes with the zero of the angle; a slope does not",),
     )
 
@@ -166,7 +162,7 @@ def _checked_curve(
 
 
 def _n_strides(angle: np.ndarray) -> int:
-    """Return into how many parts that resemble each other a curve falls, 1 for none."""
+    """Return the number of similar parts (strides) of a curve, 1 if it does not repeat."""
     for n in range(min(_MOST_STRIDES, angle.size // _FEWEST_NODES), 1, -1):
         parts = angle[: angle.size // n * n].reshape(n, -1)
         parts = parts - parts.mean(axis=1, keepdims=True)
@@ -235,17 +231,8 @@ def _slope(
         value, r_squared = _line(angle, moment)
     backtrack = _backtrack(angle)
     doubts = _slope_doubts(spread=spread, n_nodes=n_nodes, backtrack=backtrack, r_squared=r_squared)
-    return QuasiStiffnessEstimate(
-        *what,
-        value,
-        start,
-        end,
-        r_squared,
-        spread,
-        backtrack,
-        status=_status(value, doubts),
-        doubts=doubts,
-    )
+    line = r_squared, spread, backtrack
+    return QuasiStiffnessEstimate(*what, value, start, end, *line, _status(value, doubts), doubts)
 
 
 def _line(angle: np.ndarray, moment: np.ndarray) -> tuple[float, float | None]:

@@ -6,10 +6,7 @@ from typing import Final
 import numpy as np
 
 from jointz.kernels.statistics.between_study_variance import random_effects
-from jointz.results.statistics.random_effects_fit import (
-    RandomEffects,
-    StudyMean,
-)
+from jointz.results.statistics.random_effects_fit import RandomEffects, StudyMean
 
 _FEWEST: Final = 2
 

@@ -23,7 +23,7 @@ from jointz.stats.waveform_curves import (
     compare_paired,
     curve_scale,
     paired_differences,
-    recorded_settings,
+    waveform_test,
 )
 
 _WHERE = "sign_flip_max_t"
@@ -117,28 +117,19 @@ def sign_flip_max_t(
     threshold = _critical_t(largest, alpha, compared.n_a)
     left = largest_cosines(cosines(compared.residuals[:, compared.tested]), flips.signs)
     half = max(threshold, _critical_t(left, alpha, compared.n_a)) * compared.se
-    t = compared.t
-    return WaveformTest(
+    return waveform_test(
+        compared,
+        half,
+        alpha,
+        settings={"n_flips": flips.count, "exact": flips.exact, "seed": flips.seed},
+        warnings=_too_few(flips, alpha),
         method="sign_flip",
         design="paired",
-        n_a=compared.n_a,
-        n_b=compared.n_b,
-        df=compared.df,
-        alpha=float(alpha),
         threshold=threshold,
         threshold_from=flips.label,
-        t=tuple(t.tolist()),
-        difference=tuple(compared.difference.tolist()),
-        ci_low=tuple((compared.difference - half).tolist()),
-        ci_high=tuple((compared.difference + half).tolist()),
         p=tuple(p.tolist()),
-        clusters=_clusters(t, threshold, p.tolist()),
+        clusters=_clusters(compared.t, threshold, p.tolist()),
         equivalence_margin=equivalence_margin,
-        untested_nodes=compared.untested_nodes,
-        settings=recorded_settings(
-            alpha=float(alpha), n_flips=flips.count, exact=flips.exact, seed=flips.seed
-        ),
-        warnings=(*compared.warnings, *_too_few(flips, alpha)),
     )
 
 

@@ -23,10 +23,10 @@ from jointz.stats.waveform_curves import (
     compare_paired,
     curve_scale,
     paired_differences,
-    recorded_settings,
+    waveform_test,
 )
 
-#: Participants of a pair below which the smoothness of a t field cannot be told.
+#: Fewest pairs from which the smoothness of a t field can be estimated.
 _FEWEST_PAIRS = 3
 #: Nodes a width should span, by custom; below, a field is as good as separate nodes.
 _ROUGH_NODES = 3.0
@@ -146,31 +146,25 @@ def _random_field_test(
     threshold = critical_height(0.5 * alpha, df=df, region=region)
     field = crossing_probability(threshold, df=df, region=region)
     nodewise = region.n_nodes * float(stdtr(df, -threshold))
-    clusters_found = threshold_clusters(t, threshold)
-    clusters = tuple(_with_p(cluster, threshold, df, region) for cluster in clusters_found)
-    half = threshold * compared.se
-    return WaveformTest(
+    clusters = tuple(
+        _with_p(cluster, threshold, df, region) for cluster in threshold_clusters(t, threshold)
+    )
+    return waveform_test(
+        compared,
+        threshold * compared.se,
+        alpha,
+        settings={},
+        warnings=_roughness_warning(region),
         method="random_field",
         design=design,
-        n_a=compared.n_a,
-        n_b=compared.n_b,
-        df=df,
-        alpha=float(alpha),
         threshold=threshold,
         threshold_from="Bonferroni over the nodes" if nodewise <= field else "random field",
-        t=tuple(t.tolist()),
-        difference=tuple(compared.difference.tolist()),
-        ci_low=tuple((compared.difference - half).tolist()),
-        ci_high=tuple((compared.difference + half).tolist()),
         p=_adjusted_p(np.abs(t), df, region),
         clusters=clusters,
         p_set=_set_p(clusters, threshold, df, region),
         fwhm_nodes=region.fwhm_nodes,
         resels=region.resels,
         equivalence_margin=margin,
-        untested_nodes=compared.untested_nodes,
-        settings=recorded_settings(alpha=float(alpha)),
-        warnings=(*compared.warnings, *_roughness_warning(region)),
     )
 
 

@@ -1,5 +1,6 @@
 """Checked curves of participants for tests over nodes."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,7 @@ import pandas as pd
 
 from jointz.core.errors import DataError
 from jointz.core.provenance import own_version
+from jointz.results.statistics.waveform_test import WaveformTest
 
 _FEWEST_NODES = 5
 _SMALLEST_ALPHA = 1e-6
@@ -44,13 +46,11 @@ class ComparedCurves:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warning about untested nodes."""
-        n = len(self.untested_nodes)
-        if not n:
-            return ()
-        return (
-            f"{n} of {self.tested.size} nodes are not tested: there the curves do not differ in "
-            "anybody",
+        text = (
+            f"{len(self.untested_nodes)} of {self.tested.size} nodes are not tested: there the "
+            "curves do not differ in anybody"
         )
+        return (text,) if self.untested_nodes else ()
 
 
 def paired_differences(a: Any, b: Any, *, where: str, fewest: int) -> np.ndarray:
@@ -118,9 +118,30 @@ def checked_level(alpha: float, equivalence_margin: float | None, where: str) ->
         )
 
 
-def recorded_settings(**chosen: Any) -> dict[str, Any]:
-    """Return settings with the version of jointz."""
-    return chosen | {"jointz": own_version()}
+def waveform_test(
+    compared: ComparedCurves,
+    half: np.ndarray,
+    alpha: float,
+    *,
+    settings: Mapping[str, Any],
+    warnings: Sequence[str],
+    **fields: Any,
+) -> WaveformTest:
+    """Return a test of compared curves; the band is ``half`` to each side of the difference."""
+    return WaveformTest(
+        n_a=compared.n_a,
+        n_b=compared.n_b,
+        df=compared.df,
+        alpha=float(alpha),
+        t=tuple(compared.t.tolist()),
+        difference=tuple(compared.difference.tolist()),
+        ci_low=tuple((compared.difference - half).tolist()),
+        ci_high=tuple((compared.difference + half).tolist()),
+        untested_nodes=compared.untested_nodes,
+        settings={"alpha": float(alpha), **settings, "jointz": own_version()},
+        warnings=(*compared.warnings, *warnings),
+        **fields,
+    )
 
 
 def _curves(values: Any, name: str, where: str, fewest: int) -> np.ndarray:

@@ -73,7 +73,8 @@ class Cluster(Engine):
         self._look()
         if not self._fit:
             raise BrokenProcessPool(f"{self._address}: no worker is left.")
-        future = self._on(self._fit).submit(call)
+        executor: Executor = self._client.get_executor(pure=False, workers=sorted(self._fit))
+        future = executor.submit(call)
         self._sent[future] = frozenset(self._fit)
         return future
 
@@ -118,10 +119,6 @@ class Cluster(Engine):
         """Return whether all workers that a call was sent to are gone."""
         return self._fit.isdisjoint(self._sent[future])
 
-    def _on(self, workers: set[str]) -> Executor:
-        executor: Executor = self._client.get_executor(pure=False, workers=sorted(workers))
-        return executor
-
     def _look(self, *, now: bool = False) -> None:
         """Update the lists of workers that are gone and that have joined, at most once a second."""
         if not now and time.monotonic() < self._next_look:
@@ -142,25 +139,24 @@ class Cluster(Engine):
 
     def _ask(self, workers: list[str] | None = None) -> dict[str, Any]:
         """Ask workers for their versions; a task would stop a worker that has no jointz."""
-        found: dict[str, Any] = self._client.run(
+        answers: dict[str, Any] = self._client.run(
             _calculating_there, workers=workers, on_error="return"
         )
-        return found
+        return answers
 
-    def _take_note(self, worker: str, found: object, threads: int) -> None:
-        why = _difference(found, threads)
-        if why:
+    def _take_note(self, worker: str, versions: object, threads: int) -> None:
+        if why := _difference(versions, threads):
             self._unfit[worker] = why
         else:
             self._fit.add(worker)
 
     def _refuse_others(self) -> None:
-        found = self._ask()
+        answers = self._ask()
         threads: dict[str, int] = self._client.nthreads()
-        if not found:
+        if not answers:
             raise DataError(f"{self._address}: the cluster has no workers. Start some first.")
-        for worker in _reached(found).keys() & threads.keys():  # others are asked again
-            self._take_note(worker, found[worker], threads[worker])
+        for worker in _reached(answers).keys() & threads.keys():  # others are asked again
+            self._take_note(worker, answers[worker], threads[worker])
         if self._unfit:
             raise DataError(f"{self._address}: {self._complaint()}".rstrip())
 
@@ -180,19 +176,19 @@ def _begun(ask: Callable[[], dict[str, Any]]) -> Future[dict[str, Any]]:
     """Ask in a separate thread: a worker that does not answer blocks nothing."""
     answer: Future[dict[str, Any]] = Future()
 
-    def asked() -> None:
-        found: dict[str, Any] = {}
+    def wait_for_answer() -> None:
+        versions: dict[str, Any] = {}
         with suppress(Exception):  # it is gone
-            found = _reached(ask())
-        answer.set_result(found)
+            versions = _reached(ask())
+        answer.set_result(versions)
 
-    threading.Thread(target=asked, daemon=True).start()
+    threading.Thread(target=wait_for_answer, daemon=True).start()
     return answer
 
 
-def _reached(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what those said who could be asked."""
-    return {worker: one for worker, one in found.items() if not isinstance(one, OSError)}
+def _reached(answers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the answers of the workers that could be reached."""
+    return {worker: one for worker, one in answers.items() if not isinstance(one, OSError)}
 
 
 @contextmanager

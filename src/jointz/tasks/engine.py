@@ -1,4 +1,4 @@
-"""Engines: who does the tasks of a job - this process, processes of this machine, a cluster.
+"""Engines that run the tasks of a job: this process, processes of this machine, a cluster.
 
 A job is a list of independent tasks, each of a participant, a session or at least half a second
 of work, each seeded from what it is. No number depends on the engine, on how many workers there

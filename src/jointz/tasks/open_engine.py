@@ -1,4 +1,4 @@
-"""Opens the engine that a job asks for."""
+"""Context manager that opens the engine of a job."""
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -17,7 +17,7 @@ def open_engine(
     tasks: int,
     needs: str,
 ) -> Iterator[Engine]:
-    """Give the engine that was asked for.
+    """Yield the requested engine.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Results of tasks, kept as they come: what was done once is not done again."""
+"""Store of finished tasks, so that none is run twice."""
 
 import errno
 import hashlib

@@ -1,6 +1,6 @@
 """Options that the commands of ``jointz identify`` share, and what they mean together."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -55,26 +55,6 @@ def given_columns(**columns: str | None) -> dict[str, str]:
     return {name: text for name, text in columns.items() if text is not None}
 
 
-def text_layout(
-    encoding: str | None,
-    delimiter: str | None,
-    decimal: Decimal,
-    skip_rows: int,
-    *,
-    no_header: bool,
-) -> dict[str, Any]:
-    """Return the layout of a text file, as under ``[files]`` of a study."""
-    if delimiter == "":
-        raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
-    return {
-        "encoding": encoding,
-        "delimiter": delimiter,
-        "decimal": decimal.value,
-        "skip_rows": skip_rows,
-        "header": not no_header,
-    }
-
-
 @dataclass(frozen=True, slots=True)
 class TextOptions:
     """Options of a text file."""
@@ -87,4 +67,12 @@ class TextOptions:
 
     def layout(self) -> dict[str, Any]:
         """Return the layout of the file, as under ``[files]`` of a study."""
-        return text_layout(**asdict(self))
+        if self.delimiter == "":
+            raise typer.BadParameter("--delimiter '': expected a character, such as ';'.")
+        return {
+            "encoding": self.encoding,
+            "delimiter": self.delimiter,
+            "decimal": self.decimal.value,
+            "skip_rows": self.skip_rows,
+            "header": not self.no_header,
+        }

@@ -26,33 +26,24 @@ _FOR_FIGURES = "series"
 _UNWRITTEN = "Make room or ask for permission, or name another file."
 
 
-class Fit(Protocol):
-    """Interface of a result of ``identify``."""
-
-    def to_frame(self) -> "pd.DataFrame":
-        """Return one row a parameter."""
-
-    def summary(self) -> str:
-        """Return a short text."""
-
-    def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """Draw it."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values."""
-
-
 class Curves(Protocol):
     """Interface of curves over the gait cycle."""
 
     def to_frame(self) -> "pd.DataFrame":
-        """Return one row a curve and phase."""
+        """Return one row a curve and phase, or a parameter."""
 
     def summary(self) -> str:
         """Return a short text."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
+
+
+class Fit(Curves, Protocol):
+    """Interface of a result of ``identify``."""
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +115,7 @@ class Output:
 
     def _leave(self, *, standing: bool) -> None:
         if not (standing or self.printing.as_json or self.printing.quiet):
-            emit("No parameter could be estimated from this record (exit status 1).")
+            emit("No parameter could be estimated from this record: exit status 1.")
         raise typer.Exit(0 if standing else EXIT_NO_ESTIMATE)
 
 

@@ -5,7 +5,7 @@ import socket
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
-from ipaddress import ip_address
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from secrets import token_urlsafe
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -144,13 +144,9 @@ _HEADERS = [
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address or name is reachable from this machine only."""
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
+    """Return whether an address or name is reachable from this machine only."""
+    address = _ip_address(host)
+    return host == "localhost" or (address is not None and address.is_loopback)
 
 
 class Access:
@@ -178,14 +174,14 @@ class Access:
         return ""
 
     def is_known(self, headers: Headers) -> bool:
-        """Tell whether the browser has presented the token before."""
-        shown = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
-        return any(compare_digest(cookie.encode(), self._secret.encode()) for cookie in shown)
+        """Return whether the browser has presented the token before."""
+        cookies = (_cookie(line, self.cookie) for line in headers.get("cookie", []))
+        return any(compare_digest(cookie.encode(), self._secret.encode()) for cookie in cookies)
 
     def introduces(self, query: bytes) -> bool:
-        """Tell whether an address holds the token."""
-        shown = parse_qs(query.decode("latin-1")).get("token", [""])[0]
-        return compare_digest(shown.encode(), self.token.encode())
+        """Return whether an address holds the token."""
+        token = parse_qs(query.decode("latin-1")).get("token", [""])[0]
+        return compare_digest(token.encode(), self.token.encode())
 
     def set_cookie(self) -> str:
         """Return the header that admits a browser from now on."""
@@ -199,7 +195,7 @@ class Access:
             return False
         if self._loopback:
             return is_loopback(name)
-        return _is_address(name) or name in {self._host, "localhost", *_own_names()}
+        return _ip_address(name) is not None or name in {self._host, "localhost", *_own_names()}
 
 
 class UnauthorizedConnections:
@@ -260,26 +256,25 @@ class Guard:
 
 
 def _headers(pairs: Iterable[tuple[bytes, bytes]]) -> Headers:
-    found: Headers = {}
+    headers: Headers = {}
     for name, value in pairs:
-        found.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
-    return found
+        headers.setdefault(name.decode("latin-1").lower(), []).append(value.decode("latin-1"))
+    return headers
 
 
 def _cookie(line: str, name: str) -> str:
     try:
-        found = SimpleCookie(line).get(name)
+        cookie = SimpleCookie(line).get(name)
     except CookieError:
         return ""
-    return found.value if found else ""
+    return cookie.value if cookie else ""
 
 
-def _is_address(name: str) -> bool:
+def _ip_address(name: str) -> IPv4Address | IPv6Address | None:
     try:
-        ip_address(name)
+        return ip_address(name)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _own_names() -> tuple[str, str]:

@@ -83,7 +83,7 @@ def test_means_that_are_undecided_for_everybody_are_said_to_be(walking):
     first = first_page(replace(walking, population=population))
     assert any("damping per body mass at none of 6" in text for text in first["said"])
     # The inertia that timing points share has a row without damping.
-    assert {row["cells"][1] for row in first["table"]["rows"]} - {""} == {"undecided"}
+    assert {row["cells"][1]["text"] for row in first["table"]["rows"]} - {""} == {"undecided"}
 
 
 def test_what_protocols_decide_of_the_same_people_stands_beside_the_truth(walking, truth):

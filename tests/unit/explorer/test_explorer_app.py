@@ -162,7 +162,7 @@ def test_figures_are_plain_json(explorer):
     decided = replace(analysis, population=tuple(means))
     curve = mean_curve(decided, "stiffness_per_mass", colour="#000000")
     assert curve is not None
-    assert set(curve.values) == {4.0}
+    assert {row.value for row in curve.estimates} == {4.0}
 
 
 async def _traced(explorer):

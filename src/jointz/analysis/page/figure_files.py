@@ -1,7 +1,7 @@
 """Figures of an analysis: how each is drawn, captioned, written and placed on the page."""
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -40,9 +40,10 @@ from jointz.analysis.page.response_figures import (
     response_overview_caption,
     responses_caption,
 )
+from jointz.core.errors import DataError
 from jointz.report.html_page import page_figures
 from jointz.report.style import to_pdf, to_svg
-from jointz.results.figure_style import figure_style
+from jointz.results.figure_style import WIDTH_MM, figure_style
 from jointz.results.study_analysis import StudyAnalysis
 
 if TYPE_CHECKING:
@@ -89,6 +90,8 @@ _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
 }
 #: Names of the figures that every analysis may have.
 FIGURES: Final = tuple(name for name, figure in _REPORT_FIGURES.items() if figure.draw)
+#: Short names.
+_FOR_PAPERS: Final = {"impedance": "impedance_over_gait"}
 #: Fonts for scripts that the figures' own font lacks, such as Chinese; none is installed with it.
 _OTHER_FONTS: Final = (
     "Noto Sans CJK SC",
@@ -125,6 +128,25 @@ def draw_figures(analysis: StudyAnalysis) -> dict[str, str]:
 def draw_figure(analysis: StudyAnalysis, name: str) -> str | None:
     """Draw one figure as SVG; None if the analysis has no data for it."""
     return _written(_REPORT_FIGURES[name].draw, analysis, to_svg)
+
+
+def draw_paper_figure(
+    analysis: StudyAnalysis, name: str, *, parameters: Sequence[str] | None, width_mm: float
+) -> "Figure":
+    """Return a figure of the report; raise ValueError for another name, DataError without data."""
+    named = _FOR_PAPERS.get(name, name)
+    if named not in FIGURES:
+        raise ValueError(
+            f"figure: expected one of {', '.join((*_FOR_PAPERS, *FIGURES))}, got {name!r}."
+        )
+    draw: Callable[[StudyAnalysis], Figure | None] | None = _REPORT_FIGURES[named].draw
+    if named == _FOR_PAPERS["impedance"]:
+        draw = partial(draw_impedance_over_gait, parameters=parameters, width_mm=width_mm)
+    elif parameters is not None or width_mm != WIDTH_MM:
+        raise ValueError(f"figure: parameters and width_mm are for 'impedance', not for {name!r}.")
+    if (figure := _written(draw, analysis, lambda drawn: drawn)) is None:
+        raise DataError(f"figure: the analysis has no data for {name!r}.")
+    return figure
 
 
 def draw_picture(analysis: StudyAnalysis, name: str, *, pdf: bool = False) -> Picture | None:

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from jointz.analysis.classical import cells_of_both, classical_analysis, classical_note
 from jointz.analysis.page.next_measures import holds_one_torque, next_measures
 from jointz.analysis.page.published_values import published_clause
 from jointz.analysis.paper.citations import CITATIONS
@@ -155,34 +156,46 @@ def _device(analysis: StudyAnalysis) -> str:
 
 
 def _table(analysis: StudyAnalysis) -> _Row | None:
-    """Return means over people, or estimates if no mean is available."""
-    parameters = _table_parameters(analysis)
-    if not shown_parameters(analysis.cells):
+    """Return means over people, or estimates if no mean is available.
+
+    Where a value is not available, the classical one stands beside it.
+    """
+    classical = classical_analysis(analysis)
+    parameters = _table_parameters(analysis, classical)
+    if not shown_parameters(cells_of_both(analysis, classical)):
         return None
     heads = [{"name": parameter_name(p), "unit": PARAMETER_UNITS[p]} for p in parameters]
     means = [m for m in _people_means(analysis) if m.parameter in parameters]
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
-    if any(m.value is not None for m in means):
-        numbers = format_span([m.n_participants for m in means if m.value is not None], str)
-        rows = _mean_rows(analysis, means, parameters)
-        return {
-            "heads": heads, "rows": rows, "several": False, "more": 0,
-            "note": f"Mean over {numbers} {subjects(analysis).many} [{level}].",
-        }  # fmt: skip
-    rows = [_cell_row(cell, parameters) for cell in _in_order(analysis)]
+    beside = _people_means(classical) if classical else []
+    known = [m for m in (*means, *beside) if m.value is not None and m.parameter in parameters]
+    if known:
+        numbers = format_span([m.n_participants for m in known], str)
+        rows = _mean_rows(analysis, means, beside, parameters)
+        note = f"Mean over {numbers} {subjects(analysis).many} [{level}]."
+    else:
+        others = {(c.label, c.timing_point): c for c in classical.cells} if classical else {}
+        rows = [
+            _cell_row(cell, others.get((cell.label, cell.timing_point)), parameters)
+            for cell in _in_order(analysis)
+        ]
+        note = f"Estimate [{level}]."
     return {
         "heads": heads,
         "rows": rows[:_MOST_ROWS],
-        "several": several,
+        "several": several and not known,
         "more": max(0, len(rows) - _MOST_ROWS),
-        "note": f"Estimate [{level}].",
+        "note": note,
+        "classical": classical_note(classical)
+        if classical and any(c["classical"] for row in rows for c in row["cells"])
+        else "",
     }
 
 
-def _table_parameters(analysis: StudyAnalysis) -> list[str]:
+def _table_parameters(analysis: StudyAnalysis, classical: StudyAnalysis | None = None) -> list[str]:
     """Return K, B and J as the figure has them; those without any value too."""
-    shown = shown_parameters(analysis.cells)
+    shown = shown_parameters(cells_of_both(analysis, classical))
     present = {p.name for c in analysis.cells for p in c.parameters}
     pairs = (*zip(PER_MASS, ABSOLUTE, strict=False), ABSOLUTE[2:])
     first = (next((n for n in (*shown, *names) if n in names), "") for names in pairs)
@@ -200,24 +213,38 @@ def _people_means(analysis: StudyAnalysis) -> list[PopulationEstimate]:
 
 
 def _mean_rows(
-    analysis: StudyAnalysis, means: Sequence[PopulationEstimate], parameters: Sequence[str]
+    analysis: StudyAnalysis,
+    means: Sequence[PopulationEstimate],
+    classical: Sequence[PopulationEstimate],
+    parameters: Sequence[str],
 ) -> list[_Row]:
-    by_place = {(m.timing_point, m.parameter): m for m in means}
+    by_place, beside = (
+        {(m.timing_point, m.parameter): m for m in some} for some in (means, classical)
+    )
     names = (*timing_points(analysis.cells), ALL_POINTS)
-    found = ((name, [by_place.get((name, p)) for p in parameters]) for name in names)
     return [
-        {"who": "", "name": point_name(name), "cells": [_mean_text(m) for m in row]}
-        for name, row in found
-        if any(row)
+        {
+            "who": "",
+            "name": point_name(name),
+            "cells": [_mean(by_place.get((name, p)), beside.get((name, p))) for p in parameters],
+        }
+        for name in names
+        if any((name, p) in by_place for p in parameters)
     ]
 
 
-def _mean_text(mean: PopulationEstimate | None) -> str:
+def _mean(mean: PopulationEstimate | None, classical: PopulationEstimate | None) -> _Row:
     if mean is None:
-        return ""
-    if mean.value is None:
-        return mean.status.partition(":")[0]
-    return format_interval(mean.value, mean.ci_low, mean.ci_high)
+        return {"text": "", "classical": ""}
+    if mean.value is not None:
+        return {"text": format_interval(mean.value, mean.ci_low, mean.ci_high), "classical": ""}
+    value = None if classical is None else classical.value
+    return {
+        "text": mean.status.partition(":")[0],
+        "classical": ""
+        if classical is None or value is None
+        else format_interval(value, classical.ci_low, classical.ci_high),
+    }
 
 
 def _in_order(analysis: StudyAnalysis) -> list[CellEstimate]:
@@ -228,16 +255,24 @@ def _in_order(analysis: StudyAnalysis) -> list[CellEstimate]:
     )
 
 
-def _cell_row(cell: CellEstimate, parameters: Sequence[str]) -> _Row:
-    texts = [_estimate_text(cell.parameter(name)) for name in parameters]
-    return {"who": cell.label, "name": point_name(cell.timing_point), "cells": texts}
+def _cell_row(
+    cell: CellEstimate, classical: CellEstimate | None, parameters: Sequence[str]
+) -> _Row:
+    cells = [
+        _estimate(cell.parameter(name), classical.parameter(name) if classical else None)
+        for name in parameters
+    ]
+    return {"who": cell.label, "name": point_name(cell.timing_point), "cells": cells}
 
 
-def _estimate_text(estimate: ParameterEstimate | None) -> str:
+def _estimate(estimate: ParameterEstimate | None, classical: ParameterEstimate | None) -> _Row:
     if estimate is None:
-        return ""
-    text = format_estimate(estimate)
-    return text if text != DASH else estimate.status.partition(":")[0]
+        return {"text": "", "classical": ""}
+    text, beside = format_estimate(estimate), ""
+    if text == DASH:
+        text = estimate.status.partition(":")[0]
+        beside = format_estimate(classical) if classical and classical.available else ""
+    return {"text": text, "classical": beside}
 
 
 # --- what can and what cannot be said ------------------------------------------------------------

@@ -1,11 +1,13 @@
 """Figures of impedance over the gait cycle, on a page and in a column."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from jointz.analysis.classical import cells_of_both, classical_analysis
 from jointz.analysis.summary import (
     counted_people_and_pulses,
     has_onsets,
@@ -31,7 +33,7 @@ from jointz.report.wording import (
     parameter_name,
 )
 from jointz.results.estimates import CellEstimate, ParameterEstimate
-from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, INK, SKY, WIDTH_MM
+from jointz.results.figure_style import BLUE, COLUMN_MM, FAINT, GREY, INK, SKY, WIDTH_MM
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ _LEGEND_ROW_MM: Final = 4.0
 _MOST_NARROW_TICKS: Final = 8
 #: Where the name of the first phase, which stands left of its band, has room in a column.
 _NARROW_START_PCT: Final = -9.0
+_CLASSICAL_MARK: Final = {"marker": "D", "markeredgecolor": "white", "linewidth": 1.8}
 _WIDEST_FAN_PCT: Final = 4.5
 # An interval this many times longer than the largest value would hide all others.
 _LONGEST_INTERVAL: Final = 1.8
@@ -97,14 +100,21 @@ def draw_impedance_column(analysis: StudyAnalysis) -> "Figure | None":
     return _draw_impedance(analysis, _COLUMN)
 
 
-def draw_impedance_over_gait(analysis: StudyAnalysis) -> "Figure | None":
+def draw_impedance_over_gait(
+    analysis: StudyAnalysis,
+    parameters: Sequence[str] | None = None,
+    width_mm: float = WIDTH_MM,
+) -> "Figure | None":
     """Draw each person's estimates and the means over people, one panel for each parameter."""
-    return _draw_impedance(analysis, _PAGE)
+    layout = _PAGE if width_mm > COLUMN_MM else _COLUMN
+    return _draw_impedance(analysis, replace(layout, width_mm=width_mm), parameters)
 
 
 def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     """Draw people and means over them in one row of panels, for the first page of a report."""
-    parameters = shown_parameters(analysis.cells)
+    classical = classical_analysis(analysis)
+    beside = _classical_marks(analysis, classical)
+    parameters = _with_marks(analysis, classical, beside)
     if not parameters:
         return None
     figure = new_figure(_THIRD.above_mm + _THIRD.panel_mm + _THIRD.below_mm)
@@ -116,9 +126,12 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
         height_mm=_THIRD.panel_mm,
     )
     for axes, parameter in zip(panels, parameters, strict=True):
-        _draw_parameter(axes, analysis, parameter, _THIRD)
+        _draw_parameter(axes, analysis, parameter, _THIRD, beside=beside[parameter])
     bars = {m.parameter for m in _means(analysis, parameters)} < set(parameters)
-    place_legend(figure, _legend(analysis, parameters, people_bars=bars))
+    handles = _legend(analysis, parameters, people_bars=bars)
+    if any(beside[name] for name in parameters):
+        handles.append(legend_line("classical", GREY, **_CLASSICAL_MARK))
+    place_legend(figure, handles)
     return figure
 
 
@@ -130,7 +143,12 @@ def overview_caption(analysis: StudyAnalysis) -> str:
         text += " Grey bands: gait phases."
     if _means(analysis, shown_parameters(analysis.cells)):
         text += " Figure 2 has the intervals of each participant."
-    return text + _missing_panels(analysis)
+    classical = classical_analysis(analysis)
+    beside = _classical_marks(analysis, classical)
+    drawn = _with_marks(analysis, classical, beside)
+    if any(beside[name] for name in drawn):
+        text += " Grey diamonds: classical values where the joint's own is not available."
+    return text + _missing_panels(analysis, drawn)
 
 
 def impedance_caption(analysis: StudyAnalysis) -> str:
@@ -166,16 +184,21 @@ def _other_marks(analysis: StudyAnalysis) -> str:
     return text
 
 
-def _missing_panels(analysis: StudyAnalysis) -> str:
+def _missing_panels(analysis: StudyAnalysis, drawn: Sequence[str] = ()) -> str:
     """Name the quantities without an available estimate: they have no panel."""
     estimates = [p for c in analysis.cells for p in c.parameters]
     missing = {p.name for p in estimates} - {p.name for p in estimates if p.available}
+    missing -= {name.removesuffix("_per_mass") for name in drawn}
     names = [parameter_name(n).lower() for n in ABSOLUTE if n in missing]
     return f" Not drawn: {' and '.join(names)} (no estimate is available)." if names else ""
 
 
-def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | None":
-    parameters = shown_parameters(analysis.cells)
+def _draw_impedance(
+    analysis: StudyAnalysis, layout: "_Layout", parameters: Sequence[str] | None = None
+) -> "Figure | None":
+    available = {p.name for c in analysis.cells for p in c.parameters if p.available}
+    names = shown_parameters(analysis.cells) if parameters is None else parameters
+    parameters = [name for name in names if name in available]
     if not parameters:
         return None
     handles = _legend(analysis, parameters)
@@ -197,11 +220,17 @@ def _draw_impedance(analysis: StudyAnalysis, layout: "_Layout") -> "Figure | Non
 
 
 def _draw_parameter(
-    axes: "Axes", analysis: StudyAnalysis, parameter: str, layout: "_Layout"
+    axes: "Axes",
+    analysis: StudyAnalysis,
+    parameter: str,
+    layout: "_Layout",
+    *,
+    beside: Mapping[str, _Mark] | None = None,
 ) -> None:
     estimates = [(c, p) for c in analysis.cells if (p := c.parameter(parameter)) is not None]
     means = _means(analysis, [parameter])
     groups = {c.timing_point for c, p in estimates if p.available}
+    grey: list[_Mark] = []
     if groups == {ALL_POINTS}:
         marks, mean_marks = _draw_people_axis(axes, estimates, means)
     else:
@@ -211,13 +240,18 @@ def _draw_parameter(
         marks = _fan_out(estimates, positions, fan, with_mean=bool(means))
         placed = [m for m in means if m.timing_point in positions]
         mean_marks = [_mean_mark(m, positions[m.timing_point]) for m in placed]
+        grey = [replace(mark, x=positions[name]) for name, mark in (beside or {}).items()]
     if mean_marks and not layout.bars_beside_means:
         marks = [replace(m, low=None, high=m.high if m.at_bound else None) for m in marks]
-    low, high = _fit_height(axes, [*marks, *mean_marks])
+    low, high = _fit_height(axes, [*marks, *mean_marks, *grey])
     mean_size, mean_width = 4.0 * layout.marks, 1.8 * layout.marks
     beyond = _draw_cut_ends(axes, marks, low, high, colour=SKY, size=2.8 * layout.marks)
     beyond += _draw_cut_ends(axes, mean_marks, low, high, colour=INK, size=mean_size)
-    marks, mean_marks = ([_clipped(m, low, high) for m in some] for some in (marks, mean_marks))
+    marks, mean_marks, grey = (
+        [_clipped(m, low, high) for m in some] for some in (marks, mean_marks, grey)
+    )
+    if grey:
+        _draw_marks(axes, grey, colour=GREY, size=mean_size, width=mean_width, marker="D")
     _draw_marks(axes, marks, colour=SKY, size=2.8 * layout.marks, width=0.9 * layout.marks)
     _draw_marks(axes, mean_marks, colour=INK, size=mean_size, width=mean_width, marker="D")
     axes.set_ylabel(parameter_label(parameter))
@@ -225,6 +259,41 @@ def _draw_parameter(
         _fit_to_column(axes)
     note = _note([p for _, p in estimates], len(marks), beyond)
     panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
+
+
+def _classical_marks(
+    analysis: StudyAnalysis, classical: StudyAnalysis | None
+) -> dict[str, dict[str, _Mark]]:
+    """Return parameter -> timing point -> classical value, where the joint's own has no mark.
+
+    A mean over people, or the value of the only person.
+    """
+    marks: dict[str, dict[str, _Mark]] = defaultdict(dict)
+    if classical is None:
+        return marks
+    own = {(c.timing_point, p.name) for c in analysis.cells for p in c.parameters if p.available}
+    own |= {(m.timing_point, m.parameter) for m in analysis.population if m.value is not None}
+    if len({c.label for c in classical.cells}) > 1:
+        several = (m for m in classical.population if m.value is not None)
+        found = [((m.timing_point, m.parameter), _mean_mark(m, 0.0)) for m in several]
+    else:
+        alone = ((c, p) for c in classical.cells for p in c.parameters if p.status == "ok")
+        found = [((c.timing_point, p.name), _mark(p, 0.0)) for c, p in alone]
+    for (point, parameter), mark in found:
+        if (point, parameter) not in own:
+            marks[parameter][point] = mark
+    return marks
+
+
+def _with_marks(
+    analysis: StudyAnalysis,
+    classical: StudyAnalysis | None,
+    beside: Mapping[str, Mapping[str, _Mark]],
+) -> list[str]:
+    """Return the parameters that have a value to draw, the joint's own or a classical one."""
+    own = shown_parameters(analysis.cells)
+    names = shown_parameters(cells_of_both(analysis, classical))
+    return [name for name in names if name in own or beside.get(name)]
 
 
 def _fit_to_column(axes: "Axes") -> None:

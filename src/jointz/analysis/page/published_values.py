@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any, Final
 
+from jointz.analysis.classical import classical_analysis
 from jointz.core.gait_phases import TIMING_POINTS
 from jointz.reference import chapter4
 from jointz.report.subjects import subjects
@@ -29,7 +30,7 @@ class _Ours:
 
 def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
     """Return a table of both, None if there are no published values of this joint."""
-    values = {name: _values(analysis, name) for name in _COMPARED}
+    values = {name: _values(_as_published(analysis), name) for name in _COMPARED}
     names = [name for name in _COMPARED if values[name]]
     points = [p for p in TIMING_POINTS if any(p in values[name] for name in names)]
     if not points:
@@ -37,6 +38,7 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
     return {
         "heads": [parameter_label(name) for name in names],
         "inertia": "inertia" in names,
+        "classical": classical_analysis(analysis) is not None,
         "rows": [
             {"name": p, "cells": [_cell(name, p, values[name].get(p)) for name in names]}
             for p in points
@@ -46,15 +48,19 @@ def published_section(analysis: StudyAnalysis) -> dict[str, Any] | None:
 
 def published_clause(analysis: StudyAnalysis) -> str:
     """Return a sentence that compares the stiffness with the published means, or ""."""
-    ours = _values(analysis, "stiffness_per_mass")
+    ours = _values(_as_published(analysis), "stiffness_per_mass")
     ratios = [v.value / _published("stiffness_per_mass", p)[0] for p, v in ours.items()]
     if not ratios:
         return ""
     low, high = (format_number(x, digits=2) for x in (min(ratios), max(ratios)))
     span = low if low == high else f"{low} to {high}"
-    return (
-        f"Stiffness per body mass is {span} times the mean of the dissertation's ten participants."
-    )
+    kind = "Classical stiffness" if classical_analysis(analysis) else "Stiffness"
+    return f"{kind} per body mass is {span} times the mean of the dissertation's ten participants."
+
+
+def _as_published(analysis: StudyAnalysis) -> StudyAnalysis:
+    """Return the values that can be compared: the published ones are classical."""
+    return classical_analysis(analysis) or analysis
 
 
 def _values(analysis: StudyAnalysis, name: str) -> dict[str, _Ours]:

@@ -19,7 +19,7 @@ from jointz.control.rendering.varying import (
 )
 from jointz.core.errors import DataError
 from jointz.reference.body_segments import leg_beyond
-from jointz.results.base import Array, Axes, PlottedResult, summary_text
+from jointz.results.base import Array, Axes, PlottedResult, record_frame, summary_text
 from jointz.results.figure_style import BLUE, GREEN, INK, MUTED, SKY
 
 #: Halvings of an interval of frequencies: to 1e-12 of it.
@@ -65,12 +65,12 @@ def stable_stiffness(actuator: Actuator, damping: ArrayLike, load_inertia: float
     ndarray, N*m/rad
         The limit, of the shape of ``damping``; 0 where no stiffness is stable.
     """
-    wanted = np.asarray(damping, dtype=float)
-    low = np.zeros_like(wanted)
-    high = np.full_like(wanted, _last_frequency(actuator, load_inertia))
+    dampings = np.asarray(damping, dtype=float)
+    low = np.zeros_like(dampings)
+    high = np.full_like(dampings, _last_frequency(actuator, load_inertia))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        below = stability_border(actuator, middle, load_inertia)[1] < wanted
+        below = stability_border(actuator, middle, load_inertia)[1] < dampings
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     # Above the largest damping of the border the bisection ends at its end, where K is 0.
     limit = stability_border(actuator, 0.5 * (low + high), load_inertia)[0]
@@ -88,11 +88,9 @@ def stability_border(
         return point.real, np.where(w > 0.0, point.imag / w, -actuator.viscous)
 
 
-def border_curve(
-    actuator: Actuator, load_inertia: float, points: int = 400
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return stiffness and damping, (points,) each, along the border with B >= 0 for a figure."""
-    w = np.linspace(0.0, _last_frequency(actuator, load_inertia), points + 1)[1:]
+def border_curve(actuator: Actuator, load_inertia: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return stiffness and damping, (400,) each, along the border with B >= 0 for a figure."""
+    w = np.linspace(0.0, _last_frequency(actuator, load_inertia), 401)[1:]
     return stability_border(actuator, w, load_inertia)
 
 
@@ -176,7 +174,7 @@ def stride_bandwidth_hz(profile: ImpedanceProfile) -> float:
 
 
 def rendering_error(actuator: Actuator, hz: float) -> float:
-    """Return by how much, of 1, a rendered impedance is off at a frequency."""
+    """Return the relative error of a rendered impedance at a frequency."""
     return float(np.abs(actuator.response(2.0 * pi * hz) - 1.0))
 
 
@@ -263,11 +261,10 @@ class RenderingCheck(PlottedResult):
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a condition."""
-        names = Finding.__dataclass_fields__
-        return pd.DataFrame([{name: getattr(one, name) for name in names} for one in self.findings])
+        return record_frame(self.findings, Finding.__dataclass_fields__)
 
     def summary(self) -> str:
-        """Return a short text: actuator, conditions, and what it comes to."""
+        """Return a short text: actuator, conditions and verdict."""
         lines = [
             f"{self.actuator.name}: {self.actuator.source}",
             f"load {self.load_inertia:.3g} kg*m^2; {self.share:.0%} of the profile",

@@ -17,20 +17,14 @@ if TYPE_CHECKING:
 def check(
     file: Annotated[Path, typer.Argument(dir_okay=False, help="A file of jointz control profile.")],
     actuator: Annotated[
-        str,
-        typer.Option(
-            "--actuator", help="qdd (quasi-direct drive), sea (series-elastic), or a TOML file."
-        ),
+        str, typer.Option(help="qdd (quasi-direct drive), sea (series-elastic), or a TOML file.")
     ] = "qdd",
     load_inertia: Annotated[
         float | None,
-        typer.Option(
-            "--load-inertia",
-            help="Inertia that the actuator moves (kg*m^2); by default shank and foot.",
-        ),
+        typer.Option(help="Inertia that the actuator moves (kg*m^2); by default shank and foot."),
     ] = None,
     share: Annotated[
-        float, typer.Option("--share", help="Share of the profile that the actuator gives.")
+        float, typer.Option(help="Share of the profile that the actuator gives.")
     ] = 1.0,
     figure: Figure = None,
     printing: Printing = Printing(),
@@ -47,20 +41,20 @@ def check(
     from jointz.control.rendering.actuators import read_actuator
     from jointz.control.rendering.check import check_rendering
 
-    found = check_rendering(
+    rendering = check_rendering(
         read_profile(file), read_actuator(actuator), load_inertia=load_inertia, share=share
     )
     if figure is not None:
-        save_drawn(lambda canvas: found.plot(canvas.subplots()), figure, found.FIGURE_SIZE)
+        save_drawn(lambda canvas: rendering.plot(canvas.subplots()), figure, rendering.FIGURE_SIZE)
     if printing.as_json:
-        emit_json({"status": "ok", **found.to_dict()})
+        emit_json({"status": "ok", **rendering.to_dict()})
     elif not printing.quiet:
         emit_table(
-            [_row(one) for one in found.findings],
+            [_row(one) for one in rendering.findings],
             ["condition", "holds", "value", "95 % interval", "limit", "unit", "holds in draws"],
         )
-        emit(found.summary())
-    raise typer.Exit(0 if found.can_render else EXIT_NO_ESTIMATE)
+        emit(rendering.summary())
+    raise typer.Exit(0 if rendering.can_render else EXIT_NO_ESTIMATE)
 
 
 def _row(one: "Finding") -> list[str]:

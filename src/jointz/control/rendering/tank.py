@@ -48,7 +48,7 @@ class EnergyTank:
         elapsed_s : float, s
             Time since the last tick.
         """
-        if self.stiffness is None:  # the energy that the spring starts with is nobody's gift
+        if self.stiffness is None:  # the tank does not pay for the energy at the start
             self.stiffness, self.damping = stiffness, damping
             return stiffness
         if not isfinite(stiffness + damping + deviation + rate):

@@ -126,13 +126,16 @@ def largest_multiplier(
     LargestMultiplier
         The multiplier and where it is.
     """
-    curves = stiffness[None], damping[None], stride_s, load_inertia
-    seeds, cell = _seeds(GRID, *curves)
+    search = _Search(stiffness[None], damping[None], stride_s, load_inertia)
+    points, cell = _grid(GRID)
+    worst = np.argmax(search.multipliers(points.reshape(-1, 3)).reshape(GRID), axis=1)
+    # Of every inertia and stride time of the grid, the spring that is worst.
+    seeds = np.take_along_axis(points, worst[:, None, :, None], axis=1).reshape(-1, 3)
     for rounds in _ROUNDS:
-        seeds, values, cell = _climb(seeds, cell, rounds, *curves)
+        seeds, values, cell = search.climb(seeds, cell, rounds)
         best = np.argsort(values)[::-1][:_KEPT]
         seeds, values = seeds[best], values[best]
-    load = _loads(seeds[0], float(stiffness.mean()), stride_s, load_inertia)
+    load = search.loads(seeds[0], float(stiffness.mean()))
     return LargestMultiplier(float(values[0]), *map(float, load))
 
 
@@ -148,14 +151,15 @@ def drawn_multipliers(
     stride_s, load_inertia : float, s and kg*m^2
         As in :func:`largest_multiplier`.
     """
-    found = []
-    for k, b in zip(*(_parts(one) for one in (stiffness, damping)), strict=True):
-        points, cell = _grid(SMALL_GRID)
-        points = points.reshape(-1, 3)
-        values = _multipliers_at(points, k[:, None], b[:, None], stride_s, load_inertia)
-        seeds = points[np.argmax(values, axis=1)]
-        found.append(_climb(seeds, cell, _ROUNDS_OF_DRAWS, k, b, stride_s, load_inertia)[1])
-    return np.concatenate(found)
+    points, cell = _grid(SMALL_GRID)
+    points = points.reshape(-1, 3)
+    multipliers = []
+    for k in range(0, len(stiffness), _AT_ONCE):  # in parts whose arrays stay in the cache
+        part = slice(k, k + _AT_ONCE)
+        search = _Search(stiffness[part], damping[part], stride_s, load_inertia)
+        seeds = points[np.argmax(search.multipliers(points), axis=1)]
+        multipliers.append(search.climb(seeds, cell, _ROUNDS_OF_DRAWS)[1])
+    return np.concatenate(multipliers)
 
 
 def _grid(counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -165,67 +169,42 @@ def _grid(counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
     return points, (_HIGH - _LOW) / (np.array(counts) - 1.0)
 
 
-def _seeds(
-    counts: tuple[int, int, int],
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    stride_s: float,
-    load_inertia: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return, of every inertia and stride time of a grid, the spring that is worst; and cells."""
-    points, cell = _grid(counts)
-    values = _multipliers_at(
-        points.reshape(-1, 3), stiffness, damping, stride_s, load_inertia
-    ).reshape(counts)
-    worst = np.argmax(values, axis=1)[:, None, :, None]
-    return np.take_along_axis(points, worst, axis=1).reshape(-1, 3), cell
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """Search for the loads with which deviations from curves, (m, n), grow most."""
 
+    stiffness: np.ndarray
+    damping: np.ndarray
+    stride_s: float
+    load_inertia: float
 
-def _climb(
-    seeds: np.ndarray,
-    cell: np.ndarray,
-    rounds: int,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    stride_s: float,
-    load_inertia: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where seeds climb to in steps that become smaller, multipliers there, and the step.
+    def multipliers(self, points: np.ndarray) -> np.ndarray:
+        """Return the multipliers of all curves, or of one for each row, at points (..., 3)."""
+        stiffness, damping = self.stiffness[:, None], self.damping[:, None]
+        return floquet_multipliers(stiffness, damping, *self.loads(points, stiffness.mean(axis=-1)))
 
-    Every seed has its own curves, or all have one: (m or 1, n).
-    """
-    values = np.zeros(len(seeds))
-    for _ in range(rounds):
-        near = np.clip(seeds[:, None] + cell * _NEIGHBOURS, _LOW, _HIGH)
-        around = _multipliers_at(near, stiffness[:, None], damping[:, None], stride_s, load_inertia)
-        each, best = np.arange(len(seeds)), np.argmax(around, axis=1)
-        seeds, values, cell = near[each, best], around[each, best], _SHRINK * cell
-    return seeds, values, cell
+    def loads(
+        self, points: np.ndarray, mean: np.ndarray | float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return inertias, springs and stride times at points of the grid, (..., 3)."""
+        inertia = self.load_inertia * np.exp(points[..., 0])
+        spring = mean * (points[..., 1] ** 2 - 1.0)
+        return inertia, spring, self.stride_s * points[..., 2]
 
+    def climb(
+        self, seeds: np.ndarray, cell: np.ndarray, rounds: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return where seeds climb to in shrinking steps, multipliers there, and the step.
 
-def _parts(profiles: np.ndarray) -> list[np.ndarray]:
-    """Return profiles in parts whose arrays stay in the cache."""
-    return [profiles[k : k + _AT_ONCE] for k in range(0, len(profiles), _AT_ONCE)]
-
-
-def _multipliers_at(
-    points: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    stride_s: float,
-    load_inertia: float,
-) -> np.ndarray:
-    mean = stiffness.mean(axis=-1)
-    return floquet_multipliers(stiffness, damping, *_loads(points, mean, stride_s, load_inertia))
-
-
-def _loads(
-    points: np.ndarray, mean: np.ndarray | float, stride_s: float, load_inertia: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return inertias, springs and stride times at points of the grid, (..., 3)."""
-    inertia = load_inertia * np.exp(points[..., 0])
-    spring = mean * (points[..., 1] ** 2 - 1.0)
-    return inertia, spring, stride_s * points[..., 2]
+        Every seed has its own curves, or all have one.
+        """
+        values = np.zeros(len(seeds))
+        for _ in range(rounds):
+            near = np.clip(seeds[:, None] + cell * _NEIGHBOURS, _LOW, _HIGH)
+            around = self.multipliers(near)
+            each, best = np.arange(len(seeds)), np.argmax(around, axis=1)
+            seeds, values, cell = near[each, best], around[each, best], _SHRINK * cell
+        return seeds, values, cell
 
 
 def is_surely_stable(

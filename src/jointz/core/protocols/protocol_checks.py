@@ -66,16 +66,12 @@ def _pulses_take_s(condition: ConditionSpec, plan: PerturbationPlan, pulse_s: fl
     apart_s = (plan.pause_s or 0.0) + pulse_s
     if plan.timing_points is None:
         return plan.total * apart_s
-    cycle_s = max(_cycles_s(condition), default=0.0)
+    cycle_s = max((r.cycle_s or 0.0 for r in condition.references.values()), default=0.0)
     if plan.order == "cyclic" and cycle_s:
         rounds = plan.total // len(plan.timing_points)
         points = list(plan.timing_points.values()) * rounds
         return onsets_in_cycle(points, cycle_s=cycle_s, apart_s=apart_s)[-1] + pulse_s
     return plan.total * (apart_s + cycle_s)
-
-
-def _cycles_s(condition: ConditionSpec) -> list[float]:
-    return [r.cycle_s for r in condition.references.values() if r.cycle_s is not None]
 
 
 # --- checks of the whole -----------------------------------------------------------------------

@@ -51,33 +51,18 @@ class PulseVariant:
 
 
 class _Pulse(CheckedModel):
-    """Base of pulses."""
+    """Base of pulses.
+
+    Beside its course, each has ``sizes_nm`` (amplitudes without signs) under ``size_key``,
+    ``timed_parts`` (key and duration, s, of each part that a loop has to follow) and ``changes``
+    of torque (key, share of the amplitude and duration, s).
+    """
 
     direction: Direction = "positive"
 
     @property
     def course(self) -> tuple[TorquePart, ...]:
         """The parts, one after the other; torque is zero before and after."""
-        raise NotImplementedError
-
-    @property
-    def sizes_nm(self) -> tuple[float, ...]:
-        """The amplitudes, without signs."""
-        raise NotImplementedError
-
-    @property
-    def size_key(self) -> str:
-        """The key of the amplitudes."""
-        return "amplitudes_nm"
-
-    @property
-    def timed_parts(self) -> tuple[tuple[str, float], ...]:
-        """Key and duration (s) of each part that a loop has to follow."""
-        raise NotImplementedError
-
-    @property
-    def changes(self) -> tuple[tuple[str, float, float], ...]:
-        """Key, size (share of the amplitude) and duration (s) of the changes of torque."""
         raise NotImplementedError
 
     @property
@@ -166,6 +151,11 @@ class _NamedPulse(_Pulse):
     def sizes_nm(self) -> tuple[float, ...]:
         """The amplitudes, without signs."""
         return self.amplitudes_nm
+
+    @property
+    def size_key(self) -> str:
+        """The key of the amplitudes."""
+        return "amplitudes_nm"
 
     def checks(self) -> tuple[Check, ...]:
         """Return the checks of name and sizes."""

@@ -254,7 +254,7 @@ def _known_torque(record: ActuatorRecord, rotor_inertia: float | None) -> np.nda
 
 
 def _inertia_doubt(fit: BlockRegression) -> str | None:
-    """Say why a fitted inertia cannot be one; None where it can."""
+    """Return why a fitted inertia is implausible, None if it is plausible."""
     if "rotor_inertia" not in fit.names or fit.is_saturated:
         return None
     low, high = fit.interval("rotor_inertia")
@@ -293,8 +293,7 @@ def _parameter(
 
 def _series(record: ActuatorRecord, modelled: np.ndarray) -> ActuatorSeries:
     """Thin the record for a figure."""
-    step = max(1, -(-record.torque.size // _SERIES_POINTS))
-    shown = slice(None, None, step)
+    shown = slice(None, None, max(1, -(-record.torque.size // _SERIES_POINTS)))
     velocity = () if record.velocity is None else tuple(record.velocity[shown].tolist())
     return ActuatorSeries(
         position=tuple(record.time[shown].tolist()),
@@ -321,7 +320,7 @@ _PROPORTIONAL = 1e-9
 
 
 def explains_nothing(fit: BlockRegression) -> bool:
-    """Tell whether the current explains none of the torque."""
+    """Return whether the current explains none of the torque."""
     if fit.is_saturated:
         return False
     low, high = fit.interval("torque_constant")
@@ -374,7 +373,7 @@ def _on_constant(fit: BlockRegression) -> Iterator[str]:
 
 
 def _is_current(record: ActuatorRecord) -> bool:
-    """Tell whether the torque is a multiple of the current but for rounding."""
+    """Return whether the torque is a multiple of the current, up to rounding."""
     torque = record.torque - record.torque.mean()
     current = record.current - record.current.mean()
     rest = torque - current * float(torque @ current) / float(current @ current)

@@ -13,13 +13,7 @@ from jointz.identify.bench.bench_estimates import is_constant
 MODEL_TERMS: Mapping[str, tuple[str, ...]] = {
     "current": ("bias", "torque_constant"),
     "motor": ("bias", "torque_constant", "viscous_friction", "rotor_inertia"),
-    "friction": (
-        "bias",
-        "torque_constant",
-        "coulomb_friction",
-        "gear_friction",
-        "rotor_inertia",
-    ),
+    "friction": ("bias", "torque_constant", "coulomb_friction", "gear_friction", "rotor_inertia"),
 }
 
 #: A term whose regressor is explained by the others but for this share of its variance is left
@@ -94,7 +88,7 @@ def _regressor(
 
 
 def _missing(record: ActuatorRecord, name: str, smooth: float | None) -> str:
-    """Say why the record cannot decide a term; empty where it can."""
+    """Return why a term is not identifiable from the record, "" if it is."""
     if name == "rotor_inertia":
         return _missing_acceleration(record)
     if smooth is not None and record.velocity is not None and name in _WITH_SIGN:
@@ -147,7 +141,7 @@ def _reversed_share(velocity: np.ndarray) -> float:
 
 
 def _confounded(column: np.ndarray, kept: Mapping[str, np.ndarray]) -> str:
-    """Say which kept term explains this one; empty where none does."""
+    """Return which kept term explains this one, "" if none does."""
     if is_constant(column):
         return "what it multiplies is constant in this record, as the bias is"
     centred = column - column.mean()

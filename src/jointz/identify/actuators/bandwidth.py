@@ -227,7 +227,7 @@ def _smoothing_bias_hz(
     drop_db: float,
 ) -> float:
     """Return the bias by smoothing, from the reading with half the window."""
-    # What moves a reading that is resolved so well is noise.
+    # Noise alone moves a reading that is well resolved.
     resolved = crossing.hz >= _RESOLVED * spectra.resolution_hz
     half = _spectra(record, method, window_s / 2.0)
     try:

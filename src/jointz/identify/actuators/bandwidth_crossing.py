@@ -65,8 +65,7 @@ class _Gain:
 def excited_bins(spectra: CrossSpectra) -> np.ndarray:
     """Return where the command has power, (f,) bool, zero frequency left out."""
     power = spectra.auto_in
-    excited: np.ndarray = (power > _EXCITED * power[1:].max()) & (spectra.frequency_hz > 0.0)
-    return excited
+    return np.asarray((power > _EXCITED * power[1:].max()) & (spectra.frequency_hz > 0.0))
 
 
 def check_coherent(spectra: CrossSpectra) -> None:
@@ -150,8 +149,7 @@ def _over_neighbours(spectra: CrossSpectra, values: np.ndarray, excited: np.ndar
     first, end = np.searchsorted(f, f - half), np.searchsorted(f, f + half, side="right")
     total = np.concatenate([[0.0], np.cumsum(np.where(excited, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(excited)])
-    mean: np.ndarray = (total[end] - total[first]) / np.maximum(count[end] - count[first], 1)
-    return mean
+    return np.asarray((total[end] - total[first]) / np.maximum(count[end] - count[first], 1))
 
 
 def _low_gain(gain: _Gain, low: np.ndarray) -> tuple[float, float]:

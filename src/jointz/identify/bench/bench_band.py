@@ -82,5 +82,4 @@ def _may_stick(slow: np.ndarray, step_s: float, kernel_s: float) -> np.ndarray:
     shortest = max(1, round(_SHORTEST_STICK_S / step_s))
     reach = int(np.ceil(_REACH * kernel_s / step_s))
     sticks = binary_opening(slow, np.ones(shortest, dtype=bool))
-    reached: np.ndarray = binary_dilation(sticks, np.ones(2 * reach + 1, dtype=bool))
-    return reached
+    return np.asarray(binary_dilation(sticks, np.ones(2 * reach + 1, dtype=bool)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from jointz.core.codes import LISTED, Exclusion, Failure
 from jointz.core.errors import EstimationError
-from jointz.core.events import PulseEstimate, PulseRecord
+from jointz.core.events import PulseRecord
 from jointz.core.method_names import FULL_RECORD
 from jointz.core.recording import damage_near, damage_of, deflection
 from jointz.core.study import Calibrated, CalibrationSpec
@@ -25,8 +25,8 @@ from jointz.identify.preparation.calibration import (
 from jointz.identify.preparation.cell_data import PARAMETERS
 from jointz.identify.preparation.sources import ParticipantSettings, Source
 from jointz.identify.regression.cell_estimator import CellEstimator
-from jointz.identify.regression.cell_parameters import failed_parameters
 from jointz.identify.regression.cell_regressions import DISSERTATION
+from jointz.identify.regression.failed_cells import failed_cell
 from jointz.results.bench.bench_fits import FullRecordFit
 from jointz.results.estimates import CellEstimate
 
@@ -35,7 +35,7 @@ from jointz.results.estimates import CellEstimate
 _LEAST_VAF_PCT = 95.0
 
 
-class FullRecordEstimator:
+class FullRecordEstimator(CellEstimator):
     """Estimates every case of a bench from its whole trials.
 
     Recordings whose pulses belong to several cases or groups are estimated from the responses to
@@ -45,20 +45,7 @@ class FullRecordEstimator:
     def __init__(
         self, participant: str, sources: Sequence[Source], settings: ParticipantSettings
     ) -> None:
-        self._participant = participant
-        self._sources = sources
-        self._settings = settings
-        self._by_pulse = CellEstimator(participant, DISSERTATION, sources, settings)
-
-    @property
-    def baseline(self) -> str:
-        """Baseline of the method for mixed recordings, by which pulses are assigned."""
-        return self._by_pulse.baseline
-
-    @property
-    def single(self) -> tuple[PulseEstimate, ...]:
-        """Pulses of mixed recordings, each estimated by itself."""
-        return self._by_pulse.single
+        super().__init__(participant, DISSERTATION, sources, settings)
 
     def run(
         self, candidates: Sequence[Candidate]
@@ -79,7 +66,7 @@ class FullRecordEstimator:
             cell, records_of_case = self._case(label, pulses)
             cells.append(cell)
             coded |= records_of_case
-        others, records = self._by_pulse.run(by_pulse)
+        others, records = super().run(by_pulse)
         coded |= {id(c): r for c, r in zip(by_pulse, records, strict=True)}
         return (*cells, *others), [coded[id(c)] for c in candidates]
 
@@ -87,62 +74,60 @@ class FullRecordEstimator:
         self, label: str, candidates: Sequence[Candidate]
     ) -> tuple[CellEstimate, dict[int, PulseRecord]]:
         """Return a case and its pulses with their codes."""
-        why = {index: self._why_not(index, candidates) for index in {c.source for c in candidates}}
-        records = {id(c): replace(c.record, code=self._code(c, why[c.source])) for c in candidates}
-        used = sorted(index for index, code in why.items() if not code)
+        codes = {i: self._trial_code(i, candidates) for i in {c.source for c in candidates}}
+        records = {
+            id(c): replace(c.record, code=self._code(c, codes[c.source])) for c in candidates
+        }
+        fit = self._fit(sorted(index for index, code in codes.items() if not code))
         n_used = sum(not r.code for r in records.values())
+        n_excluded = len(records) - n_used
+        if isinstance(fit, Failure):
+            cell = failed_cell(
+                fit,
+                self._settings,
+                participant=self._participant,
+                timing_point=label,
+                counts=(n_used, n_excluded),
+                method=FULL_RECORD,
+                baseline="none",
+            )
+            return cell, records
+        cell = CellEstimate(
+            participant=self._participant,
+            timing_point=label,
+            onset_gait_pct=None,
+            parameters=tuple(fit.parameter(name) for name in PARAMETERS),
+            vaf_pct=fit.vaf_pct,
+            n_used=n_used,
+            n_excluded=n_excluded,
+            method=FULL_RECORD,
+            baseline="none",
+            condition_number=fit.condition_number,
+            nuisance=tuple(p for p in fit.parameters if p.name not in PARAMETERS),
+        )
+        return cell, records
+
+    def _fit(self, used: Sequence[int]) -> FullRecordFit | Failure:
+        """Fit the trials that can be used as a whole."""
         if not used:
-            return self._cell(label, Failure.ALL_PULSES_EXCLUDED, records, n_used=0), records
-        trials = [self._trial(index) for index in used]
+            return Failure.ALL_PULSES_EXCLUDED
         known = pooled_calibration([self._sources[i].input.calibration for i in used])
         try:
             fit = fit_full_record(
-                trials,
+                [self._trial(index) for index in used],
                 intrinsic=_intrinsic(known),
                 torque_gain_sd=relative_sd(known.torque_gain),
                 angle_gain_sd=relative_sd(known.angle_gain),
                 lag_s=_lag(known),
             )
         except EstimationError as exc:
-            return self._cell(label, Failure(exc.code), records, n_used=n_used), records
-        if fit.vaf_pct < _LEAST_VAF_PCT and not fit.settings["within_noise"]:
-            return self._cell(label, Failure.NOT_ONE_LOAD, records, n_used=n_used), records
-        return self._cell(label, fit, records, n_used=n_used), records
+            return Failure(exc.code)
+        misfit = fit.vaf_pct < _LEAST_VAF_PCT and not fit.settings["within_noise"]
+        return Failure.NOT_ONE_LOAD if misfit else fit
 
-    def _cell(
-        self,
-        label: str,
-        outcome: FullRecordFit | Failure,
-        records: dict[int, PulseRecord],
-        *,
-        n_used: int,
-    ) -> CellEstimate:
-        fit = outcome if isinstance(outcome, FullRecordFit) else None
-        if isinstance(outcome, FullRecordFit):
-            parameters = tuple(outcome.parameter(name) for name in PARAMETERS)
-        else:
-            settings = self._settings
-            parameters = failed_parameters(
-                outcome, mass_kg=settings.mass_kg, wants_per_mass=settings.kind.per_mass
-            )
-        return CellEstimate(
-            participant=self._participant,
-            timing_point=label,
-            onset_gait_pct=None,
-            parameters=parameters,
-            vaf_pct=fit.vaf_pct if fit else None,
-            n_used=n_used,
-            n_excluded=len(records) - n_used,
-            method=FULL_RECORD,
-            baseline="none",
-            condition_number=fit.condition_number if fit else None,
-            nuisance=tuple(p for p in fit.parameters if p.name not in PARAMETERS) if fit else (),
-        )
-
-    def _why_not(self, index: int, candidates: Sequence[Candidate]) -> str:
-        """Return why a trial cannot be used as a whole, "" where it can."""
-        source = self._sources[index]
-        recording = source.input.recording
+    def _trial_code(self, index: int, candidates: Sequence[Candidate]) -> str:
+        """Return the code of a trial that cannot be used as a whole, "" where it can."""
+        recording = self._sources[index].input.recording
         time = recording["time"].to_numpy()
         if any(c.source == index and c.record.code in LISTED for c in candidates):
             return Exclusion.USER.value
@@ -169,16 +154,16 @@ class FullRecordEstimator:
             angle_per_torque_sd=twist_sd(known),
         )
 
-    def _code(self, candidate: Candidate, why: str) -> str:
-        """Return a pulse's code: its trial's, or none, whatever its own window would say.
+    def _code(self, candidate: Candidate, trial_code: str) -> str:
+        """Return a pulse's code: that of its trial, whatever its own window would say.
 
-        One that begins outside of the samples is no part of the trial.
+        A pulse that begins outside of the samples is no part of the trial.
         """
         if candidate.record.code in LISTED:
             return candidate.record.code
         onset_s = np.array([candidate.record.onset_s])
         outside = is_outside(onset_s, self._sources[candidate.source])[0]
-        return Exclusion.EDGE_OF_RECORD.value if outside else why
+        return Exclusion.EDGE_OF_RECORD.value if outside else trial_code
 
 
 def _lag(known: CalibrationSpec) -> tuple[float, float] | None:

@@ -20,7 +20,7 @@ NEGATIVE_STIFFNESS = "the stiffness is negative: turn the sign of torque or angl
 
 
 def is_constant(values: np.ndarray) -> bool:
-    """Tell whether a channel stands still but for rounding."""
+    """Return whether a channel is constant up to rounding."""
     return bool(np.ptp(values) <= _CONSTANT * np.abs(values).max())
 
 
@@ -88,7 +88,7 @@ def pulse_estimates(
 
 
 def _direction(candidate: Candidate, source: Source) -> str:
-    """Tell whether a pulse goes with the reference or against it."""
+    """Return whether a pulse moves with the reference or against it, "" if unknown."""
     recording = source.input.recording
     if "reference" not in recording:
         return ""

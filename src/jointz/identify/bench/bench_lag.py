@@ -90,9 +90,9 @@ def choose_lag(
 
 def _contradicts(model: LoadModel, known_s: tuple[float, float]) -> bool:
     """Return whether the records by themselves decide a lag far from the known one."""
-    found = _decided_or_held(model, _choice("delay", model, model.fit(None, _FREE["delay"])))
-    far = abs(found.regression.lag.total_s - known_s[0]) > _CONFLICT * known_s[1] + _FAR_LAG_S
-    return far and (found.at_end or found.range_s is None)
+    free = _decided_or_held(model, _choice("delay", model, model.fit(None, _FREE["delay"])))
+    far = abs(free.regression.lag.total_s - known_s[0]) > _CONFLICT * known_s[1] + _FAR_LAG_S
+    return far and (free.at_end or free.range_s is None)
 
 
 def _choice(kind: LagKind, model: LoadModel, fit: LoadRegression) -> LagChoice:

@@ -40,11 +40,9 @@ class Lag:
     def response(self, omega: np.ndarray) -> np.ndarray:
         """Return the frequency response."""
         if self.spread_s2 < 0.0:
-            response = np.exp(-1j * omega * self.total_s - omega**2 * self.spread_s2 / 2)
-        else:
-            tau = self.filter_time_s
-            response = np.exp(-1j * omega * (self.total_s - tau)) / (1.0 + 1j * omega * tau)
-        return np.asarray(response)
+            return np.asarray(np.exp(-1j * omega * self.total_s - omega**2 * self.spread_s2 / 2))
+        tau = self.filter_time_s
+        return np.asarray(np.exp(-1j * omega * (self.total_s - tau)) / (1.0 + 1j * omega * tau))
 
     def log_slope(self, omega: np.ndarray, name: str) -> np.ndarray:
         """Return the derivative of the logarithm of the response by one part of the lag."""
@@ -71,7 +69,7 @@ class Lag:
 
 @dataclass(frozen=True, slots=True)
 class LagPrior:
-    """What is known of the total lag before the fit."""
+    """Prior of the total lag."""
 
     value_s: float  # expected total lag
     sd_s: float  # sd of the total lag

@@ -7,11 +7,7 @@ import numpy.typing as npt
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.bench.bench_estimates import (
-    NEGATIVE_STIFFNESS,
-    bench_estimates,
-    check_excited,
-)
+from jointz.identify.bench.bench_estimates import NEGATIVE_STIFFNESS, bench_estimates, check_excited
 from jointz.identify.record.block_regression import BlockPlan, fitted_sandwich, t_factor
 from jointz.identify.record.joint_record import JointRecord, Samples, check_level, gather_record
 from jointz.kernels.block_sandwich import block_sandwich
@@ -135,11 +131,7 @@ def identify_dither_stiffness(
         n_samples=seconds.size,
         rate_hz=record.rate_hz,
         ci_method=plan.ci_method,
-        settings={
-            "inertia": inertia,
-            "ci_level": ci_level,
-            **record.origin(),
-        },
+        settings={"inertia": inertia, "ci_level": ci_level, **record.origin()},
         warnings=_warnings(values, plan),
         series=_series(moved, load, omega * seconds),
     )

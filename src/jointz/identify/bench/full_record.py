@@ -164,14 +164,9 @@ def fit_full_record(
         regression, chosen.covariance, intrinsic=intrinsic, gain_sd=(torque_gain_sd, angle_gain_sd)
     )
     if any(trial.angle_per_torque_sd for trial in trials):
-        twisted = even_records(
-            [
-                replace(trial, angle=trial.angle - trial.angle_per_torque_sd * trial.torque)
-                for trial in trials
-            ]
-        )
-        model = LoadModel([band_record(record, friction=friction) for record in twisted], friction)
-        other = choose_lag(model, known_s=known, kind=chosen.kind)
+        twisted = [replace(t, angle=t.angle - t.angle_per_torque_sd * t.torque) for t in trials]
+        bands = [band_record(record, friction=friction) for record in even_records(twisted)]
+        other = choose_lag(LoadModel(bands, friction), known_s=known, kind=chosen.kind)
         covariance = covariance + _twist_covariance(chosen, other)
     held = known is not None and known[1] == 0.0
     names = [*PARAMETERS, *["coulomb_friction"] * friction, *["torque_lag"] * (not held)]
@@ -409,8 +404,5 @@ def _series(even: EvenRecord, record: BandRecord, regression: LoadRegression) ->
     shown = np.flatnonzero(np.abs(time - middle) <= _SERIES_S / 2.0)
     shown = shown[:: max(1, shown.size // _SERIES_POINTS)]
     measured = regression.measured[:count]
-    return FitSeries(
-        time_s=tuple(time[shown].tolist()),
-        measured=tuple(measured[shown].tolist()),
-        modelled=tuple((measured - regression.residual[:count])[shown].tolist()),
-    )
+    columns = (time, measured, measured - regression.residual[:count])
+    return FitSeries(*(tuple(column[shown].tolist()) for column in columns))

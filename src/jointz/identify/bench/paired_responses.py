@@ -49,7 +49,7 @@ class _Run:
         return float(self.stretch.time[0])
 
     def holds(self, begin_s: float, end_s: float) -> bool:
-        """Tell whether a window lies inside, away from the edges that the filter spoils."""
+        """Return whether a window lies inside, away from the edges that the filter distorts."""
         first, last = self.start_s + self.guard_s, float(self.stretch.time[-1]) - self.guard_s
         half_a_sample = 0.5 / self.rate_hz
         return begin_s >= first - half_a_sample and end_s <= last + half_a_sample

@@ -268,8 +268,5 @@ def _warnings(pooled: np.ndarray, noise_share: float) -> tuple[str, ...]:
 def _mean_response(responses: _Responses, pooled: np.ndarray) -> MeanResponse:
     signs = np.array([pulse.sign for _, pulse in responses.pulses])
     mean = np.mean(signs[:, None, None] * responses.windows, axis=0)
-    return MeanResponse(
-        time_s=tuple((np.arange(mean.shape[1]) / responses.rate_hz).tolist()),
-        measured=tuple(mean[TORQUE].tolist()),
-        modelled=tuple((pooled @ mean[:TORQUE]).tolist()),
-    )
+    columns = (np.arange(mean.shape[1]) / responses.rate_hz, mean[TORQUE], pooled @ mean[:TORQUE])
+    return MeanResponse(*(tuple(column.tolist()) for column in columns))

@@ -145,20 +145,19 @@ def _window(
 
 
 def _estimated_noise(even: EvenRecord) -> NoiseLevels:
-    floor = _LEAST_SD_SHARE
-    return NoiseLevels(
-        max(even.noise_sd(even.angle), floor * float(np.ptp(even.angle))),
-        max(even.noise_sd(even.torque), floor * float(np.ptp(even.torque))),
+    sds = (
+        max(even.noise_sd(values), _LEAST_SD_SHARE * float(np.ptp(values)))
+        for values in (even.angle, even.torque)
     )
+    return NoiseLevels(*sds)
 
 
 def _best_of_starts(
     record: PulseSignals, levels: NoiseLevels, lag: tuple[float, float] | None
 ) -> LikelihoodFit:
     """Return the likeliest fit; a free lag is searched further where the first is none."""
-    lags = _START_LAGS_S if lag is None else (lag[0],)
     fits: list[LikelihoodFit] = []
-    for start_lag in lags:
+    for start_lag in _START_LAGS_S if lag is None else (lag[0],):
         fit = maximise_likelihood(
             record,
             _start(record, start_lag),
@@ -175,12 +174,8 @@ def _smooth_motion(record: PulseSignals) -> np.ndarray:
     """Return (3, n): angle, velocity, acceleration of a local cubic."""
     half = max(3, round(_SMOOTH_S / record.step_s))
     width = min(2 * half + 1, (record.angle.size - 1) // 2 * 2 + 1)
-    return np.stack(
-        [
-            savgol_filter(record.angle, width, 3, deriv=order, delta=record.step_s)
-            for order in range(3)
-        ]
-    )
+    angle, step_s = record.angle, record.step_s
+    return np.stack([savgol_filter(angle, width, 3, deriv=k, delta=step_s) for k in range(3)])
 
 
 def _start(record: PulseSignals, lag_s: float) -> np.ndarray:
@@ -198,8 +193,7 @@ def _start(record: PulseSignals, lag_s: float) -> np.ndarray:
 
 def _shifted_torque(record: PulseSignals, lag_s: float) -> np.ndarray:
     at = record.lead + lag_s / record.step_s + np.arange(record.angle.size)
-    shifted: np.ndarray = np.interp(at, np.arange(record.torque.size), record.torque)
-    return shifted
+    return np.asarray(np.interp(at, np.arange(record.torque.size), record.torque))
 
 
 def _result(

@@ -7,11 +7,7 @@ import numpy.typing as npt
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.bench.bench_estimates import (
-    NEGATIVE_STIFFNESS,
-    bench_estimates,
-    check_excited,
-)
+from jointz.identify.bench.bench_estimates import NEGATIVE_STIFFNESS, bench_estimates, check_excited
 from jointz.identify.bench.bench_records import FEWEST_SAMPLES, white_noise_sd
 from jointz.identify.record.block_regression import BlockRegression, regress
 from jointz.identify.record.joint_record import JointRecord, Samples, check_level, gather_record
@@ -21,7 +17,7 @@ from jointz.results.bench.stiffness_fit import LoopSeries, StiffnessFit
 _WHERE = "identify_static_stiffness"
 #: A slope that explains less of the torque is undecided, %.
 _LEAST_VAF_PCT = 50.0
-#: What the low-pass spoils at both ends of a record, in periods of its cut-off.
+#: Length that the low-pass distorts at both ends of a record, in periods of its cut-off.
 _EDGE_PERIODS = 4.5
 #: Share of noise in the angle's variance: noted above the first, refused above the second.
 _TOLD_NOISE_SHARE = 1e-3

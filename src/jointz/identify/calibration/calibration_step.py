@@ -79,8 +79,7 @@ def check_torque(torque: np.ndarray) -> None:
     if high - low < _LEAST_TORQUE_NM:
         detail = f"{reach}, expected {_LEAST_TORQUE_NM:g} or more"
         raise RefusedError(CalibrationFailure.NO_TORQUE, detail)
-    one_way = high < _BOTH_WAYS * -low or -low < _BOTH_WAYS * high
-    if one_way:
+    if high < _BOTH_WAYS * -low or -low < _BOTH_WAYS * high:
         raise RefusedError(CalibrationFailure.ONE_DIRECTION, reach)
 
 

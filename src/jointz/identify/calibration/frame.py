@@ -59,8 +59,8 @@ def fit_frame(record: PulsedRecord, *, known: CalibrationSpec | None = None) -> 
     gain = known.torque_gain or _TORQUE_GAIN
     variances = np.column_stack([np.diag(covariance), np.diag(from_prior)])
     entries = (
-        _entry(name, float(value), own, gain)
-        for name, value, own in zip(_NAMES, values[:3], variances[:3], strict=True)
+        _entry(name, float(value), row, gain)
+        for name, value, row in zip(_NAMES, values[:3], variances[:3], strict=True)
     )
     return CalibrationFit(
         step="frame",

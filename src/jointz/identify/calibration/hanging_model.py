@@ -33,13 +33,7 @@ _PARAMETERS = {
     "cross_talk": (0.0, 3e-4, -0.05, 0.05, 1e-4),
     "lag": (0.008, 0.008, 0.0, 0.06, 1e-3),
     "delay": (0.003, 0.003, -0.02, 0.04, 1e-3),
-    "log_resonance": (
-        float(np.log(30.0)),
-        0.4,
-        float(np.log(6.0)),
-        float(np.log(150.0)),
-        0.1,
-    ),
+    "log_resonance": (float(np.log(30.0)), 0.4, float(np.log(6.0)), float(np.log(150.0)), 0.1),
     "resonance_damping": (0.3, 0.1, 0.03, 0.97, 0.1),
 }
 NAMES = tuple(_PARAMETERS)
@@ -82,8 +76,7 @@ class HangingCell:
         """Return a whitening matrix: its product with the noise's errors has unit covariance."""
         n = self.angle.size
         even = _EVEN_SHARE * np.trace(self.noise) / n * np.eye(n)
-        lower = np.linalg.cholesky(self.noise + even)
-        return np.asarray(np.linalg.inv(lower))
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.noise + even)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +136,7 @@ class HangingModel:
             change = float(np.hypot(_PRIOR["stiffness_more"][1], weight.stiffness.sd))
             mounted = {"inertia_more": (0.0, max(weight.inertia.sd, _LEAST_SD))}
             known = known | mounted | {"stiffness_more": (0.0, change)}
-        moments = np.array([(_PRIOR | known)[name] for name in NAMES])
-        self._mean, self._sd = moments.T
+        self._mean, self._sd = np.array([(_PRIOR | known)[name] for name in NAMES]).T
         idle = [] if resonance else [LOG_RESONANCE, RESONANCE_DAMPING]
         if weight is None:
             idle += [DAMPING_WEIGHTED, STIFFNESS_MORE, INERTIA_MORE, GAIN_RATIO]

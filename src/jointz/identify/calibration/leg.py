@@ -8,11 +8,7 @@ from scipy.special import gammaln
 
 from jointz.core.errors import DataError
 from jointz.core.study import Calibrated, CalibrationSpec
-from jointz.identify.calibration.calibration_step import (
-    RefusedError,
-    calibration_step,
-    step_series,
-)
+from jointz.identify.calibration.calibration_step import RefusedError, calibration_step, step_series
 from jointz.identify.calibration.hanging_model import (
     CROSS_TALK,
     DELAY,
@@ -62,8 +58,7 @@ def steady_covariance(sample: np.ndarray) -> np.ndarray:
 def _steady_root(sample: np.ndarray) -> np.ndarray:
     """Return the lower triangle whose product with itself is the steady covariance.
 
-    Where samples hardly say anything new - a record without noise - the product cannot be
-    factored again.
+    The covariance of a record without noise is nearly singular: it cannot be factored again.
     """
     n = len(sample)
     order = min(_ORDER, n - 1)
@@ -125,7 +120,7 @@ def _products(sample: np.ndarray, order: int) -> np.ndarray:
     last = np.minimum(t + n // 4, n - 1)[:, None, None] + 1
     back = np.arange(order + 1)
     nearer, lag = np.minimum(back[:, None], back), np.abs(back[:, None] - back)
-    # Beyond the beginning there is nothing, and nobody asks.
+    # Products before the beginning of the record are not used.
     return np.asarray(
         (sums[lag, (last - nearer).clip(0)] - sums[lag, (first - nearer).clip(0)]) / (last - first)
     )
@@ -405,17 +400,13 @@ def _strap(
     it. The sd is that of an error of the angle's gain, of the scatter over pulses and of what
     the line leaves: inside a condition the error hardly changes, so that each counts once.
     """
-    angle_gain, torque_gain = (
-        1.0 if entry is None else entry.value for entry in (known.angle_gain, known.torque_gain)
-    )
-    gain_sd = 0.0 if known.angle_gain is None else known.angle_gain.sd
-    apart, through, motions = [], [], []
+    angle_gain, torque_gain = known.angle_gain or _UNIT_GAIN, known.torque_gain or _UNIT_GAIN
+    apart, through = [], []
     for average, cell, motion in zip(averages, cells, best.motions, strict=True):
-        apart.append(average.motor_angle.mean(axis=0) - motion / angle_gain)
+        apart.append(average.motor_angle.mean(axis=0) - motion / angle_gain.value)
         total = cell.torque[0] + best.values[FRICTION_GAIN] * cell.torque[1]
-        through.append(total / torque_gain)
-        motions.append(motion)
-    torque, motion = np.concatenate(through), np.concatenate(motions)
+        through.append(total / torque_gain.value)
+    torque, motion = np.concatenate(through), np.concatenate(best.motions)
     # Along with the torque the joint moves: an error of its gain is not the strap's.
     columns = np.column_stack([torque, motion])
     inverse = np.linalg.pinv(columns)
@@ -423,7 +414,7 @@ def _strap(
     value = float(inverse[0] @ difference)
     left = difference - columns @ (inverse @ difference)
     spread = float(np.std(left)) / float(np.std(torque))
-    parts = {"model": spread, "angle_gain": abs(value) * gain_sd}
+    parts = {"model": spread, "angle_gain": abs(value) * angle_gain.sd}
     return decided("strap_compliance", value, parts)
 
 

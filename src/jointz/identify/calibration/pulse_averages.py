@@ -5,10 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointz.gait.timestamps import rate_hz
-from jointz.identify.calibration.calibration_step import (
-    RefusedError,
-    checked_channels,
-)
+from jointz.identify.calibration.calibration_step import RefusedError, checked_channels
 from jointz.results.bench.calibration_failure import CalibrationFailure
 
 #: Rest before a pulse, s: its mean is the zero of a response.

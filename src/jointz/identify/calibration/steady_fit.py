@@ -26,7 +26,6 @@ class SteadyFit:
 
     values: np.ndarray  # coefficients
     covariance: np.ndarray  # of the errors of ``values``
-    residual: np.ndarray  # measured minus modelled
     n_blocks: int  # independent blocks behind the covariance
 
     def sd(self, i: int) -> float:
@@ -41,7 +40,7 @@ def linear_fit(time: np.ndarray, y: np.ndarray, regressors: np.ndarray) -> Stead
     values = np.linalg.lstsq(scaled, y, rcond=None)[0]
     residual = y - scaled @ values
     covariance, n_blocks = sandwich(time, scaled, residual, size=float(np.std(y)))
-    return SteadyFit(values / scale, covariance / np.outer(scale, scale), residual, n_blocks)
+    return SteadyFit(values / scale, covariance / np.outer(scale, scale), n_blocks)
 
 
 def sandwich(

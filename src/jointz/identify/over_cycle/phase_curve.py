@@ -190,18 +190,18 @@ def timing_points_of_phases(
 def _chosen(
     analysis: StudyAnalysis, labels: Sequence[str], participant: str | None
 ) -> Sequence[str]:
-    """Return the labels of the participants that were asked for."""
+    """Return the labels of the requested participants."""
     if participant is None:
         return labels
-    own = {cell.label for cell in analysis.cells if cell.participant == participant}
-    if participant in labels or len(own) != 1:  # else the id is unambiguous
-        own = {participant}
-    if not own <= set(labels):
+    chosen = {cell.label for cell in analysis.cells if cell.participant == participant}
+    if participant in labels or len(chosen) != 1:  # else the id is unambiguous
+        chosen = {participant}
+    if not chosen <= set(labels):
         raise DataError(
             f"phase_curve: expected one of the participants {'; '.join(labels)}, got "
             f"{participant!r}."
         )
-    return list(own)
+    return list(chosen)
 
 
 def _check(analysis: StudyAnalysis, parameters: Sequence[str]) -> None:
@@ -258,15 +258,15 @@ class _Points:
 def _points(
     analysis: StudyAnalysis, posterior: LogPosterior, name: str
 ) -> tuple[_Points | None, list[str]]:
-    """Return what a curve goes by, None for fewer than four points, and warnings."""
+    """Return the points of a curve, None for fewer than four, and warnings."""
     cells = {c.timing_point: c for c in analysis.cells if c.label == posterior.label}
     base = name.removesuffix(_PER_MASS)
-    own = [k for k, parameter in enumerate(posterior.parameters) if parameter == base]
+    elements = [k for k, parameter in enumerate(posterior.parameters) if parameter == base]
     flags = dict(enumerate(posterior.doubted))
-    doubted = [posterior.timing_points[k] for k in own if flags.get(k)]
+    doubted = [posterior.timing_points[k] for k in elements if flags.get(k)]
     placed = {
         k: cell
-        for k in own
+        for k in elements
         if (cell := cells.get(posterior.timing_points[k])) is not None
         and not flags.get(k)
         and cell.onset_gait_pct is not None
@@ -313,8 +313,7 @@ class _Curve:
         device = dict(posterior.intrinsic).get(points.name, 0.0)
         whole, sd = scale.value(mean), np.sqrt(variance)
         known = np.hypot(
-            with_model_error(points.name, 0.0, points.error),
-            posterior.gain_sd * scale.share(whole),
+            with_model_error(points.name, 0.0, points.error), posterior.gain_sd * scale.share(whole)
         )
         reach = REACH_95 * np.hypot(sd, known)
         self.value = points.per * (whole - device)
@@ -354,9 +353,9 @@ def _conditioned(points: _Points, at: np.ndarray) -> tuple[np.ndarray, np.ndarra
     prior = points.among(posterior.prior_covariance)
     prior_mean = posterior.prior_mean[points.places]
     level, curve = _level_and_curve(prior, phases)
-    own = prior - level - curve * _likeness(phases, phases)
-    own_variance = np.diag(own)
-    across = level + curve * _likeness(at, phases) + points.near(at) @ own
+    of_points = prior - level - curve * _likeness(phases, phases)
+    own_variance = np.diag(of_points)
+    across = level + curve * _likeness(at, phases) + points.near(at) @ of_points
     gains = np.linalg.solve(prior, across.T).T
     usual = np.interp(at, phases, prior_mean, period=1.0)
     mean = usual + gains @ (posterior.mean[points.places] - prior_mean)
@@ -397,8 +396,8 @@ def _mean_band(
     if n < FEWEST_PEOPLE:
         return None
     # Sessions and sides of a person may share their errors: variances are averaged.
-    values = np.array([np.mean([c.value for c in own], axis=0) for own in people.values()])
-    variances = np.array([np.mean([c.sd**2 for c in own], axis=0) for own in people.values()])
+    values = np.array([np.mean([c.value for c in person], axis=0) for person in people.values()])
+    variances = np.array([np.mean([c.sd**2 for c in person], axis=0) for person in people.values()])
     systematic = np.mean([c.systematic_sd for c in curves], axis=0)
     variance = (values.var(axis=0, ddof=1) + variances.mean(axis=0)) / n
     by_people = stdtrit(n - 1, 0.5 + 0.5 * _LEVEL) * np.sqrt(variance)
@@ -419,8 +418,8 @@ def _means(analysis: StudyAnalysis, name: str) -> tuple[CurvePoint, ...]:
     """Return the means over people at the timing points, as in ``population.csv``."""
     points = []
     for row in analysis.population:
-        own = [c.centre_gait_pct for c in analysis.cells if c.timing_point == row.timing_point]
-        at = mean_phase(own)
+        phases = [c.centre_gait_pct for c in analysis.cells if c.timing_point == row.timing_point]
+        at = mean_phase(phases)
         if row.parameter != name or at is None or row.value is None:
             continue
         if row.ci_low is not None and row.ci_high is not None:

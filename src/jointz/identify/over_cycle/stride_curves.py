@@ -60,24 +60,21 @@ def mean_strides(participant: str, sources: Sequence[Source]) -> tuple[MeanStrid
     for source in sources:
         condition = source.input.condition
         if condition is not None:
-            own = strides.setdefault((condition, unit_of(source.input)), [])
-            own.extend(_strides(source, settled=condition == "perturbed"))
+            members = strides.setdefault((condition, unit_of(source.input)), [])
+            members.extend(_strides(source, settled=condition == "perturbed"))
     return tuple(
-        _mean_stride(participant, unit, condition, own)
-        for (condition, unit), own in strides.items()
-        if len(own) > 1
+        _mean_stride(participant, unit, condition, members)
+        for (condition, unit), members in strides.items()
+        if len(members) > 1
     )
 
 
 def _mean_stride(
-    participant: str, unit: Unit, condition: str, own: Sequence[tuple[np.ndarray, float]]
+    participant: str, unit: Unit, condition: str, members: Sequence[tuple[np.ndarray, float]]
 ) -> MeanStride:
-    strides = np.stack([curves for curves, _ in own])
+    strides = np.stack([curves for curves, _ in members])
     angle, torque, moment = strides.swapaxes(0, 1)
-    torque, moment = (
-        torque[np.isfinite(torque).all(axis=1)],
-        moment[np.isfinite(moment).all(axis=1)],
-    )
+    torque, moment = (rows[np.isfinite(rows).all(axis=1)] for rows in (torque, moment))
     by_device = condition != "no_device"
     if not by_device and not len(moment):  # without a device the torque is a moment of the joint
         moment = torque
@@ -91,7 +88,7 @@ def _mean_stride(
         torque=torque.mean(axis=0) if by_device and len(torque) else None,
         moment=moment.mean(axis=0) if len(moment) > 1 else None,
         moment_sd=moment.std(axis=0, ddof=1) if len(moment) > 1 else None,
-        stride_s=float(np.mean([duration for _, duration in own])),
+        stride_s=float(np.mean([duration for _, duration in members])),
         session=unit[0],
         side=unit[1],
     )

@@ -164,8 +164,8 @@ def identify_time_varying(  # noqa: PLR0913 - the public signature of identify, 
         seed=seed,
         ci_level=ci_level,
     )
-    given = {"angle": angle, "torque": torque, "command": command, "time": time}
-    raw = gather_record(recording, given, rate_hz=rate_hz, where=_WHERE)
+    arrays = {"angle": angle, "torque": torque, "command": command, "time": time}
+    raw = gather_record(recording, arrays, rate_hz=rate_hz, where=_WHERE)
     settings.check(raw.rate_hz)
     record = prepare_record(raw, torque_acts_on)
     strikes = locate_strikes(recording, heel_strikes, record)
@@ -181,10 +181,7 @@ def _estimate_cycle(
     instrument = "command" if "command" in record.channels else measured
     layout = lay_out(record, used, gait, settings)
     signals = filter_signals(
-        record.channels,
-        rate_hz=record.rate_hz,
-        cutoff_hz=settings.cutoff_hz,
-        instrument=instrument,
+        record.channels, rate_hz=record.rate_hz, cutoff_hz=settings.cutoff_hz, instrument=instrument
     )
     _check_varies(signals, layout, instrument or "angle")
     weights = resample_weights(
@@ -194,7 +191,7 @@ def _estimate_cycle(
         _estimate(signals, layout, phase, settings.input, weights)
         for phase in range(settings.n_phases)
     ]
-    curves = parameter_curves(estimates, ci_level=settings.ci_level)
+    curves = tuple(_curve(estimates, k, n, settings.ci_level) for k, n in enumerate(PARAMETERS))
     n_used, n_excluded = used.start_s.size, sum(used.excluded.values())
     return TimeVaryingFit(
         estimator="least_squares" if instrument is None else "instrumental_variable",
@@ -264,16 +261,10 @@ def _estimate(
 _WIDEST = 0.5
 
 
-def parameter_curves(
-    estimates: Sequence[PhaseEstimate | None], *, ci_level: float
-) -> tuple[ParameterCurve, ...]:
-    """Return stiffness, damping and inertia over the cycle with their intervals."""
-    return tuple(_curve(estimates, k, name, ci_level) for k, name in enumerate(PARAMETERS))
-
-
 def _curve(
     estimates: Sequence[PhaseEstimate | None], k: int, name: str, ci_level: float
 ) -> ParameterCurve:
+    """Return a parameter over the cycle with its intervals."""
     tails = (0.5 * (1.0 - ci_level), 0.5 * (1.0 + ci_level))
     raw = [None if e is None else float(e.fit.values[k]) for e in estimates]
     ends = [None if e is None else np.quantile(e.fit.replicates[:, k], tails) for e in estimates]
@@ -340,7 +331,7 @@ def curve_warnings(
 
 def _sign_notes(curves: Sequence[ParameterCurve]) -> list[str]:
     """Return a warning if all of K, B and J are negative over most of the cycle."""
-    found = [[value for value in curve.raw if value is not None] for curve in curves]
-    if not all(found) or any(np.median(values) >= 0.0 for values in found):
+    raw = [[value for value in curve.raw if value is not None] for curve in curves]
+    if not all(raw) or any(np.median(values) >= 0.0 for values in raw):
         return []
-    return value_warnings([float(np.median(values)) for values in found])
+    return value_warnings([float(np.median(values)) for values in raw])

@@ -85,7 +85,7 @@ def locate_strikes(
     given_s: npt.ArrayLike | None,
     record: JointRecord,
 ) -> np.ndarray:
-    """Return the heel strikes: those given, else those of the recording's contact."""
+    """Return the heel strikes: the stated ones, else those of the recording's contact."""
     if given_s is not None:
         strikes = np.asarray(given_s, dtype=float)
         if strikes.ndim != 1 or not np.all(np.isfinite(strikes)):

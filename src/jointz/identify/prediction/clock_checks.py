@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from jointz.core.codes import Failure
 from jointz.identify.prediction.predicted_cells import CellPredictor
 from jointz.identify.prediction.unperturbed_prediction import Predicted
-from jointz.identify.preparation.assignment import Candidate, assign_pulses
+from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.channel_clocks import sampled_hz
 from jointz.identify.preparation.raw_signals import TORQUE_ROWS
 from jointz.identify.preparation.sources import ParticipantSettings, Source
@@ -30,12 +30,20 @@ def clock_failure(
 ) -> tuple[Failure, str] | None:
     """Return why the angle's own clock cannot be right, with the error; None if it can."""
     pulsed = [s for s in sources if s.input.condition == "perturbed" and s.pulses]
-    if not (settings.kind.by_gait and any(_has_own_clock(source) for source in pulsed)):
+    own_clock = (s for s in pulsed if "angle" in sampled_hz(s.input.recording))
+    if not (settings.kind.by_gait and any(own_clock)):
         return None
     candidates = assign_pulses(participant, sources, settings, baseline="predicted", alone=True)
-    predicted, onset_s, period_s = _responses(candidates, sources, settings)
-    if predicted is None or len(onset_s) < _FEWEST:
+    # Responses begin before the onsets: the angle may lead the torque.
+    early = [
+        replace(c, pulse=replace(c.pulse, onset_s=c.pulse.onset_s - _BEFORE_S)) for c in candidates
+    ]
+    predictor = CellPredictor(sources, settings, reach_s=_BEFORE_S + _AFTER_S)
+    cell, _ = predictor.predict("all", early)
+    if cell is None or len(cell.used) < _FEWEST:
         return None
+    predicted, period_s = cell.predicted.of(cell.kept), cell.period_s
+    onset_s = np.array([c.pulse.onset_s + _BEFORE_S for c in cell.used])
     drift_s = _drift_s(predicted, onset_s, period_s)
     if drift_s is not None:
         return Failure.CLOCKS_DRIFT, (
@@ -49,28 +57,6 @@ def clock_failure(
             "clock"
         )
     return None
-
-
-def _has_own_clock(source: Source) -> bool:
-    return "angle" in sampled_hz(source.input.recording)
-
-
-def _responses(
-    candidates: Sequence[Candidate], sources: Sequence[Source], settings: ParticipantSettings
-) -> tuple[Predicted | None, np.ndarray, float]:
-    """Return the responses from before their onsets on, and the onsets (s)."""
-    early = [
-        replace(c, pulse=replace(c.pulse, onset_s=c.pulse.onset_s - _BEFORE_S)) for c in candidates
-    ]
-    predictor = CellPredictor(sources, settings, reach_s=_BEFORE_S + _AFTER_S)
-    cell, _ = predictor.predict("all", early)
-    if cell is None:
-        return None, np.empty(0), 0.0
-    return (
-        cell.predicted.of(cell.kept),
-        np.array([c.pulse.onset_s + _BEFORE_S for c in cell.used]),
-        cell.period_s,
-    )
 
 
 def _drift_s(predicted: Predicted, onset_s: np.ndarray, period_s: float) -> float | None:
@@ -104,13 +90,12 @@ def _lead_s(predicted: Predicted, period_s: float) -> float | None:
         integrals.append(cumulative_trapezoid(integrals[-1], dx=period_s, initial=0.0))
     whiten = _whitening(predicted.prediction_errors[:, 0, :n]) * np.sqrt(len(predicted.responses))
     target = whiten @ mean[0, :n]
-    misfits = []
-    for shift_s in _SHIFTS_S:
+    misfit = np.empty(_SHIFTS_S.size)
+    for k, shift_s in enumerate(_SHIFTS_S):
         rows = [np.interp(time_s[:n] - shift_s, time_s, one, left=0.0) for one in integrals[2:]]
         basis = whiten @ np.stack([*rows, np.ones(n)], axis=1)
         left = target - basis @ np.linalg.lstsq(basis, target, rcond=None)[0]
-        misfits.append(float(left @ left))
-    misfit = np.array(misfits)
+        misfit[k] = left @ left
     scale = max(1.0, misfit.min() / (n - 4))
     near = _SHIFTS_S[misfit <= misfit.min() + _SURE**2 * scale]
     return -float(_SHIFTS_S[misfit.argmin()]) if near.max() < -_LEAD_S else None

@@ -123,9 +123,8 @@ class CellPredictor:
         self._by_torque = settings.perturbations.source not in ("angle", "reference")
         self.choice = choose_sensors(self._needed())
         self.sensors = self.choice.used if sensors is None else tuple(sensors)
-        self.points_without_response: set[str] = (
-            set()
-        )  # timing points whose pulses did not reach the joint
+        # timing points whose pulses did not reach the joint
+        self.points_without_response: set[str] = set()
 
     def predict_points(
         self, candidates: Sequence[Candidate]
@@ -221,8 +220,8 @@ class CellPredictor:
         for shape in np.unique(shapes[shapes >= 0]):
             members = np.flatnonzero(shapes == shape)
             part = predicted.of(members)
-            own = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]
-            ineffective = ineffective_pulses(part, self.amplitudes_nm(own))
+            pulses_of_shape = [c for c, s in zip(candidates, shapes, strict=True) if s == shape]
+            ineffective = ineffective_pulses(part, self.amplitudes_nm(pulses_of_shape))
             kept = alike(part, whole=np.array([not code for code in ineffective], dtype=bool))
             unusual = Exclusion.UNUSUAL_RESPONSE.value
             codes[members] = [
@@ -277,7 +276,7 @@ class CellPredictor:
         unperturbed = [s for s in self._sources if s.input.condition == "unperturbed"]
         keys = self._settings.kind.reference_keys
         nearest = most_alike(source.input, [s.input for s in unperturbed], keys=keys)
-        return [s for s in unperturbed if any(s.input is given for given in nearest)]
+        return [s for s in unperturbed if any(s.input is r for r in nearest)]
 
 
 def pulses_by_point(
@@ -295,25 +294,19 @@ def pulses_by_point(
     }
 
 
-def outlier_threshold(sd: np.ndarray) -> np.ndarray:
-    """Return the deviation above which a response is excluded."""
-    return np.asarray(_UNLIKE_SD * np.hypot(sd, FINEST_RAD))
-
-
-def alike(predicted: Predicted, *, whole: np.ndarray | None = None) -> np.ndarray:
-    """Return which responses are similar to the others, relative to the prediction error.
+def alike(predicted: Predicted, *, whole: np.ndarray) -> np.ndarray:
+    """Return which of the ``whole`` responses resemble each other, by the prediction error.
 
     They are compared with the median response per torque: a pulse of twice the torque moves the
     joint twice as far.
     """
     angles = predicted.responses[:, 0]
-    fine = np.ones(len(angles), dtype=bool) if whole is None else whole
-    if fine.sum() < _FEWEST_TO_COMPARE:
-        return fine
+    if whole.sum() < _FEWEST_TO_COMPARE:
+        return whole
     torque = predicted.responses[:, TORQUE_ROWS].sum(axis=1)
-    shape = torque[fine].mean(axis=0)
+    shape = torque[whole].mean(axis=0)
     size = torque @ shape / (shape @ shape)
-    usual, _ = robust_moments(angles[fine] / size[fine, None])
+    usual, _ = robust_moments(angles[whole] / size[whole, None])
     off = np.abs(angles - size[:, None] * usual)
-    limit = outlier_threshold(robust_sd(predicted.prediction_errors[:, 0]))
-    return np.asarray(fine & (off <= limit).all(axis=1))
+    limit = _UNLIKE_SD * np.hypot(robust_sd(predicted.prediction_errors[:, 0]), FINEST_RAD)
+    return np.asarray(whole & (off <= limit).all(axis=1))

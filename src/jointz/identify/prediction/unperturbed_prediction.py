@@ -231,18 +231,17 @@ class _Lesson:
             onsets_s, before_s=_PAST_S, after_s=0.0, rows=slice(RAW_ANGLE, RAW_ANGLE + 1)
         )
         windows, codes = signals.cut(onsets_s, before_s=0.0, after_s=after_s, rows=self._rows)
+        code_of = np.array(codes, dtype=object)
         if strides is None or strides.start_s.size == 0:
             unknown = np.full(onsets_s.size, np.nan)
             features = np.zeros((onsets_s.size, 1))
-            return _Moments(
-                onsets_s, features, windows, unknown, np.array(codes, dtype=object), unknown
-            )
+            return _Moments(onsets_s, features, windows, unknown, code_of, unknown)
         phase = gait_phase(onsets_s, strides)
         before = np.clip(np.searchsorted(strides.end_s, onsets_s, side="right") - 1, 0, None)
         timing = [phase.elapsed_s, phase.mean_stride_s, strides.duration_s[before]]
         features = np.column_stack([_binned(past[:, 0], signals.rate_hz), *timing])
         ratio = np.where(phase.mean_stride_s > 0, phase.elapsed_s / phase.mean_stride_s, np.nan)
-        return _Moments(onsets_s, features, windows, ratio, np.array(codes, dtype=object), before)
+        return _Moments(onsets_s, features, windows, ratio, code_of, before)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

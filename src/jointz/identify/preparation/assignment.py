@@ -80,12 +80,8 @@ def _candidates(
     onsets = np.array([p.onset_s for p in source.pulses])
     window_s, file = settings.perturbations.window_s, source.input.file
     by_gait, grouped = settings.kind.by_gait, settings.perturbations.group is not None
-    needs_phase = np.array(
-        [
-            baseline != "pre_pulse" or (by_gait and not grouped and not p.timing_point)
-            for p in source.pulses
-        ]
-    )
+    unnamed = np.array([not p.timing_point for p in source.pulses])
+    needs_phase = (baseline != "pre_pulse") | (by_gait and not grouped) & unnamed
     phase_pct, elapsed_s, phase_codes = _phases(onsets, source, settings, needs_phase)
     labels = _labels(source, phase_pct, settings)
     overlap_codes = _overlaps(source.pulses, window_s)
@@ -105,8 +101,8 @@ def _candidates(
         # A pulse is timed by the predicted phase, and the measured one of an irregular stride
         # differs from it: a name is wrong if it contradicts both.
         phases = (_known(measured_pct[k]), None if phase_codes[k] else _known(phase_pct[k]))
-        found = [contradicts(pulse, pct, target_pct) for pct in phases if pct is not None]
-        contradiction = found[0] if found and all(found) else ""
+        conflicts = [contradicts(pulse, pct, target_pct) for pct in phases if pct is not None]
+        contradiction = conflicts[0] if conflicts and all(conflicts) else ""
         codes = (
             Exclusion.EDGE_OF_RECORD.value if outside[k] else "",
             Exclusion.DAMAGED_LOG.value if damage else "",
@@ -251,7 +247,7 @@ _Labelled = tuple[Pulse, PulseRecord, float | None]  # the last is the predicted
 
 
 def contradicts(pulse: Pulse, phase_pct: float | None, target_pct: float | None) -> str:
-    """Say how far a pulse is from the timing point of its table; "" if it may be there."""
+    """Return how far a pulse is from the timing point of its table, "" if it may be there."""
     if not pulse.timing_point or phase_pct is None or target_pct is None:
         return ""
     if abs(phase_difference(phase_pct, target_pct)) <= _FARTHEST_PCT:
@@ -288,9 +284,8 @@ def _phase(row: _Labelled) -> float | None:
 
 
 def _likely_cause(known: Sequence[_Labelled]) -> str:
-    """Name what would explain the contradictions."""
-    rows = [(_phase(row), row[1].target_pct) for row in known]
-    pairs = np.array(rows, dtype=float)
+    """Return the likely cause of the contradictions, in words."""
+    pairs = np.array([(_phase(row), row[1].target_pct) for row in known], dtype=float)
     phases, targets = pairs[:, 0], pairs[:, 1]
     for step, neighbour in ((-1, "before"), (1, "after")):
         # Pulse k has the phase that the table names at the row after or before it.

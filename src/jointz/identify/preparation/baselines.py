@@ -170,8 +170,7 @@ def matched_strides(
 
 def pre_pulse(before: np.ndarray, *, n_samples: int) -> Baseline:
     """Return each pulse's own level before its onset, held over the window."""
-    level = before.mean(axis=2, keepdims=True)
-    windows = np.repeat(level, n_samples, axis=2)[:, None]
+    windows = np.repeat(before.mean(axis=2, keepdims=True), n_samples, axis=2)[:, None]
     valid = np.isfinite(windows[:, :, 0, 0])
     sources = np.arange(len(before))[:, None]
     return Baseline(np.where(valid[:, :, None, None], windows, 0.0), sources, valid)

@@ -1,7 +1,7 @@
 """Calibration of the instruments of an average over several recordings."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -43,32 +43,28 @@ def twist_sd(known: CalibrationSpec) -> float:
     return 0.0 if twist is None else twist.sd / value_of(known.angle_gain, 1.0)
 
 
-def pooled_calibration(
-    calibrations: Sequence[CalibrationSpec], *, usual: Mapping[str, Calibrated] | None = None
-) -> CalibrationSpec:
+def pooled_calibration(calibrations: Sequence[CalibrationSpec]) -> CalibrationSpec:
     """Combine the calibrations of the pulses of a cell.
 
     To first order, for similar responses: if a share ``w_k`` of the pulses has the error ``e_k``,
     their average has the error ``sum(w_k * e_k)``. Equal entries are one calibration with one
-    error; errors of different entries are independent. A missing entry takes its value from
-    ``usual``, else the instrument is perfect. Entries that are no errors of a response (levels of
-    a footswitch, resonance of tissue) are dropped if the recordings differ and ``usual`` has none.
+    error; errors of different entries are independent. An instrument without an entry is perfect.
+    Entries that are no errors of a response (levels of a footswitch, resonance of tissue) are
+    dropped if the recordings differ.
     """
     pooled = {}
     for name in CalibrationSpec.model_fields:
         entries = [getattr(calibration, name) for calibration in calibrations]
-        pooled[name] = entries[0] if len(set(entries)) == 1 else _mean(name, entries, usual or {})
+        pooled[name] = entries[0] if len(set(entries)) == 1 else _mean(name, entries)
     return CalibrationSpec(**pooled)
 
 
-def _mean(
-    name: str, entries: Sequence[Calibrated | None], usual: Mapping[str, Calibrated]
-) -> Calibrated | None:
-    if name in _NO_ERRORS and name not in usual:
+def _mean(name: str, entries: Sequence[Calibrated | None]) -> Calibrated | None:
+    if name in _NO_ERRORS:
         return None
     gain = name.endswith("_gain")
-    missing = usual.get(name, Calibrated(value=1.0 if gain else 0.0, sd=0.0))
-    counts = Counter(entry or missing for entry in entries)
+    perfect = Calibrated(value=1.0 if gain else 0.0, sd=0.0)
+    counts = Counter(entry or perfect for entry in entries)
     shares = np.array(list(counts.values())) / len(entries)
     values = np.array([entry.value for entry in counts])
     sds = np.array([entry.sd for entry in counts])

@@ -148,11 +148,9 @@ def intrinsic_impedance(known: CalibrationSpec) -> tuple[np.ndarray, np.ndarray]
     return np.array([e.value for e in entries]), np.array([e.sd for e in entries])
 
 
-def lag_sd(calibration: CalibrationSpec) -> float:
+def lag_sd(known: CalibrationSpec) -> float:
     """Return the sd of the lag between angle and torque, s; only their difference matters."""
-    lags = (calibration.angle_lag_s, calibration.torque_lag_s)
-    angle, torque = (calibration_sd(lag) for lag in lags)
-    return float(np.hypot(angle, torque))
+    return float(np.hypot(calibration_sd(known.angle_lag_s), calibration_sd(known.torque_lag_s)))
 
 
 def dead_signals(windows: np.ndarray) -> list[str]:
@@ -162,9 +160,5 @@ def dead_signals(windows: np.ndarray) -> list[str]:
     """
     angle = np.ptp(windows[:, ANGLE], axis=1) < _DUST_RAD
     torque = np.ptp(windows[:, TORQUE], axis=1) < _DUST_NM
-    codes = np.select(
-        [angle, torque],
-        [Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value],
-        default="",
-    )
-    return [str(code) for code in codes]
+    codes = [Exclusion.CONSTANT_ANGLE.value, Exclusion.CONSTANT_TORQUE.value]
+    return [str(code) for code in np.select([angle, torque], codes, default="")]

@@ -22,11 +22,11 @@ def sampled_hz(recording: xr.Dataset) -> dict[str, float]:
 
 def with_clock_errors(known: CalibrationSpec, recording: xr.Dataset) -> CalibrationSpec:
     """Return the calibration with the share that another clock has in the sds of its lags."""
-    wider, own_hz = {}, rate_hz(recording["time"].to_numpy())
+    wider, torque_hz = {}, rate_hz(recording["time"].to_numpy())
     for channel, rate in sampled_hz(recording).items():
         lag = getattr(known, f"{channel}_lag_s", None)
         if isinstance(lag, Calibrated):
-            sd = float(np.hypot(lag.sd, _SD_OF_PERIOD / max(rate, own_hz)))
+            sd = float(np.hypot(lag.sd, _SD_OF_PERIOD / max(rate, torque_hz)))
             wider[f"{channel}_lag_s"] = Calibrated(value=lag.value, sd=sd)
     return known.model_copy(update=wider) if wider else known
 
@@ -34,7 +34,7 @@ def with_clock_errors(known: CalibrationSpec, recording: xr.Dataset) -> Calibrat
 def clock_notes(recordings: Sequence[xr.Dataset]) -> Iterator[str]:
     """Yield a note about the channels of each clock beside the torque's."""
     for recording in recordings:
-        own = rate_hz(recording["time"].to_numpy())
+        torque_hz = rate_hz(recording["time"].to_numpy())
         channels = sampled_hz(recording)
         for rate in dict.fromkeys(channels.values()):
             names = [name for name, other in channels.items() if other == rate]
@@ -46,6 +46,6 @@ def clock_notes(recordings: Sequence[xr.Dataset]) -> Iterator[str]:
             if signals := ", ".join(name for name in names if name not in LEVEL_CHANNELS):
                 yield (
                     f"{signals}: sampled at {rate:.4g} Hz by another clock and interpolated to the "
-                    f"{own:.4g} Hz of the torque; the sd of a calibrated lag includes "
-                    f"{1e3 * _SD_OF_PERIOD / max(rate, own):.2g} ms for it."
+                    f"{torque_hz:.4g} Hz of the torque; the sd of a calibrated lag includes "
+                    f"{1e3 * _SD_OF_PERIOD / max(rate, torque_hz):.2g} ms for it."
                 )

@@ -128,9 +128,9 @@ def _courses(
         start = source.strides.start_s
         quiet = start[source.undisturbed]
         for course, t in zip(courses, onset[:, 0], strict=True):
-            own = start[max(int(np.searchsorted(start, t)) - 1, 0)]
-            near = quiet[np.argsort(np.abs(quiet - own))[:_STRIDES], None]
-            course -= np.median(np.interp(t - own + near + since, time, samples), axis=0)
+            stride_s = start[max(int(np.searchsorted(start, t)) - 1, 0)]
+            near = quiet[np.argsort(np.abs(quiet - stride_s))[:_STRIDES], None]
+            course -= np.median(np.interp(t - stride_s + near + since, time, samples), axis=0)
     return np.asarray(courses - courses[:, since < 0.0].mean(axis=1, keepdims=True))
 
 

@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates
 from jointz.core.codes import Exclusion
 from jointz.core.errors import DataError
 from jointz.core.study import CalibrationSpec, TorqueModelSpec
-from jointz.gait.timestamps import find_gaps, is_uniform, rate_hz, resample_stretch, stretches
+from jointz.gait.timestamps import find_gaps, rate_hz, resample_stretch, stretches
 from jointz.identify.preparation.calibration import joint_angle, value_of
 from jointz.kernels.derivatives import derivative
 from jointz.kernels.filtering import lowpass_zero_phase, shortest_record
@@ -108,7 +108,7 @@ def condition(
 ) -> Conditioned:
     """Filter, differentiate and calibrate a recording."""
     time = recording["time"].to_numpy()
-    raw = _calibrated(recording, calibration)
+    raw = np.stack(_calibrated(recording, calibration))
     own_rate = rate_hz(time)
     if cutoff_hz >= own_rate / 2:
         # Nobody samples a joint so slowly: most likely milliseconds were declared as seconds.
@@ -116,21 +116,14 @@ def condition(
         remedy = "Correct the unit of channels.time (ms?)." if slow else "Lower cutoff_hz."
         raise DataError(
             f"{recording.attrs.get('file')}: cutoff_hz {cutoff_hz:g} needs a sampling rate above "
-            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. "
-            f"{remedy}",
+            f"{2 * cutoff_hz:g} Hz, the recording has {own_rate:.4g} Hz. {remedy}",
             path=str(recording.attrs.get("file")),
         )
     lags = (value_of(calibration.angle_lag_s, 0.0), value_of(calibration.torque_lag_s, 0.0))
-    finite = np.isfinite(raw[0]) & np.isfinite(raw[1])
+    rates_hz = (own_rate, target_rate_hz or own_rate)
     runs = [
-        _stretch(
-            time[part],
-            (raw[0][part], raw[1][part]),
-            cutoff_hz=cutoff_hz,
-            lags_s=lags,
-            rates_hz=(own_rate, target_rate_hz or own_rate),
-        )
-        for part in stretches(time, finite)
+        _stretch(time[part], raw[:, part], cutoff_hz=cutoff_hz, lags_s=lags, rates_hz=rates_hz)
+        for part in stretches(time, np.isfinite(raw).all(axis=0))
         if part.stop - part.start > shortest_record()
     ]
     return Conditioned(
@@ -199,21 +192,17 @@ def _derivative(
 
 def _stretch(
     time: np.ndarray,
-    raw: tuple[np.ndarray, np.ndarray],
+    raw: np.ndarray,
     *,
     cutoff_hz: float,
     lags_s: Sequence[float],
     rates_hz: tuple[float, float],
 ) -> Stretch:
+    """Return angle and torque (2, n), filtered, with the derivatives of the angle."""
     own_rate, rate = rates_hz
-    signals = np.empty((4, 0))
-    uniform = time
-    is_even = is_uniform(time, step_s=1.0 / own_rate)
-    for row, even in ((ANGLE, raw[0]), (TORQUE, raw[1])):
-        if not is_even:
-            uniform, even = resample_stretch(time, even, step_s=1.0 / own_rate)
-        signals = signals if signals.shape[1] else np.empty((4, uniform.size))
-        signals[row] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
+    uniform, even = resample_stretch(time, raw, step_s=1.0 / own_rate)
+    signals = np.empty((4, uniform.size))
+    signals[[ANGLE, TORQUE]] = lowpass_zero_phase(even, cutoff_hz=cutoff_hz, rate_hz=own_rate)
     signals[VELOCITY] = derivative(signals[ANGLE], rate_hz=own_rate)
     signals[ACCELERATION] = derivative(signals[VELOCITY], rate_hz=own_rate)
     new_time = uniform

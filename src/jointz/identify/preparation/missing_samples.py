@@ -21,9 +21,11 @@ def interpolate_missing(recording: xr.Dataset, onsets_s: Sequence[float] = ()) -
     Holes of more than 20 ms stay. All but signals holds in missing rows. The history has the share
     of the samples and the number of holes of each channel.
     """
-    own_s = recording["time"].to_numpy()
-    longest_s = _LONGEST_HOLE_S + 0.5 / rate_hz(own_s)  # stamps jitter by less than half a sample
-    time, missing = _with_missing_rows(own_s, longest_s)
+    recorded_s = recording["time"].to_numpy()
+    longest_s = _LONGEST_HOLE_S + 0.5 / rate_hz(
+        recorded_s
+    )  # stamps jitter by less than half a sample
+    time, missing = _with_missing_rows(recorded_s, longest_s)
     whole = recording.reindex(time=time, method="ffill") if missing.any() else recording
     near = np.searchsorted(onsets_s, time - _NEAR_ONSET_S)
     allowed = near == np.searchsorted(onsets_s, time + _NEAR_ONSET_S, side="right")

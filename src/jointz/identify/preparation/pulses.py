@@ -53,8 +53,7 @@ class Pulse:
 def pulses_from_table(table: pd.DataFrame) -> tuple[Pulse, ...]:
     """Return the pulses of a pulse table, in order of time."""
     ordered = table.sort_values("onset_s", kind="stable")
-    names = ("onset_s", "duration_s", "amplitude_nm")
-    numbers = ordered[list(names)].to_numpy(dtype=float)
+    numbers = ordered[["onset_s", "duration_s", "amplitude_nm"]].to_numpy(dtype=float)
     points = ordered["timing_point"].astype(str)
     return tuple(
         Pulse(onset, duration, amplitude, point)
@@ -91,8 +90,7 @@ def pulses_from_command(recording: xr.Dataset) -> tuple[Pulse, ...]:
         return _runs(time, samples)
     command = recording["command"].to_series().where(np.isfinite)
     before, after = command.ffill().fillna(0.0), command.bfill().fillna(0.0)
-    bridged = command.fillna(before.where(after != 0.0, 0.0))
-    return _runs(time, bridged.to_numpy())
+    return _runs(time, command.fillna(before.where(after != 0.0, 0.0)).to_numpy())
 
 
 def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tuple[Pulse, ...]:
@@ -107,8 +105,7 @@ def pulses_from_reference(recording: xr.Dataset, unperturbed: xr.Dataset) -> tup
     common = since <= other[-1] - other[0]
     plain = np.interp(since, other - other[0], unperturbed["reference"].to_numpy())
     reference = recording["reference"].to_numpy()
-    difference = np.where(common, reference - plain, 0.0)
-    difference = np.nan_to_num(difference)
+    difference = np.nan_to_num(np.where(common, reference - plain, 0.0))
     # Rounding differs between two logs of the same reference.
     noise = 1e-6 * float(np.nanmax(np.abs(reference), initial=0.0))
     difference[np.abs(difference) <= noise] = 0.0

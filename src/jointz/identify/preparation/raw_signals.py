@@ -47,8 +47,7 @@ def raw_signals(
     Rows of further sensors follow, less their calibrated lags. The torque is that which moves the
     device's own inertia, too: it is a mass of the model.
     """
-    recording = source.input.recording
-    time = recording["time"].to_numpy()
+    time = source.input.recording["time"].to_numpy()
     rate = rate_hz(time)
     rows = np.stack([*_rows(source), *(sensor_signal(source, name) for name in sensors)])
     new_rate = target_hz or rate / max(1, round(rate / _RATE_HZ))
@@ -149,7 +148,7 @@ def _channel(recording: xr.Dataset, name: str, n: int) -> np.ndarray:
 
 
 def _averaged(time: np.ndarray, signals: np.ndarray, every: int) -> Stretch:
-    """Average every so many samples; angle and torque pass the same filter."""
+    """Average blocks of ``every`` samples; angle and torque pass the same filter."""
     if every == 1:
         return Stretch(time, signals)
     n = time.size // every

@@ -129,117 +129,113 @@ def prepare_sources(
     unperturbed = [r for r in recordings if r.condition == "unperturbed"]
     ordered = sorted(recordings, key=lambda r: r.condition != "perturbed")
     target_hz = rate_hz(ordered[0].recording["time"].to_numpy())
-    return [_source(given, unperturbed, settings, target_hz=target_hz) for given in ordered]
+    return [_source(record, unperturbed, settings, target_hz=target_hz) for record in ordered]
 
 
 def _source(
-    given: RecordingInput,
+    record: RecordingInput,
     unperturbed: Sequence[RecordingInput],
     settings: ParticipantSettings,
     *,
     target_hz: float,
 ) -> Source:
-    measured = given.recording
-    given = replace(given, calibration=with_clock_errors(given.calibration, measured))
+    measured = record.recording
+    record = replace(record, calibration=with_clock_errors(record.calibration, measured))
     filled = interpolate_missing(measured)
-    given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
-    pulses = _pulses(given, unperturbed, settings)
+    record = _from_true_zero(_with_torque(replace(record, recording=filled), settings))
+    pulses = _pulses(record, unperturbed, settings)
     if filled is not measured:
         filled = interpolate_missing(measured, [p.onset_s for p in pulses])
-        given = _from_true_zero(_with_torque(replace(given, recording=filled), settings))
-    strides = _strides(given)
+        record = _from_true_zero(_with_torque(replace(record, recording=filled), settings))
+    strides = _strides(record)
     signals = condition(
-        given.recording,
+        record.recording,
         cutoff_hz=settings.perturbations.cutoff_hz,
-        calibration=given.calibration,
+        calibration=record.calibration,
         target_rate_hz=target_hz,
     )
-    undisturbed = _undisturbed(given, strides, pulses, settings)
-    return Source(given, strides, pulses, signals, undisturbed)
+    undisturbed = _undisturbed(record, strides, pulses, settings)
+    return Source(record, strides, pulses, signals, undisturbed)
 
 
-def _with_torque(given: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
-    recording, model = given.recording, settings.torque_model
-    if "torque" in recording or given.condition == "no_device":
-        return given
+def _with_torque(record: RecordingInput, settings: ParticipantSettings) -> RecordingInput:
+    recording, model = record.recording, settings.torque_model
+    if "torque" in recording or record.condition == "no_device":
+        return record
     if model is None or "current" not in recording:
         raise DataError(
-            f"{given.file}: no torque. Give channels.torque, or channels.current and "
+            f"{record.file}: no torque. Give channels.torque, or channels.current and "
             "[torque_model].",
-            path=given.file,
+            path=record.file,
             channel="torque",
         )
-    cutoff_hz = settings.perturbations.cutoff_hz
     torque, friction = torque_from_current(
-        recording, model, cutoff_hz=cutoff_hz, known=given.calibration
+        recording, model, cutoff_hz=settings.perturbations.cutoff_hz, known=record.calibration
     )
-    units = {"units": "N*m"}
-    with_torque = recording.assign(
-        {"torque": ("time", torque, units), FRICTION_OF_MODEL: ("time", friction, units)}
-    )
-    return replace(given, recording=with_torque)
+    signals = {"torque": torque, FRICTION_OF_MODEL: friction}
+    channels = {name: ("time", values, {"units": "N*m"}) for name, values in signals.items()}
+    return replace(record, recording=recording.assign(channels))
 
 
-def _from_true_zero(given: RecordingInput) -> RecordingInput:
+def _from_true_zero(record: RecordingInput) -> RecordingInput:
     """Subtract the calibrated zero of the angle, which postures, groups and figures need."""
-    zero, recording = given.calibration.angle_zero_rad, given.recording
+    zero, recording = record.calibration.angle_zero_rad, record.recording
     if zero is None:
-        return given
+        return record
     angle = recording["angle"]
     shifted = angle.copy(data=angle.to_numpy() - zero.value)
-    return replace(given, recording=recording.assign(angle=shifted))
+    return replace(record, recording=recording.assign(angle=shifted))
 
 
-def _strides(given: RecordingInput) -> Strides | None:
+def _strides(record: RecordingInput) -> Strides | None:
     """Return the strides, None if the recording has no channel with heel strikes."""
-    recording = given.recording
+    recording = record.recording
     if not any(name in recording for name in _STRIKE_CHANNELS):
         return None
-    strikes = find_heel_strikes(recording, levels_v=given.calibration.contact_levels_v)
+    strikes = find_heel_strikes(recording, levels_v=record.calibration.contact_levels_v)
     spurious_s = strikes.rejected_s if strikes.method == HEEL_STRIKES else np.empty(0)
     gaps = find_gaps(recording["time"].to_numpy())
     return replace(find_strides(strikes.time_s, gaps), spurious_s=spurious_s)
 
 
 def _pulses(
-    given: RecordingInput, unperturbed: Sequence[RecordingInput], settings: ParticipantSettings
+    record: RecordingInput, unperturbed: Sequence[RecordingInput], settings: ParticipantSettings
 ) -> tuple[Pulse, ...]:
-    if given.condition == "no_device":
+    if record.condition == "no_device":
         return ()
     source = settings.perturbations.source or usual_source(
-        table=given.pulse_table is not None,
-        command="command" in given.recording,
-        trigger="trigger" in given.recording,
+        table=record.pulse_table is not None,
+        command="command" in record.recording,
+        trigger="trigger" in record.recording,
     )
-    if given.condition == "unperturbed":
+    if record.condition == "unperturbed":
         # A pulse in the unperturbed condition disturbs its stride; command or trigger show it.
         if source == "trigger":
-            return triggers_of(given.recording, brief=False)
-        return pulses_from_command(given.recording) if "command" in given.recording else ()
+            return triggers_of(record.recording, brief=False)
+        return pulses_from_command(record.recording) if "command" in record.recording else ()
     if source == "table":
-        if given.pulse_table is None:
-            raise DataError(f'{given.file}: perturbations.source is "table" but it has none.')
-        pulses = with_measured_amplitudes(pulses_from_table(given.pulse_table), given.recording)
-        _check_names(pulses, given.file, settings)
+        if record.pulse_table is None:
+            raise DataError(f'{record.file}: perturbations.source is "table" but it has none.')
+        pulses = with_measured_amplitudes(pulses_from_table(record.pulse_table), record.recording)
+        _check_names(pulses, record.file, settings)
         return pulses
     if source == "angle":
-        cutoff_hz = settings.perturbations.cutoff_hz
-        pulses = pulses_from_angle(given.recording, cutoff_hz=cutoff_hz)
-        _check_steps(pulses, given.file, settings)
+        pulses = pulses_from_angle(record.recording, cutoff_hz=settings.perturbations.cutoff_hz)
+        _check_steps(pulses, record.file, settings)
         return pulses
     if source == "command":
-        pulses = pulses_from_command(given.recording)
-        _refuse_continuous(pulses, given, settings)
+        pulses = pulses_from_command(record.recording)
+        _refuse_continuous(pulses, record, settings)
         return pulses
     if source == "trigger":
-        return pulses_from_trigger(given.recording)
-    partners = most_alike(given, unperturbed, keys=("session", "side", "trial"))
+        return pulses_from_trigger(record.recording)
+    partners = most_alike(record, unperturbed, keys=("session", "side", "trial"))
     if not partners:
         raise DataError(
-            f"{given.file}: pulses are to be read off the difference of references, which needs "
+            f"{record.file}: pulses are to be read off the difference of references, which needs "
             "an unperturbed recording of the same participant. Add it, or a pulse table."
         )
-    return pulses_from_reference(given.recording, partners[0].recording)
+    return pulses_from_reference(record.recording, partners[0].recording)
 
 
 def _check_steps(steps: Sequence[Pulse], file: str, settings: ParticipantSettings) -> None:
@@ -260,17 +256,17 @@ def _check_steps(steps: Sequence[Pulse], file: str, settings: ParticipantSetting
 
 
 def _refuse_continuous(
-    pulses: Sequence[Pulse], given: RecordingInput, settings: ParticipantSettings
+    pulses: Sequence[Pulse], record: RecordingInput, settings: ParticipantSettings
 ) -> None:
     """Raise DataError for walking in which the command is on nearly all the time."""
-    time = given.recording["time"].to_numpy()
+    time = record.recording["time"].to_numpy()
     on_s, walked_s = sum(p.duration_s for p in pulses), float(time[-1] - time[0])
     if settings.kind.by_gait and on_s > _CONTINUOUS_SHARE * walked_s:
         raise DataError(
-            f"{given.file}: the command is on for {on_s:.0f} of {walked_s:.0f} s, so it has no "
+            f"{record.file}: the command is on for {on_s:.0f} of {walked_s:.0f} s, so it has no "
             "pulses to average. Analyse a random torque with jointz identify time-varying; give a "
             "pulse table if there are pulses.",
-            path=given.file,
+            path=record.file,
             channel="command",
         )
 
@@ -295,19 +291,19 @@ def usual_source(*, table: bool, command: bool, trigger: bool) -> str:
 
 
 def most_alike(
-    given: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
+    record: RecordingInput, others: Sequence[RecordingInput], *, keys: Sequence[str]
 ) -> list[RecordingInput]:
     """Return the recordings that share most of session, side or trial with one."""
 
     def shared(other: RecordingInput) -> tuple[bool, ...]:
-        return tuple(other.recording.attrs[k] == given.recording.attrs[k] for k in keys)
+        return tuple(other.recording.attrs[k] == record.recording.attrs[k] for k in keys)
 
     best = max(map(shared, others), default=())
     return [other for other in others if shared(other) == best]
 
 
 def _undisturbed(
-    given: RecordingInput,
+    record: RecordingInput,
     strides: Strides | None,
     pulses: Sequence[Pulse],
     settings: ParticipantSettings,
@@ -318,5 +314,5 @@ def _undisturbed(
     onsets = np.array([p.onset_s for p in pulses])
     first = np.searchsorted(onsets, strides.start_s)
     last = np.searchsorted(onsets, strides.start_s + strides.duration_s)
-    kept = [settings.left_out_by(given.file, start) is None for start in strides.start_s]
+    kept = [settings.left_out_by(record.file, start) is None for start in strides.start_s]
     return np.asarray(strides.accepted & (first == last) & np.array(kept, dtype=bool))

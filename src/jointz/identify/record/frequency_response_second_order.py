@@ -125,7 +125,7 @@ def estimate_second_order(
         parameters, note = withhold_parameters(parameters, check, model)
         warnings, ci_method = [note, *warnings], "none"
     if transform.instrument is None:
-        warnings += _direction_warnings(_Directions(fit, spectra, transform))
+        warnings += _direction_warnings(fit, spectra, transform)
         warnings += _noise_warnings(spectra, transform)
     if misfit > _MISFIT:
         warnings.append(
@@ -241,54 +241,22 @@ def _noise_warnings(spectra: ImpedanceSpectra, transform: RecordSpectra) -> list
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class _Directions:
-    """One record read with either signal as the input."""
-
-    fit: SpectrumFit  # fit for the requested input
-    spectra: ImpedanceSpectra
-    transform: RecordSpectra
-
-    def noise_density(self, name: str) -> float:
-        """Return the one-sided density of a channel's white noise times the sampling rate."""
-        return 2.0 * _white_noise(self.transform, name) / self.transform.window_power
-
-    def signal_share(self, name: str, density: np.ndarray) -> np.ndarray:
-        """Return the share of a channel's density that is not its white noise, (f,)."""
-        noise = self.noise_density(name) / self.spectra.record.rate_hz
-        return np.asarray(np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6))
-
-    def noisy(self) -> bool:
-        """Tell whether much of the input's power is noise."""
-        name, spectra = self.spectra.perturbed, self.spectra
-        inside = spectra.spectra.auto_in[spectra.band].mean()
-        share = self.noise_density(name) / spectra.record.rate_hz
-        untold = _untold_share(self.transform, name)
-        return bool(share > _NOISY_INPUT * inside or untold > _NOISY_INPUT)
-
-    def chi_square(
-        self, used: np.ndarray, impedance: np.ndarray, values: np.ndarray, sd: np.ndarray
-    ) -> tuple[float, float]:
-        """Return a response's squared distance from a joint in sd, and the independent bins."""
-        spectra = self.spectra.spectra
-        s = 2j * np.pi * spectra.frequency_hz[used]
-        model = values @ np.stack([np.ones_like(s), s, s**2])
-        distance = np.abs(impedance[used] / model - 1.0) ** 2 / (2.0 * sd**2)
-        share = spectra.frequency_hz[1] / spectra.resolution_hz
-        return float(distance.sum() * share), float(distance.size * share)
-
-
-def _direction_warnings(directions: _Directions) -> list[str]:
+def _direction_warnings(
+    fit: SpectrumFit, spectra: ImpedanceSpectra, transform: RecordSpectra
+) -> list[str]:
     """Return a warning if the other input fits better, or gives another stiffness."""
-    spectra, perturbed = directions.spectra, directions.spectra.perturbed
+    perturbed, values = spectra.perturbed, fit.values
     other = "angle" if perturbed == "torque" else "torque"
-    values = directions.fit.values
-    other_values = fit_second_order(directions.transform, perturbed=other).values
+    other_values = fit_second_order(transform, perturbed=other).values
+    noise, other_noise = (
+        2.0 * _white_noise(transform, name) / transform.window_power / spectra.record.rate_hz
+        for name in (perturbed, other)
+    )
     c = np.maximum(spectra.coherence, 1e-6)
     # The other direction's response is the same cross-spectrum over the other density.
     turned = spectra.impedance * c if perturbed == "torque" else spectra.impedance / c
-    kept = directions.signal_share(perturbed, spectra.spectra.auto_in)
-    other_kept = directions.signal_share(other, spectra.spectra.auto_out)
+    kept = _signal_share(noise, spectra.spectra.auto_in)
+    other_kept = _signal_share(other_noise, spectra.spectra.auto_out)
     # Noise of the input, taken off the values too, lowers the response that it drives.
     truer = spectra.impedance * _correction(kept, perturbed)
     turned = turned * _correction(other_kept, other)
@@ -299,10 +267,15 @@ def _direction_warnings(directions: _Directions) -> list[str]:
     unsure = np.hypot(1.0 / kept - 1.0, 1.0 / other_kept - 1.0)[used]
     sd = np.hypot(spectra.relative_sd[used], _SMOOTHING_SD)
     sd = np.hypot(sd, unsure / np.sqrt(spectra.spectra.n_averages))
-    distance, bins = directions.chi_square(used, truer, values, sd)
-    other_distance, _ = directions.chi_square(used, turned, other_values, sd)
-    margin = _CLEARLY_BETTER if directions.noisy() else _BETTER
-    if other_distance < distance - margin and other_distance < _STILL_FITS * bins:
+    s = 2j * np.pi * spectra.spectra.frequency_hz[used]
+    independent = spectra.spectra.frequency_hz[1] / spectra.spectra.resolution_hz  # share of bins
+    distance = float(_chi_square(s, truer[used], values, sd) * independent)
+    other_distance = float(_chi_square(s, turned[used], other_values, sd) * independent)
+    noisy = noise > _NOISY_INPUT * spectra.spectra.auto_in[spectra.band].mean()
+    noisy = noisy or _untold_share(transform, perturbed) > _NOISY_INPUT
+    margin = _CLEARLY_BETTER if noisy else _BETTER
+    fits = other_distance < _STILL_FITS * float(s.size * independent)
+    if other_distance < distance - margin and fits:
         return [
             f"the record looks {other}-perturbed: a second-order joint fits the response "
             f"estimated with the {other} as the input better than this one (chi square "
@@ -316,6 +289,17 @@ def _direction_warnings(directions: _Directions) -> list[str]:
             f"{100 * change:+.0f} %: be sure that the {perturbed} was perturbed"
         ]
     return []
+
+
+def _signal_share(noise: float, density: np.ndarray) -> np.ndarray:
+    """Return the share of a channel's density that is not its white noise, (f,)."""
+    return np.asarray(np.maximum(1.0 - noise / np.maximum(density, 1e-300), 1e-6))
+
+
+def _chi_square(s: np.ndarray, impedance: np.ndarray, values: np.ndarray, sd: np.ndarray) -> float:
+    """Return the squared distance of a response from a second-order joint, in sds."""
+    model = values @ np.stack([np.ones_like(s), s, s**2])
+    return float((np.abs(impedance / model - 1.0) ** 2 / (2.0 * sd**2)).sum())
 
 
 def _correction(share: np.ndarray, name: str) -> np.ndarray:

@@ -98,9 +98,8 @@ def _default_length_s(values: np.ndarray, perturbed: str) -> float:
 def _decimate(spectra: ImpedanceSpectra) -> _DecimatedRecord:
     """Low-pass without phase and thin; the same filter on both signals cancels."""
     record = spectra.record
-    x, y = record.channels["angle"], record.channels["torque"]
-    if spectra.perturbed == "torque":
-        x, y = y, x
+    names = ("torque", "angle") if spectra.perturbed == "torque" else ("angle", "torque")
+    x, y = (record.channels[name] for name in names)
     step = max(1, int(record.rate_hz / (_SAMPLES_PER_PERIOD * spectra.highest_hz)))
     if step == 1:
         return _DecimatedRecord(x, y, record.rate_hz, np.ones(1))
@@ -166,5 +165,4 @@ def _impedance(values: np.ndarray, lags: np.ndarray, rate_hz: float) -> np.ndarr
     K, B, J = values
     points = 64 * lags.size
     s = 2j * np.pi * np.fft.rfftfreq(points, 1.0 / rate_hz)
-    circular = np.fft.irfft(K + B * s + J * s**2, points) * rate_hz
-    return np.asarray(circular[lags])
+    return np.asarray((np.fft.irfft(K + B * s + J * s**2, points) * rate_hz)[lags])

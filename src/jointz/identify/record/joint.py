@@ -12,12 +12,7 @@ from scipy.stats import t as student_t
 
 from jointz.core.codes import Failure
 from jointz.core.errors import DataError, EstimationError
-from jointz.identify.preparation.command_slope import (
-    DOUBTED,
-    REFUSED,
-    CommandSlope,
-    record_slope,
-)
+from jointz.identify.preparation.command_slope import DOUBTED, REFUSED, CommandSlope, record_slope
 from jointz.identify.preparation.instrument_checks import is_clipped, is_held
 from jointz.identify.record.block_regression import fitted_sandwich
 from jointz.identify.record.frequency_response_second_order import estimate_second_order
@@ -74,7 +69,7 @@ _CUTOFF_HZ = 30.0
 _LARGEST_CUTOFF = 0.4
 #: Share of the torque that K, B, J must explain for their sign to say that of the torque.
 _SIGN_EXPLAINED = 0.5
-#: A fit that explains less of its signal than this is told, %.
+#: A warning is given for a fit that explains less of its signal than this, %.
 _LITTLE_EXPLAINED_PCT = 50.0
 _UNRELATED = (
     "angle and torque do not show that they belong together: none of stiffness, damping and "
@@ -131,7 +126,7 @@ def identify_joint(  # noqa: PLR0913 - the fixed public signature: keywords afte
         ``kbj``: stiffness, damping and inertia. ``irf``: impulse response
         (:func:`jointz.identify.record.impulse_response.fit_impulse_response`). ``frf``:
         frequency response
-        (:func:`jointz.identify.record.frequency_response.fit_frequency_response`).
+        (:func:`jointz.identify.record.joint.fit_frequency_response`).
         ``reflex``: with a stretch reflex (:func:`jointz.identify.record.reflex.fit_reflex`).
     estimator : str, optional
         Of ``kbj``: ``least_squares`` (default where the angle was perturbed),
@@ -233,14 +228,14 @@ def _slope_on_command(request: JointRequest) -> CommandSlope | None:
 def _refuse_torque(record: JointRecord, slope: CommandSlope | None) -> None:
     """Refuse a torque that is clipped, sampled too slowly, or unlike its command."""
     torque = record.channels["torque"]
-    for failure, found in (
+    for failure, is_refused in (
         (Failure.TORQUE_SATURATED, is_clipped(torque)),
         (Failure.TORQUE_HELD, is_held(torque, record.rate_hz)),
         (Failure.TORQUE_UNLIKE_COMMAND, slope is not None and slope.exceeds(REFUSED)),
     ):
-        if found:
-            seen = f" ({slope})" if failure is Failure.TORQUE_UNLIKE_COMMAND else ""
-            raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}{seen}.")
+        if is_refused:
+            details = f" ({slope})" if failure is Failure.TORQUE_UNLIKE_COMMAND else ""
+            raise EstimationError(failure.value, f"{JOINT}: {failure.meaning}{details}.")
 
 
 def _refuse_opposite_sign(request: JointRequest) -> None:
@@ -249,11 +244,11 @@ def _refuse_opposite_sign(request: JointRequest) -> None:
     cutoff_hz = min(request.cutoff_hz or _CUTOFF_HZ, _LARGEST_CUTOFF * record.rate_hz)
     try:
         signals = prepare_signals(record, cutoff_hz, request.torque_acts_on)
-        found = least_squares(signals)
+        solution = least_squares(signals)
     except (DataError, EstimationError):
-        return  # the model has its own words for it
-    explained = 1.0 - float(np.sum(found.residual**2) / np.sum(signals.torque**2))
-    if np.all(found.kbj < 0.0) and explained > _SIGN_EXPLAINED:
+        return  # the fit of the model raises its own error
+    explained = 1.0 - float(np.sum(solution.residual**2) / np.sum(signals.torque**2))
+    if np.all(solution.kbj < 0.0) and explained > _SIGN_EXPLAINED:
         raise EstimationError(Failure.OPPOSITE_SIGN.value, OPPOSITE_SIGN)
 
 
@@ -268,7 +263,11 @@ def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) ->
         intervals.parameters(request.ci_level, bounded=chosen in _BOUNDED)
     )
     covariance, ci_method = intervals.covariance, intervals.ci_method
-    warnings = _warnings(request, chosen, solution, signals, intervals.doubt)
+    measured = solution.measured - solution.measured.mean()
+    vaf_pct = 100.0 * (1.0 - float(np.sum(solution.residual**2) / np.sum(measured**2)))
+    warnings = _warnings(request, chosen, solution, vaf_pct, intervals.doubt)
+    warnings += angle_warnings(signals.angle)
+    warnings += [] if intervals.doubt else value_warnings(solution.kbj)
     check = SecondOrderCheck()
     if not intervals.doubt:
         check = check_second_order(
@@ -277,14 +276,12 @@ def _fit_second_order(request: JointRequest, estimator: EstimatorName | None) ->
     if check.fails:
         parameters, note = withhold_parameters(parameters, check, "kbj")
         covariance, ci_method, warnings = np.empty((0, 3)), "none", [note, *warnings]
-    measured = solution.measured - solution.measured.mean()
-    unexplained = float(np.sum(solution.residual**2) / np.sum(measured**2))
     return JointFit(
         model="kbj",
         estimator=chosen,
         input=request.input,
         parameters=parameters,
-        vaf_pct=100.0 * (1.0 - unexplained),
+        vaf_pct=vaf_pct,
         vaf_of=solution.fitted_signal,
         status=weakest_status(parameters),
         n_samples=signals.angle.size,
@@ -382,7 +379,7 @@ def _covariance(scores: np.ndarray, solution: Solution, n_blocks: int) -> np.nda
 
 
 def _warnings(
-    request: JointRequest, estimator: str, solution: Solution, signals: JointSignals, doubt: str
+    request: JointRequest, estimator: str, solution: Solution, vaf_pct: float, doubt: str
 ) -> list[str]:
     warnings = [f"undecided: {doubt}"] if doubt else []
     regression = estimator in ("least_squares", "bounded_least_squares")
@@ -396,28 +393,21 @@ def _warnings(
             "input is angle but a torque-to-angle estimator was chosen: torque inside the joint is "
             "taken for its cause"
         )
-    measured = solution.measured - solution.measured.mean()
-    vaf_pct = 100.0 * (1.0 - float(np.sum(solution.residual**2) / np.sum(measured**2)))
     if vaf_pct < _LITTLE_EXPLAINED_PCT:
         warnings.append(
             f"the model explains {max(vaf_pct, 0.0):.2g} % of the {solution.fitted_signal}: check "
             "that angle and torque are not exchanged"
         )
-    warnings += angle_warnings(signals.angle)
-    return warnings if doubt else warnings + value_warnings(solution.kbj)
+    return warnings
 
 
 def _series(measured: np.ndarray, solution: Solution, signals: JointSignals) -> FitSeries:
     """Return the middle of the record, thinned to what a figure can show."""
     n, width = signals.time.size, int(_SERIES_S * signals.rate_hz)
     first = max(0, (n - width) // 2)
-    step = max(1, min(n, width) // _SERIES_POINTS)
-    shown = slice(first, min(n, first + width), step)
-    return FitSeries(
-        time_s=tuple(signals.time[shown].tolist()),
-        measured=tuple(measured[shown].tolist()),
-        modelled=tuple((measured - solution.residual)[shown].tolist()),
-    )
+    shown = slice(first, min(n, first + width), max(1, min(n, width) // _SERIES_POINTS))
+    columns = (signals.time, measured, measured - solution.residual)
+    return FitSeries(*(tuple(column[shown].tolist()) for column in columns))
 
 
 def fit_frequency_response(request: JointRequest) -> FrequencyResponseFit:

@@ -236,7 +236,7 @@ def _solved_through(Z: np.ndarray, X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _weakness(Z: np.ndarray, X: np.ndarray) -> str:
-    """Say why the instruments are weak; empty if they are not.
+    """Return why the instruments are weak, "" if they are not.
 
     The smallest canonical correlation of instruments and regressors makes the
     first-stage F of the worst direction; samples are counted as independent

@@ -133,22 +133,20 @@ def gather_record(
     time = channels.pop("time", None)
     if time is not None and rate_hz is not None:
         raise DataError(f"{where}: expected time stamps or rate_hz, got both. Drop rate_hz.")
-    if time is None:
-        if rate_hz is None or not 0.0 < rate_hz < np.inf:
-            raise DataError(
-                f"{where}: expected time stamps or rate_hz > 0, got no time and rate_hz "
-                f"{rate_hz}. Give time= or rate_hz=."
-            )
-        n = channels[required[0]].size
-        _refuse_degrees(channels, float(rate_hz), where)
-        return JointRecord(channels, float(rate_hz), np.arange(n) / rate_hz, sha256)
-    _check_time(time, first_row)
-    names = list(channels)
-    uniform, values = timestamps.resample_stretch(time, np.stack([channels[n] for n in names]))
-    rate = (uniform.size - 1) / float(uniform[-1] - uniform[0])
-    channels = dict(zip(names, values, strict=True))
+    if time is not None:
+        _check_time(time, first_row)
+        time, rows = timestamps.resample_stretch(time, np.stack(list(channels.values())))
+        rate = (time.size - 1) / float(time[-1] - time[0])
+        channels = dict(zip(channels, rows, strict=True))
+    elif rate_hz is not None and 0.0 < rate_hz < np.inf:
+        time, rate = np.arange(channels[required[0]].size) / rate_hz, float(rate_hz)
+    else:
+        raise DataError(
+            f"{where}: expected time stamps or rate_hz > 0, got no time and rate_hz "
+            f"{rate_hz}. Give time= or rate_hz=."
+        )
     _refuse_degrees(channels, rate, where)
-    return JointRecord(channels, rate, uniform, sha256)
+    return JointRecord(channels, rate, time, sha256)
 
 
 def _samples(values: npt.ArrayLike, name: str, where: str) -> np.ndarray:

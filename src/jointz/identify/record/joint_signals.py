@@ -100,8 +100,5 @@ def response_curve(
         "coherence": coherence,
     }
     if fitted is not None:
-        columns |= {
-            "fitted_gain": np.abs(fitted),
-            "fitted_phase_rad": np.unwrap(np.angle(fitted)),
-        }
+        columns |= {"fitted_gain": np.abs(fitted), "fitted_phase_rad": np.unwrap(np.angle(fitted))}
     return ResponseCurve(**{name: tuple(v.tolist()) for name, v in columns.items()})

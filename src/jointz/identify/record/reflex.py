@@ -169,8 +169,7 @@ def _check_moves(record: JointRecord, angle: np.ndarray, torque: np.ndarray) -> 
 def _slow_functions(n: int, rate_hz: float) -> np.ndarray:
     """Return (n, m), orthonormal: a constant and half-cosines slower than ``DRIFT_S``."""
     count = 1 + int(2.0 * n / rate_hz / DRIFT_S)
-    phase = np.pi * (np.arange(n) + 0.5)[:, None] / n
-    slow = np.cos(phase * np.arange(count))
+    slow = np.cos(np.pi * (np.arange(n) + 0.5)[:, None] / n * np.arange(count))
     return np.asarray(slow / np.linalg.norm(slow, axis=0))
 
 
@@ -386,7 +385,7 @@ def _parameters(
 
 
 def _reflex_doubts(estimate: ReflexEstimate, reach: np.ndarray) -> dict[str, str]:
-    """Say why gain or delay are undecided."""
+    """Return why gain or delay are undecided."""
     if estimate.cascade is None:
         reason = (
             f"undecided: no reflex can be told from zero (p {estimate.p_value:.2g}); stiffness, "

@@ -171,7 +171,7 @@ class _Equations:
             Z, X = np.hstack([Z, more]), np.hstack([X, more])
         white = whiten(torques)
         free = _free(white, Z, X)
-        # What Z explains but for rounding, such as a stretch that never comes, is no candidate.
+        # A path that Z explains up to rounding, such as a stretch that never occurs, is dropped.
         apart = np.linalg.norm(free, axis=0) > _ROUNDING * np.linalg.norm(white, axis=0)
         free, torques = free[:, apart], torques[:, apart]
         residual = _free(whiten(self.residual[:, None]), X, Z)[:, 0]
@@ -224,29 +224,25 @@ class _Equations:
         if not self.fits_torque:
             acts = [-simulate_motion(self.values, path, self.rate_hz)[0] for path in paths.T]
             paths = np.column_stack(acts)
-        centred: np.ndarray = paths - paths.mean(axis=0)
-        return centred
+        return np.asarray(paths - paths.mean(axis=0))
 
     def _unit_columns(self, paths: np.ndarray) -> np.ndarray:
         columns = self._torque_in_fit(paths)
         size = np.linalg.norm(columns, axis=0)
-        scaled: np.ndarray = columns[:, size > 0.0] / size[size > 0.0]
-        return scaled
+        return np.asarray(columns[:, size > 0.0] / size[size > 0.0])
 
 
 def _free(columns: np.ndarray, Z: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Return columns less their part along Z, orthogonal to X."""
     Z, X = Z / np.linalg.norm(Z, axis=0), X / np.linalg.norm(X, axis=0)
-    free: np.ndarray = columns - Z @ np.linalg.solve(X.T @ Z, X.T @ columns)
-    return free
+    return np.asarray(columns - Z @ np.linalg.solve(X.T @ Z, X.T @ columns))
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of nearly dependent columns."""
     size, turn = np.linalg.eigh(columns.T @ columns)
     kept = size > _RANK * size[-1]
-    basis: np.ndarray = columns @ turn[:, kept] / np.sqrt(size[kept])
-    return basis
+    return np.asarray(columns @ turn[:, kept] / np.sqrt(size[kept]))
 
 
 def _largest_score(products: np.ndarray, n_blocks: int) -> tuple[float, np.ndarray]:
@@ -293,12 +289,11 @@ def _reflex_paths(equations: _Equations) -> np.ndarray:
 def _lowpass(x: np.ndarray, corner_hz: float, rate_hz: float, *, order: int) -> np.ndarray:
     poles = np.full(order, -2.0 * np.pi * corner_hz)
     b, a = bilinear([poles[0] ** order * (-1) ** order], np.poly(poles), rate_hz)
-    filtered: np.ndarray = lfilter(b, a, x)
-    return filtered
+    return np.asarray(lfilter(b, a, x))
 
 
 def _late(x: np.ndarray, samples: int) -> np.ndarray:
-    """Return a signal so many samples later, earlier where negative, zeros around it."""
+    """Return a signal delayed by ``samples`` (advanced if negative), with zeros around it."""
     if samples < 0:
         return np.concatenate([x[-samples:], np.zeros(-samples)])
     return np.concatenate([np.zeros(samples), x[: x.size - samples]])

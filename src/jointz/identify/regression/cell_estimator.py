@@ -59,12 +59,7 @@ class CellMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every timing point, case or group."""
-        estimator = CellEstimator(data.participant, self, data.sources, settings)
-        pulses = assign_pulses(
-            data.participant, data.sources, settings, baseline=estimator.baseline
-        )
-        cells, records = estimator.run(pulses)
-        return Estimates(cells, records, single=estimator.single)
+        return CellEstimator(data.participant, self, data.sources, settings).estimates()
 
 
 class CellEstimator:
@@ -101,6 +96,14 @@ class CellEstimator:
                 baseline=self.baseline,
                 window_s=window_s + 2 * lead_s,
             )
+
+    def estimates(self) -> Estimates:
+        """Assign the pulses to cells and estimate every cell."""
+        pulses = assign_pulses(
+            self._participant, self._sources, self._settings, baseline=self.baseline
+        )
+        cells, records = self.run(pulses)
+        return Estimates(cells, records, single=self.single)
 
     def run(
         self, candidates: Sequence[Candidate]

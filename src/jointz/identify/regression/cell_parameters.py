@@ -1,6 +1,5 @@
 """Parameters of a cell with intervals, from replicates or a jackknife."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -48,30 +47,10 @@ class Point:
     held: int  # bit i is set where parameter i is at its bound of zero
 
 
-class Spread(ABC):
-    """Uncertainty of an estimate: an interval for each parameter."""
+class BootstrapSpread:
+    """Intervals by percentiles of the replicates."""
 
-    kind: str  # of the two-sided interval
-    basis: str  # the data of the interval, in words
-
-    def __init__(self, active: np.ndarray) -> None:
-        self._active = active
-
-    def share_at_bound(self, i: int) -> float:
-        """Return the share of replicates of parameter i at the bound."""
-        return float((self._active >> i & 1).mean())
-
-    @abstractmethod
-    def interval(
-        self, i: int, point: Point, *, bound: float, at_bound: bool
-    ) -> tuple[float, float]:
-        """Return both ends without the intrinsic impedance; one-sided at the bound."""
-
-
-class BootstrapSpread(Spread):
-    """Percentiles of the replicates."""
-
-    kind = "percentile interval"
+    kind = "percentile interval"  # name of the two-sided interval
 
     def __init__(
         self,
@@ -81,7 +60,7 @@ class BootstrapSpread(Spread):
         with_strides: bool,
         rng: np.random.Generator,
     ) -> None:
-        super().__init__(replicates.active)
+        self.active = replicates.active
         scale, intrinsic = _calibration_draws(settings, len(replicates.bounded), rng)
         self._bounded = scale[:, None] * replicates.bounded - intrinsic
         self._free = scale[:, None] * replicates.unbounded - intrinsic
@@ -102,12 +81,11 @@ class BootstrapSpread(Spread):
             low, high = np.quantile(draws, [(1 - _LEVEL) / 2, (1 + _LEVEL) / 2])
             return float(low), float(high)
         limit = float(np.quantile(draws, _LEVEL))
-        reach = bound + ONE_SIDED_95 * float(self._free[:, i].std())
-        return bound, max(limit, reach)
+        return bound, max(limit, bound + ONE_SIDED_95 * float(self._free[:, i].std()))
 
 
-class JackknifeSpread(Spread):
-    """Student's t over the estimates that leave one pulse out.
+class JackknifeSpread:
+    """Intervals by Student's t over the estimates that leave one pulse out.
 
     B. Efron, "The jackknife, the bootstrap and other resampling plans" (1982),
     chapter 3; n - 1 degrees of freedom. Errors of the calibration are added in square.
@@ -118,7 +96,7 @@ class JackknifeSpread(Spread):
     def __init__(
         self, left_out: Replicates, instrument_shift: np.ndarray, settings: FitSettings
     ) -> None:
-        super().__init__(left_out.active)
+        self.active = left_out.active
         self._sd = [_jackknife_sd(v) for v in (left_out.bounded, left_out.unbounded)]
         self._n = len(left_out.bounded)
         self.basis = f"of the delete-one jackknife over {self._n} pulses"
@@ -145,6 +123,10 @@ class JackknifeSpread(Spread):
         return float(np.linalg.norm(parts))
 
 
+#: Uncertainty of an estimate: an interval for each parameter, without the intrinsic impedance.
+Spread = BootstrapSpread | JackknifeSpread
+
+
 def parameter_estimates(
     point: Point, spread: Spread, settings: FitSettings
 ) -> tuple[ParameterEstimate, ...]:
@@ -152,7 +134,7 @@ def parameter_estimates(
     estimates = []
     for i, name in enumerate(PARAMETERS):
         known = intrinsic_impedance(settings.calibration)[0][i]
-        share = spread.share_at_bound(i)
+        share = float((spread.active >> i & 1).mean())  # of the replicates at the bound
         at_bound = bool(point.held >> i & 1) or share >= 0.5 or point.value[i] == 0.0
         kind = "one-sided upper limit" if at_bound else spread.kind
         low, high = spread.interval(i, point, bound=float(0.0 - known), at_bound=at_bound)
@@ -191,12 +173,10 @@ def _calibration_draws(
     settings: FitSettings, n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the remaining gain (n,) and the intrinsic impedance (n, 3)."""
-    calibration = settings.calibration
-    scale = _gain_draws(calibration.angle_gain, n, rng) / _gain_draws(
-        calibration.torque_gain, n, rng
-    )
-    values, sds = intrinsic_impedance(calibration)
-    return scale, values + sds * rng.standard_normal((n, len(PARAMETERS)))
+    known = settings.calibration
+    angle, torque = (_gain_draws(gain, n, rng) for gain in (known.angle_gain, known.torque_gain))
+    values, sds = intrinsic_impedance(known)
+    return angle / torque, values + sds * rng.standard_normal((n, len(PARAMETERS)))
 
 
 def _gain_draws(entry: Calibrated | None, n: int, rng: np.random.Generator) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Windows of the pulses of a cell and of the unperturbed strides to subtract."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
@@ -20,22 +20,15 @@ from jointz.identify.study_kinds import StudyKind
 _UNFILTERED = ("angle", "torque", "command")
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class WindowCutter:
     """Cuts windows out of a participant's recordings."""
 
-    def __init__(
-        self,
-        sources: Sequence[Source],
-        settings: ParticipantSettings,
-        *,
-        baseline: str,
-        window_s: float,
-    ) -> None:
-        self._sources = sources
-        self._settings = settings
-        self._baseline = baseline
-        self._window_s = window_s
-        self._pools: dict[tuple[int, ...], StridePool] = {}
+    sources: Sequence[Source]
+    settings: ParticipantSettings
+    baseline: str  # name of the baseline
+    window_s: float
+    _pools: dict[tuple[int, ...], StridePool] = field(default_factory=dict, init=False)
 
     def cut(self, candidates: Sequence[Candidate]) -> tuple[np.ndarray, Baseline]:
         """Return the windows of pulses and their baselines."""
@@ -48,7 +41,7 @@ class WindowCutter:
         if len(parts) > 1:
             windows = np.concatenate([w for _, w, _ in parts])
             baseline = _stacked([(self._home(index), b) for index, _, b in parts])
-        if not self._settings.kind.drifts:
+        if not self.settings.kind.drifts:
             baseline = replace(baseline, block=1)
         if len(parts) == 1:
             return windows, baseline
@@ -60,18 +53,18 @@ class WindowCutter:
     def _of_source(
         self, index: int, candidates: Sequence[Candidate]
     ) -> tuple[np.ndarray, Baseline]:
-        signals = self._sources[index].signals
-        window_s = self._window_s
+        signals = self.sources[index].signals
+        window_s = self.window_s
         onsets = np.array([c.pulse.onset_s for c in candidates])
         elapsed = [c.elapsed_s for c in candidates]
         windows, _ = signals.cut(onsets, before_s=0.0, after_s=window_s)
-        if self._baseline == "pre_pulse":
+        if self.baseline == "pre_pulse":
             before, _ = signals.cut(onsets, before_s=baselines.PRE_PULSE_S, after_s=0.0)
             return windows, baselines.pre_pulse(before, n_samples=windows.shape[2])
         pool = self._pool(self._home(index))
         if pool.size == 0 or np.isnan(elapsed).any():
             return windows, _no_baseline(windows)
-        if self._baseline == "unperturbed_mean":
+        if self.baseline == "unperturbed_mean":
             return windows, baselines.unperturbed_mean(pool, elapsed, window_s=window_s)
         before, _ = signals.cut(onsets, before_s=baselines.MATCH_S, after_s=0.0)
         angle = np.nan_to_num(before[:, ANGLE])
@@ -79,22 +72,20 @@ class WindowCutter:
 
     def _home(self, index: int) -> tuple[int, ...]:
         """Return the recordings whose strides are the baseline of the pulses of one."""
-        if self._baseline != "unperturbed_mean":
+        if self.baseline != "unperturbed_mean":
             return (index,)
-        unperturbed = [s.input for s in self._sources if s.input.condition == "unperturbed"]
-        keys = self._settings.kind.reference_keys
-        nearest = most_alike(self._sources[index].input, unperturbed, keys=keys)
-        return tuple(k for k, s in enumerate(self._sources) if any(s.input is r for r in nearest))
+        unperturbed = [s.input for s in self.sources if s.input.condition == "unperturbed"]
+        keys = self.settings.kind.reference_keys
+        nearest = most_alike(self.sources[index].input, unperturbed, keys=keys)
+        return tuple(k for k, s in enumerate(self.sources) if any(s.input is r for r in nearest))
 
     def _pool(self, home: tuple[int, ...]) -> StridePool:
         if home not in self._pools:
-            sources = [self._sources[k] for k in home]
-            matched = self._baseline == "matched_strides"
-            self._pools[home] = (
-                _perturbed_pool(sources[0])
-                if matched
-                else _unperturbed_pool(sources, self._settings.kind)
-            )
+            sources = [self.sources[k] for k in home]
+            if self.baseline == "matched_strides":
+                self._pools[home] = _perturbed_pool(sources[0])
+            else:
+                self._pools[home] = _unperturbed_pool(sources, self.settings.kind)
         return self._pools[home]
 
 
@@ -167,17 +158,12 @@ def _unfiltered(stretch: Stretch, source: Source, lead: int) -> Stretch:
     recording, known = source.input.recording, source.input.calibration
     time = recording["time"].to_numpy()
     half_a_step = 0.5 * float(np.median(np.diff(time[:1000])))
-    part = slice(
-        int(np.searchsorted(time, stretch.time[0] - half_a_step)),
-        int(np.searchsorted(time, stretch.time[-1] + half_a_step)),
-    )
+    ends_s = (stretch.time[0] - half_a_step, stretch.time[-1] + half_a_step)
+    part = slice(*np.searchsorted(time, ends_s).tolist())
     rows = [stretch.signals[ANGLE]]
     records = _measured(recording, known, part)
-    for name, lag in (
-        ("angle", known.angle_lag_s),
-        ("torque", known.torque_lag_s),
-        ("command", None),
-    ):
+    lags = (known.angle_lag_s, known.torque_lag_s, None)
+    for name, lag in zip(_UNFILTERED, lags, strict=True):
         row = np.zeros(stretch.time.size)
         if name in records:
             row = _at(stretch.time, time[part], records[name], lag)

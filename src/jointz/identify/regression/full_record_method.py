@@ -3,7 +3,6 @@
 from jointz.core.method_names import FULL_RECORD
 from jointz.identify.bench.bench_cells import FullRecordEstimator
 from jointz.identify.estimators import Estimates, ParticipantData
-from jointz.identify.preparation.assignment import assign_pulses
 from jointz.identify.preparation.sources import ParticipantSettings
 from jointz.identify.study_kinds import StudyKind
 
@@ -20,9 +19,4 @@ class FullRecordMethod:
 
     def estimate(self, data: ParticipantData, settings: ParticipantSettings) -> Estimates:
         """Estimate every case."""
-        estimator = FullRecordEstimator(data.participant, data.sources, settings)
-        pulses = assign_pulses(
-            data.participant, data.sources, settings, baseline=estimator.baseline
-        )
-        cells, records = estimator.run(pulses)
-        return Estimates(cells, records, single=estimator.single)
+        return FullRecordEstimator(data.participant, data.sources, settings).estimates()

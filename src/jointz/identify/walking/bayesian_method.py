@@ -17,11 +17,7 @@ from jointz.core.gait_phases import mean_phase
 from jointz.core.method_names import BAYESIAN, PREDICTED
 from jointz.core.study import CalibrationSpec
 from jointz.identify.estimators import Estimates, ParticipantData
-from jointz.identify.prediction.predicted_cells import (
-    CellPredictor,
-    PredictedCell,
-    PredictedShapes,
-)
+from jointz.identify.prediction.predicted_cells import CellPredictor, PredictedCell, PredictedShapes
 from jointz.identify.prediction.pulse_checks import has_pulses_in_strides
 from jointz.identify.prediction.signal_checks import common_failure
 from jointz.identify.preparation.assignment import Candidate, assign_pulses
@@ -57,18 +53,8 @@ from jointz.identify.walking.instruments import (
 from jointz.identify.walking.leg_model import LegModel
 from jointz.identify.walking.posterior import LegPosterior, explain
 from jointz.identify.walking.prior import LegPriors
-from jointz.identify.walking.responses import (
-    PointResponse,
-    ShapeAverage,
-    corrected,
-    point_response,
-)
-from jointz.results.estimates import (
-    CellEstimate,
-    ParameterEstimate,
-    PulseExample,
-    Response,
-)
+from jointz.identify.walking.responses import PointResponse, ShapeAverage, corrected, point_response
+from jointz.results.estimates import CellEstimate, ParameterEstimate, PulseExample, Response
 from jointz.results.impedance_limits import LARGEST_IMPEDANCE
 from jointz.results.log_posterior import LogPosterior, UnlikelyParameter
 
@@ -174,8 +160,10 @@ class _Explained:
             of_person.add(Doubt.RESPONSES_UNLIKE_SIZE)
         if self.sensors_contradict:
             of_person.add(Doubt.SENSORS_CONTRADICT)
-        found = doubts_of(self.posterior, self.moments, self.body, self.instruments, self.coupling)
-        return tuple(doubts | of_person for doubts in found)
+        of_points = doubts_of(
+            self.posterior, self.moments, self.body, self.instruments, self.coupling
+        )
+        return tuple(doubts | of_person for doubts in of_points)
 
     @property
     def unlikely(self) -> tuple[UnlikelyParameter, ...]:
@@ -183,24 +171,16 @@ class _Explained:
         return (*([self.unlikely_lag] if self.unlikely_lag else []), *self.instruments)
 
 
+@dataclass(slots=True, eq=False)
 class _Participant:
     """Estimates one participant's timing points."""
 
-    def __init__(
-        self,
-        data: ParticipantData,
-        settings: ParticipantSettings,
-        predictor: CellPredictor,
-        choice: SensorChoice,
-        coupling: Coupling,
-    ) -> None:
-        self._name = data.participant
-        self._sources = data.sources
-        self._settings = settings
-        self._predictor = predictor
-        self._choice = choice
-        self._coupling = coupling
-        self._fitted: _Explained | None = None
+    _data: ParticipantData
+    _settings: ParticipantSettings
+    _predictor: CellPredictor
+    _choice: SensorChoice
+    _coupling: Coupling
+    _fitted: _Explained | None = None
 
     @property
     def is_likely(self) -> bool:
@@ -231,7 +211,7 @@ class _Participant:
         names = [name for name in self._predictor.sensors if name not in sensors]
         unlikely = self._fitted.instruments if self._fitted else ()
         return (
-            f"{self._name}: the model of all sensors is unlikely "
+            f"{self._data.participant}: the model of all sensors is unlikely "
             f"({'; '.join(map(str, unlikely)) or 'misfit'})"
             f"; without {' and '.join(names)} it is not, and values are from the others."
         )
@@ -288,7 +268,9 @@ class _Participant:
     def _notes(self) -> tuple[str, ...]:
         """Name sensors that are not used, and parameters that speak against the model."""
         unlikely = self._fitted.unlikely if self._fitted else ()
-        return tuple(f"{self._name}: {note}" for note in (*self._choice.notes(), *unlikely))
+        return tuple(
+            f"{self._data.participant}: {note}" for note in (*self._choice.notes(), *unlikely)
+        )
 
     # --- before the fit ------------------------------------------------------------------------
 
@@ -304,7 +286,7 @@ class _Participant:
         if cell.label in self._predictor.points_without_response:
             return Failure.CONSTANT_ANGLE
         for index in dict.fromkeys(c.source for c in cell.used):
-            recording = self._sources[index].input.recording
+            recording = self._data.sources[index].input.recording
             pulses = [c.pulse for c in cell.used if c.source == index]
             if failure := angle_failure(recording) or torque_failure(recording, pulses):
                 return failure
@@ -314,7 +296,7 @@ class _Participant:
         return response_failure(self._point(cell, self._known([cell])))
 
     def _known(self, cells: Sequence[PredictedCell]) -> CalibrationSpec:
-        sources = [self._sources[c.source] for cell in cells for c in cell.used]
+        sources = [self._data.sources[c.source] for cell in cells for c in cell.used]
         return pooled_calibration([s.input.calibration for s in sources])
 
     def _point(self, cell: PredictedCell, known: CalibrationSpec) -> PointResponse:
@@ -342,7 +324,7 @@ class _Participant:
             error=coupling.error,
         )
         used = dict.fromkeys(c.source for cell in cells for c in cell.used)
-        sources = [self._sources[index] for index in used]
+        sources = [self._data.sources[index] for index in used]
         priors = LegPriors(
             spec,
             body,
@@ -387,7 +369,7 @@ class _Participant:
         decision = replace(self._decision(cell, explained.known), natural_stiffness=natural)
         parameters = decided_rows(k, explained.moments, decision, doubts)
         return CellEstimate(
-            participant=self._name,
+            participant=self._data.participant,
             timing_point=cell.label,
             onset_gait_pct=onset,
             parameters=parameters,
@@ -436,7 +418,7 @@ class _Participant:
         )
 
     def _decision(self, cell: PredictedCell, known: CalibrationSpec) -> Decision:
-        recording = self._sources[cell.used[0].source].input.recording
+        recording = self._data.sources[cell.used[0].source].input.recording
         return Decision(
             known=known,
             mass_kg=self._settings.mass_kg,
@@ -453,9 +435,9 @@ class _Participant:
     ) -> LogPosterior:
         n, moments = len(explained.cells), explained.moments
         decision = self._decision(explained.cells[0], explained.known)
-        ordered = dict.fromkeys(code.value for found in doubts for code in sorted(found))
+        ordered = dict.fromkeys(code.value for codes in doubts for code in sorted(codes))
         return LogPosterior(
-            participant=self._name,
+            participant=self._data.participant,
             parameters=tuple(name for name in ESTIMANDS for _ in range(n)),
             timing_points=tuple(c.label for _ in ESTIMANDS for c in explained.cells),
             mean=moments.mean,
@@ -465,9 +447,9 @@ class _Participant:
             doubts=tuple(ordered),
             unlikely=explained.unlikely,
             doubted=tuple(
-                bool(failures[cell.label]) or rejects_value(name, found) or only_limits(name, found)
+                bool(failures[cell.label]) or rejects_value(name, codes) or only_limits(name, codes)
                 for name in ESTIMANDS
-                for cell, found in zip(explained.cells, doubts, strict=True)
+                for cell, codes in zip(explained.cells, doubts, strict=True)
             ),
             intrinsic=tuple((name, decision.intrinsic(name)[0]) for name in ESTIMANDS),
             gain_sd=decision.gain_sd,
@@ -481,7 +463,7 @@ class _Participant:
         return failed_cell(
             failure,
             self._settings,
-            participant=self._name,
+            participant=self._data.participant,
             timing_point=label,
             counts=(len(used), n_pulses - len(used)),
             method=BAYESIAN,

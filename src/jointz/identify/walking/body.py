@@ -47,12 +47,11 @@ def body_of(
     stiffness = LogPrior(median=per_mass.median * mass, log_sd=per_mass.log_sd)
     if not of_body:
         return replace(unknown, stiffness=stiffness)
-    return Body(
-        inertia=LogPrior(
-            median=ratio.median * (_FREE_HIP * leg.inertia + _DEVICE), log_sd=ratio.log_sd
-        ),
+    inertia = ratio.median * (_FREE_HIP * leg.inertia + _DEVICE)
+    return replace(
+        unknown,
+        inertia=LogPrior(median=inertia, log_sd=ratio.log_sd),
         stiffness=stiffness,
         gravity_stiffness=_USUAL_POSTURE * leg.moment_nm,
-        inertia_of_point_sd=priors.inertia_of_point.sd,
         known=True,
     )

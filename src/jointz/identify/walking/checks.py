@@ -22,13 +22,12 @@ _LONGEST_LAG_S = 0.03
 def response_failure(point: PointResponse) -> Failure | None:
     """Return why the responses of a timing point cannot be fitted, None if they can."""
     stride = point.stride_covariance(np.zeros((1, point.time_s.size)))
-    checked = [_signed_response(point, stride, k) for k in range(len(point.shapes))]
-    if any(against for _, against, _ in checked):
+    checks = [_signed_response(point, stride, k) for k in range(len(point.shapes))]
+    moved, against, clear = zip(*checks, strict=True)
+    if any(against):
         return Failure.OPPOSITE_SIGN
-    if not any(moved for moved, _, _ in checked):
-        # Walking must not hide the response of a stiff joint, too.
-        return Failure.CONSTANT_ANGLE if any(clear for _, _, clear in checked) else None
-    return None
+    # Walking must not hide the response of a stiff joint, too.
+    return Failure.CONSTANT_ANGLE if any(clear) and not any(moved) else None
 
 
 def _signed_response(point: PointResponse, stride: np.ndarray, k: int) -> tuple[bool, bool, bool]:
@@ -69,9 +68,9 @@ def differs_with_size(posterior: LegPosterior) -> bool:
     if span == 0.0:
         return False
     additions = [
-        np.repeat((own - every.mean()) / span, point.shapes[0].sensor_signals.size)
+        np.repeat((size - every.mean()) / span, point.shapes[0].sensor_signals.size)
         * model.responses(fit.theta[None], k)[0]
-        for k, (own, point) in enumerate(zip(sizes, model.points, strict=True))
+        for k, (size, point) in enumerate(zip(sizes, model.points, strict=True))
     ]
     # Of the logarithm of response over torque, from the smallest pulse to the largest.
     change, sd = MapSearch(model, fit.prior).size_of(fit, additions)

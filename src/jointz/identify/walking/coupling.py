@@ -24,7 +24,7 @@ from jointz.core.priors import (
 
 @dataclass(frozen=True, slots=True)
 class ModelError:
-    """Errors that the posterior by itself does not know."""
+    """Errors of the model that the posterior does not include."""
 
     share: float  # of the response, correlated over 30 ms
     floor_rad: float  # of an angle, at least
@@ -91,8 +91,8 @@ class Coupling:
 
     def spec(self, stated: PriorsSpec) -> PriorsSpec:
         """Return the priors of the coupling with those that a study states."""
-        own = {name: getattr(stated, name) for name in stated.model_fields_set}
-        return self.priors.model_copy(update=own)
+        of_study = {name: getattr(stated, name) for name in stated.model_fields_set}
+        return self.priors.model_copy(update=of_study)
 
 
 #: Of a goniometer alone: either its mount on the skin resonates, or it follows the bone.

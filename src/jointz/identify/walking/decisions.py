@@ -19,12 +19,7 @@ from jointz.identify.walking.estimands import ESTIMANDS, LogMoments
 from jointz.identify.walking.posterior import LegPosterior
 from jointz.identify.walking.prior import LAG_MODEL_S, untransformed
 from jointz.identify.walking.responses import PointResponse
-from jointz.results.estimates import (
-    ONE_SIDED_95,
-    REACH_95,
-    ParameterEstimate,
-    decides,
-)
+from jointz.results.estimates import ONE_SIDED_95, REACH_95, ParameterEstimate, decides
 from jointz.results.log_posterior import UnlikelyParameter
 from jointz.results.value_scale import ValueScale
 
@@ -91,7 +86,7 @@ class Decision:
 
     @property
     def gain_sd(self) -> float:
-        """Relative sd of the gains that the fit does not know, common to K, B and J."""
+        """Relative sd of the gains that the fit does not estimate, common to K, B and J."""
         return relative_sd(self.known.torque_gain) if self.several_sensors else gains_sd(self.known)
 
     def intrinsic(self, name: str) -> tuple[float, float]:
@@ -122,9 +117,8 @@ def doubts_of(
     if body.known and abs(float(off.mean())) > _FARTHEST_BODY_SD * prior_sd:
         of_person.add(Doubt.INERTIA_UNLIKE_BODY)
     farthest = _FARTHEST_BODY_SD * float(np.hypot(prior_sd, body.inertia_of_point_sd))
-    unlike = np.zeros(n_points, dtype=bool)
-    if body.known and Doubt.INERTIA_UNLIKE_BODY not in of_person:
-        unlike = np.abs(off) > farthest
+    single = body.known and Doubt.INERTIA_UNLIKE_BODY not in of_person
+    unlike = single & (np.abs(off) > farthest)
     return tuple(
         of_person
         | ({Doubt.RESPONSES_MISFIT} if misfit > _LARGEST_MISFIT else set())
@@ -145,8 +139,7 @@ def held_torque(point: PointResponse, coupling: Coupling) -> set[Doubt]:
 def holds_one_torque(point: PointResponse) -> bool:
     """Return whether all pulses hold the same torque, either sign, to the end of the data."""
     torques = np.stack([shape.torque for shape in point.shapes])
-    largest = np.abs(torques).argmax(axis=1)
-    peaks = torques[np.arange(len(torques)), largest]
+    peaks = torques[np.arange(len(torques)), np.abs(torques).argmax(axis=1)]
     signed = torques / np.where(peaks == 0.0, 1.0, peaks)[:, None]
     last = signed[:, -max(1, signed.shape[1] // 4) :].mean(axis=1)
     held = (signed.min(axis=1) > -_BACK) & (last > _STILL_ON)
@@ -184,7 +177,7 @@ def unlikely_instruments(
 
 
 def _unlikely(name: str, off: float, mean: float, sd: float) -> UnlikelyParameter:
-    """Describe a parameter that is so many prior sds off."""
+    """Return a parameter that is ``off`` prior sds from its mean, with the prior interval."""
     value, expected, low, high = (
         untransformed(name, mean + x * sd) for x in (off, 0.0, -REACH_95, REACH_95)
     )
@@ -267,10 +260,10 @@ def value_and_sd(
 ) -> tuple[float, float]:
     """Return an estimate without the device's own part, and the sd of its whole error, SI."""
     scale, whole = moments.scale(name), moments.value(name, point)
-    own, own_sd = decision.intrinsic(name)
+    intrinsic, intrinsic_sd = decision.intrinsic(name)
     sd = with_model_error(name, moments.of(name, point)[1], moments.error)
     sd = float(np.hypot(sd, decision.gain_sd * scale.share(whole)))
-    return whole - own, float(np.hypot(scale.slope(whole) * sd, own_sd))
+    return whole - intrinsic, float(np.hypot(scale.slope(whole) * sd, intrinsic_sd))
 
 
 def _at_bound(
@@ -330,8 +323,7 @@ def bounded_interval(value: float, sd: float, *, level: float = 0.95) -> tuple[f
         return sd * (measured - reach), sd * (measured + reach)
     means, lowest, highest = _belts(level)
     low = float(np.interp(measured, highest, means)) if measured > highest[0] else 0.0
-    high = float(np.interp(measured, lowest, means))
-    return sd * low, sd * high
+    return sd * low, sd * float(np.interp(measured, lowest, means))
 
 
 @lru_cache(maxsize=8)

@@ -1,5 +1,6 @@
 """Impedance of every timing point as functions of the parameters, with prior and posterior."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,7 @@ class LogMoments:
         """
         n = self.mean.size // len(ESTIMANDS)
         block = slice(self._place(name, 0), self._place(name, 0) + n)
-        # What the posterior is widened by is no lack of information.
+        # The posterior is widened for the error of the model, not for missing information.
         inverse = np.linalg.inv(self.covariance[block, block] / self.error.wider**2)
         prior_inverse = np.linalg.inv(self.prior_covariance[block, block])
         information, vectors = np.linalg.eigh(inverse - prior_inverse)
@@ -87,18 +88,18 @@ class LogMoments:
 
 def log_moments(posterior: LegPosterior) -> LogMoments:
     """Return the moments of all hypotheses together."""
-    parts = [_linear_moments(posterior.model, fit) for fit in posterior.fits]
-    mean, covariance = mixed_moments(
-        posterior.weights, [p[0] for p in parts], [p[1] for p in parts]
+    model, weights = posterior.model, posterior.weights
+    means, covariances, prior_means, prior_covariances = zip(
+        *(_linear_moments(model, fit) for fit in posterior.fits), strict=True
     )
-    prior, spread = mixed_moments(posterior.weights, [p[2] for p in parts], [p[3] for p in parts])
-    model = posterior.model
+    mean, covariance = mixed_moments(weights, means, covariances)
+    prior = mixed_moments(weights, prior_means, prior_covariances)
     wider = model.error.wider**2 * covariance
-    return LogMoments(mean, wider, prior, spread, model.stiffness_scale, model.error)
+    return LogMoments(mean, wider, *prior, model.stiffness_scale, model.error)
 
 
 def mixed_moments(
-    weights: np.ndarray, means: list[np.ndarray], covariances: list[np.ndarray]
+    weights: np.ndarray, means: Sequence[np.ndarray], covariances: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and covariance of a mixture."""
     mean = sum(w * m for w, m in zip(weights, means, strict=True))

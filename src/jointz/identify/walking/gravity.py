@@ -49,11 +49,6 @@ class HangingMass:
         """Weight times distance, N*m: gravity stiffness of the segment when it hangs straight."""
         return self.mass_kg * _GRAVITY * self.centre_m
 
-    @property
-    def moment_sd_nm(self) -> float:
-        """Standard deviation of :attr:`moment_nm`, N*m."""
-        return self.relative_sd * self.moment_nm
-
 
 @dataclass(frozen=True, slots=True)
 class GravityStiffness:
@@ -208,7 +203,7 @@ def gravity_stiffness(
         value=moment * cos(segment),
         sd=_sd(
             moment,
-            hypot(*(mass.moment_sd_nm for mass in masses)),
+            hypot(*(mass.relative_sd * mass.moment_nm for mass in masses)),
             segment,
             hypot(POSTURE_SD_RAD, angle_sd_rad),
         ),

@@ -53,8 +53,8 @@ def remaining_sds(posterior: LegPosterior) -> dict[str, np.ndarray]:
     means = [mean for mean, _ in parts]
     sds = {}
     for source in (*GROUPS, PULSES):
-        own = [covariances[source] for _, covariances in parts]
-        _, covariance = mixed_moments(posterior.weights, means, own)
+        left = [covariances[source] for _, covariances in parts]
+        _, covariance = mixed_moments(posterior.weights, means, left)
         sds[source] = posterior.model.error.wider * np.sqrt(np.diag(covariance))
     return sds
 

@@ -96,8 +96,7 @@ class Layout:
     @property
     def shared_names(self) -> tuple[str, ...]:
         """Names of the parameters that all timing points share, in order."""
-        names = [name for sensor in self.sensors for name in _OF_SENSOR[sensor]]
-        return (*_SHARED, *names)
+        return (*_SHARED, *(name for sensor in self.sensors for name in _OF_SENSOR[sensor]))
 
     @property
     def per_point(self) -> int:

@@ -209,9 +209,9 @@ class MapSearch:
             block = slice(i * channels * n, (i + 1) * channels * n)
             covariance[block, block] += stride / shape.n_pulses
             for c, (floor, response) in enumerate(zip(floors, responses, strict=True)):
-                own = slice(block.start + c * n, block.start + (c + 1) * n)
+                rows = slice(block.start + c * n, block.start + (c + 1) * n)
                 size = np.maximum(np.abs(response), _LEAST_RESPONSE * np.abs(response).max())
-                covariance[own, own] += (
+                covariance[rows, rows] += (
                     self._model.error.share**2 * np.outer(size, size) * smooth + floor
                 )
         if point.twist_sd:

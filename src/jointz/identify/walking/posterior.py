@@ -105,7 +105,7 @@ def _start(model: LegModel, hypothesis: Hypothesis, prior: Prior, fit: MapFit) -
 def _again(model: LegModel, hypothesis: Hypothesis, fit: MapFit, better: MapFit) -> MapFit:
     """Return the better of a fit and one from a mode that a likelier hypothesis found."""
     other = MapSearch(model, fit.prior).fit(_start(model, hypothesis, fit.prior, better))
-    return min(fit, other, key=lambda found: found.objective)
+    return min(fit, other, key=lambda candidate: candidate.objective)
 
 
 def _other_starts(model: LegModel, priors: LegPriors, mean: np.ndarray) -> list[np.ndarray]:

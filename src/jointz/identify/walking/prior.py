@@ -10,13 +10,7 @@ from jointz.core.priors import AnyPrior, LogPrior, NormalPrior, PriorsSpec, Shar
 from jointz.core.study import Calibrated
 from jointz.identify.walking.body import Body
 from jointz.identify.walking.coupling import STRAP, Coupling, Hypothesis
-from jointz.identify.walking.leg_model import (
-    LENGTH_CYCLES,
-    REFLEX,
-    SHANK,
-    Layout,
-    LegModel,
-)
+from jointz.identify.walking.leg_model import LENGTH_CYCLES, REFLEX, SHANK, Layout, LegModel
 from jointz.identify.walking.responses import PointResponse
 from jointz.results.value_scale import LOGARITHM
 
@@ -139,14 +133,11 @@ class LegPriors:
         self, layout: Layout, supposed: Mapping[str, AnyPrior]
     ) -> dict[int, tuple[float, float]]:
         spec, known = self.spec, {**self.shared, **supposed}
-        own = {
-            REFLEX: (0.0, spec.reflex_of_point.sd),
-            SHANK: _moments(spec.shank_share),
-        }
+        of_point = {REFLEX: (0.0, spec.reflex_of_point.sd), SHANK: _moments(spec.shank_share)}
         entries = {
             layout.own(point, which): moments
             for point in range(layout.n_points)
-            for which, moments in own.items()
+            for which, moments in of_point.items()
             if which in layout.own_of_point
         }
         for name in layout.shared_names:
@@ -177,10 +168,10 @@ def _correlation(
     """Return the correlation of K, B or J between all knots of all points."""
     n, steady, follows_cycle = len(points), hypothesis.steady, hypothesis.follows_cycle
     apart = (knots_s[:, None] - knots_s) / _DRIFT_S
-    own = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
+    of_points = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
     if follows_cycle == 0.0:
-        return own
+        return of_points
     phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])
     turn = np.sin(np.pi * (phase[:, None] - phase)) ** 2
     curve = np.exp(-2.0 * turn / (2.0 * np.pi * LENGTH_CYCLES) ** 2)
-    return np.asarray(follows_cycle * curve + (1.0 - follows_cycle) * own)
+    return np.asarray(follows_cycle * curve + (1.0 - follows_cycle) * of_points)

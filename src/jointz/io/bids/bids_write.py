@@ -103,16 +103,16 @@ def write_motion(recording: MotionRecording, root: Path) -> list[str]:
     }
     files = {
         "motion.tsv": _samples(channels),
-        "motion.json": _json(_sidecar(recording, channels, rate=rate)),
+        "motion.json": json_text(_sidecar(recording, channels, rate=rate)),
         "channels.tsv": _table(_COLUMNS, [_channel_row(c) for c in channels]),
-        "channels.json": _json({**_CHANNELS_JSON, OWN: about}),
+        "channels.json": json_text({**_CHANNELS_JSON, OWN: about}),
     }
     if recording.events:
         columns = ("onset", "duration", "trial_type", "amplitude", "timing_point")
         rows = [_event_row(e, float(recording.time_s[0])) for e in recording.events]
         files["events.tsv"] = _table(columns, sorted(rows, key=lambda row: float(row[0])))
         amplitude = {**_EVENTS_JSON["amplitude"], "Units": _bids_unit(recording.amplitude_unit)}
-        files["events.json"] = _json({**_EVENTS_JSON, "amplitude": amplitude})
+        files["events.json"] = json_text({**_EVENTS_JSON, "amplitude": amplitude})
     folder = root / recording.folder
     folder.mkdir(parents=True, exist_ok=True)
     names = []
@@ -218,5 +218,6 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
 
-def _json(content: Mapping[str, Any]) -> str:
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return a table as JSON for people: indented, with letters of any language as they are."""
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"

@@ -219,11 +219,10 @@ def read_events(file: Source) -> tuple[tuple[Event, ...], dict[str, Values]]:
     if used:
         labels = padded(parameters.texts("EVENT.LABELS"), used)
         sides = padded(parameters.texts("EVENT.CONTEXTS"), used)
+        rows = zip(times[:used].tolist(), sides, labels, strict=True)
         events = [
             Event(60.0 * minutes + seconds, f"{side} {label}" if side else label)
-            for (minutes, seconds), side, label in zip(
-                times[:used].tolist(), sides, labels, strict=True
-            )
+            for (minutes, seconds), side, label in rows
         ]
     else:
         events = [Event(time, label) for time, label in file.header.events]

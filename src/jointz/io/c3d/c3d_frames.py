@@ -269,10 +269,8 @@ def _check_neighbours(file: Source, start: int, size: int, room: int) -> None:
         raise file.refuse(
             f"its frames start at byte {start}, among the parameters at {first} to {last}.", _COPY
         )
-    behind = room - size
-    if not size or behind < BLOCK:
-        return
-    file.notes["behind"] = f"{behind} bytes behind the frames are not read."
+    if size and (behind := room - size) >= BLOCK:
+        file.notes["behind"] = f"{behind} bytes behind the frames are not read."
 
 
 def _said_frames(file: Source) -> Iterator[int]:

@@ -3,7 +3,8 @@
 import difflib
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -119,6 +120,17 @@ def damaged(path: Path, cause: Exception) -> DataError:
         f"cannot be read as a {path.suffix} file; it is cut off, damaged or of another kind "
         f"({reason}). Copy it again, or save it as csv where it was made.",
     )
+
+
+@contextmanager
+def damage_errors(path: Path, *errors: type[Exception]) -> Iterator[None]:
+    """Raise errors of a format's own library as errors about the file."""
+    try:
+        yield
+    except DataError:
+        raise
+    except errors as exc:
+        raise damaged(path, exc) from exc
 
 
 def missing_columns(

@@ -1,6 +1,7 @@
 """Sentences about what a format cannot hold of a content."""
 
 from collections.abc import Callable, Iterable
+from itertools import chain
 
 import numpy as np
 
@@ -59,13 +60,9 @@ def has_text(signal: Signal, fits: Callable[[str], bool]) -> bool:
 
 def lost_letters(groups: Iterable[SignalGroup]) -> list[str]:
     """Name the signals of text with NUL or half letters."""
-    return [
-        sentence
-        for group in groups
-        for sentence in lost_signals(
-            group, "text with NUL or half letters", lambda s: has_text(s, is_plain)
-        )
-    ]
+    why = "text with NUL or half letters"
+    lost = (lost_signals(group, why, lambda s: has_text(s, is_plain)) for group in groups)
+    return list(chain.from_iterable(lost))
 
 
 def words_of(content: Acquisition) -> list[str]:

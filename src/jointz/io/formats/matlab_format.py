@@ -31,7 +31,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
     TableRequest,
-    damaged,
+    damage_errors,
     file_error,
     make_table,
     missing_columns,
@@ -73,10 +73,8 @@ class MatlabFormat:
         struct = content.get(ROOT)
         version = struct.get("version") if isinstance(struct, Mapping) else None
         if isinstance(struct, Mapping) and version in (_VERSION, _STUDY):
-            try:
+            with damage_errors(path, *_DAMAGE):
                 return _jointz_content(struct) if version == _VERSION else _study(struct)
-            except _DAMAGE as exc:
-                raise damaged(path, exc) from exc
         return _foreign(path, content, has_objects=has_objects)
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
@@ -111,9 +109,8 @@ def _clocks(content: Mapping[str, Any], series: Mapping[str, np.ndarray]) -> dic
     for name in series_names(content):
         struct, _, last = name.rpartition(".")
         if struct in structs.values() and is_time(last):
-            stamps[struct] = np.asarray(
-                series_at(Path(name), name, value_at(content, name.split(".")))
-            )
+            value = value_at(content, name.split("."))
+            stamps[struct] = np.asarray(series_at(Path(name), name, value))
     return {
         name: stamps[struct]
         for name, struct in structs.items()

@@ -14,8 +14,7 @@ import pymatreader
 from scipy.io import whosmat
 from scipy.io.matlab import MatReadError, matfile_version
 
-from jointz.core.errors import DataError
-from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.columns import damage_errors, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
 from jointz.io.text.column_names import is_unit
@@ -48,15 +47,11 @@ def load_variables(path: Path, variables: set[str] | None) -> tuple[dict[str, An
     with path.open("rb") as file:
         if file.read(len(_OCTAVE)) == _OCTAVE:
             raise file_error(path, "is a text file of Octave. Load it there; save -v7 or csvwrite.")
-    try:
+    with damage_errors(path, *_LIBRARY_ERRORS):
         _check_elements(path)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             content = pymatreader.read_mat(path, variable_names=variables)
-    except DataError:
-        raise
-    except _LIBRARY_ERRORS as exc:
-        raise damaged(path, exc) from exc
     objects = any("pymatreader" in str(w.filename) for w in caught)
     return _without_objects(content), objects
 

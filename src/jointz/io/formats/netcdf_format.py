@@ -18,6 +18,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,14 @@ import xarray as xr
 
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.study import FilesSpec
-from jointz.io.formats.columns import RawTable, TableRequest, damaged, make_table, missing_columns
+from jointz.io.formats.columns import (
+    RawTable,
+    TableRequest,
+    damage_errors,
+    damaged,
+    make_table,
+    missing_columns,
+)
 from jointz.io.formats.losses import listed, lost_letters, plainly, text_array, words_of
 from jointz.io.formats.netcdf_recording import load_group, netcdf_bytes, opened_netcdf
 from jointz.io.text.column_names import READING, unit_in_name, with_clock
@@ -59,12 +67,8 @@ class NetcdfFormat:
             contents = {
                 name: load_group(file[name] if name else file) for name in _groups_in(file, "")
             }
-        try:
-            if layout is not None:
-                return _jointz_content(contents)
-            return _foreign(contents)
-        except (KeyError, ValueError, TypeError, IndexError, AttributeError) as exc:
-            raise damaged(path, exc) from exc
+        with damage_errors(path, KeyError, ValueError, TypeError, IndexError, AttributeError):
+            return _foreign(contents) if layout is None else _jointz_content(contents)
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested variables; fill values become NaN, packed ones are unpacked."""
@@ -204,18 +208,13 @@ def _put_group(place: Any, group: SignalGroup) -> None:
         place.attrs["rate_hz"] = group.rate_hz
     names: set[str] = set(_TAKEN)
     for k, signal in enumerate(group.signals, start=1):
-        easy = _EASY.fullmatch(signal.name) is not None and signal.name not in names
-        name = (
-            signal.name if easy else next(n for i in range(k, 2**31) if (n := f"s{i}") not in names)
-        )
+        own = [signal.name] if _EASY.fullmatch(signal.name) else []
+        numbered = (f"s{i}" for i in range(k, 2**31))
+        name = next(n for n in chain(own, numbered) if n not in names)
         names.add(name)
-        attributes = {"name": signal.name, "units": signal.unit, "description": signal.description}
-        _put(
-            place,
-            name,
-            signal.values,
-            {k: _attribute(v) for k, v in attributes.items() if v or k == "name"},
-        )
+        words = {"name": signal.name, "units": signal.unit, "description": signal.description}
+        attributes = {key: _attribute(w) for key, w in words.items() if w or key == "name"}
+        _put(place, name, signal.values, attributes)
     time = group.times_s()
     if time is not None:
         _put(place, _CLOCK, time, {"units": "s"})
@@ -316,9 +315,8 @@ def _columns(path: str, content: xr.Dataset) -> tuple[dict[str, list[Signal]], l
             else {f"{name}.{k + 1}": values[:, k] for k in range(variable.shape[1])}
         )
         unit = str(variable.attrs.get("units", "")) or unit_in_name(name)
-        description = str(
-            variable.attrs.get("description") or variable.attrs.get("long_name") or ""
-        )
+        attributes = variable.attrs
+        description = str(attributes.get("description") or attributes.get("long_name") or "")
         place = by_dimension.setdefault(str(variable.dims[0]), [])
         prefix = f"{path}/" if path else ""
         place += [Signal(n, v, unit, description, f"{prefix}{n}") for n, v in columns.items()]

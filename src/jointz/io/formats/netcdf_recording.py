@@ -12,7 +12,7 @@ from jointz.core.errors import DataError
 from jointz.core.recording import validate_recording
 from jointz.core.whole_file import whole_file
 from jointz.io.file_kinds import missing_file
-from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.columns import damage_errors, file_error
 from jointz.io.formats.hdf5_size import check_hdf5
 
 _CLASSIC = b"CDF"
@@ -113,13 +113,8 @@ def opened_netcdf(path: Path) -> Iterator[Any]:
                 "expected netCDF-4, found the classic netCDF-3 format. Convert it: nccopy -k nc4 "
                 "OLD NEW.",
             )
-    try:
-        with h5py.File(path, "r") as content:
-            check_hdf5(path, content)
-            content.attrs.get("_nc3_strict")  # where h5netcdf would fail half-open
-            with h5netcdf.File(content, "r", decode_vlen_strings=True) as file:
-                yield file
-    except DataError:
-        raise
-    except _LIBRARY_ERRORS as exc:
-        raise damaged(path, exc) from exc
+    with damage_errors(path, *_LIBRARY_ERRORS), h5py.File(path, "r") as content:
+        check_hdf5(path, content)
+        content.attrs.get("_nc3_strict")  # where h5netcdf would fail half-open
+        with h5netcdf.File(content, "r", decode_vlen_strings=True) as file:
+            yield file

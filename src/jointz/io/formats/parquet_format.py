@@ -1,8 +1,8 @@
 """Parquet tables, read through pyarrow (the extra ``jointz[parquet]``)."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,48 +14,33 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
     TableRequest,
-    damaged,
+    damage_errors,
     file_error,
     make_table,
     missing_columns,
 )
 from jointz.io.formats.losses import NOTE, listed, plainly
 from jointz.io.formats.memory_limit import NUMBER_BYTES, OBJECT_BYTES, check_unpacked
-from jointz.io.text.column_names import (
-    READING,
-    unique_names,
-    unit_in_name,
-    with_clock,
-)
+from jointz.io.text.column_names import READING, unique_names, unit_in_name, with_clock
 
 _VERSION = 1
 _OF_A_SAMPLE = 1e-3  # how far a time may be from that of the rate: as it was rounded
 
 
-@dataclass(frozen=True, slots=True)
-class SideInformation:
-    """Everything of an acquisition of one group but its samples."""
+def read_beside(text: str) -> tuple[Acquisition, bool]:
+    """Read the line that earlier versions of jointz wrote: all but the samples of one group.
 
-    group: SignalGroup  # with names, units and descriptions of its signals, but no samples
-    stamped: bool  # whether time stamps are its clock, instead of a rate or none
-    events: tuple[Event, ...]
-    metadata: dict[str, str]
-
-
-def read_beside(text: str) -> SideInformation:
-    """Read the line that earlier versions of jointz wrote."""
+    The second value tells whether time stamps are its clock, instead of a rate or none.
+    """
     try:
         content = json.loads(text)
         if content["version"] != _VERSION:
             raise ValueError(
                 f"version {content['version']} of the jointz line, expected {_VERSION}"
             )
-        return SideInformation(
-            group=_group(content),
-            stamped=bool(content["stamped"]),
-            events=tuple(Event(float(t), str(name), float(d)) for t, name, d in content["events"]),
-            metadata={str(k): str(v) for k, v in content["metadata"].items()},
-        )
+        events = tuple(Event(float(t), str(name), float(d)) for t, name, d in content["events"])
+        metadata = {str(k): str(v) for k, v in content["metadata"].items()}
+        return Acquisition((_group(content),), events, metadata), bool(content["stamped"])
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as exc:
         raise ValueError(f"the jointz line is damaged ({type(exc).__name__}: {exc})") from exc
 
@@ -75,38 +60,38 @@ def _group(content: dict[str, Any]) -> SignalGroup:
     )
 
 
-def filled(
-    side: SideInformation,
+def _filled(
+    group: SignalGroup,
     columns: Mapping[str, np.ndarray],
     stamps: np.ndarray | None,
     *,
-    labels: Sequence[str],
-) -> Acquisition:
-    """Put samples into what was read beside them."""
-    if list(columns) != list(labels):
+    stamped: bool,
+) -> SignalGroup:
+    """Return a group with the samples of a table, which earlier versions of jointz wrote."""
+    names = unique_names([plainly(signal.name) for signal in group.signals])
+    if list(columns) != names:
         raise ValueError("the jointz line tells of other columns than the table has")
-    kinds = [signal.is_text for signal in side.group.signals]
+    kinds = [signal.is_text for signal in group.signals]
     if kinds != [values.dtype.kind == "O" for values in columns.values()]:
         raise ValueError("the jointz line tells of other columns of text than the table has")
     signals = tuple(
-        replace(signal, values=values)
-        for signal, values in zip(side.group.signals, columns.values(), strict=True)
+        replace(signal, values=values, column=name)
+        for signal, (name, values) in zip(group.signals, columns.items(), strict=True)
     )
-    _check_clock(side, stamps)
-    group = replace(side.group, signals=signals, time_s=stamps if side.stamped else None)
-    return Acquisition((group,), side.events, side.metadata)
+    _check_clock(group, stamps, stamped=stamped)
+    return replace(group, signals=signals, time_s=stamps if stamped else None)
 
 
-def _check_clock(side: SideInformation, stamps: np.ndarray | None) -> None:
+def _check_clock(group: SignalGroup, stamps: np.ndarray | None, *, stamped: bool) -> None:
     """Refuse a column of time that is missing, or that another program changed."""
-    rate, start = side.group.rate_hz, side.group.start_s
-    if not side.stamped and rate is None:
+    rate, start = group.rate_hz, group.start_s
+    if not stamped and rate is None:
         if stamps is not None:
             raise ValueError("the jointz line tells of no clock, the table has a column of time")
         return
     if stamps is None:
         raise ValueError("the jointz line tells of a clock, the table has no column of time")
-    if side.stamped or rate is None:
+    if stamped or rate is None:
         return
     at = _first_other_time(stamps, rate, start)
     if at is not None:
@@ -148,12 +133,8 @@ class ParquetFormat:
     def read(self, path: Path, files: FilesSpec) -> Acquisition:  # noqa: ARG002
         """Return all columns of numbers, text and dates; nulls become NaN or ""."""
         arrow = _arrow(path)
-        try:
+        with damage_errors(path, arrow.ArrowException, OSError, ValueError):
             return _content(arrow, path)
-        except DataError:
-            raise
-        except (arrow.ArrowException, OSError, ValueError) as exc:
-            raise damaged(path, exc) from exc
 
     def read_columns(self, path: Path, request: TableRequest) -> RawTable:
         """Return the requested columns; nulls become NaN, or "" in labels."""
@@ -164,14 +145,10 @@ class ParquetFormat:
         if missing:
             raise missing_columns(path, missing, available)
         texts = {str(c) for c in request.labels}
-        try:
+        with damage_errors(path, arrow.ArrowException, OSError, ValueError):
             schema = _flat_schema(arrow, path, names)
             kinds = {name: _as_labels if name in texts else _as_numbers for name in names}
             columns = _read_columns(arrow, path, kinds)
-        except DataError:
-            raise
-        except (arrow.ArrowException, OSError, ValueError) as exc:
-            raise damaged(path, exc) from exc
         return make_table(
             path,
             request,
@@ -182,10 +159,8 @@ class ParquetFormat:
     def list_columns(self, path: Path, files: FilesSpec) -> list[str]:  # noqa: ARG002
         """Return the names in the file's schema."""
         arrow = _arrow(path)
-        try:
+        with damage_errors(path, arrow.ArrowException, OSError, UnicodeDecodeError):
             return list(arrow.parquet.read_schema(path).names)
-        except (arrow.ArrowException, OSError, UnicodeDecodeError) as exc:
-            raise damaged(path, exc) from exc
 
 
 def _arrow(path: Path) -> Any:
@@ -226,7 +201,7 @@ def _read_columns(arrow: Any, path: Path, kinds: Mapping[str, _Kind]) -> dict[st
         path, read_dictionary=texts, pre_buffer=False, buffer_size=_BUFFER
     ) as file:
         n_rows = file.metadata.num_rows
-        declared = declared_bytes(file.metadata, list(kinds))
+        declared = _declared_bytes(file.metadata, kinds)
         check_unpacked(path, max(declared, NUMBER_BYTES * n_rows * bool(kinds)))
         columns = {
             name: np.empty(n_rows, _samples(arrow, kind(arrow, _empty(arrow, file, name))).dtype)
@@ -269,14 +244,14 @@ def _is_flat(kind: Any, column_type: Any) -> bool:
     return _is_text(kind, column_type) or any(is_it(column_type) for is_it in known)
 
 
-def declared_bytes(metadata: Any, names: Sequence[str] | None = None) -> int:
+def _declared_bytes(metadata: Any, names: Collection[str]) -> int:
     """Return what columns take in memory by what a file says of itself."""
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     columns = [group.column(k) for group in groups for k in range(group.num_columns)]
     return sum(
         max(NUMBER_BYTES * column.num_values, column.total_uncompressed_size)
         for column in columns
-        if names is None or column.path_in_schema.partition(".")[0] in names
+        if column.path_in_schema.partition(".")[0] in names
     )
 
 
@@ -294,15 +269,12 @@ def _piece_bytes(arrow: Any, piece: Any) -> int:
 
 
 def _content(arrow: Any, path: Path) -> Acquisition:
-    names = arrow.parquet.read_schema(path).names
+    schema = arrow.parquet.read_schema(path)
+    names = schema.names
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise DataError(
-            f"{path.name}: two columns are named '{twice[0]}'. Rename one.",
-            path=str(path),
-            channel=twice[0],
-        )
-    schema = arrow.parquet.read_schema(path)
+        message = f"{path.name}: two columns are named '{twice[0]}'. Rename one."
+        raise DataError(message, path=str(path), channel=twice[0])
     known = [field.name for field in schema if _has_samples(arrow.types, field.type)]
     columns = _read_columns(arrow, path, dict.fromkeys(known, _as_signal))
     signals = [_signal(arrow, columns[name], schema.field(name)) for name in known]
@@ -310,9 +282,13 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     metadata = schema.metadata or {}
     changed = ""
     if _SIDE in metadata:
-        side = read_beside(metadata[_SIDE].decode())
+        side, stamped = read_beside(metadata[_SIDE].decode())
+        clock = metadata.get(b"jointz_clock", b"").decode()
+        time = next((s.values for s in signals if clock and s.name == clock), None)
+        samples = {s.name: s.values for s in signals if not clock or s.name != clock}
         try:
-            return _jointz_content(side, metadata.get(b"jointz_clock", b"").decode(), signals)
+            group = _filled(side.groups[0], samples, time, stamped=stamped)
+            return replace(side, groups=(replace(group, time_column=clock),))
         except ValueError as exc:
             changed = str(exc)
     group, notes = with_clock("", signals)
@@ -321,17 +297,6 @@ def _content(arrow: Any, path: Path) -> Acquisition:
     if left_out:
         notes[f"{READING}left_out"] = f"columns of other kinds: {listed(left_out)}"
     return Acquisition((group,), (), notes)
-
-
-def _jointz_content(side: SideInformation, clock: str, signals: Sequence[Signal]) -> Acquisition:
-    """Return what an earlier version of jointz wrote."""
-    time = next((s.values for s in signals if clock and s.name == clock), None)
-    columns = {s.name: s.values for s in signals if not clock or s.name != clock}
-    labels = unique_names([plainly(signal.name) for signal in side.group.signals])
-    content = filled(side, columns, time, labels=labels)
-    (group,) = content.groups
-    named = tuple(replace(s, column=n) for s, n in zip(group.signals, labels, strict=True))
-    return replace(content, groups=(replace(group, signals=named, time_column=clock),))
 
 
 def _signal(arrow: Any, values: np.ndarray, field: Any) -> Signal:

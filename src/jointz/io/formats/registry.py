@@ -16,7 +16,7 @@ from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
 from jointz.core.whole_file import whole_file
 from jointz.io.file_kinds import missing_file, special_kind
-from jointz.io.formats.columns import RawTable, TableRequest, damaged, file_error
+from jointz.io.formats.columns import RawTable, TableRequest, damage_errors, file_error
 
 GROUP = "jointz.formats"
 #: Endings of text tables.
@@ -96,10 +96,8 @@ def read_table(
             f"column '{min(both)}' is asked for both as numbers and as labels. Use it for one of "
             "them.",
         )
-    try:
+    with damage_errors(path, OSError):
         table = file_format.read_columns(path, request)
-    except OSError as exc:
-        raise damaged(path, exc) from exc
     lengths = {name: len(values) for name, values in table.columns.items()}
     without_clock = {n for name, n in lengths.items() if name not in table.clocks}
     if len(without_clock) > 1:
@@ -113,10 +111,8 @@ def read_table(
 def list_columns(path: Path, files: FilesSpec) -> list[str] | None:
     """List the columns of a file without reading its samples."""
     file_format = _format_of_existing(path)
-    try:
+    with damage_errors(path, OSError):
         return file_format.list_columns(path, files)
-    except OSError as exc:
-        raise damaged(path, exc) from exc
 
 
 def read_acquisition(path: Path, files: FilesSpec | None = None) -> Acquisition:
@@ -135,10 +131,8 @@ def read_acquisition(path: Path, files: FilesSpec | None = None) -> Acquisition:
         If the file is missing or damaged, or no format has its suffix.
     """
     file_format = _format_of_existing(path)
-    try:
+    with damage_errors(path, OSError):
         return file_format.read(path, files or FilesSpec())
-    except OSError as exc:
-        raise damaged(path, exc) from exc
 
 
 def write_acquisition(content: Acquisition, path: Path, *, lossy: bool = False) -> list[str]:

@@ -28,7 +28,7 @@ from jointz.core.study import FilesSpec
 from jointz.io.formats.columns import (
     RawTable,
     TableRequest,
-    damaged,
+    damage_errors,
     file_error,
     label_column,
     missing_columns,
@@ -156,12 +156,10 @@ def as_written_with_point(cell: str, decimal: str) -> str:
 
 def decompressed_text(path: Path, n_lines: int, encoding: str | None = None) -> list[str]:
     """Return the first lines of a text file, without their ends."""
-    try:
+    with damage_errors(path, OSError):
         encoding = stated_encoding(path, encoding)
         with reading_errors(path), open_text_bytes(path, encoding) as stream:
             lines = [stream.readline(_LONGEST_LINE_BYTES) for _ in range(n_lines)]
-    except OSError as exc:
-        raise damaged(path, exc) from exc
     filled = [line for line in lines if line]
     if not filled:
         raise file_error(path, "is empty. Name another file, or export it again.")
@@ -231,11 +229,7 @@ def _decoded(path: Path, lines: list[bytes]) -> list[str]:
 
 
 def _holds_numbers(layout: _Layout) -> bool:
-    return (
-        layout.named
-        and bool(layout.names)
-        and all(_NUMBER.fullmatch(name) for name in layout.names)
-    )
+    return layout.named and bool(layout.names) and all(map(_NUMBER.fullmatch, layout.names))
 
 
 def _refuse_header_of_numbers(layout: _Layout) -> NoReturn:

@@ -39,7 +39,7 @@ from jointz.io.text.delimited import (
     read_delimited,
 )
 from jointz.io.text.recorder_exports import read_export, recorder_of
-from jointz.io.text.text_layout import DELIMITERS
+from jointz.io.text.text_layout import DELIMITERS, split_cells
 from jointz.io.text.vendor_logs import with_vendor_units
 
 _PEEKED_ROWS = 200
@@ -142,13 +142,7 @@ def _with_delimiter(path: Path, files: FilesSpec) -> tuple[FilesSpec, dict[str, 
 
 def _width(lines: list[str], delimiter: str) -> int:
     """Return into how many cells all lines are split, 1 where they differ."""
-    try:
-        widths = {
-            len(next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), []))
-            for line in lines
-        }
-    except csv.Error:  # a cell longer than csv allows: the lines are not split here
-        return 1
+    widths = {len(split_cells(line, delimiter)) for line in lines}
     return widths.pop() if len(widths) == 1 else 1
 
 

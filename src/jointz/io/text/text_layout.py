@@ -125,14 +125,12 @@ def find_layout(path: Path, given: Mapping[str, Any] | None = None) -> TextLayou
         )
     layout = _layout(best, known)
     above = lines[: skipped + (best.start or 0)]
-    said = [part for line in above for part in (line, *_PARTS.split(line))]
-    masses = [m for part in set(said) if (m := _MASS.fullmatch(_plain(part)))]
-    found = {float(m[1].replace(",", ".")) for m in masses}
-    mass_kg = found.pop() if len(found) == 1 else None
-    if mass_kg is not None and not _LIGHTEST_KG <= mass_kg <= _HEAVIEST_KG:
-        mass_kg = None
-    layout = replace(layout, above=tuple(above), mass_kg=mass_kg)
-    rates = {rate for part in said if (rate := stated_rate(part))}
+    texts = [part for line in above for part in (line, *_PARTS.split(line))]
+    matches = [match for text in set(texts) if (match := _MASS.fullmatch(_plain(text)))]
+    masses_kg = {float(match[1].replace(",", ".")) for match in matches}
+    is_clear = len(masses_kg) == 1 and _LIGHTEST_KG <= min(masses_kg) <= _HEAVIEST_KG
+    layout = replace(layout, above=tuple(above), mass_kg=min(masses_kg) if is_clear else None)
+    rates = {rate for part in texts if (rate := stated_rate(part))}
     other_rates = {hz for line in above for hz in _frequencies(_plain(line))}
     if rates and len(rates | other_rates) > 1:
         rate_list = ", ".join(f"{hz:g}" for hz in sorted(rates | other_rates))
@@ -195,7 +193,7 @@ class _Candidate:
 
     @classmethod
     def of(cls, lines: Sequence[str], encoding: str, delimiter: str, decimal: str) -> "_Candidate":
-        rows = tuple(_cells(line, delimiter) for line in lines)
+        rows = tuple(split_cells(line, delimiter) for line in lines)
         return cls(encoding, delimiter, decimal, rows, _first_row(rows, decimal))
 
     def spec(self, skip_rows: int, *, header: bool = True) -> FilesSpec:
@@ -215,7 +213,8 @@ class _Candidate:
         return (True, width > 1, round(numbers / max(len(cells), 1), 3), width)
 
 
-def _cells(line: str, delimiter: str) -> tuple[str, ...]:
+def split_cells(line: str, delimiter: str) -> tuple[str, ...]:
+    """Return the cells of a line, which is one cell if csv cannot split it."""
     try:
         cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     except csv.Error:  # a quote that never ends, or a cell longer than csv allows
@@ -330,15 +329,11 @@ def _is_units(row: tuple[str, ...]) -> bool:
     """Whether a row holds units: each is short, and most are known or stand in brackets."""
     written = [cell for cell in row if cell]
     bare = _bare(tuple(written))
-    likely = [
-        bool(_BRACKETED.match(cell)) or is_unit(name)
-        for cell, name in zip(written, bare, strict=True)
-    ]
-    return (
-        bool(written)
-        and all(_UNIT_LIKE.fullmatch(name) for name in bare if name)
-        and 2 * sum(likely) > len(likely)
-    )
+    if not all(_UNIT_LIKE.fullmatch(name) for name in bare if name):
+        return False
+    cells = zip(written, bare, strict=True)
+    likely = sum(bool(_BRACKETED.match(cell)) or is_unit(name) for cell, name in cells)
+    return 2 * likely > len(written)
 
 
 def _bare(row: tuple[str, ...]) -> tuple[str, ...]:

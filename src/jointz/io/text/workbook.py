@@ -13,7 +13,7 @@ from xml.parsers import expat
 from jointz.core.acquisition import Acquisition, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.columns import damage_errors, file_error
 from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.memory_limit import check_unpacked
 from jointz.io.text.column_names import READING
@@ -94,22 +94,17 @@ def _openpyxl(path: Path) -> Any:
 def _sheets(path: Path) -> tuple[list[Sheet], list[str]]:
     """Return the visible sheets, and the titles of the hidden ones."""
     openpyxl = _openpyxl(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # styles and extensions it does not know
-            _check_parts(path)
-            with path.open("rb") as stream:
-                values = openpyxl.load_workbook(stream, data_only=True)
-            with path.open("rb") as stream:
-                formulas = openpyxl.load_workbook(stream)
-            visible = [s for s in values.worksheets if s.sheet_state == "visible"]
-            titles = {sheet.title for sheet in visible}
-            hidden = [s.title for s in values.worksheets if s.title not in titles]
-            return [_sheet(path, s, formulas[s.title]) for s in visible], hidden
-    except _LIBRARY_ERRORS as exc:
-        if isinstance(exc, DataError):
-            raise
-        raise damaged(path, exc) from exc
+    with damage_errors(path, *_LIBRARY_ERRORS), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # styles and extensions it does not know
+        _check_parts(path)
+        with path.open("rb") as stream:
+            values = openpyxl.load_workbook(stream, data_only=True)
+        with path.open("rb") as stream:
+            formulas = openpyxl.load_workbook(stream)
+        visible = [s for s in values.worksheets if s.sheet_state == "visible"]
+        titles = {sheet.title for sheet in visible}
+        hidden = [s.title for s in values.worksheets if s.title not in titles]
+        return [_sheet(path, s, formulas[s.title]) for s in visible], hidden
 
 
 def _check_parts(path: Path) -> None:

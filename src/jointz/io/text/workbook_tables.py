@@ -66,13 +66,10 @@ class Table:
 
 
 def letters(column: int) -> str:
-    """Return the letters of a column."""
-    text = ""
-    column += 1
-    while column:
-        column, rest = divmod(column - 1, 26)
-        text = chr(ord("A") + rest) + text
-    return text
+    """Return the letters of a column, counted from 0."""
+    from openpyxl.utils import get_column_letter
+
+    return str(get_column_letter(column + 1))
 
 
 def groups_of(sheet: Sheet, *, of_jointz: bool = False) -> tuple[list[SignalGroup], dict[str, str]]:
@@ -113,14 +110,9 @@ def groups_of(sheet: Sheet, *, of_jointz: bool = False) -> tuple[list[SignalGrou
 
 def _find_table(sheet: Sheet) -> Table | None:
     """Find the row of names under which most columns hold numbers."""
-    best: Table | None = None
-    for row in range(min(len(sheet.rows), _MOST_HEADER_ROWS)):
-        candidate = _table_at(sheet, row)
-        if candidate is not None and (
-            best is None or _n_numbers(sheet, candidate) > _n_numbers(sheet, best)
-        ):
-            best = candidate
-    return best
+    rows = range(min(len(sheet.rows), _MOST_HEADER_ROWS))
+    candidates = filter(None, (_table_at(sheet, row) for row in rows))
+    return max(candidates, key=lambda table: _n_numbers(sheet, table), default=None)
 
 
 def _table_at(sheet: Sheet, row: int) -> Table | None:
@@ -180,11 +172,9 @@ def _names(sheet: Sheet, table: Table) -> dict[int, str]:
     """Return the name of every column of the table; what stands over several goes before them."""
     row = sheet.rows[table.names_row]
     names = {k: str(row[k]).strip() for k in table.columns}
+    samples = sheet.rows[table.first_row :]
     for k in range(len(row)):
-        samples = [
-            r for r in range(table.first_row, len(sheet.rows)) if sheet.rows[r][k] is not None
-        ]
-        if k not in names and samples:
+        if k not in names and any(cells[k] is not None for cells in samples):
             sheet.refuse(
                 table.names_row, k, "samples stand under it, and it is empty. Name the column."
             )

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from jointz.core.acquisition import Acquisition, Event, Signal, SignalGroup
 from jointz.core.errors import DataError
 from jointz.core.study import FilesSpec
-from jointz.io.formats.columns import damaged, file_error
+from jointz.io.formats.columns import damage_errors, damaged, file_error
 from jointz.io.formats.group_format import GroupFormat
 from jointz.io.formats.losses import text_array
 from jointz.io.text.column_names import READING, distinct_names
@@ -37,6 +38,7 @@ _NOT_IN_HEADER = ("segments", "clock_segments")
 #: Second channel of markers that last, as earlier versions of jointz wrote them.
 _DURATION = "duration_s"
 _LARGEST_EXACT = 2**53
+_MOST_RECORDS = 2**31  # of a logger; the buffer is never emptied
 _BY_HAND = "Read it with pyxdf, and write the samples as csv with the times that you know."
 
 
@@ -56,12 +58,8 @@ class XdfFormat(GroupFormat):
         content = path.read_bytes()
         walked, end = walk(path, content)
         loaded = _load(path, content[:end])
-        try:
+        with damage_errors(path, ValueError):  # a number in a description that is none
             return _acquisition(path, walked, loaded, n_unread=len(content) - end)
-        except DataError:
-            raise
-        except ValueError as exc:  # a number in a description that is none
-            raise damaged(path, exc) from exc
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,18 +106,16 @@ def _load(path: Path, content: bytes) -> _Loaded:
         raise file_error(
             path, "XDF files need pyxdf. Install it: pip install 'jointz[formats]'."
         ) from exc
-    try:
-        with (
-            _overheard("pyxdf.pyxdf") as records,
-            warnings.catch_warnings(),
-            np.errstate(all="ignore"),
-        ):
-            warnings.simplefilter("ignore")
-            streams, header = pyxdf.load_xdf(
-                io.BytesIO(content), synchronize_clocks=True, dejitter_timestamps=False
-            )
-    except _LIBRARY_ERRORS as exc:
-        raise damaged(path, exc) from exc
+    with (
+        damage_errors(path, *_LIBRARY_ERRORS),
+        _collected_warnings("pyxdf.pyxdf") as records,
+        warnings.catch_warnings(),
+        np.errstate(all="ignore"),
+    ):
+        warnings.simplefilter("ignore")
+        streams, header = pyxdf.load_xdf(
+            io.BytesIO(content), synchronize_clocks=True, dejitter_timestamps=False
+        )
     errors = [record for record in records if record.levelno >= logging.ERROR]
     if errors:
         raise damaged(path, ValueError(errors[0].getMessage()))
@@ -135,21 +131,15 @@ def _load(path: Path, content: bytes) -> _Loaded:
 
 
 @contextmanager
-def _overheard(name: str) -> Iterator[list[logging.LogRecord]]:
-    """Collect the warnings that a logger tells meanwhile, and keep them from the terminal."""
-    records: list[logging.LogRecord] = []
-
-    class Listener(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if record.levelno >= logging.WARNING:
-                records.append(record)
-
-    logger, listener = logging.getLogger(name), Listener()
+def _collected_warnings(name: str) -> Iterator[list[logging.LogRecord]]:
+    """Collect the warnings of a logger in the block, and keep them from the terminal."""
+    logger, listener = logging.getLogger(name), BufferingHandler(_MOST_RECORDS)
+    listener.setLevel(logging.WARNING)
     before = logger.propagate
     logger.addHandler(listener)
     logger.propagate = False
     try:
-        yield records
+        yield listener.buffer
     finally:
         logger.removeHandler(listener)
         logger.propagate = before

@@ -56,8 +56,7 @@ def without_mean(x: np.ndarray) -> np.ndarray:
 
     ``x`` (N, ...): realisations along the first axis.
     """
-    centred: np.ndarray = x - x.mean(axis=0)
-    return centred
+    return np.asarray(x - x.mean(axis=0))
 
 
 def ensemble_response(inputs: np.ndarray, output: np.ndarray) -> EnsembleResponse:
@@ -93,15 +92,15 @@ def cross_predicted(inputs: np.ndarray, outputs: np.ndarray) -> np.ndarray:
     holds nothing of a realisation's own noise, which would bias towards least squares. Split-sample
     instruments: Angrist and Krueger 1995, J. Business and Economic Statistics 13, 225.
     """
-    found = np.empty(outputs.shape)
+    predicted = np.empty(outputs.shape)
     for fold in (0, 1):
         others = without_mean(inputs[1 - fold :: 2])
         for k in range(outputs.shape[2]):
             output = without_mean(outputs[1 - fold :: 2, :, k])
             white = _whitening(others, output)
             basis, projected = _inverted(np.matmul(white, others), output @ white.T)
-            found[fold::2, :, k] = inputs[fold::2] @ (basis @ projected)
-    return without_mean(found)
+            predicted[fold::2, :, k] = inputs[fold::2] @ (basis @ projected)
+    return without_mean(predicted)
 
 
 def fit_segments(
@@ -157,8 +156,7 @@ def _whitening(inputs: np.ndarray, output: np.ndarray) -> np.ndarray:
     """Return the matrix (n, n) that makes what the input leaves unexplained white."""
     basis, projected = _inverted(inputs, output)
     weight = _inverse_covariance(output - inputs @ (basis @ projected))
-    white: np.ndarray = np.linalg.cholesky(weight).T
-    return white
+    return np.asarray(np.linalg.cholesky(weight).T)
 
 
 def _inverse_covariance(residual: np.ndarray, variance: float | None = None) -> np.ndarray:
@@ -166,8 +164,7 @@ def _inverse_covariance(residual: np.ndarray, variance: float | None = None) -> 
     n = residual.shape[1]
     size = max(float(np.mean(residual**2)) if variance is None else variance, _TINY)
     covariance = residual.T @ residual / (len(residual) * size)
-    weight: np.ndarray = np.linalg.inv(covariance + _RIDGE * np.eye(n))
-    return weight
+    return np.asarray(np.linalg.inv(covariance + _RIDGE * np.eye(n)))
 
 
 def _cross_weights(residual: np.ndarray) -> np.ndarray:

@@ -119,8 +119,7 @@ def supported_directions(
         raise ValueError("estimate_response: input or output is constant")
     explained = (vectors[:, usable].T @ right) ** 2 / singular[usable]
     left = np.maximum(power - np.cumsum(explained[::-1]), 0.0)
-    count = np.arange(1, usable.size + 1)
-    length = (1.0 + count * np.log(n) / n) * left
+    length = (1.0 + np.arange(1, usable.size + 1) * np.log(n) / n) * left
     return usable[::-1][: int(np.argmin(length)) + 1], singular, vectors
 
 
@@ -128,5 +127,4 @@ def _score_covariance(x: np.ndarray, residual: np.ndarray, m: int) -> np.ndarray
     """Return the covariance (m, m) of the mean of input at m lags times residual."""
     n = x.size
     product = np.abs(fft.rfft(x)) ** 2 * np.abs(fft.rfft(residual - residual.mean())) ** 2
-    covariance: np.ndarray = linalg.toeplitz(fft.irfft(product, n)[:m] / n**3)
-    return covariance
+    return np.asarray(linalg.toeplitz(fft.irfft(product, n)[:m] / n**3))

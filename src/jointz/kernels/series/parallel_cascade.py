@@ -44,10 +44,7 @@ class Shape(NamedTuple):
 
 _LOWEST = Shape(DELAY_S[0], 0.0, np.log(FREQUENCY_RAD_S[0]), np.log(DAMPING_RATIO[0]))
 _HIGHEST = Shape(
-    DELAY_S[1],
-    THRESHOLD_SHARES.size - 1.0,
-    np.log(FREQUENCY_RAD_S[1]),
-    np.log(DAMPING_RATIO[1]),
+    DELAY_S[1], THRESHOLD_SHARES.size - 1.0, np.log(FREQUENCY_RAD_S[1]), np.log(DAMPING_RATIO[1])
 )
 _SCALE = Shape(0.01, 2.0, 0.3, 0.3)
 
@@ -78,8 +75,7 @@ class RectifiedPath:
         columns : (n_kept, ...) float
             Signals.
         """
-        cleaned: np.ndarray = columns - self.drift @ (self.drift.T @ columns)
-        return cleaned
+        return np.asarray(columns - self.drift @ (self.drift.T @ columns))
 
     def regressor(self, shape: Shape) -> np.ndarray:
         """Return (n_kept,): torque of the path at a gain of one.
@@ -104,16 +100,16 @@ class RectifiedPath:
         response = self._filter(shape)
         frequency, ratio = np.exp(shape.log_frequency), np.exp(shape.log_ratio)
         first, second = 2.0 * ratio / frequency * self.s, (self.s / frequency) ** 2
-        own = source * response
+        regressor = source * response
         low = response / np.exp(-self.s * shape.delay_s)
         return self._in_time(
             np.stack(
                 [
-                    own,
-                    -self.s * own,
+                    regressor,
+                    -self.s * regressor,
                     slope * response,
-                    (first + 2.0 * second) * low * own,
-                    -first * low * own,
+                    (first + 2.0 * second) * low * regressor,
+                    -first * low * regressor,
                 ]
             )
         )
@@ -127,8 +123,7 @@ class RectifiedPath:
     def _filter(self, shape: Shape) -> np.ndarray:
         frequency, ratio = np.exp(shape.log_frequency), np.exp(shape.log_ratio)
         denominator = 1.0 + 2.0 * ratio / frequency * self.s + (self.s / frequency) ** 2
-        response: np.ndarray = np.exp(-self.s * shape.delay_s) / denominator
-        return response
+        return np.asarray(np.exp(-self.s * shape.delay_s) / denominator)
 
     def _in_time(self, spectra: np.ndarray) -> np.ndarray:
         series = np.fft.irfft(np.atleast_2d(spectra), self.n, axis=1)[:, self.kept].T
@@ -210,14 +205,16 @@ def fit_cascade(
     """
     shapes, regressors = path.starts()
     Q = np.linalg.qr(linear)[0]
-    own = regressors - Q @ (Q.T @ regressors)
+    candidates = regressors - Q @ (Q.T @ regressors)
     rest = output - Q @ (Q.T @ output)
-    along = (own.T @ rest) / np.maximum(np.linalg.norm(own, axis=0), np.finfo(float).tiny)
+    along = (candidates.T @ rest) / np.maximum(
+        np.linalg.norm(candidates, axis=0), np.finfo(float).tiny
+    )
     ranked = [int(i) for i in np.argsort(-along)[:_REFINED] if along[i] > 0.0]
-    found = [_refine(shapes[i], path, linear, output) for i in ranked]
-    standing = [fit for fit in found if fit.gain > 0.0]
-    best = min(standing, key=lambda fit: float(fit.residual @ fit.residual), default=None)
-    return best, own
+    fits = (_refine(shapes[i], path, linear, output) for i in ranked)
+    resisting = [fit for fit in fits if fit.gain > 0.0]
+    best = min(resisting, key=lambda fit: float(fit.residual @ fit.residual), default=None)
+    return best, candidates
 
 
 def _refine(
@@ -229,18 +226,15 @@ def _refine(
     def residual(values: np.ndarray) -> np.ndarray:
         own = path.regressor(Shape(*values))
         own -= Q @ (Q.T @ own)
-        misfit: np.ndarray = rest - own * (float(own @ rest) / float(own @ own))
-        return misfit
+        return np.asarray(rest - own * (float(own @ rest) / float(own @ own)))
 
     def jacobian(values: np.ndarray) -> np.ndarray:
         columns = path.sensitivities(Shape(*values))
         columns -= Q @ (Q.T @ columns)
         own, slopes = columns[:, 0], columns[:, 1:]
         power = float(own @ own)
-        kaufman: np.ndarray = (
-            -float(own @ rest) / power * (slopes - np.outer(own, own @ slopes) / power)
-        )
-        return kaufman
+        kaufman = -float(own @ rest) / power * (slopes - np.outer(own, own @ slopes) / power)
+        return np.asarray(kaufman)
 
     solved = least_squares(
         residual, start, jac=jacobian, bounds=(_LOWEST, _HIGHEST), x_scale=_SCALE, xtol=1e-7
@@ -298,5 +292,4 @@ def linear_fit(regressors: np.ndarray, output: np.ndarray) -> tuple[np.ndarray, 
     """
     size = np.linalg.norm(regressors, axis=0)
     Q, R = np.linalg.qr(regressors / size)
-    condition = float(np.linalg.cond(R))
-    return solve_triangular(R, Q.T @ output) / size, condition
+    return solve_triangular(R, Q.T @ output) / size, float(np.linalg.cond(R))

@@ -16,6 +16,8 @@ _NUGGET = 1e-6
 #: Lengths that are less likely do not count.
 _UNLIKELY = 1e-4
 _HALVINGS = 48
+#: Probabilities of the median and of the ends of a 95 % interval.
+_TAILS = (0.5, 0.5 - 0.95 / 2.0, 0.5 + 0.95 / 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +40,6 @@ def periodic_curve(
     systematic: np.ndarray,
     at: np.ndarray,
     sd: float,
-    level: float = 0.95,
 ) -> PeriodicCurve:
     """Return a smooth periodic curve through values with errors.
 
@@ -67,8 +68,7 @@ def periodic_curve(
     kept = chance > _UNLIKELY * chance.sum()
     parts = np.array(means)[kept], np.sqrt(np.array(variances))[kept]
     weights = chance[kept] / chance[kept].sum()
-    tails = (0.5, 0.5 - level / 2.0, 0.5 + level / 2.0)
-    return PeriodicCurve(*(_mixture_quantile(*parts, weights, tail) for tail in tails))
+    return PeriodicCurve(*(_mixture_quantile(*parts, weights, tail) for tail in _TAILS))
 
 
 def _likeness(apart: np.ndarray, length: float) -> np.ndarray:

@@ -275,8 +275,7 @@ def _smoothed(values: np.ndarray, record: PulseSignals) -> np.ndarray:
     """Return a local cubic through the values, as wide as a load's motion allows."""
     half = max(3, round(_SMOOTH_S / record.step_s))
     width = min(2 * half + 1, (record.angle.size - 1) // 2 * 2 + 1)
-    smooth: np.ndarray = savgol_filter(values, width, 3)
-    return smooth
+    return np.asarray(savgol_filter(values, width, 3))
 
 
 def _check(record: PulseSignals, start: np.ndarray, noise_sd: tuple[float, float]) -> None:

@@ -103,8 +103,8 @@ def recursion_error(
 ) -> np.ndarray:
     """Return the recursion's left minus right side, samples before the window being zero.
 
-    ``angle``, ``torque`` (n,): rad, N*m; ``taps`` (5,): of :func:`transfer_coefficients`;
-    ``first``: rows left out at the beginning.
+    ``angle``, ``torque`` (n,): rad, N*m; ``taps`` (2, 3): factors of angle and torque, from
+    :func:`transfer_coefficients`; ``first``: rows left out at the beginning.
     """
     out = np.zeros(angle.size - first)
     for k in range(first, angle.size):
@@ -119,9 +119,9 @@ def covariance_band(
 ) -> np.ndarray:
     """Return (n - first, 3): covariance of a row with itself and the two before it.
 
-    ``n``, ``first``: samples, and rows left out at the beginning; ``taps`` (5,): as
-    :func:`transfer_coefficients` returns them; ``variances`` (float, float): of the white noise of
-    angle (rad^2) and torque (N^2 m^2).
+    ``n``, ``first``: samples, and rows left out at the beginning; ``taps`` (2, 3): factors of
+    angle and torque, from :func:`transfer_coefficients`; ``variances`` (float, float): of the white
+    noise of angle (rad^2) and torque (N^2 m^2).
     """
     band = np.zeros((n - first, BAND))
     for k in range(first, n):

@@ -35,15 +35,13 @@ class CrossSpectra:
     @property
     def response(self) -> np.ndarray:
         """Output over input (1.2): (f,) complex; too small where the input is noisy."""
-        ratio: np.ndarray = self.cross / np.maximum(self.auto_in, _TINY)
-        return ratio
+        return np.asarray(self.cross / np.maximum(self.auto_in, _TINY))
 
     @property
     def coherence(self) -> np.ndarray:
         """Share of the output that is linear in the input, (f,), 0 to 1."""
         product = np.maximum(self.auto_in * self.auto_out, _TINY)
-        share: np.ndarray = np.clip(np.abs(self.cross) ** 2 / product, 0.0, 1.0)
-        return share
+        return np.asarray(np.clip(np.abs(self.cross) ** 2 / product, 0.0, 1.0))
 
     def relative_sd(self) -> np.ndarray:
         """Return the sd of the gain over the gain, also the sd of the phase in rad.
@@ -52,8 +50,7 @@ class CrossSpectra:
         c. Returns (f,): large, but finite, where nothing is coherent.
         """
         c = np.maximum(self.coherence, 1e-12)
-        sd: np.ndarray = np.sqrt((1.0 - c) / (2.0 * self.n_averages * c))
-        return sd
+        return np.asarray(np.sqrt((1.0 - c) / (2.0 * self.n_averages * c)))
 
 
 def coherence_threshold(n_averages: float, *, level: float = 0.99) -> float:
@@ -82,11 +79,10 @@ def welch(x: np.ndarray, y: np.ndarray, *, rate_hz: float, window_s: float) -> C
         )
     taper = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     hop = max(1, length // 2)
-    segments = [
+    X, Y = (
         fft.rfft(np.lib.stride_tricks.sliding_window_view(z - z.mean(), length)[::hop] * taper)
         for z in (x, y)
-    ]
-    X, Y = segments
+    )
     count = X.shape[0]
     scale = 2.0 / (rate_hz * float(taper @ taper) * count)
     overlap = float(taper[hop:] @ taper[: length - hop]) / float(taper @ taper)
@@ -116,8 +112,7 @@ def blackman_tukey(
             f"blackman_tukey: expected a longest lag of 2 to {x.size - 1} samples, got {longest} "
             f"({window_s:g} s at {rate_hz:g} Hz)"
         )
-    lags = np.arange(-longest, longest + 1)
-    window = 0.5 + 0.5 * np.cos(np.pi * lags / longest)
+    window = 0.5 + 0.5 * np.cos(np.pi * np.arange(-longest, longest + 1) / longest)
     points = fft.next_fast_len(max(_GRID_POINTS * longest, 2 * longest + 1), real=True)
     padded = fft.next_fast_len(x.size + longest + 1, real=True)
     X, Y = (fft.rfft(z - z.mean(), padded) for z in (x, y))
@@ -153,5 +148,4 @@ def _density(correlation: np.ndarray, window: np.ndarray, points: int) -> np.nda
     windowed = np.zeros(points)
     windowed[: longest + 1] = correlation[: longest + 1] * window[longest:]
     windowed[-longest:] = correlation[-longest:] * window[:longest]
-    density: np.ndarray = fft.rfft(windowed)
-    return density
+    return np.asarray(fft.rfft(windowed))

@@ -195,8 +195,7 @@ def _weights(error: np.ndarray, weighting: str) -> np.ndarray:
     power = np.abs(error) ** 2
     if weighting == "even":
         return np.full(power.size, 1.0 / max(float(power.mean()), 1e-300))
-    weights: np.ndarray = 1.0 / _smooth(power)
-    return weights
+    return np.asarray(1.0 / _smooth(power))
 
 
 def _regress(spectra: RecordSpectra) -> np.ndarray:
@@ -208,8 +207,7 @@ def _regress(spectra: RecordSpectra) -> np.ndarray:
         np.concatenate([spectra.torque.real, spectra.torque.imag]),
         rcond=None,
     )[0]
-    values: np.ndarray = scaled / size
-    return values
+    return np.asarray(scaled / size)
 
 
 def _window(n: int, rate_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -232,8 +230,7 @@ def _smooth(power: np.ndarray) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(padded)])
     mean = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
     # A running sum loses digits; noise-free records must not divide by zero.
-    smooth: np.ndarray = np.maximum(mean, 1e-13 * float(power.max()) + 1e-300)
-    return smooth
+    return np.asarray(np.maximum(mean, 1e-13 * float(power.max()) + 1e-300))
 
 
 def _explained(command: np.ndarray, torques: np.ndarray, window: np.ndarray) -> np.ndarray:
@@ -246,15 +243,13 @@ def _explained(command: np.ndarray, torques: np.ndarray, window: np.ndarray) -> 
     cross, auto = torques * C.conj(), np.abs(C) ** 2
     width = 2 * min(_HALF_WIDTH, C.size - 1) + 1
     others = _smooth_complex(cross) * width - cross
-    explained: np.ndarray = C * others / np.maximum(_smooth(auto) * width - auto, 1e-300)
-    return explained
+    return np.asarray(C * others / np.maximum(_smooth(auto) * width - auto, 1e-300))
 
 
 def _smooth_complex(x: np.ndarray) -> np.ndarray:
     half = min(_HALF_WIDTH, x.size - 1)
     kernel = np.ones(2 * half + 1) / (2 * half + 1)
-    smooth: np.ndarray = np.convolve(np.pad(x, (half, half), mode="reflect"), kernel, "valid")
-    return smooth
+    return np.asarray(np.convolve(np.pad(x, (half, half), mode="reflect"), kernel, "valid"))
 
 
 def _noise_power(spectrum: np.ndarray, band_end: int) -> tuple[float, float]:

@@ -98,8 +98,10 @@ def random_effects(
 
 def _check_one(y: np.ndarray, v: np.ndarray, level: float) -> None:
     if y.ndim != 1 or y.shape != v.shape or y.size < _FEWEST or not 0.0 < level < 1.0:
-        told = f"got {y.shape}, {v.shape} and {level}."
-        raise ValueError(f"expected values and variances of 2 studies or more, {told}")
+        raise ValueError(
+            f"expected values and variances of 2 studies or more, got {y.shape}, {v.shape} and "
+            f"{level}."
+        )
     if not (np.isfinite(y).all() and np.isfinite(v).all() and (v > 0.0).all()):
         raise ValueError("expected finite values with positive variances.")
 
@@ -139,23 +141,23 @@ def _reml_tau2(y: np.ndarray, v: np.ndarray) -> float:
     off = y - ((w @ y) / total)[:, None]
     scores = ((w * off) ** 2).sum(axis=1) - total + squares / total
     falls = np.flatnonzero((scores[:-1] > 0.0) & (scores[1:] <= 0.0))
-    found = [
+    maxima = [
         float(brentq(lambda t: _score(y, v, t), grid[k], grid[k + 1], xtol=_XTOL, rtol=_RTOL))
         for k in falls
     ]
-    return max([0.0, *found], key=lambda t: _likelihood(y, v, t))
+    return max([0.0, *maxima], key=lambda t: _likelihood(y, v, t))
 
 
 def _q_profile(y: np.ndarray, v: np.ndarray, level: float) -> tuple[float, float]:
     """Return the values of tau^2 at which Q is as large as chi-squared's quantiles."""
 
     def reached(tail: float) -> float:
-        wanted = float(chdtri(y.size - 1, tail))
-        if _q(y, v, 0.0) <= wanted:
+        quantile = float(chdtri(y.size - 1, tail))
+        if _q(y, v, 0.0) <= quantile:
             return 0.0
         high = float(v.max() + np.ptp(y) ** 2)
-        while _q(y, v, high) > wanted:
+        while _q(y, v, high) > quantile:
             high *= 4.0
-        return float(brentq(lambda t: _q(y, v, t) - wanted, 0.0, high, xtol=_XTOL, rtol=_RTOL))
+        return float(brentq(lambda t: _q(y, v, t) - quantile, 0.0, high, xtol=_XTOL, rtol=_RTOL))
 
     return reached(0.5 - level / 2.0), reached(0.5 + level / 2.0)

@@ -37,8 +37,7 @@ def adjusted_covariance(fit: ComponentsFit) -> np.ndarray:
     C, P, Q = fit.covariance, fit.information_gradient, fit.information_products
     W = np.linalg.inv(fit.expected_information)
     inner = np.einsum("kl,klpq->pq", W, Q - (P @ C)[:, None] @ P[None])
-    adjusted: np.ndarray = C + C @ (inner + inner.T) @ C
-    return adjusted
+    return np.asarray(C + C @ (inner + inner.T) @ C)
 
 
 def kenward_roger_test(fit: ComponentsFit, contrast: np.ndarray) -> FTest:

@@ -6,7 +6,7 @@ fixed effects, so their mean and the sum of squares about it carry all that the 
 model is kept as one row a cell, scaled by the root of its count, in one block a participant.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,8 +45,7 @@ class CellBlocks:
         component : int
             Its place in ``G``; not the last, which is the residual.
         """
-        rest = np.delete(self.G, component, axis=0)
-        return CellBlocks(self.X, self.y, rest, self.missing, self.within_df, self.within_ss)
+        return replace(self, G=np.delete(self.G, component, axis=0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,16 +74,15 @@ class ComponentsFit:
     @property
     def covariance_gradient(self) -> np.ndarray:
         """(k, p, p) of ``covariance`` by the variances."""
-        gradient: np.ndarray = -self.covariance @ self.information_gradient @ self.covariance
-        return gradient
+        return np.asarray(-self.covariance @ self.information_gradient @ self.covariance)
 
     @property
     def variance_covariance(self) -> np.ndarray:
         """(k, k) of the variances from the observed information; 0 for those at 0."""
         free = np.flatnonzero(self.variances > 0)
         covariance = np.zeros_like(self.observed_information)
-        inverse = np.linalg.inv(self.observed_information[np.ix_(free, free)])
-        covariance[np.ix_(free, free)] = inverse
+        at = np.ix_(free, free)
+        covariance[at] = np.linalg.inv(self.observed_information[at])
         return covariance
 
 
@@ -136,8 +134,7 @@ def _place_in_block(owner: np.ndarray) -> np.ndarray:
 
 
 def _diagonal(values: np.ndarray) -> np.ndarray:
-    matrices: np.ndarray = values[:, :, None] * np.eye(values.shape[1])
-    return matrices
+    return np.asarray(values[:, :, None] * np.eye(values.shape[1]))
 
 
 def evaluate_components(blocks: CellBlocks, variances: np.ndarray) -> ComponentsFit:
@@ -197,16 +194,14 @@ def fit_components(blocks: CellBlocks) -> ComponentsFit:
     alone = _residual_variance(blocks, total)
     starts = [np.full(k, alone / k)]
     starts += [np.where(np.arange(k) == a, 0.0, alone / k) for a in range(k - 1)]
-    found = [_maximise(blocks, start) for start in starts]
-    return min(found, key=lambda fit: fit.deviance)
+    return min((_maximise(blocks, start) for start in starts), key=lambda fit: fit.deviance)
 
 
 def _residual_variance(blocks: CellBlocks, total: float) -> float:
     """Return the variance with all other components at 0."""
     start = np.zeros(blocks.G.shape[0])
     start[-1] = total if total > 0 else 1.0
-    step = evaluate_components(blocks, start)
-    residual = blocks.y - blocks.X @ step.beta
+    residual = blocks.y - blocks.X @ evaluate_components(blocks, start).beta
     rows = blocks.missing.size - blocks.missing.sum() + blocks.within_df
     return float(((residual**2).sum() + blocks.within_ss) / (rows - blocks.X.shape[2]))
 

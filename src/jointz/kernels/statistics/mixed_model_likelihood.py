@@ -21,7 +21,7 @@ _ROUNDING = 1e-20
 
 
 class FixedEffects(Protocol):
-    """What Satterthwaite's test needs of a fit; v variances."""
+    """Parts of a fit that Satterthwaite's test uses; v variances."""
 
     @property
     def beta(self) -> np.ndarray:
@@ -61,7 +61,7 @@ class RandomInterceptFit:
 
 @dataclass(frozen=True, slots=True)
 class _Sums:
-    """What the likelihood needs of the data."""
+    """Sums of the data that the likelihood uses."""
 
     X: np.ndarray
     y: np.ndarray
@@ -152,8 +152,7 @@ def sequential_contrasts(design: np.ndarray) -> np.ndarray:
     of the unit upper triangle of the Doolittle factors of ``X'X``.
     """
     lower = np.linalg.cholesky(design.T @ design)
-    rows: np.ndarray = (lower / np.diag(lower)).T[1:]
-    return rows
+    return np.asarray((lower / np.diag(lower)).T[1:])
 
 
 def _joint_df(df: np.ndarray) -> float:
@@ -258,16 +257,12 @@ def _reml_ratio(sums: _Sums) -> float:
     candidates = [0.0] if scores[0] <= 0 else []
     # Maxima of the likelihood: the score falls through 0.
     falls = np.flatnonzero((scores[:-1] > 0) & (scores[1:] <= 0))
-    candidates += [_root(sums, grid[k], grid[k + 1]) for k in falls]
+    candidates += [
+        float(brentq(lambda r: _evaluate(sums, r).score, *grid[k : k + 2], xtol=1e-14, rtol=1e-12))
+        for k in falls
+    ]
     if not candidates:
         raise ValueError(
             "fit_random_intercept: expected values that vary inside the groups, next to none do"
         )
     return float(min(candidates, key=lambda ratio: _evaluate(sums, ratio).deviance))
-
-
-def _root(sums: _Sums, low: float, high: float) -> float:
-    def score(ratio: float) -> float:
-        return _evaluate(sums, ratio).score
-
-    return float(brentq(score, low, high, xtol=1e-14, rtol=1e-12))

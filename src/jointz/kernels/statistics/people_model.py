@@ -76,8 +76,8 @@ class PeopleVariances:
         whole = level[np.ix_(kinds, kinds)] + same * (self.place_sd**2)[kinds][:, None]
         if not data.with_conditions:
             return np.asarray(whole)
-        own = (kinds[:, None] == kinds) & (data.conditions[:, None] == data.conditions)
-        return np.asarray(whole * (1.0 + own * (self.response**2)[kinds][:, None]))
+        alike = (kinds[:, None] == kinds) & (data.conditions[:, None] == data.conditions)
+        return np.asarray(whole * (1.0 + alike * (self.response**2)[kinds][:, None]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,17 +127,16 @@ def _sums(
     data: PeopleData, information: np.ndarray, pulled: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the information about means and slopes, and information times their values."""
-    d = data.kinds.size
-    total = information.sum(axis=0) + _NEARLY_FLAT * np.eye(d)
+    total = information.sum(axis=0) + _NEARLY_FLAT * np.eye(data.kinds.size)
     weighted = pulled.sum(axis=0)
     if not data.covariate.size:
         return total, weighted
     x, of_kind = data.covariate, np.eye(data.n_kinds)[data.kinds]
     prior = np.eye(data.n_kinds) / data.slope_sd**2
     cross = np.einsum("i,ide->de", x, information) @ of_kind
-    own = of_kind.T @ np.einsum("i,ide->de", x**2, information) @ of_kind + prior
+    of_slopes = of_kind.T @ np.einsum("i,ide->de", x**2, information) @ of_kind + prior
     slopes = of_kind.T @ (x @ pulled) + prior @ data.slope
-    return np.block([[total, cross], [cross.T, own]]), np.concatenate([weighted, slopes])
+    return np.block([[total, cross], [cross.T, of_slopes]]), np.concatenate([weighted, slopes])
 
 
 def draw_people(data: PeopleData, *, seed: int = 1) -> PeopleDraws:
@@ -145,9 +144,9 @@ def draw_people(data: PeopleData, *, seed: int = 1) -> PeopleDraws:
     rng = np.random.default_rng(seed)
     rows: list[tuple[np.ndarray, ...]] = []
     d, k = data.kinds.size, data.n_kinds
-    for variances, found in _kept_steps(data, rng):
-        root = np.linalg.cholesky(found.covariance)
-        drawn = found.mean + rng.standard_normal((_MEANS_PER_DRAW, found.mean.size)) @ root.T
+    for variances, at in _kept_steps(data, rng):
+        root = np.linalg.cholesky(at.covariance)
+        drawn = at.mean + rng.standard_normal((_MEANS_PER_DRAW, at.mean.size)) @ root.T
         slopes = drawn[:, d:] if data.covariate.size else np.zeros((_MEANS_PER_DRAW, k))
         level = variances.level_sd**2
         whole = level + variances.place_sd**2
@@ -167,17 +166,17 @@ def _kept_steps(
     scale = _prior_scale(data)
     sds = scale.size - data.n_kinds * (data.n_kinds - 1) // 2
     place = np.concatenate([np.log(_START * scale[:sds]), np.zeros(scale.size - sds)])
-    found = people_evidence(data, _variances(place, data))
-    density = found.log_evidence + _log_prior(place, scale, sds)
+    evidence = people_evidence(data, _variances(place, data))
+    density = evidence.log_evidence + _log_prior(place, scale, sds)
     for step in range(_STEPS):
         moved = rng.random(place.size) < 0.5
         proposed = place + _STEP_SIZE * rng.standard_normal(place.size) * moved
         new = people_evidence(data, _variances(proposed, data))
         new_density = new.log_evidence + _log_prior(proposed, scale, sds)
         if np.log(rng.random()) < new_density - density:
-            place, found, density = proposed, new, new_density
+            place, evidence, density = proposed, new, new_density
         if step >= _STEPS // 4 and step % _KEPT == 0:
-            yield _variances(place, data), found
+            yield _variances(place, data), evidence
 
 
 def _prior_scale(data: PeopleData) -> np.ndarray:
@@ -209,11 +208,11 @@ def correlation_of(partial: np.ndarray, k: int) -> np.ndarray:
 
     Lewandowski, Kurowicka and Joe 2009, J. Multivariate Anal. 100, 1989-2001.
     """
-    root, given = np.eye(k), iter(partial)
+    root, correlations = np.eye(k), iter(partial)
     for row in range(1, k):
         left = 1.0
         for column in range(row):
-            root[row, column] = next(given) * np.sqrt(left)
+            root[row, column] = next(correlations) * np.sqrt(left)
             left -= root[row, column] ** 2
         root[row, row] = np.sqrt(left)
     return np.asarray(root @ root.T)

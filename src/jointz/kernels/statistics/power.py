@@ -31,20 +31,16 @@ def t_power(
 
 @cache
 def smallest_effect(
-    n: int,
-    power: float,
-    *,
-    design: Literal["paired", "groups"] = "paired",
-    alpha: float = 0.05,
+    n: int, power: float, *, design: Literal["paired", "groups"] = "paired"
 ) -> float:
-    """Return the smallest effect that n people, in each group, find with a power."""
+    """Return the smallest effect that n people, in each group, find with a power, at 5 %."""
     low, high = 0.0, 1.0
-    while t_power(high, n, design=design, alpha=alpha) < power:
+    while t_power(high, n, design=design) < power:
         high *= 2.0
         if high > _LARGEST_EFFECT:
             return np.inf
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        reached = t_power(middle, n, design=design, alpha=alpha) >= power
+        reached = t_power(middle, n, design=design) >= power
         low, high = (low, middle) if reached else (middle, high)
     return high

@@ -102,10 +102,10 @@ def critical_height(p: float, *, df: float, region: SearchRegion) -> float:
     if df < _FEWEST_DF:
         raise ValueError(f"critical_height: expected {_FEWEST_DF} degrees of freedom, got {df:g}")
     bonferroni = float(-stdtrit(df, p / region.n_nodes))
-    wanted = -log1p(-p)
+    allowed = -log1p(-p)  # expected crossings
 
     def excess(height: float) -> float:
-        return expected_crossings(height, df=df, region=region) - wanted
+        return expected_crossings(height, df=df, region=region) - allowed
 
     if excess(bonferroni) >= 0.0:
         return bonferroni

@@ -31,13 +31,13 @@ def threshold_clusters(statistic: np.ndarray, threshold: float) -> tuple[Thresho
     """
     if not threshold > 0.0:
         raise ValueError(f"threshold_clusters: expected a positive threshold, got {threshold:g}")
-    found = []
+    clusters = []
     for sign in (1.0, -1.0):
         height = sign * statistic
         edges = np.flatnonzero(np.diff(np.concatenate([[False], height > threshold, [False]])))
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             peak = int(start + np.argmax(height[start:stop]))
-            found.append(
+            clusters.append(
                 ThresholdCluster(
                     start_node=_crossing(height, int(start), -1, threshold),
                     end_node=_crossing(height, int(stop) - 1, 1, threshold),
@@ -45,7 +45,7 @@ def threshold_clusters(statistic: np.ndarray, threshold: float) -> tuple[Thresho
                     peak=float(statistic[peak]),
                 )
             )
-    return tuple(sorted(found, key=lambda cluster: cluster.start_node))
+    return tuple(sorted(clusters, key=lambda cluster: cluster.start_node))
 
 
 def _crossing(height: np.ndarray, node: int, step: int, threshold: float) -> float:

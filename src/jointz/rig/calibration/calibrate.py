@@ -166,7 +166,7 @@ def _estimated(
         except StudyError as exc:
             problems += [f"{person.id}: {problem}" for problem in exc.problems]
             continue
-        fits[person.id] = fit_step(step, data)
+        fits[person.id] = _STEPS[step].fit(data)
     if problems:
         raise StudyError(f"{study.root}, step {step}", problems)
     return Calibration(step=step, fits=fits, study=str(study.root))
@@ -345,11 +345,6 @@ def step_data(
     if problems:
         raise StudyError(f"step {step}, participant {participant}", problems)
     return data
-
-
-def fit_step(step: str, data: StepData) -> CalibrationFit:
-    """Estimate a step."""
-    return _STEPS[step].fit(data)
 
 
 def _recording_problems(step: str, condition: str, data: StepData) -> list[str]:

@@ -38,10 +38,7 @@ def check_certifiable(study: Study, method: str) -> None:
             f'this is a study of kind "{spec.kind}". On a bench, measure loads of known '
             "impedance instead",
         ),
-        (
-            method != BAYESIAN,
-            f"this is {method}. Choose the method {BAYESIAN}",
-        ),
+        (method != BAYESIAN, f"this is {method}. Choose the method {BAYESIAN}"),
         (
             spec.joint != "knee",
             f"the simulated people have a knee only, and this is a study of the {spec.joint}",

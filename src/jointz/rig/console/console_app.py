@@ -15,11 +15,7 @@ from typing import TYPE_CHECKING
 from jointz.core.errors import DataError, OutputError
 from jointz.core.stop_signals import end_listening
 from jointz.rig.console.live_feed import LiveFeed
-from jointz.rig.console.operator_commands import (
-    CONFIRMED_WITHIN_S,
-    Heartbeat,
-    OperatorCommands,
-)
+from jointz.rig.console.operator_commands import CONFIRMED_WITHIN_S, Heartbeat, OperatorCommands
 from jointz.rig.console.session_process import SessionProcess
 from jointz.rig.session.live.live_session import LiveSession, refuse_where_unseen
 from jointz.rig.session.run_claim import RUN_FILE
@@ -148,13 +144,10 @@ async def _is_confirmed(commands: OperatorCommands) -> bool:
     return True
 
 
-_HERE = Path(__file__).parent / "static"
-
-
 @cache
 def _independent_parts() -> str:
     """Return the parts that must work without NiceGUI: the bar with the stop, the alarm."""
-    return (_HERE / "console.html").read_text(encoding="utf-8")
+    return (STATIC / "console.html").read_text(encoding="utf-8")
 
 
 def build_page() -> None:

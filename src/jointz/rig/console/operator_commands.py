@@ -103,14 +103,6 @@ _SessionCommand = StartCondition | Pause | GoOn | Note | SetParameter | UndoPara
 _COMMANDS: TypeAdapter[_SessionCommand | ReArm] = TypeAdapter(
     Annotated[_SessionCommand | ReArm, Field(discriminator="order")]
 )
-_ORDERS = {
-    "start": Order.START,
-    "pause": Order.PAUSE,
-    "go_on": Order.GO_ON,
-    "note": Order.NOTE,
-    "set": Order.SET,
-    "undo": Order.UNDO,
-}
 
 
 class OperatorCommands:
@@ -230,7 +222,7 @@ class OperatorCommands:
             raise DataError("no session runs that could take it.")
         sender = ControlSender(self._study / SESSIONS / participant / CONTROL_FILE)
         try:
-            sender.send(_ORDERS[command.order], _text_of(command))
+            sender.send(Order[command.order.upper()], _text_of(command))
         finally:
             sender.close()
 

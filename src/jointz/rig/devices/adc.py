@@ -3,7 +3,7 @@
 **Never tried on hardware.** It was run against smbus2 on a stand-in for the kernel's I2C bus,
 with the registers of the data sheet (SBAS444).
 
-What to know of the time of its samples:
+Timing of its samples:
 
 - The chip converts at most 860 times a second, by an oscillator of its own that is good to 10 %,
   and over I2C it tells nobody when a conversion was ready. It is read by a thread at the stated
@@ -27,13 +27,14 @@ from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.rig.devices.config import ADS1115_RATES, Ads1115Spec
+from jointz.rig.devices.config import ADS1115_FULL_SCALES_V, ADS1115_RATES, Ads1115Spec
 from jointz.rig.devices.driver_base import (
     ACTIVE,
     INACTIVE,
     UNCONFIGURED,
     DriverBase,
     channel_unit,
+    drained,
     load_library,
 )
 from jointz.rig.devices.drivers import Driver
@@ -42,7 +43,6 @@ from jointz.rig.devices.repeating import Repeat, Repeating, RepeatingThread
 
 _CONVERSION, _CONFIG = 0x00, 0x01
 _INPUTS = ("0-1", "0-3", "1-3", "2-3", "0", "1", "2", "3")
-_FULL_SCALES_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)
 #: Comparator off; continuous conversion is a 0.
 _NO_COMPARATOR = 0b11
 #: The highest bit says whether a conversion is going on, not what was written.
@@ -52,14 +52,14 @@ _READ_OF_RATE = 0.9
 #: Failures in a row for so long, or no reading at all, mean that the chip is gone.
 _LOST_S, _SILENCE_NS = 0.02, 1_000_000_000
 _KEPT_S = 2.0
-#: Its settings are looked at so often: a chip that lost its supply goes on to answer.
-_LOOK_S = 0.25
+#: Its settings are checked so often: a chip that lost its supply still answers.
+_CHECK_S = 0.25
 
 
 class Ads1115Sensor(DriverBase):
     """One input of an ADS1115 as a sensor of an experiment; see the module for its timing.
 
-    A value at the end of the range is NaN for an angle: what lies beyond is not known.
+    At the end of the range an angle is NaN: the true value may lie beyond it.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Ads1115Sensor(DriverBase):
         self._failures = 0
         self._failure = ""
         self._sampled_ns = 0
-        self._until_look = self._between_looks = max(1, round(_LOOK_S * spec.sample_rate_hz))
+        self._until_check = self._between_checks = max(1, round(_CHECK_S * spec.sample_rate_hz))
         self._closed = False
         self.dropped = 0
 
@@ -96,7 +96,7 @@ class Ads1115Sensor(DriverBase):
 
     @property
     def lag_sd_s(self) -> float:
-        """Standard deviation of how old a value is when it is stamped, s."""
+        """Standard deviation of the age of a value when it is stamped, s."""
         return 1.0 / (self._rate_hz * sqrt(12.0))
 
     def describe(self) -> SensorDescription:
@@ -162,9 +162,7 @@ class Ads1115Sensor(DriverBase):
             raise NotConnectedError(
                 self._name, f"stopped to answer ({self._failure}). Check the wiring."
             )
-        # The thread only appends: as many as stand there now can be taken.
-        queue = self._queue
-        samples = [queue.popleft() for _ in range(len(queue))]
+        samples = drained(self._queue)
         if not samples and self._now_ns() - self._sampled_ns > _SILENCE_NS:
             raise NotConnectedError(
                 self._name, "gave no sample for a second: the bus hangs. Check the wiring."
@@ -178,7 +176,7 @@ class Ads1115Sensor(DriverBase):
         if self._state is not ACTIVE:
             return
         try:
-            self._look_at_settings()
+            self._check_settings()
             before_ns = self._now_ns()
             raw = self._register(_CONVERSION)
         except (OSError, AttributeError, TypeError) as exc:  # the last two: closed meanwhile
@@ -193,28 +191,27 @@ class Ads1115Sensor(DriverBase):
         counts = raw - 65_536 if raw > _HIGHEST else raw
         self._queue.append(SensorSample((before_ns + now_ns) // 2, now_ns, self._value(counts)))
 
-    def _look_at_settings(self) -> None:
-        """Check now and then that the chip still converts."""
-        self._until_look -= 1
-        if self._until_look > 0:
+    def _check_settings(self) -> None:
+        """Check every ``_CHECK_S`` that the chip still has its settings."""
+        self._until_check -= 1
+        if self._until_check > 0:
             return
-        self._until_look = 1
+        self._until_check = 1
         if (self._register(_CONFIG) ^ self._config()) & _WRITTEN:
             raise OSError("it lost its settings: its supply was interrupted")
-        self._until_look = self._between_looks
+        self._until_check = self._between_checks
 
     def _value(self, counts: int) -> float:
         spec = self._spec
         volts = counts * self._per_count
-        if self._channel != "contact":
-            if counts in (_LOWEST, _HIGHEST):
-                return nan
-            return spec.gain_per_v * (volts - spec.offset_v)
-        if spec.kind == "voltage":
-            return spec.gain_per_v * (volts - spec.offset_v)
-        # Between the two thresholds a contact stays what it was.
-        self._closed = volts >= (spec.release_v if self._closed else spec.threshold_v)
-        return float(self._closed)
+        is_contact = self._channel == "contact"
+        if is_contact and spec.kind == "contact":
+            # Hysteresis: between the two thresholds a contact keeps its state.
+            self._closed = volts >= (spec.release_v if self._closed else spec.threshold_v)
+            return float(self._closed)
+        if not is_contact and counts in (_LOWEST, _HIGHEST):
+            return nan
+        return spec.gain_per_v * (volts - spec.offset_v)
 
     # --- the chip ------------------------------------------------------------------------------
 
@@ -222,7 +219,7 @@ class Ads1115Sensor(DriverBase):
         spec = self._spec
         return (
             _INPUTS.index(spec.input) << 12
-            | _FULL_SCALES_V.index(spec.full_scale_v) << 9
+            | ADS1115_FULL_SCALES_V.index(spec.full_scale_v) << 9
             | ADS1115_RATES.index(self._rate_hz) << 5
             | _NO_COMPARATOR
         )

@@ -1,4 +1,4 @@
-"""The devices of a laboratory as its people write them down: ``device.toml``.
+"""Models of ``device.toml``, the file that names the devices of a laboratory.
 
 Sections ``[actuator]``, ``[angle]``, ``[contact]``, ``[joint_encoder]``, ``[shank_velocity]`` and
 ``[thigh_velocity]``, each with a ``driver`` and its keys, ``[calibration]`` and ``[device]`` as in
@@ -18,7 +18,7 @@ from jointz.core.channels import CHANNEL_UNITS, MOTION_SENSORS
 from jointz.core.checked_model import Check, CheckedModel, Problem, place_of
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceFileError
-from jointz.core.limits import SafetyLimits
+from jointz.core.limits import Positive, SafetyLimits
 from jointz.core.study import CalibrationSpec, DeviceSpec, Name, TorqueModelSpec
 from jointz.rig.devices.dephy_units import WindingSpec
 from jointz.rig.devices.drivers import DriverSettings, driver_names, load_driver
@@ -28,8 +28,8 @@ from jointz.rig.devices.interface import Actuator, Devices
 #: can be read without reading one twice.
 ADS1115_RATES = (8, 16, 32, 64, 128, 250, 475, 860)
 ADS1115_FASTEST_HZ = 774.0
+ADS1115_FULL_SCALES_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)
 
-Positive = Annotated[float, Field(gt=0)]
 Text = Annotated[str, Field(min_length=1)]
 ContactKind = Literal["contact", "voltage"]
 
@@ -108,7 +108,7 @@ class Ads1115Spec(DriverSettings):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the keys."""
-        return (self._can_be_converted, self._threshold_above_release, self._gain_is_one)
+        return (self._can_be_converted, self._threshold_above_release, self._gain_is_not_zero)
 
     def _can_be_converted(self) -> Iterator[Problem]:
         if self.sample_rate_hz > ADS1115_FASTEST_HZ:
@@ -117,7 +117,7 @@ class Ads1115Spec(DriverSettings):
                 f"expected at most {ADS1115_FASTEST_HZ:g} Hz, got {self.sample_rate_hz:g}: the "
                 "chip converts 860 times a second, give or take 10 %, and tells nobody when.",
             )
-        if self.full_scale_v not in (6.144, 4.096, 2.048, 1.024, 0.512, 0.256):
+        if self.full_scale_v not in ADS1115_FULL_SCALES_V:
             yield Problem(
                 ("full_scale_v",),
                 f"expected 6.144, 4.096, 2.048, 1.024, 0.512 or 0.256 V; got "
@@ -131,7 +131,7 @@ class Ads1115Spec(DriverSettings):
                 f"expected more than release_v = {self.release_v:g} V, got {self.threshold_v:g}.",
             )
 
-    def _gain_is_one(self) -> Iterator[Problem]:
+    def _gain_is_not_zero(self) -> Iterator[Problem]:
         if self.gain_per_v == 0.0:
             yield Problem(("gain_per_v",), "expected a number that is not 0, got 0.")
 
@@ -153,10 +153,10 @@ class LslSpec(DriverSettings):
     timeout_s: Annotated[float, Field(gt=0, le=60)] = 5.0
 
     def checks(self) -> tuple[Check, ...]:
-        """Return what holds of the keys."""
-        return (self._gain_is_one,)
+        """Return the check of the gain."""
+        return (self._gain_is_not_zero,)
 
-    def _gain_is_one(self) -> Iterator[Problem]:
+    def _gain_is_not_zero(self) -> Iterator[Problem]:
         if self.gain == 0.0:
             yield Problem(("gain",), "expected a number that is not 0, got 0.")
 
@@ -172,7 +172,7 @@ def _driver_settings(raw: object, info: ValidationInfo) -> DriverSettings | None
     if driver not in names:
         got = "missing" if driver is None else f"got {driver!r}"
         message = f"expected one of {', '.join(names)}; {got}."
-        raise PydanticCustomError("driver", "{told}", {"told": message})
+        raise PydanticCustomError("driver", "{message}", {"message": message})
     return load_driver(section, driver).settings.model_validate(dict(raw))
 
 
@@ -180,7 +180,7 @@ Section = Annotated[SerializeAsAny[DriverSettings] | None, PlainValidator(_drive
 
 
 class WearerSpec(CheckedModel):
-    """Somebody who is measured: name in the study, and body."""
+    """A participant: name in the study, and body."""
 
     id: Name
     mass_kg: Positive | None = None
@@ -205,22 +205,22 @@ class DeviceFile(CheckedModel):
 
     def checks(self) -> tuple[Check, ...]:
         """Return what holds between the sections."""
-        devices = self._something_is_there, self._a_chip_for_each, self._angle_has_a_gain
-        return *devices, self._each_is_another
+        devices = self._some_device, self._one_sensor_per_chip, self._angle_has_a_gain
+        return *devices, self._ids_are_unique
 
     def sections(self) -> dict[str, DriverSettings]:
-        """Return what the file names of actuator and sensors."""
+        """Return the sections of actuator and sensors that the file has."""
         names = ("actuator", "angle", "contact", *MOTION_SENSORS)
         named = {name: getattr(self, name) for name in names}
         return {name: spec for name, spec in named.items() if spec is not None}
 
-    def _each_is_another(self) -> Iterator[Problem]:
+    def _ids_are_unique(self) -> Iterator[Problem]:
         ids = [one.id for one in self.participants]
         for i, name in enumerate(ids):
             if name in ids[:i]:
                 yield Problem(("participants", i, "id"), f"{name!r} is there already.")
 
-    def _something_is_there(self) -> Iterator[Problem]:
+    def _some_device(self) -> Iterator[Problem]:
         if self.actuator is None and self.angle is None and self.contact is None:
             yield Problem(("actuator",), "missing, and so are angle and contact; give one.")
 
@@ -231,7 +231,7 @@ class DeviceFile(CheckedModel):
                 unit = CHANNEL_UNITS[name][0]
                 yield Problem((name, "gain_per_v"), f"missing; {unit} per volt, as calibrated.")
 
-    def _a_chip_for_each(self) -> Iterator[Problem]:
+    def _one_sensor_per_chip(self) -> Iterator[Problem]:
         chips: dict[tuple[int, int], str] = {}
         for name, other in self.sections().items():
             if not isinstance(other, Ads1115Spec):
@@ -247,7 +247,7 @@ class DeviceFile(CheckedModel):
 
 
 def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> DeviceFile:
-    """Check what a ``device.toml`` says."""
+    """Return the content of a ``device.toml``, checked; raise DeviceFileError with all problems."""
     try:
         return DeviceFile.model_validate(dict(raw))
     except ValidationError as exc:
@@ -256,7 +256,7 @@ def device_file(raw: Mapping[str, Any], *, where: str = "device.toml") -> Device
 
 
 def _sentence(error: Mapping[str, Any]) -> str:
-    place, kind, shown = place_of(tuple(error["loc"])), error["type"], reprlib.repr(error["input"])
+    place, kind, value = place_of(tuple(error["loc"])), error["type"], reprlib.repr(error["input"])
     if kind == "extra_forbidden":
         return f"{place}: unknown key. Remove it, or look at its spelling."
     if kind == "missing":
@@ -264,7 +264,7 @@ def _sentence(error: Mapping[str, Any]) -> str:
     message = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "expected")
     if kind == "driver":
         return f"{place}.driver: {message}"
-    return f"{place}: {message}" if kind == "inconsistent" else f"{place}: {message}; got {shown}."
+    return f"{place}: {message}" if kind == "inconsistent" else f"{place}: {message}; got {value}."
 
 
 def open_devices(

@@ -83,8 +83,8 @@ class DephyActPack(DriverBase):
         self._repeat = repeat
         self._units = Units(gear_ratio=model.gear_ratio, sign=sign, zero_counts=spec.zero_counts)
         self._torque_per_ampere = model.gear_ratio * model.torque_constant
-        known = before._cooled(clock) if isinstance(before, DephyActPack) else None
-        self._winding = known or Winding(spec.winding)
+        cooled = before._cooled(clock) if isinstance(before, DephyActPack) else None
+        self._winding = cooled or Winding(spec.winding)
         self._samples = Samples(self._name, self._units, self._winding)
         self._device: Any = None
         self._watchdog: Repeating | None = None
@@ -99,13 +99,14 @@ class DephyActPack(DriverBase):
 
     @property
     def dropped(self) -> int:
-        """Samples left out so far: the same time again, or garbage."""
+        """Samples left out so far: repeated or corrupt."""
         return self._samples.dropped
 
     @property
     def has_heartbeat(self) -> bool:
         """Whether the firmware stops the motor by itself when the computer is gone."""
-        return _version(self._spec.firmware) >= _HEARTBEAT_FIRMWARE
+        firmware = tuple(int(part) for part in self._spec.firmware.split("."))
+        return firmware >= _HEARTBEAT_FIRMWARE
 
     def describe(self) -> ActuatorDescription:
         """Return the description of the actuator, in any state."""
@@ -298,12 +299,12 @@ class DephyActPack(DriverBase):
 
     # --- who it is -----------------------------------------------------------------------------
 
-    def _check_firmware(self, found: str) -> None:
-        if found != self._spec.firmware:
+    def _check_firmware(self, firmware: str) -> None:
+        if firmware != self._spec.firmware:
             raise DeviceError(
                 self._name,
-                f"firmware: flexsea knows no {self._spec.firmware} and would take {found}. Write "
-                "the version that the device runs, as flexsea lists it.",
+                f"firmware: flexsea knows no {self._spec.firmware} and would take {firmware}. "
+                "Write the version that the device runs, as flexsea lists it.",
             )
 
     def _check_side(self, device: Any) -> None:
@@ -320,10 +321,6 @@ class DephyActPack(DriverBase):
         return NotConnectedError(
             self._name, f"does not answer ({type(exc).__name__}: {exc}). Check power and cable."
         )
-
-
-def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split("."))
 
 
 DRIVER = Driver(DephySpec, DephyActPack, package="flexsea")
@@ -345,7 +342,7 @@ _MOST_MA, _MOST_MV, _COLDEST_C, _HOTTEST_C = 80_000, 100_000, -30, 200
 
 
 class Samples:
-    """Makes samples of what flexsea gives, and watches over clock, winding and faults."""
+    """Converts flexsea's data to samples, and monitors clock, winding and faults."""
 
     def __init__(self, name: str, units: Units, winding: Winding) -> None:
         self._name = name
@@ -360,7 +357,7 @@ class Samples:
         self._in_a_row = dict.fromkeys(_BELIEVED, 0)
 
     def take(self, data: Mapping[str, int], host_ns: int) -> ActuatorSample | None:
-        """Return a sample in SI; None where it is the one before again, or garbage for once."""
+        """Return a sample in SI; None if it repeats the one before, or for a single corrupt one."""
         try:
             stamp, counts, deg_s, milliamperes, millivolts, case_c, status = [
                 data[name] for name in _FIELDS
@@ -407,10 +404,7 @@ class Samples:
 
 @contextlib.contextmanager
 def traceback_limit_kept() -> Iterator[None]:
-    """Undo that flexsea sets ``sys.tracebacklimit = 0`` for the whole program.
-
-    Every error would lose where it came from.
-    """
+    """Restore ``sys.tracebacklimit``, which flexsea sets to 0, so that errors have a traceback."""
     missing = object()
     limit = getattr(sys, "tracebacklimit", missing)
     try:
@@ -425,10 +419,10 @@ def traceback_limit_kept() -> Iterator[None]:
 @contextlib.contextmanager
 def flexsea_kept_quiet() -> Iterator[None]:
     """Keep its prints out of stdout, which belongs to ``--json``, and restore tracebacks."""
-    said = io.StringIO()
+    output = io.StringIO()
     try:
-        with traceback_limit_kept(), contextlib.redirect_stdout(said):
+        with traceback_limit_kept(), contextlib.redirect_stdout(output):
             yield
     finally:
-        if text := said.getvalue().strip():
+        if text := output.getvalue().strip():
             _LOG.debug("flexsea: %s", text)

@@ -6,22 +6,21 @@ from typing import Annotated
 from pydantic import Field
 
 from jointz.core.checked_model import Check, CheckedModel, Problem
+from jointz.core.limits import Positive
 
 #: The encoder of the motor counts so many a turn, before the gear.
 COUNTS_PER_TURN = 16_384
 _RAD_PER_COUNT = 2.0 * pi / COUNTS_PER_TURN
 _RAD_PER_DEG = pi / 180.0
-#: ``state_time`` counts ms in 32 bits; signed or not, it comes round after 49.7 days.
+#: ``state_time`` counts ms in 32 bits; signed or not, it wraps around after 49.7 days.
 _WRAP_MS = 2**32
-#: A stamp that runs ahead of the host's clock by more is no time.
+#: A stamp that runs ahead of the host's clock by more is invalid.
 _AHEAD_MS = 1000
 _MOST_GROWTH = 50.0
 
 
 class Units:
     """Units and directions of one actuator: its integers, before the gear, and the joint's SI."""
-
-    __slots__ = ("_per_count", "_per_deg", "_sign", "_zero")
 
     def __init__(self, *, gear_ratio: float, sign: int, zero_counts: int) -> None:
         self._sign = sign
@@ -42,18 +41,16 @@ class Units:
         return self._sign * 1e-3 * milliamperes
 
     def milliamperes(self, current: float) -> int:
-        """Return what to command, mA."""
+        """Return the command for a current in the study's direction, mA."""
         return self._sign * round(1e3 * current)
 
 
 class DeviceClock:
     """Device time in ns out of a counter of ms in 32 bits.
 
-    A stamp that went back, or ran ahead of the host by more than a second, is no time of
-    the same clock: the device was restarted, or the sample is garbage.
+    A stamp that went back, or ran ahead of the host by more than a second, is invalid: the
+    device was restarted, or the sample is corrupt.
     """
-
-    __slots__ = ("_host_ns", "_stamp", "time_ns")
 
     def __init__(self) -> None:
         self._stamp: int | None = None
@@ -61,7 +58,7 @@ class DeviceClock:
         self.time_ns = 0
 
     def elapsed_ms(self, stamp_ms: int, host_ns: int) -> int | None:
-        """Process a stamp and return the ms since the previous one, 0 if it repeats."""
+        """Process a stamp and return the ms since the previous one; None if it is invalid."""
         stamp = stamp_ms % _WRAP_MS
         if self._stamp is None:
             self._stamp, self._host_ns, self.time_ns = stamp, host_ns, stamp * 1_000_000
@@ -76,7 +73,6 @@ class DeviceClock:
 
 
 Celsius = Annotated[float, Field(gt=0, le=200)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class WindingSpec(CheckedModel):
@@ -119,8 +115,6 @@ class Winding:
     after a restart of the program: wait five minutes then.
     """
 
-    __slots__ = ("_spec", "_started", "case_c", "temperature_c")
-
     def __init__(self, spec: WindingSpec) -> None:
         self._spec = spec
         self._started = False
@@ -142,7 +136,7 @@ class Winding:
         self.temperature_c += flow / spec.capacitance_j_k * over_s
 
     def rest(self, elapsed_s: float) -> None:
-        """Cool down without current; before the first sample nothing is known to be warm."""
+        """Cool down without current; does nothing before the first sample."""
         if self._started:
             self.warm(0.0, self.case_c, elapsed_s=elapsed_s)
 

@@ -1,6 +1,7 @@
 """Base class of drivers: the state, and the steps that most of them share."""
 
 import importlib
+from collections import deque
 from typing import Any, Literal, TypeVar
 
 from jointz.core.channels import CHANNEL_UNITS
@@ -10,6 +11,7 @@ from jointz.rig.devices.interface import Lifecycle
 UNCONFIGURED, INACTIVE, ACTIVE = Lifecycle.UNCONFIGURED, Lifecycle.INACTIVE, Lifecycle.ACTIVE
 FAULT, FINALISED = Lifecycle.FAULT, Lifecycle.FINALISED
 KindT = TypeVar("KindT", bound=str)
+SampleT = TypeVar("SampleT")
 
 
 class DriverBase:
@@ -53,6 +55,11 @@ def load_library(module: str, *, device: str, extra: str) -> Any:
         raise DeviceError(
             device, f'{library} is not installed. Install it: pip install "jointz[{extra}]".'
         ) from exc
+
+
+def drained(queue: deque[SampleT]) -> list[SampleT]:
+    """Return the samples that are queued now, oldest first; another thread may append more."""
+    return [queue.popleft() for _ in range(len(queue))]
 
 
 def channel_unit(channel: str, kind: KindT) -> tuple[str, KindT | Literal[""]]:

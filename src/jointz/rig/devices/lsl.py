@@ -3,12 +3,12 @@
 Tried with liblsl between two programs of one computer, never with an amplifier or a data logger,
 and never over a network.
 
-What to know of the time of its samples: the sender stamps them with its clock, and LSL measures
-how far that clock is from the one of this computer, every few seconds, to some 0.2 ms over a
-cable. The stamps here are moved by that offset, so that a sender whose clock drifts stays
-aligned; they are only as good as the sender's own stamps, which know nothing of what its
-hardware did before. Wireless networks deliver in bursts: use a cable. What arrives 0.1 s later
-than the fastest samples did is left out, so that the safety gate sees a stale sensor.
+Timing of its samples: the sender stamps them with its clock, and LSL measures the offset of that
+clock from the one of this computer, every few seconds, to some 0.2 ms over a cable. The stamps here
+are corrected by that offset, so that a sender whose clock drifts stays aligned; they are only as
+good as the sender's own stamps, which leave out the delay of its hardware. Wireless networks
+deliver in bursts: use a cable. Samples that arrive 0.1 s later than the fastest did are left out,
+so that the safety gate sees a stale sensor.
 """
 
 import contextlib
@@ -24,14 +24,14 @@ from jointz.rig.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, Drive
 from jointz.rig.devices.drivers import Driver
 from jointz.rig.devices.interface import SensorDescription, SensorSample
 
-#: What nobody fetched for so long is thrown away by liblsl.
+#: liblsl discards samples that are not fetched within this time.
 _BUFFER_S = 2  # of markers: 200
 _CHUNK = 256
 _MOST_CHUNKS = 32
 #: Without a sample for so long a sender is gone: one that crashed says nothing.
 _SILENCE_NS = 1_000_000_000
 _RATE_TOLERANCE = 0.01
-#: What comes by so much later than the fastest did was held up on its way: it is not new.
+#: Samples that arrive so much later than the fastest were delayed on their way: they are stale.
 _LATE_NS = 100_000_000
 #: Stamps of a sender that counts samples run away from the host's clock by less than this.
 _DRIFT = 1e-3
@@ -87,7 +87,7 @@ class LslSensor(DriverBase):
         try:
             self._inlet.flush()
         except LIBRARY_ERRORS as exc:
-            raise self._gone(exc) from exc
+            raise _gone(self._name, exc) from exc
         self._received_ns = self._now_ns()
         self._fastest = None
         self._state = ACTIVE
@@ -112,7 +112,7 @@ class LslSensor(DriverBase):
             if received:
                 self.offset_s = self._inlet.time_correction(0.0)
         except LIBRARY_ERRORS as exc:
-            raise self._gone(exc) from exc
+            raise _gone(self._name, exc) from exc
         return self._samples(received)
 
     def _samples(self, received: list[tuple[float, float]]) -> list[SensorSample]:
@@ -140,7 +140,7 @@ class LslSensor(DriverBase):
         return samples
 
     def _is_late(self, stamps: list[float], host_ns: int) -> bool:
-        """Tell whether the newest sample was held up on its way, against the fastest so far.
+        """Return whether the newest sample was delayed on its way, against the fastest so far.
 
         The clocks of host and stream need not have one zero; their difference may drift.
         """
@@ -168,9 +168,6 @@ class LslSensor(DriverBase):
                 f"sample_rate_hz: expected {spec.sample_rate_hz:g} Hz, it states {rate_hz:g} Hz.",
             )
 
-    def _gone(self, exc: Exception) -> NotConnectedError:
-        return _gone(self._name, exc)
-
 
 def open_inlet(
     name: str, stream: tuple[str, str], *, timeout_s: float, check: Callable[[Any], None]
@@ -190,7 +187,7 @@ def open_inlet(
             ids = ", ".join(repr(one.source_id()) for one in streams)
             raise DeviceError(name, f"{len(streams)} streams answer. Give source_id: one of {ids}.")
         check(streams[0])
-        # A stream that is recovered in silence would leave a gap that nobody hears of.
+        # A stream that liblsl recovers by itself would leave a gap without an error.
         inlet = library.StreamInlet(streams[0], max_buflen=_BUFFER_S, recover=False)
         inlet.open_stream(timeout_s)
         inlet.time_correction(timeout_s)  # the first takes a second, all others no time

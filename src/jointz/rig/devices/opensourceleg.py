@@ -33,7 +33,14 @@ from weakref import WeakValueDictionary
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError
-from jointz.rig.devices.driver_base import ACTIVE, FAULT, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.rig.devices.driver_base import (
+    ACTIVE,
+    FAULT,
+    INACTIVE,
+    UNCONFIGURED,
+    DriverBase,
+    drained,
+)
 from jointz.rig.devices.drivers import Driver
 from jointz.rig.devices.interface import Actuator, ActuatorDescription, ActuatorSample, Lifecycle
 from jointz.rig.devices.opensourceleg_polling import (
@@ -42,7 +49,6 @@ from jointz.rig.devices.opensourceleg_polling import (
     PolledDevice,
     PollingOf,
     PollingThread,
-    drained,
     made,
 )
 from jointz.rig.devices.opensourceleg_sensors import OpenSourceLegSensor, OpenSourceLegSource
@@ -124,7 +130,7 @@ class OpenSourceLegActuator(DriverBase):
         return self._output.is_zero
 
     def describe(self) -> ActuatorDescription:
-        """Return what the actuator says about itself, and that nobody tried it on hardware."""
+        """Return the description of the actuator; it says that nobody tried it on hardware."""
         return ActuatorDescription(
             name=self._name,
             model=f"opensourceleg {type(self._device.library).__name__}; {NEVER_TRIED}",
@@ -202,7 +208,7 @@ class OpenSourceLegActuator(DriverBase):
         if profile.gains is not None:
             library.set_current_gains(**profile.gains)
         self._output.write(0.0)
-        self._is_new()  # what is there before the first update was not measured in this session
+        self._is_new()  # marks a measurement of before this session as old
         self._polled_ns = self._device.clock.now_ns()
 
     def _target_nm(self) -> float:
@@ -294,7 +300,7 @@ def open_actuator(
 ) -> OpenSourceLegActuator:
     """Return the actuator of a ``device.toml``, ``UNCONFIGURED``."""
     del before
-    return OpenSourceLegActuator(made(keys.device, keys.arguments), keys.setup, clock=clock)
+    return OpenSourceLegActuator(made(keys.device, keys.arguments), keys, clock=clock)
 
 
 def open_sensor(keys: SensorKeys, channel: str, *, clock: Clock) -> OpenSourceLegSensor:

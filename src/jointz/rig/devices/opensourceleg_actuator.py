@@ -202,7 +202,7 @@ class _Face:
         velocity_threshold: float = 0.001,
         callback: Callable[[], None] | None = None,
     ) -> None:
-        """Move nothing: the angle is the joint's already. An offset is taken off it."""
+        """Move nothing, since the angle is that of the joint; subtract an offset from it."""
         del homing_voltage, homing_frequency, homing_direction
         del current_threshold, velocity_threshold
         self.set_motor_zero_position(output_position_offset * self.gear_ratio)  # type: ignore[attr-defined]
@@ -315,10 +315,7 @@ class _Face:
 
     @property
     def case_temperature(self) -> float:
-        """The one temperature there is, degrees Celsius."""
+        """The one measured temperature, degrees Celsius; also that of the winding."""
         return self._sample.temperature_c
 
-    @property
-    def winding_temperature(self) -> float:
-        """The one temperature there is, degrees Celsius."""
-        return self._sample.temperature_c
+    winding_temperature = case_temperature

@@ -13,10 +13,9 @@ the lock go, the loop blocks too.
 import importlib
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
@@ -124,7 +123,7 @@ class PolledDevice:
             self._let_go()
             raise NotConnectedError(
                 self.name,
-                f"opensourceleg could not start it: {told(exc)}. Check cable, supply and port.",
+                f"opensourceleg could not start it: {text_of(exc)}. Check cable, supply and port.",
             ) from exc
 
         def kept(due: bool) -> None:  # noqa: FBT001 - a Poll
@@ -158,7 +157,7 @@ class PolledDevice:
         if self.failure is not None:
             raise NotConnectedError(
                 self.name,
-                f"is lost: opensourceleg raised {told(self.failure)}. Check cable and supply.",
+                f"is lost: opensourceleg raised {text_of(self.failure)}. Check cable and supply.",
             ) from self.failure
 
     def _let_go(self, last: Callable[[], None] = lambda: None) -> None:
@@ -182,7 +181,7 @@ def made(kind: str, arguments: Mapping[str, Any]) -> Any:
         except ImportError as exc:
             raise DeviceError("opensourceleg", _missing(kind, exc)) from exc
         except (AttributeError, TypeError, ValueError, OSError) as exc:
-            raise DeviceError("opensourceleg", f"{kind} cannot be made: {told(exc)}.") from exc
+            raise DeviceError("opensourceleg", f"{kind} cannot be made: {text_of(exc)}.") from exc
 
 
 def _missing(kind: str, exc: ImportError) -> str:
@@ -200,14 +199,6 @@ def _lacking(exc: BaseException) -> str:
     return _lacking(exc.__cause__) if exc.__cause__ else "a library"
 
 
-SampleT = TypeVar("SampleT")
-
-
-def drained(queue: deque[SampleT]) -> list[SampleT]:
-    """Empty a queue that another thread fills, oldest first."""
-    return [queue.popleft() for _ in range(len(queue))]
-
-
-def told(exc: Exception) -> str:
-    """Return an exception in a few words."""
+def text_of(exc: Exception) -> str:
+    """Return type and message of an exception."""
     return f"{type(exc).__name__}: {exc}"

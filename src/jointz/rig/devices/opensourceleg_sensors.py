@@ -14,7 +14,7 @@ from typing import Any
 
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.rig.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase
+from jointz.rig.devices.driver_base import ACTIVE, INACTIVE, UNCONFIGURED, DriverBase, drained
 from jointz.rig.devices.interface import SensorDescription, SensorSample
 from jointz.rig.devices.opensourceleg_polling import (
     NEVER_TRIED,
@@ -22,7 +22,6 @@ from jointz.rig.devices.opensourceleg_polling import (
     PolledDevice,
     PollingOf,
     PollingThread,
-    drained,
 )
 from jointz.rig.devices.opensourceleg_setup import Reading
 
@@ -84,7 +83,7 @@ class OpenSourceLegSensor(DriverBase):
         self._sampled_ns = 0
 
     def describe(self) -> SensorDescription:
-        """Return what the sensor says about itself, and that nobody tried it on hardware."""
+        """Return the description of the sensor; it says that nobody tried it on hardware."""
         return SensorDescription(
             name=self._name,
             model=f"opensourceleg {type(self._device.library).__name__}; {NEVER_TRIED}",

@@ -9,16 +9,14 @@ from pydantic import Field
 
 from jointz.core.checked_model import CheckedModel
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.core.limits import SafetyLimits
+from jointz.core.limits import Positive, SafetyLimits
 from jointz.core.study import TorqueModelSpec
 from jointz.rig.devices.driver_base import channel_unit
 from jointz.rig.devices.drivers import DriverSettings
 
-Positive = Annotated[float, Field(gt=0)]
-
 
 class Profile(CheckedModel):
-    """How a class of opensourceleg's actuators counts, and how it is commanded.
+    """Units of a class of opensourceleg's actuators, and how it is commanded.
 
     ``ampere`` is one unit of its ``motor_current`` and ``set_motor_current``, A. ``supply`` is
     its property with the supply voltage (without it the voltage is NaN), ``volt`` one unit of
@@ -43,7 +41,7 @@ PROFILES: Mapping[str, Profile] = {
 
 
 class ActuatorSetup(CheckedModel):
-    """What a lab knows about an actuator and opensourceleg does not.
+    """Settings of an actuator that opensourceleg does not have.
 
     The gear ratio of ``torque_model`` must be the library's. Torque and current of ``limits``
     are also clamped in the adapter, whatever the safety gate let through. ``sign`` is -1 where
@@ -69,11 +67,6 @@ class ActuatorKeys(ActuatorSetup, DriverSettings):
 
     device: str
     arguments: dict[str, Any] = Field(default_factory=dict)
-
-    @property
-    def setup(self) -> ActuatorSetup:
-        """The setup alone."""
-        return ActuatorSetup(**{name: getattr(self, name) for name in ActuatorSetup.model_fields})
 
 
 class Reading(CheckedModel):
@@ -121,15 +114,9 @@ class SensorKeys(DriverSettings):
     def reading(self, channel: str) -> Reading:
         """Return how the channel is read."""
         unit, kind = channel_unit(channel, self.kind)
-        return Reading(
-            channel=channel,
-            unit=unit,
-            attribute=self.attribute,
-            index=self.index,
-            gain=self.gain,
-            offset=self.offset,
-            kind=kind,
-        )
+        shared = ("attribute", "index", "gain", "offset")
+        values = {name: getattr(self, name) for name in shared}
+        return Reading(channel=channel, unit=unit, kind=kind, **values)
 
 
 def profile_of(actuator: object) -> Profile:
@@ -145,7 +132,7 @@ def profile_of(actuator: object) -> Profile:
 
 
 def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
-    """Raise where an actuator cannot be used as it is set up."""
+    """Raise if an actuator cannot be used as it is set up."""
     name, model = str(actuator.tag), setup.torque_model
     if inspect.iscoroutinefunction(actuator.update):
         raise DeviceError(
@@ -164,7 +151,7 @@ def check_usable(actuator: Any, setup: ActuatorSetup) -> None:
 
 
 def check_port(actuator: object, name: str) -> None:
-    """Raise where opensourceleg would end the whole process: at a port it cannot open."""
+    """Raise if the port cannot be opened: opensourceleg would end the whole process."""
     port = getattr(actuator, "port", None)
     if isinstance(port, str) and port.startswith("/") and not os.access(port, os.R_OK | os.W_OK):
         raise NotConnectedError(

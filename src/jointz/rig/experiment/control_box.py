@@ -64,8 +64,6 @@ def read_setting(text: str) -> tuple[str, float]:
 class ControlBox:
     """The session's side: created with the session, read at every tick."""
 
-    __slots__ = ("_file", "_map", "_path", "_taken", "refused")
-
     def __init__(self, path: Path) -> None:
         with whole_file(path) as partial:
             partial.write_bytes(_MAGIC + bytes(_SIZE - len(_MAGIC)))

@@ -54,29 +54,6 @@ class ControllerRunner:
         Whether torque fades out in this tick.
     """
 
-    __slots__ = (
-        "_angle_gain",
-        "_angle_zero_rad",
-        "_changes",
-        "_condition",
-        "_controller",
-        "_fade_step",
-        "_gain",
-        "_held",
-        "_journal",
-        "_paused",
-        "_period_s",
-        "_rise",
-        "_segment",
-        "_slot",
-        "_targets",
-        "_values",
-        "_values_view",
-        "fading",
-        "failure",
-        "name",
-    )
-
     def __init__(
         self,
         condition: str,
@@ -205,14 +182,9 @@ class ControllerRunner:
         self._write(event, name=name, before=before, after=value, slot=self._slot + 1)
 
     def _write_begin(self, spec: ControllerSpec, settings: RunnerSettings) -> None:
+        numbers = ("value", "low", "high", "rate_per_s")
         parameters = {
-            name: {
-                "value": float(one.value),
-                "low": float(one.low),
-                "high": float(one.high),
-                "rate_per_s": float(one.rate_per_s),
-                "unit": one.unit,
-            }
+            name: {**{key: float(getattr(one, key)) for key in numbers}, "unit": one.unit}
             for name, one in self._controller.parameters.items()
         }
         self._write(

@@ -22,30 +22,6 @@ _MOST_CUT = 3
 class PulseRunner:
     """Runs one pulse at a time, from its timing point to its end."""
 
-    __slots__ = (
-        "_broken_off",
-        "_condition",
-        "_counted",
-        "_course",
-        "_courses",
-        "_cuts",
-        "_half_period_ns",
-        "_journal",
-        "_onset_ns",
-        "_onset_slot",
-        "_paused",
-        "_scheduler",
-        "_segment",
-        "_slot",
-        "_to_come",
-        "_was_steady",
-        "_why",
-        "aborted",
-        "active",
-        "completed",
-        "withheld",
-    )
-
     def __init__(
         self,
         condition: str,

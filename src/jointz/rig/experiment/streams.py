@@ -18,29 +18,15 @@ class Streams:
     Nobody acts on a ``dispensable`` one: its age does not count.
     """
 
-    __slots__ = (
-        *_NAMES,
-        "_last_ns",
-        "_reads",
-        "newest_actuator",
-        "newest_angle",
-        "newest_contact",
-        "parts",
-    )
-
     def __init__(self, devices: Devices, *, dispensable: Collection[str] = ()) -> None:
         present = [(n, device) for n in _NAMES if (device := getattr(devices, n)) is not None]
         self._reads = [(name, device.read) for name, device in present]
         #: When each device last gave a sample, -1 before the first.
         self._last_ns = dict.fromkeys((n for n, _ in present if n not in dispensable), -1)
         self.actuator: list[ActuatorSample] = []
-        self.angle: list[SensorSample] = []
-        self.torque: list[SensorSample] = []
-        self.positioner: list[SensorSample] = []
-        self.contact: list[SensorSample] = []
-        self.joint_encoder: list[SensorSample] = []
-        self.shank_velocity: list[SensorSample] = []
-        self.thigh_velocity: list[SensorSample] = []
+        no_samples: list[SensorSample] = []  # replaced by every read, never appended to
+        self.angle = self.torque = self.positioner = self.contact = no_samples
+        self.joint_encoder = self.shank_velocity = self.thigh_velocity = no_samples
         self.newest_actuator = NO_ACTUATOR_SAMPLE
         self.newest_angle = NO_SENSOR_SAMPLE
         self.newest_contact = NO_SENSOR_SAMPLE

@@ -51,8 +51,6 @@ class TrialSettings:
 class Motor:
     """The actuator of a trial with everything between a wanted torque and its command."""
 
-    __slots__ = ("applied", "command_torque", "gate", "stop", "zero_torque")
-
     def __init__(self, devices: Devices, gate: SafetyGate) -> None:
         if devices.actuator is None:
             raise ValueError("expected devices with an actuator.")
@@ -366,8 +364,6 @@ class AppliedTorque:
     the record, without delay.
     """
 
-    __slots__ = ("_acceleration", "_constant", "_model", "_rate_hz", "_share", "_velocity")
-
     def __init__(self, model: TorqueModelSpec, *, sample_period_s: float) -> None:
         self._model = model
         self._constant = model.gear_ratio * model.torque_constant
@@ -396,8 +392,6 @@ class AppliedTorque:
 
 class ZeroTorque:
     """Zero-torque control: compensates the friction that the wearer would feel."""
-
-    __slots__ = ("_coulomb", "_per_torque", "_viscous")
 
     def __init__(self, model: TorqueModelSpec) -> None:
         self._coulomb = _COMPENSATED * model.coulomb_friction

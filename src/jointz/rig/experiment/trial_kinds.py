@@ -1,4 +1,4 @@
-"""Kinds of trials: walking, with a controller, on a bench; :class:`TrialKind` has what differs."""
+"""Kinds of trials: walking (with pulses or a controller) and bench; see :class:`TrialKind`."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -106,7 +106,7 @@ class TrialSetup:
 
 
 def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
-    """Return a stretch of walking with the pulses that are not done yet or a random torque."""
+    """Return a stretch of walking with the pulses that are not done yet, or with a controller."""
     protocol, condition, done = setup.protocol, setup.condition, len(setup.done)
     if protocol.gait is None:
         raise ProtocolError(protocol.name, ["gait: missing; a walking session needs it."])
@@ -133,66 +133,43 @@ def walking_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
         recorder=setup.recorder,
         clock=setup.clock,
         progress=lambda strides, completed: progress(strides, done + completed, len(setup.pulses)),
-        controller=_random_torque(setup),
+        controller=_controller_runner(setup),
     )
 
 
-def _random_torque(setup: TrialSetup) -> ControllerRunner | None:
-    """Return the runner of the condition's random torque; None if it has none."""
-    noise = setup.condition.torque_nm
-    if not isinstance(noise, Noise):
+def _controller_runner(setup: TrialSetup) -> ControllerRunner | None:
+    """Return the runner of the condition's controller or random torque; None without either."""
+    spec, noise = setup.condition.controller, setup.condition.torque_nm
+    controller: Controller
+    if spec is not None:
+        controller = _protocol_controller(spec, setup)
+    elif isinstance(noise, Noise):
+        # A new random sequence for every stretch: a resumed one does not repeat the torque.
+        rng = setup.rng.spawn(setup.segment + 1)[-1]
+        controller = RandomTorque(noise, rate_hz=setup.protocol.rates.control_hz, rng=rng)
+        spec = ControllerSpec(name="random_torque")
+    else:
         return None
     if setup.gate is None:
         raise ProtocolError(setup.protocol.name, [f"{setup.name} needs an actuator."])
-    # Every stretch has its own: one that goes on after a stop does not repeat the torque.
-    rng = setup.rng.spawn(setup.segment + 1)[-1]
-    made = RandomTorque(noise, rate_hz=setup.protocol.rates.control_hz, rng=rng)
-    return _runner(setup, setup.gate, ControllerSpec(name="random_torque"), made)
-
-
-def _runner(
-    setup: TrialSetup, gate: SafetyGate, spec: ControllerSpec, controller: Controller
-) -> ControllerRunner:
+    settings = RunnerSettings(
+        setup.period_ns, setup.gate.fade_s, setup.angle_zero_rad, setup.angle_gain
+    )
     return ControllerRunner(
-        setup.name,
-        setup.segment,
-        spec,
-        controller,
-        journal=setup.journal,
-        settings=RunnerSettings(
-            setup.period_ns,
-            gate.fade_s,
-            setup.angle_zero_rad,
-            setup.angle_gain,
-        ),
+        setup.name, setup.segment, spec, controller, journal=setup.journal, settings=settings
     )
 
 
-def control_trial(setup: TrialSetup, progress: ProgressCallback) -> Trial:
-    """Return a stretch of walking under a controller."""
-    protocol, condition, gate = setup.protocol, setup.condition, setup.gate
-    spec = condition.controller
-    if protocol.gait is None or spec is None or gate is None:
-        raise ProtocolError(
-            protocol.name, [f"{setup.name} needs gait, a controller and an actuator."]
-        )
-    made = make_controller(spec, protocol=protocol, wearer=setup.wearer)
+def _protocol_controller(spec: ControllerSpec, setup: TrialSetup) -> Controller:
+    """Return the controller that the protocol names; refuse one that changed between stretches."""
+    controller = make_controller(spec, protocol=setup.protocol, wearer=setup.wearer)
     before = setup.controlled_by
-    if before is not None and before != json.loads(json.dumps(dict(made.describe()))):
+    if before is not None and before != json.loads(json.dumps(dict(controller.describe()))):
         raise DataError(
             f"{setup.name}: '{spec.name}' is another controller than in the stretch before: its "
             "profile, settings or version changed. Restore them, or begin another study."
         )
-    return Trial(
-        TrialSettings(protocol.gait, setup.period_ns, condition.strides or 0, setup.contact_levels),
-        devices=setup.devices,
-        motor=Motor(setup.devices, gate),
-        pulses=None,
-        controller=_runner(setup, gate, spec, made),
-        recorder=setup.recorder,
-        clock=setup.clock,
-        progress=lambda strides, _: progress(strides, 0, 0),
-    )
+    return controller
 
 
 def bench_trial(setup: TrialSetup, progress: ProgressCallback) -> BenchTrial:
@@ -227,7 +204,7 @@ def _walking_plan(
 
 @dataclass(frozen=True, slots=True)
 class TrialKind:
-    """Differences between trials of walking, with a controller, and those of a bench."""
+    """Differences between trials of walking and those of a bench."""
 
     pulse: type[PlannedPulse] | type[TimedPulse]  # class of its planned pulses
     make_plan: Callable[[ConditionSpec, tuple[Pulse, ...], np.random.Generator], Sequence[Any]]
@@ -249,9 +226,6 @@ def _walking_layout(devices: Devices) -> Layout:
 WALKING_TRIALS = TrialKind(
     PlannedPulse, _walking_plan, _walking_layout, walking_trial, resumes=True
 )
-CONTROL_TRIALS = TrialKind(
-    PlannedPulse, _walking_plan, _walking_layout, control_trial, resumes=True
-)
 BENCH_TRIALS = TrialKind(
     TimedPulse,
     make_bench_plan,
@@ -263,8 +237,7 @@ BENCH_TRIALS = TrialKind(
 
 def trial_kind(protocol: ProtocolSpec) -> TrialKind:
     """Return the kind of the trials of a protocol."""
-    kinds = {"walking": WALKING_TRIALS, "control": CONTROL_TRIALS}
-    return kinds.get(protocol.kind, BENCH_TRIALS)
+    return WALKING_TRIALS if protocol.by_gait else BENCH_TRIALS
 
 
 class RandomTorque:

@@ -66,11 +66,11 @@ CalibrationOption = Annotated[
 class _Prompting:
     """The operator at the terminal: reads what to do and presses Enter."""
 
-    def __init__(self, alone: Callable[[], AbstractContextManager[None]]) -> None:
-        self._alone = alone  # makes a context in which nothing else is drawn on the terminal
+    def __init__(self, paused: Callable[[], AbstractContextManager[None]]) -> None:
+        self._paused = paused  # makes a context in which no progress is drawn on the terminal
 
     def prompt(self, text: str) -> None:
-        with self._alone():
+        with self._paused():
             try:
                 typer.prompt(f"{text} [Enter]", default="", show_default=False, err=True)
             except typer.Abort:  # by Ctrl-C or the end of input, in the middle of the line
@@ -177,15 +177,11 @@ def _resume_advised(out: Path) -> Iterator[None]:
 
 def _numbers(made: "StudyRun") -> dict[str, Any]:
     table = made.report.to_frame()
+    outcomes = ("planned", "completed", "missed", "aborted", "lost", "withdrawn")
     return {
         "protocol": made.report.protocol,
         "seed": made.report.seed,
-        "pulses_planned": int(table["planned"].sum()),
-        "pulses_completed": int(table["completed"].sum()),
-        "pulses_missed": int(table["missed"].sum()),
-        "pulses_aborted": int(table["aborted"].sum()),
-        "pulses_lost": int(table["lost"].sum()),
-        "pulses_withdrawn": int(table["withdrawn"].sum()),
+        **{f"pulses_{outcome}": int(table[outcome].sum()) for outcome in outcomes},
         "onsets": made.report.onset_rows(),
         "gaps": [dict(row) for row in made.report.gaps],
         "timing": [dict(row) for row in made.report.timing],

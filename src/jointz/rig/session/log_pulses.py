@@ -8,7 +8,7 @@ import numpy as np
 
 from jointz.core.session_log import Flag
 from jointz.io.log_reader import SessionLog
-from jointz.rig.experiment.files.journal import Event, pulses_done
+from jointz.rig.experiment.files.journal import Event, events_of, pulses_done
 from jointz.rig.experiment.plan import PlannedPulse
 
 
@@ -64,19 +64,12 @@ def damaged_s(log: SessionLog, time_s: np.ndarray, new: np.ndarray) -> list[tupl
 
 def begun_pulses(events: Sequence[Event], condition: str, segment: int) -> dict[int, int]:
     """Return the pulses that began in a log by the journal: first tick -> number."""
-    return {
-        event["slot"]: event["pulse"]
-        for event in _events_of(events, "pulse_started", condition, segment)
-    }
-
-
-def _events_of(events: Sequence[Event], event: str, condition: str, segment: int) -> list[Event]:
-    stretch = (event, condition, segment)
-    return [e for e in events if (e["event"], e["condition"], e.get("segment")) == stretch]
+    started = events_of(events, "pulse_started", condition)
+    return {e["slot"]: e["pulse"] for e in started if e.get("segment") == segment}
 
 
 def pulses_of_log(log: SessionLog, begun: Mapping[int, int]) -> list[PulseOfLog]:
-    """Return the pulses of a log, shams too, in order; also those that damage hides."""
+    """Return the pulses of a log in order, with shams and with those that damage hides."""
     ticks = ticks_of(log.records)
     number, slot = ticks["pulse"].astype(int), ticks["slot"].astype(int)
     # A pulse in a lost end stands in the journal alone, and is lost.
@@ -123,8 +116,8 @@ def pulse_rows(
     """
     name, segment = log.header["condition"], log.header["segment"]
     done = pulses_done(events, name)
-    completions = _events_of(events, "pulse_completed", name, segment)
-    ended = {event["onset_slot"]: event.get("slot") for event in completions}
+    completed = events_of(events, "pulse_completed", name)
+    ended = {e["onset_slot"]: e.get("slot") for e in completed if e.get("segment") == segment}
     last_slot = int(log.records["slot"][-1])
     felt = [
         pulse
@@ -156,7 +149,7 @@ def pulse_rows(
 def _times_of(
     slots: np.ndarray, log: SessionLog, time_s: np.ndarray, new: np.ndarray
 ) -> np.ndarray:
-    """Return when ticks were, by the time of the newest sample read by then, s."""
+    """Return the times of ticks, by the newest sample read until then, s."""
     sampled = log.records["slot"][new].astype(np.int64)
     newest = (np.searchsorted(sampled, slots, side="right") - 1).clip(0)
     late = (slots - sampled[newest]) / float(log.header["control_hz"])

@@ -46,14 +46,7 @@ from jointz.rig.session.rigs.rig_settings import (
 from jointz.rig.session.run_claim import REPORT_FILE, STUDY_FILE, claimed
 from jointz.rig.session.run_settings import SESSIONS, RunSettings, recording_name
 from jointz.rig.session.study_file import exclusions_csv, study_toml
-from jointz.tasks.engine import (
-    Done,
-    Engine,
-    Processes,
-    Serial,
-    Task,
-    done_in_turn,
-)
+from jointz.tasks.engine import Done, Engine, Processes, Serial, Task, done_in_turn
 from jointz.tasks.open_engine import open_engine
 from jointz.tasks.process_pool import spawn_context, spawned_pool
 from jointz.tasks.progress import RunProgress
@@ -255,8 +248,8 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     """Write what belongs to the whole study; ``study.toml`` comes last and says it is complete."""
     protocol, study = settings.protocol, settings.study
     rigs = [open_rig(rig, number) for number in range(len(reports))]
-    people: list[Wearer] = [one.wearer for one in rigs]
-    _see_that_all_is_there(settings, people)
+    people = [one.wearer for one in rigs]
+    _check_recordings_exist(settings, people)
     report = RunReport(
         protocol=protocol.name,
         seed=settings.seed,
@@ -274,13 +267,11 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     if aborted and not (study / "exclusions.csv").exists():
         write_whole(study / "exclusions.csv", exclusions_csv(aborted, now()))
     models = [r["torque_model"] for r in reports if r["torque_model"]]
+    calibrations = (_calibration(settings, one, r) for one, r in zip(rigs, reports, strict=True))
     text = study_toml(
         protocol,
         people,
-        {
-            one.wearer.id: _calibration(settings, one, r)
-            for one, r in zip(rigs, reports, strict=True)
-        },
+        {person.id: entries for person, entries in zip(people, calibrations, strict=True)},
         TorqueModelSpec.model_validate(models[0]) if models else None,
         devices=next((r["devices"] for r in reports if "devices" in r), None),
         worn=next((one.device for one in rigs), None),
@@ -291,7 +282,7 @@ def _finish(settings: RunSettings, rig: RigSettings, reports: list[dict[str, Any
     return StudyRun(study, report)
 
 
-def _see_that_all_is_there(settings: RunSettings, people: Sequence[Wearer]) -> None:
+def _check_recordings_exist(settings: RunSettings, people: Sequence[Wearer]) -> None:
     """Refuse to call a study complete whose recordings are elsewhere."""
     names = [recording_name(p.id, c.name) for p in people for c in settings.protocol.conditions]
     missing = [name for name in names if not (settings.study / name).is_file()]
@@ -342,27 +333,27 @@ def run_people(
     progress: RunProgress | None,
 ) -> list[dict[str, Any]]:
     """Run every participant and return their reports in order."""
-    tell = progress or _silent
+    report = progress or _no_progress
     alone = scheduler is None and (workers == 1 or count == 1)
-    call: Callable[..., dict[str, Any]] = _run_one
+    call: Callable[..., dict[str, Any]] = _run_in_worker
     if alone:
-        call = partial(_run_here, operator=operator or NoOperator(), tell=tell)
+        call = partial(_run_here, operator=operator or NoOperator(), report=report)
     else:  # workers may have been started in another folder
         settings = replace(settings, study=settings.study.absolute())
     tasks = [
         Task(f"participant {n + 1} (seed {rig.seed})", partial(call, settings, rig, n))
         for n in range(count)
     ]
-    with _engine(scheduler, 1 if alone else min(workers, count), tell) as engine:
+    with _engine(scheduler, 1 if alone else min(workers, count), report) as engine:
         stops = rig.hardware is not None or settings.attended or (alone and operator is not None)
         return _reports(done_in_turn(engine, tasks), stops=stops)
 
 
-def _reports(coming: Iterable[Done[dict[str, Any]]], *, stops: bool) -> list[dict[str, Any]]:
-    """Return what every participant came to; who failed is told, the first by its own error."""
+def _reports(outcomes: Iterable[Done[dict[str, Any]]], *, stops: bool) -> list[dict[str, Any]]:
+    """Return the reports; raise the first failure, with a note for every other one."""
     done: list[Done[dict[str, Any]]] = []
     failed: list[tuple[str, Exception]] = []
-    for outcome in coming:
+    for outcome in outcomes:
         done.append(outcome)
         if outcome.error is not None:
             failed.append((outcome.name, outcome.error))
@@ -374,7 +365,7 @@ def _reports(coming: Iterable[Done[dict[str, Any]]], *, stops: bool) -> list[dic
 
 
 @contextmanager
-def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[Engine]:
+def _engine(scheduler: str | None, workers: int, report: RunProgress) -> Iterator[Engine]:
     if scheduler is not None:
         with open_engine(scheduler, workers=workers, tasks=workers, needs=__name__) as engine:
             yield engine
@@ -383,16 +374,16 @@ def _engine(scheduler: str | None, workers: int, tell: RunProgress) -> Iterator[
         yield Serial()
         return
     # A session that was cut off goes on from its journal.
-    with closing(Processes(workers, partial(_session_pool, workers, tell))) as processes:
+    with closing(Processes(workers, partial(_session_pool, workers, report))) as processes:
         yield processes
 
 
 @contextmanager
-def _session_pool(workers: int, tell: RunProgress) -> Iterator[ProcessPoolExecutor]:
+def _session_pool(workers: int, report: RunProgress) -> Iterator[ProcessPoolExecutor]:
     """Yield a pool of processes that report the progress of their sessions and stop gently."""
     queue = spawn_context().Queue()
     over = threading.Event()
-    threading.Thread(target=_pass_on, args=(queue, tell, over), daemon=True).start()
+    threading.Thread(target=_pass_on, args=(queue, report, over), daemon=True).start()
     try:
         with spawned_pool(workers, _begin_worker, queue, needs=__name__) as pool:
             yield pool
@@ -400,10 +391,10 @@ def _session_pool(workers: int, tell: RunProgress) -> Iterator[ProcessPoolExecut
         over.set()
 
 
-def _pass_on(queue: Any, tell: RunProgress, over: threading.Event) -> None:
+def _pass_on(queue: Any, report: RunProgress, over: threading.Event) -> None:
     while not over.is_set():
         with suppress(Empty):
-            tell(*queue.get(timeout=_POLL_S))
+            report(*queue.get(timeout=_POLL_S))
 
 
 def _begin_worker(until: Connection, queue: Any) -> None:
@@ -450,29 +441,20 @@ def _stopped_gently() -> Iterator[None]:
         yield
 
 
-def _run_one(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
+def _run_in_worker(settings: RunSettings, rig: RigSettings, number: int) -> dict[str, Any]:
     with _stopped_gently():
-        opened = open_rig(rig, number)
         queue = _WORKER.get("queue")  # a cluster's workers have none
-        tell = _silent if queue is None else (lambda *told: queue.put(told))
-        progress = _named(tell, opened.wearer.id)
-        return run_participant(opened, settings, operator=NoOperator(), progress=progress)
+        report = _no_progress if queue is None else (lambda *progress: queue.put(progress))
+        return _run_here(settings, rig, number, operator=NoOperator(), report=report)
 
 
 def _run_here(
-    settings: RunSettings, rig: RigSettings, number: int, *, operator: Operator, tell: RunProgress
+    settings: RunSettings, rig: RigSettings, number: int, *, operator: Operator, report: RunProgress
 ) -> dict[str, Any]:
     opened = open_rig(rig, number)
-    progress = _named(tell, opened.wearer.id)
+    progress = partial(report, opened.wearer.id)
     return run_participant(opened, settings, operator=operator, progress=progress)
 
 
-def _named(tell: RunProgress, participant: str) -> Callable[[str, int, int, int], None]:
-    def told(condition: str, strides: int, done: int, planned: int) -> None:
-        tell(participant, condition, strides, done, planned)
-
-    return told
-
-
-def _silent(participant: str, condition: str, strides: int, done: int, planned: int) -> None:
-    del participant, condition, strides, done, planned
+def _no_progress(*_: object) -> None:
+    """Report no progress."""

@@ -1,4 +1,4 @@
-"""Before a session goes on: see that the logs hold what the journal claims."""
+"""Comparison of the logs of a session with its journal, before the session continues."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +13,7 @@ from jointz.io.log_reader import SessionLog, read_log
 from jointz.rig.experiment.files.journal import (
     Event,
     Journal,
+    events_of,
     is_completed,
     pulses_done,
     pulses_withdrawn,
@@ -164,14 +165,12 @@ def _touched(log: SessionLog, events: list[Event]) -> list[int]:
 
 
 def _beyond_end(log: SessionLog, events: list[Event]) -> list[int]:
-    """Return the numbers of the pulses that ended behind the last intact record."""
-    last, about = log.records["slot"].max(initial=0), ("condition", "segment")
+    """Return the numbers of the pulses that ended after the last intact record."""
+    last = log.records["slot"].max(initial=0)
     return [
         event["pulse"]
-        for event in events
-        if event["event"] == "pulse_completed"
-        and event.get("slot", 0) - 1 > last
-        and all(event[key] == log.header[key] for key in about)
+        for event in events_of(events, "pulse_completed", log.header["condition"])
+        if event["segment"] == log.header["segment"] and event.get("slot", 0) - 1 > last
     ]
 
 

@@ -27,6 +27,7 @@ from jointz.io.log_reader import SessionLog, read_log
 from jointz.rig.devices.interface import Stretch
 from jointz.rig.experiment.files.journal import (
     Event,
+    events_of,
     pulses_done,
     pulses_withdrawn,
     segments_begun,
@@ -38,7 +39,7 @@ from jointz.rig.session.log_pulses import damaged_s, pulse_rows, ticks_of
 from jointz.rig.session.run_settings import recording_name
 from jointz.rig.session.stream_alignment import LogStreams
 
-#: Between two stretches of a recording: a hole that nobody takes for walking.
+#: Between two stretches of a recording: longer than any stride, so it counts as a gap.
 PAUSE_S = 10.0
 _CLOCKS = {
     "actuator": "actuator_time_ns",
@@ -288,8 +289,7 @@ class WalkingRecordings(SessionRecordings):
             **{
                 outcome: [
                     event["pulse"]
-                    for event in self.events
-                    if (event["event"], event["condition"]) == (f"pulse_{outcome}", condition.name)
+                    for event in events_of(self.events, f"pulse_{outcome}", condition.name)
                 ]
                 for outcome in ("missed", "aborted", "lost")
             },

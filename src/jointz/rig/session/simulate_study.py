@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from jointz.rig.devices.interface import Stretch
 from jointz.rig.session.run import TRUTH_FILE
 from jointz.rig.session.run_claim import STUDY_FILE
 from jointz.rig.session.run_settings import pulses_name, recording_name
-from jointz.rig.session.study_file import STUDY_UNITS
+from jointz.rig.session.study_file import STUDY_UNITS, participant_lines
 from jointz.rig.sim.descriptions import exoskeleton
 from jointz.rig.sim.direct_walk import QUICK_GRID, WalkPlan, walk_directly
 from jointz.rig.sim.people import Person, draw_person
@@ -159,6 +159,8 @@ def _known(rig: SimulatedRig, lag_sd_s: float | None) -> CalibrationSpec:
 def _study_toml(
     rigs: Sequence[SimulatedRig], known: Sequence[CalibrationSpec], plan: WalkPlan
 ) -> str:
+    moving = draw_motion_instruments(rigs[0].person, rigs[0].preset)
+    units = _UNITS | {name: CHANNEL_UNITS[name][0] for name in moving}
     model = exoskeleton(rigs[0].build(worn=True)).torque_model.model_dump(exclude_defaults=True)
     lines = [
         "# Written by jointz: simulated people, walked without the runtime.",
@@ -171,7 +173,7 @@ def _study_toml(
         f"torque_model = {written_table(model)}",
         *(
             f"channels.{name} = {written_table({'column': name, 'unit': unit})}"
-            for name, unit in (_UNITS | _moved_units(rigs[0])).items()
+            for name, unit in units.items()
         ),
         'channels.contact = { column = "contact", kind = "contact" }',
         f"perturbations.timing_points = {written_table(dict(plan.timing_points))}",
@@ -179,27 +181,10 @@ def _study_toml(
     if rigs[0].device is not None:
         lines += [f"device = {written_table(rigs[0].device.model_dump())}"]
     for rig, calibration in zip(rigs, known, strict=True):
-        lines += _participant(rig.person, calibration.model_dump(exclude_none=True))
+        lines += ["", "[[participants]]", *participant_lines(rig.wearer, calibration)]
     for rig in rigs:
         lines += _recordings(rig.person.id)
     return "\n".join(lines) + "\n"
-
-
-def _moved_units(rig: SimulatedRig) -> dict[str, str]:
-    """Return the units of the sensors that a rig has beside the goniometer."""
-    channels = draw_motion_instruments(rig.person, rig.preset)
-    return {name: CHANNEL_UNITS[name][0] for name in channels}
-
-
-def _participant(person: Person, known: Mapping[str, Any]) -> list[str]:
-    lines = [
-        "",
-        "[[participants]]",
-        f"id = {written_text(person.id)}",
-        f"mass_kg = {person.mass_kg:.2f}",
-        f"height_m = {person.height_m:.3f}",
-    ]
-    return lines + ([f"calibration = {written_table(dict(known))}"] if known else [])
 
 
 def _recordings(participant: str) -> list[str]:

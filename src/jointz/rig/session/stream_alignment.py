@@ -1,12 +1,13 @@
-"""Bring the streams of a log, each by the clock of its device, to the times of one of them.
+"""Alignment of the streams of a log, each on the clock of its device, to the times of one of them.
 
-Clocks of devices tell other times than the host's and run at other rates: 50 parts in
-a million are 85 ms in half an hour. When a sample was taken by the host's clock is
-told by those that came fastest: nothing arrives before it was measured.
+Clocks of devices have other zeros and rates than the host's: 50 parts in a million are 85 ms in
+half an hour. The offset between the clocks is taken from the samples that came fastest, since
+nothing arrives before it was measured.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,9 +52,9 @@ class LogStreams:
         self._fits: dict[str, ClockFit] = {}
 
     def fresh(self, clock: str) -> np.ndarray:
-        """Tell which records hold a sample of a device that is newer than all before it.
+        """Return which records hold a sample of a device that is newer than all before it.
 
-        A clock that stands still or jumps back measures nothing that could be placed.
+        A sample whose clock stands still or jumps back cannot be placed in time.
         """
         if clock not in self._fresh:
             times = self.records[clock]
@@ -75,7 +76,7 @@ class LogStreams:
         return self._fits[clock]
 
     def onto(self, field: str, *, clock: str, master: str, interpolated: bool = True) -> np.ndarray:
-        """Return what a device measured at the times of the master's samples.
+        """Return a field of a device at the times of the master's samples.
 
         Devices sampled in step share their times and are taken as they are. Others
         are placed by the host's clock (:meth:`fit`) and interpolated.
@@ -120,8 +121,8 @@ def _fit_clock(times: np.ndarray, way: np.ndarray) -> ClockFit:
     """Fit a clock to the host's; ``way`` is host time minus device time."""
     first = int(times[0])
     block = (times - first) // _BLOCK_NS
-    edges = np.flatnonzero(np.diff(block, prepend=-1))
-    fastest = np.array([a + int(np.argmin(way[a:b])) for a, b in _blocks(edges, way.size)])
+    starts = np.flatnonzero(np.diff(block, prepend=-1)).tolist()
+    fastest = np.array([a + int(np.argmin(way[a:b])) for a, b in pairwise([*starts, way.size])])
     least = int(way.min())
     if fastest.size < _FEWEST_BLOCKS:
         return ClockFit(first, least, 0.0, 0.0)
@@ -132,7 +133,3 @@ def _fit_clock(times: np.ndarray, way: np.ndarray) -> ClockFit:
     return ClockFit(
         first, least + round(at_start), float(drift), float(np.abs(residual).max()) * 1e-6
     )
-
-
-def _blocks(edges: np.ndarray, n: int) -> list[tuple[int, int]]:
-    return list(zip(edges.tolist(), [*edges[1:].tolist(), n], strict=True))

@@ -1,4 +1,4 @@
-"""Write the ``study.toml`` of an experiment that jointz ran."""
+"""Text of the ``study.toml`` of an experiment that jointz ran, and of its tables."""
 
 import csv
 import io
@@ -76,7 +76,7 @@ def study_toml(
         lines += ["", "[planned_half_width_pct]"]
         lines += [f"{name} = {written_table(by_point)}" for name, by_point in planned]
     for person in people:
-        lines += ["", "[[participants]]", *_participant(person, calibrations[person.id])]
+        lines += ["", "[[participants]]", *participant_lines(person, calibrations[person.id])]
     for person in people:
         lines += _recordings(person.id, protocol)
     return "\n".join(lines) + "\n"
@@ -135,7 +135,8 @@ def _bench_units(devices: Mapping[str, Any]) -> dict[str, str]:
     return units
 
 
-def _participant(person: Wearer, calibration: CalibrationSpec) -> list[str]:
+def participant_lines(person: Wearer, calibration: CalibrationSpec) -> list[str]:
+    """Return the keys of a participant."""
     lines = [f"id = {written_text(person.id)}"]
     if person.mass_kg is not None:
         lines.append(f"mass_kg = {person.mass_kg:.2f}")

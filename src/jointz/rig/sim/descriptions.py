@@ -1,15 +1,15 @@
-"""Descriptions of the simulated devices that a participant wears."""
-
-from dataclasses import replace
+"""Descriptions of the simulated devices."""
 
 from jointz.core.channels import CHANNEL_UNITS
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
 from jointz.rig.devices.interface import ActuatorDescription, SensorDescription
+from jointz.rig.sim.benches.qdd_bench import QddMachine
+from jointz.rig.sim.presets import ActuatorSettings
 from jointz.rig.sim.walking.layout import Fault
 from jointz.rig.sim.walking.plant_build import PlantBuild
 
-#: What the simulated exoskeleton may be asked for and must not reach.
+#: Limits of the simulated exoskeleton.
 EXOSKELETON_LIMITS = SafetyLimits(
     torque_nm=25.0,
     torque_rate_nm_s=40000.0,
@@ -37,14 +37,19 @@ def exoskeleton(build: PlantBuild) -> ActuatorDescription:
         sample_rate_hz=build.grid.sample_rate_hz,
         command_timeout_s=settings.command_timeout_s,
         limits=EXOSKELETON_LIMITS,
-        torque_model=TorqueModelSpec(
-            gear_ratio=settings.gear_ratio,
-            torque_constant=settings.torque_constant,
-            coulomb_friction=settings.coulomb_friction,
-            gear_friction=settings.gear_friction,
-            rotor_inertia=settings.rotor_inertia,
-        ),
+        torque_model=torque_model_of(settings),
         fault_names={int(fault): fault.name.lower() for fault in Fault},
+    )
+
+
+def torque_model_of(motor: ActuatorSettings | QddMachine) -> TorqueModelSpec:
+    """Return the torque model that is stated of a quasi-direct drive."""
+    return TorqueModelSpec(
+        gear_ratio=motor.gear_ratio,
+        torque_constant=motor.torque_constant,
+        coulomb_friction=motor.coulomb_friction,
+        gear_friction=motor.gear_friction,
+        rotor_inertia=motor.rotor_inertia,
     )
 
 
@@ -68,12 +73,11 @@ def inverse_dynamics(build: PlantBuild) -> SensorDescription:
 
 def footswitch(build: PlantBuild) -> SensorDescription:
     """Describe the switch under the heel."""
-    described = _sensor(build, "footswitch", "heel switch", channel="contact", unit="1")
-    return replace(described, kind="contact")
+    return _sensor(build, "footswitch", "heel switch", channel="contact", unit="1", kind="contact")
 
 
 def _sensor(
-    build: PlantBuild, name: str, model: str, *, channel: str, unit: str
+    build: PlantBuild, name: str, model: str, *, channel: str, unit: str, kind: str = ""
 ) -> SensorDescription:
     return SensorDescription(
         name=name,
@@ -82,4 +86,5 @@ def _sensor(
         channel=channel,
         unit=unit,
         sample_rate_hz=build.grid.sample_rate_hz,
+        kind=kind,
     )

@@ -24,7 +24,7 @@ _BEYOND_S = 2.0  # strides are laid out so far past the end: a window may reach 
 # The response of a softening joint is iterated until the angle stays the same.
 _LARGEST_ITERATIONS = 100
 _SAME_ANGLE_RAD = 1e-9
-# Of a pulse, whose means over its timing point are told too.
+# Values of a pulse whose means over its timing point are reported, too.
 _MEANS = (
     "stiffness",
     "damping",
@@ -116,10 +116,8 @@ def _pulse_truth(
     K, B, J, _ = impedance_over_cycle(build.person, build.preset, phase)
     torque = _torque(build, since, pulse, course)
     moved = J + build.params[Param.EXO_INERTIA]
-    chain, gravity = (
-        chain_terms(build.person, build.preset, phase),
-        _gravity_stiffness(build, phase),
-    )
+    chain = chain_terms(build.person, build.preset, phase)
+    gravity = _gravity_stiffness(build, phase)
     beside, damping = gravity + chain.stiffness, B + chain.inertia_rate
     small = K  # before softening
     K, x, v = _softened_response(build, torque, small, beside, damping=damping, inertia=moved)
@@ -155,7 +153,7 @@ def _window_values(
     """Return a parameter at the onset, its mean over the window, and its secant.
 
     The first two are for small motion. The secant is the slope of the parameter's torque over its
-    motion by least squares: what the pulse made of it, softening included.
+    motion by least squares, with the softening at the size of this pulse.
     """
     return {
         f"{name}_onset": float(small[0]),

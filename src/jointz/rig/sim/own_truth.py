@@ -86,11 +86,7 @@ def own_truth(
         | {"inertia": _inertia(pulse, truth["curves"], _INERTIA_AT_S / strides)}
         for pulse, x in zip(truth["pulses"], moved, strict=True)
     ]
-    means = pd.DataFrame(rows).groupby("timing_point").mean()
-    return {
-        str(point): {str(name): float(value) for name, value in row.items()}
-        for point, row in means.iterrows()
-    }
+    return _point_means(pd.DataFrame(rows))
 
 
 def _without_errors(preset: Preset) -> Preset:
@@ -173,7 +169,12 @@ def cell_truth(truth: dict[str, Any]) -> dict[str, dict[str, float]]:
     """
     pulses = pd.DataFrame(truth["pulses"])
     pulses["stiffness"] += pulses["gravity_stiffness"] + pulses.get("inertial_stiffness", 0.0)
-    means = pulses.groupby("timing_point")[["stiffness", "damping", "inertia"]].mean()
+    return _point_means(pulses[["timing_point", "stiffness", "damping", "inertia"]])
+
+
+def _point_means(pulses: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Return timing point -> mean of every column over its pulses."""
+    means = pulses.groupby("timing_point").mean()
     return {
         str(point): {str(name): float(value) for name, value in row.items()}
         for point, row in means.iterrows()

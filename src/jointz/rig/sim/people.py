@@ -9,7 +9,8 @@ from zlib import crc32
 import numpy as np
 
 from jointz.core.gait_phases import TIMING_POINTS
-from jointz.rig.sim.presets import PersonalSettings, Preset, Range, ReflexSettings
+from jointz.rig.sim.presets import PersonalSettings, Preset, ReflexSettings
+from jointz.rig.sim.sensors.sensor_settings import Range
 
 #: Means over people at the six timing points, N*m/rad/kg and N*m*s/rad/kg: near tables 4.1, 4.2.
 MEAN_STIFFNESS_PER_MASS = (2.0, 0.65, 1.15, 1.15, 0.32, 0.38)

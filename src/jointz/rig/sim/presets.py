@@ -11,9 +11,8 @@ from math import radians
 from typing import Literal, TypeVar
 
 from jointz.core.errors import DataError
-from jointz.rig.sim.sensors.sensor_settings import EncoderSettings, GyroscopeSettings
+from jointz.rig.sim.sensors.sensor_settings import EncoderSettings, GyroscopeSettings, Range
 
-Range = tuple[float, float]
 PresetT = TypeVar("PresetT")
 
 

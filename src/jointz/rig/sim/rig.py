@@ -24,11 +24,7 @@ from jointz.rig.sim.ground_truth import condition_truth
 from jointz.rig.sim.people import Person, draw_person, personal_preset
 from jointz.rig.sim.presets import Preset
 from jointz.rig.sim.presets import preset as preset_named
-from jointz.rig.sim.sensors.motion_sensors import (
-    known_of_sensors,
-    own_clock,
-    with_sensors,
-)
+from jointz.rig.sim.sensors.motion_sensors import known_of_sensors, own_clock, with_sensors
 from jointz.rig.sim.simulated_devices import (
     SimulatedActuator,
     SimulatedFootswitch,
@@ -175,7 +171,7 @@ class SimulatedRig:
         return OffsetSensor(wiring, description, offset_rad=self._angle_zero_rad)
 
     def notes(self) -> Mapping[str, Any]:
-        """Return preset and grid: that it is a simulation is no secret, its truth is."""
+        """Return preset, seed and grid, without the truth."""
         return {
             "simulated": True,
             "preset": self.preset.name,

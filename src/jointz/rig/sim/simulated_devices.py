@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Generic, TypeVar, cast
 
 from jointz.core.channels import MOTION_SENSORS
 from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
+from jointz.rig.devices.driver_base import DriverBase
 from jointz.rig.devices.interface import (
     ActuatorDescription,
     ActuatorSample,
@@ -27,6 +28,10 @@ _DOUBLE_CYCLES = (0.25, 0.35)
 _MOTION_PLACES: dict[str, int] = dict(zip(MOTION_SENSORS, (5, 6, 7), strict=True))
 
 _ACTIVE, _FAULT = Lifecycle.ACTIVE, Lifecycle.FAULT  # looking these up costs 40 ns a time
+DescriptionT = TypeVar(
+    "DescriptionT", ActuatorDescription, SensorDescription, PositionerDescription
+)
+SensorDescriptionT = TypeVar("SensorDescriptionT", SensorDescription, PositionerDescription)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,36 +43,35 @@ class Wiring:
     inject: Injection  # ordered misbehaviour
 
 
-class _SimulatedDevice:
+class _SimulatedDevice(DriverBase, Generic[DescriptionT]):
     """Lifecycle and queue; the time of every call is the clock's."""
 
-    _device: DeviceName
-
-    def __init__(self, wiring: Wiring) -> None:
+    def __init__(self, wiring: Wiring, device: DeviceName, description: DescriptionT) -> None:
+        super().__init__(device)
+        self._device: DeviceName = device
+        self._description: DescriptionT = description
         self._wiring = wiring
         self._now_ns: Callable[[], int] = wiring.clock.now_ns
         self._plant: SampledTime = wiring.plant
         self._orders = wiring.inject.orders
-        self._state = Lifecycle.UNCONFIGURED
         self._queue: list[Sample] = []
         self._last_ns = 0
 
-    @property
-    def state(self) -> Lifecycle:
-        """State of the device in its lifecycle."""
-        return self._state
+    def describe(self) -> DescriptionT:
+        """Return the description of the device, in any state."""
+        return self._description
 
     def configure(self) -> None:
         """Connect; afterwards ``INACTIVE``."""
-        self._require(Lifecycle.UNCONFIGURED, "configured")
+        self._require_for("configured", Lifecycle.UNCONFIGURED)
         self._check_connected()
         self._state = Lifecycle.INACTIVE
 
     def activate(self) -> None:
         """Begin to sample; afterwards ``ACTIVE``."""
-        self._require(Lifecycle.INACTIVE, "activated")
+        self._require_for("activated", Lifecycle.INACTIVE)
         self._check_connected()
-        if self._plant.samples:  # what passed before is not this device's to tell
+        if self._plant.samples:  # samples from before the activation are not queued
             self._plant.look(self._now_ns())
         self._queue = self._plant.queue()
         self._state = _ACTIVE
@@ -76,50 +80,36 @@ class _SimulatedDevice:
         """Stop sampling and go to ``INACTIVE``; never raises."""
         self._plant.forget(self._queue)
         self._queue = []
-        if self._state is _ACTIVE:
-            self._state = Lifecycle.INACTIVE
+        super().stop()
 
-    def close(self) -> None:
-        """Stop for ever; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = Lifecycle.FINALISED
-
-    def _require(self, state: Lifecycle, wanted: str) -> None:
+    def _require_for(self, action: str, state: Lifecycle = _ACTIVE) -> None:
         if self._state is not state:
             raise DeviceError(
                 self._device,
-                f"cannot be {wanted}: it is {self._state.value}, expected {state.value}.",
+                f"cannot be {action}: it is {self._state.value}, expected {state.value}.",
             )
 
     def _check_connected(self) -> None:
-        if self._orders and self._found("disconnect"):
-            raise NotConnectedError(self._device, "does not answer. Check cable and supply.")
-
-    def _found(self, kind: str) -> list[Misbehaviour]:
-        """Return what goes wrong at the newest sample."""
+        """Raise if a disconnection is ordered for the newest sample."""
+        if not self._orders:
+            return
         newest_ns = self._queue[-1][0] if self._queue else self._last_ns
         orders = self._wiring.inject.found(self._device, newest_ns)
-        return [order for order in orders if order.kind == kind]
+        if any(order.kind == "disconnect" for order in orders):
+            raise NotConnectedError(self._device, "does not answer. Check cable and supply.")
 
 
-class SimulatedActuator(_SimulatedDevice):
+class SimulatedActuator(_SimulatedDevice[ActuatorDescription]):
     """An actuator: of an exoskeleton, or on a bench."""
 
-    _device: DeviceName = "actuator"
-
     def __init__(self, wiring: Wiring, description: ActuatorDescription) -> None:
-        super().__init__(wiring)
-        self._description = description
+        super().__init__(wiring, "actuator", description)
         self._frozen: ActuatorSample | None = None
-
-    def describe(self) -> ActuatorDescription:
-        """Return the description of the actuator."""
-        return self._description
 
     def read(self) -> list[ActuatorSample]:
         """Return all samples queued since the last read, oldest first."""
-        if self._state is not _ACTIVE and self._state is not _FAULT:
-            self._require(_ACTIVE, "read")
+        if self._state is not _FAULT:
+            self._require_for("read")
         now = self._now_ns()
         if now >= self._plant.due_ns:
             self._plant.look(now)
@@ -141,10 +131,8 @@ class SimulatedActuator(_SimulatedDevice):
 
     def command_torque(self, torque_nm: float) -> None:
         """Command a torque on the joint until the next command or the command timeout."""
-        if self._state is not _ACTIVE:
-            self._require(_ACTIVE, "commanded")
-        if self._orders:
-            self._check_connected()
+        self._require_for("commanded")
+        self._check_connected()
         if not -1e9 < torque_nm < 1e9:
             raise DeviceError(self._device, f"expected a finite torque, got {torque_nm}.")
         self._plant.command(torque_nm, self._now_ns())
@@ -191,19 +179,15 @@ class SimulatedActuator(_SimulatedDevice):
         return sample
 
 
-class _SimulatedSensor(_SimulatedDevice):
+class _SimulatedSensor(_SimulatedDevice[SensorDescriptionT]):
     """A device that measures one value."""
 
     _place: int  # of its value in a sample of the plant
-
-    def __init__(self, wiring: Wiring) -> None:
-        super().__init__(wiring)
-        self._frozen: float | None = None
+    _frozen: float | None = None
 
     def read(self) -> list[SensorSample]:
         """Return all samples queued since the last read, oldest first."""
-        if self._state is not _ACTIVE:
-            self._require(_ACTIVE, "read")
+        self._require_for("read")
         now = self._now_ns()
         if now >= self._plant.due_ns:
             self._plant.look(now)
@@ -248,19 +232,10 @@ class _SimulatedSensor(_SimulatedDevice):
         return value
 
 
-class SimulatedSensor(_SimulatedSensor):
+class SimulatedSensor(_SimulatedSensor[SensorDescription]):
     """A goniometer, or a torque sensor of a bench."""
 
     _place = 2
-
-    def __init__(self, wiring: Wiring, device: DeviceName, description: SensorDescription) -> None:
-        super().__init__(wiring)
-        self._device = device
-        self._description = description
-
-    def describe(self) -> SensorDescription:
-        """Return the description of the sensor."""
-        return self._description
 
 
 class SimulatedMoment(SimulatedSensor):
@@ -294,20 +269,14 @@ class SimulatedMotionSensor(SimulatedSensor):
         ]
 
 
-class SimulatedFootswitch(_SimulatedSensor):
+class SimulatedFootswitch(_SimulatedSensor[SensorDescription]):
     """The switch under the heel."""
 
-    _device: DeviceName = "contact"
     _place = 3
 
     def __init__(self, wiring: Wiring, plant: RunningPlant, description: SensorDescription) -> None:
-        super().__init__(wiring)
+        super().__init__(wiring, "contact", description)
         self._walking = plant
-        self._description = description
-
-    def describe(self) -> SensorDescription:
-        """Return the description of the footswitch."""
-        return self._description
 
     def _doubled(self, value: float, sample: Sample, kinds: set[Kind]) -> float:
         stride = self._walking.stride
@@ -316,35 +285,27 @@ class SimulatedFootswitch(_SimulatedSensor):
         return 0.0 if "double" in kinds and low <= share < high else value
 
 
-class SimulatedPositioner(_SimulatedSensor):
+class SimulatedPositioner(_SimulatedSensor[PositionerDescription]):
     """The motor that moves the far side of a bench."""
 
-    _device: DeviceName = "positioner"
     _place = 3
 
     def __init__(
         self, wiring: Wiring, plant: RunningBench, description: PositionerDescription
     ) -> None:
-        super().__init__(wiring)
-        self._moved = plant
-        self._description = description
-
-    def describe(self) -> PositionerDescription:
-        """Return the description of the positioner."""
-        return self._description
+        super().__init__(wiring, "positioner", description)
+        self._bench = plant
 
     def command_position(self, angle_rad: float) -> None:
         """Command an angle of the far side."""
-        if self._state is not _ACTIVE:
-            self._require(_ACTIVE, "commanded")
-        if self._orders:
-            self._check_connected()
+        self._require_for("commanded")
+        self._check_connected()
         if not -1e9 < angle_rad < 1e9:
             raise DeviceError(self._device, f"expected a finite angle, got {angle_rad}.")
-        self._moved.move_to(angle_rad, self._now_ns())
+        self._bench.move_to(angle_rad, self._now_ns())
 
     def stop(self) -> None:
         """Hold still and go to ``INACTIVE``; never raises."""
         if self._state is _ACTIVE:
-            self._moved.hold_still(self._now_ns())
+            self._bench.hold_still(self._now_ns())
         super().stop()

@@ -1,4 +1,4 @@
-"""Tests that any driver can be run against.
+"""Contract tests of drivers.
 
 Subclass a contract in a test module of yours and say how a device is made::
 
@@ -8,7 +8,7 @@ Subclass a contract in a test module of yours and say how a device is made::
         def make(self, clock):
             return MyActuator("/dev/ttyACM0", clock=clock)
 
-pytest does the rest. An actuator is asked for ``torque_nm`` for moments: mount it on a bench,
+pytest does the rest. An actuator is commanded ``torque_nm`` for moments: mount it on a bench,
 free to move. Every test closes its device, also when it fails.
 """
 
@@ -17,6 +17,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from math import isfinite
 from typing import ClassVar, Generic, TypeVar
@@ -24,29 +25,23 @@ from unittest import SkipTest
 
 from jointz.core.clock import Clock, RealClock
 from jointz.core.errors import DeviceError, NotConnectedError
-from jointz.rig.devices.interface import (
-    Actuator,
-    ActuatorSample,
-    Lifecycle,
-    Sensor,
-    SensorSample,
-)
+from jointz.rig.devices.interface import Actuator, ActuatorSample, Lifecycle, Sensor, SensorSample
 
 DeviceT = TypeVar("DeviceT", Actuator, Sensor)
 SampleT = TypeVar("SampleT", ActuatorSample, SensorSample)
 
 
-def _expect(condition: bool, told: str) -> None:  # noqa: FBT001 - it is an assertion
+def _expect(condition: bool, message: str) -> None:  # noqa: FBT001 - it is an assertion
     if not condition:
-        raise AssertionError(told)
+        raise AssertionError(message)
 
 
-def _expect_raised(error: type[DeviceError], call: Callable[[], object], told: str) -> None:
+def _expect_raised(error: type[DeviceError], call: Callable[[], object], action: str) -> None:
     try:
         call()
     except error:
         return
-    raise AssertionError(f"{told}: expected {error.__name__}, nothing was raised.")
+    raise AssertionError(f"{action}: expected {error.__name__}, nothing was raised.")
 
 
 class _DeviceContract(ABC, Generic[DeviceT]):
@@ -123,27 +118,19 @@ class _DeviceContract(ABC, Generic[DeviceT]):
     def test_it_describes_itself_the_same_in_any_state(self) -> None:
         """The description needs no connection and can be written as JSON."""
         with self.made() as (device, _):
-            told = [device.describe().to_dict()]
+            descriptions = [device.describe().to_dict()]
             for step in (device.configure, device.activate, device.stop, device.close):
                 step()
-                told.append(device.describe().to_dict())
+                descriptions.append(device.describe().to_dict())
             rate_hz = device.describe().sample_rate_hz
-        _expect(all(t == told[0] for t in told), f"the description changes: {told}.")
-        _expect(bool(json.dumps(told[0])), "the description is empty.")
+        same = all(description == descriptions[0] for description in descriptions)
+        _expect(same, f"the description changes: {descriptions}.")
+        _expect(bool(json.dumps(descriptions[0])), "the description is empty.")
         _expect(rate_hz > 0.0, f"sample_rate_hz: expected more than 0, got {rate_hz}.")
 
     def test_it_is_read_only_while_active(self) -> None:
         """There is nothing to read before, between and after."""
-        with self.made() as (device, _):
-            _expect_raised(DeviceError, device.read, "read while unconfigured")
-            device.configure()
-            _expect_raised(DeviceError, device.read, "read while inactive")
-            device.activate()
-            device.read()
-            device.stop()
-            _expect_raised(DeviceError, device.read, "read after a stop")
-            device.close()
-            _expect_raised(DeviceError, device.read, "read while finalised")
+        self._expect_only_while_active("read", lambda device: device.read())
 
     def test_stop_never_raises_and_never_blocks(self) -> None:
         """In any state, also twice."""
@@ -193,6 +180,19 @@ class _DeviceContract(ABC, Generic[DeviceT]):
 
     def _check_lost(self, device: DeviceT) -> None:
         """Check what else raises when a device is gone."""
+
+    def _expect_only_while_active(self, name: str, call: Callable[[DeviceT], object]) -> None:
+        with self.made() as (device, _):
+            on_device = partial(call, device)
+            _expect_raised(DeviceError, on_device, f"{name} while unconfigured")
+            device.configure()
+            _expect_raised(DeviceError, on_device, f"{name} while inactive")
+            device.activate()
+            call(device)
+            device.stop()
+            _expect_raised(DeviceError, on_device, f"{name} after a stop")
+            device.close()
+            _expect_raised(DeviceError, on_device, f"{name} while finalised")
 
     def _stop_twice(self, device: DeviceT, afterwards: Lifecycle) -> None:
         began = time.perf_counter()
@@ -250,16 +250,7 @@ class ActuatorContract(_DeviceContract[Actuator]):
 
     def test_it_is_commanded_only_while_active(self) -> None:
         """Commands are refused before, between and after."""
-        with self.made() as (device, _):
-            _expect_raised(DeviceError, lambda: device.command_torque(0.0), "unconfigured")
-            device.configure()
-            _expect_raised(DeviceError, lambda: device.command_torque(0.0), "inactive")
-            device.activate()
-            device.command_torque(0.0)
-            device.stop()
-            _expect_raised(DeviceError, lambda: device.command_torque(0.0), "stopped")
-            device.close()
-            _expect_raised(DeviceError, lambda: device.command_torque(0.0), "finalised")
+        self._expect_only_while_active("command", lambda device: device.command_torque(0.0))
 
     def test_current_follows_the_command_in_sign_and_size(self) -> None:
         """Units and directions are right: within a half, friction and gains aside."""

@@ -25,11 +25,7 @@ from jointz.core.recording import build_recording
 from jointz.core.study import Calibrated, CalibrationSpec, PerturbationsSpec
 from jointz.identify.estimators import Estimates, Estimator, ParticipantData
 from jointz.identify.preparation.cell_data import PARAMETERS
-from jointz.identify.preparation.sources import (
-    ParticipantSettings,
-    RecordingInput,
-    prepare_sources,
-)
+from jointz.identify.preparation.sources import ParticipantSettings, RecordingInput, prepare_sources
 from jointz.identify.study_kinds import KINDS, StudyKind
 from jointz.results.estimates import ParameterEstimate
 from jointz.rig.testing.contract_tests import _expect

@@ -14,10 +14,10 @@ from jointz.core.clock import Clock
 from jointz.core.errors import DeviceError, NotConnectedError
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import TorqueModelSpec
+from jointz.rig.devices.driver_base import ACTIVE, FAULT, INACTIVE, UNCONFIGURED, DriverBase
 from jointz.rig.devices.interface import (
     ActuatorDescription,
     ActuatorSample,
-    Lifecycle,
     SensorDescription,
     SensorSample,
 )
@@ -126,52 +126,34 @@ def replay(values: Sequence[float], sample_rate_hz: float) -> Signal:
     return lambda time_s: values[min(round(time_s * sample_rate_hz), len(values) - 1)]
 
 
-class _Scripted(Generic[SampleT]):
+class _Scripted(DriverBase, Generic[SampleT]):
     """Lifecycle, grid of samples and deviations."""
-
-    _readable = frozenset({Lifecycle.ACTIVE})
 
     def __init__(
         self, clock: Clock, name: str, *, sample_rate_hz: float, script: Sequence[Deviation]
     ) -> None:
+        super().__init__(name)
         self._clock = clock
-        self._name = name
         self._period_ns = round(1e9 / sample_rate_hz)
         self._script = tuple(script)
-        self._state = Lifecycle.UNCONFIGURED
         self._first: int | None = None
         self._next = 0
         self._last: SampleT | None = None
         self._gone = False
 
-    @property
-    def state(self) -> Lifecycle:
-        """State of the device in its lifecycle."""
-        return self._state
-
     def configure(self) -> None:
         """Connect; afterwards ``INACTIVE``."""
         self._check_connected()
-        self._require(frozenset({Lifecycle.UNCONFIGURED}))
-        self._state = Lifecycle.INACTIVE
+        self._require(UNCONFIGURED)
+        self._state = INACTIVE
 
     def activate(self) -> None:
         """Begin to sample; afterwards ``ACTIVE``."""
         self._check_connected()
-        self._require(frozenset({Lifecycle.INACTIVE}))
+        self._require(INACTIVE)
         self._next = self._slot()
         self._first = self._next if self._first is None else self._first
-        self._state = Lifecycle.ACTIVE
-
-    def stop(self) -> None:
-        """Go to ``INACTIVE``; a device in ``FAULT`` or ``FINALISED`` stays there."""
-        if self._state is Lifecycle.ACTIVE:
-            self._state = Lifecycle.INACTIVE
-
-    def close(self) -> None:
-        """Stop for good; afterwards ``FINALISED``."""
-        self.stop()
-        self._state = Lifecycle.FINALISED
+        self._state = ACTIVE
 
     def disconnect(self) -> None:
         """Disconnect: from now on every call except ``stop`` and ``close`` raises."""
@@ -180,7 +162,8 @@ class _Scripted(Generic[SampleT]):
     def read(self) -> list[SampleT]:
         """Return the samples since the last read, oldest first."""
         self._check_connected()
-        self._require(self._readable)
+        if self._state is not FAULT:
+            self._require(ACTIVE)
         newest, host_ns = self._slot(), self._clock.now_ns()
         samples = [self._sample(slot, host_ns) for slot in range(self._next, newest + 1)]
         self._next = newest + 1
@@ -214,11 +197,6 @@ class _Scripted(Generic[SampleT]):
             self._gone = self._gone or any(d.first <= number for d in disconnected)
         if self._gone:
             raise NotConnectedError(self._name, "does not answer, as the script says.")
-
-    def _require(self, states: frozenset[Lifecycle]) -> None:
-        if self._state not in states:
-            expected = " or ".join(sorted(state.value for state in states))
-            raise DeviceError(self._name, f"expected it {expected}; it is {self._state.value}.")
 
 
 class ScriptedActuator(_Scripted[ActuatorSample]):
@@ -258,8 +236,6 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
     ('fault', [(0, 9.0)], 0.0)
     """
 
-    _readable = frozenset({Lifecycle.ACTIVE, Lifecycle.FAULT})
-
     def __init__(
         self,
         clock: Clock,
@@ -296,12 +272,12 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         """
         samples = super().read()
         if any(sample.faults for sample in samples):
-            self._state = Lifecycle.FAULT
+            self._state = FAULT
             self._let_go()
         return samples
 
     def command_torque(self, torque_nm: float) -> None:
-        """Ask for a torque until the next command or the command timeout.
+        """Command a torque until the next command or the command timeout.
 
         Parameters
         ----------
@@ -316,7 +292,7 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
             When the actuator is not ``ACTIVE``, or the torque is no number.
         """
         self._check_connected()
-        self._require(frozenset({Lifecycle.ACTIVE}))
+        self._require(ACTIVE)
         if not isfinite(torque_nm):
             raise DeviceError(self._name, f"expected a finite torque, got {torque_nm} N*m.")
         command = self._clock.now_ns(), torque_nm
@@ -332,11 +308,11 @@ class ScriptedActuator(_Scripted[ActuatorSample]):
         self._torques.append((self._clock.now_ns(), 0.0))
 
     def _torque_before(self, time_ns: int) -> float:
-        place = bisect_left(self._torques, time_ns, key=lambda given: given[0])
+        place = bisect_left(self._torques, time_ns, key=lambda command: command[0])
         if not place:
             return 0.0
-        given_ns, torque_nm = self._torques[place - 1]
-        held = time_ns - given_ns <= self._description.command_timeout_s * 1e9
+        commanded_ns, torque_nm = self._torques[place - 1]
+        held = time_ns - commanded_ns <= self._description.command_timeout_s * 1e9
         return torque_nm if held else 0.0
 
     def _measured(self, device_ns: int, host_ns: int, *, time_s: float) -> ActuatorSample:

@@ -69,7 +69,7 @@ def outlets():
 
 def following(study, outlets, clock=None):
     sending = Sending(outlets)
-    return Following(study, sending, clock=clock or VirtualClock(), outlets=outlets)
+    return Following(study, sending, clock=clock or VirtualClock())
 
 
 def test_records_go_out_with_the_time_of_their_tick(session, study, outlets):

@@ -170,12 +170,9 @@ def test_onsets_are_shares_of_the_strides_around_them(batch):
     motion = Motion(HEADER)
     for begin in range(0, records.size, batch):
         motion.take(records[begin : begin + batch])
-    assert [(p["pulse"], p["stride"]) for p in motion.begun] == [(1, 1), (2, 2), (3, 3)]
-    assert [p["share_pct"] for p in motion.begun] == [
-        pytest.approx(12.0),
-        pytest.approx(50.0),
-        None,
-    ]
+    assert [(p.number, p.stride) for p in motion.pulses] == [(1, 1), (2, 2), (3, 3)]
+    expected = [pytest.approx(12.0), pytest.approx(50.0), None]
+    assert [p.onset_pct for p in motion.pulses] == expected
     assert list(motion.strikes_s) == pytest.approx([1.0, 2.0, 3.0])
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from jointz.core.errors import DeviceError, EngineError
-from jointz.rig.session import worker_pool
+from jointz.rig.session import run as session_run
 from jointz.rig.session.run import run_people
 from jointz.rig.session.run_settings import RunSettings
 from jointz.tasks.engine import Serial
@@ -27,7 +27,7 @@ def rigs(monkeypatch):
     def opened(rig, number):
         return SimpleNamespace(wearer=SimpleNamespace(id=f"S{number + 1:02d}"))
 
-    monkeypatch.setattr(worker_pool, "open_rig", opened)
+    monkeypatch.setattr(session_run, "open_rig", opened)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def run(rigs, monkeypatch):
                 raise failing[one.wearer.id]
             return {"of": one.wearer.id, "operator": operator}
 
-        monkeypatch.setattr(worker_pool, "run_participant", run_participant)
+        monkeypatch.setattr(session_run, "run_participant", run_participant)
         settings = SimpleNamespace(attended=attended)
         told = []
         try:
@@ -105,8 +105,8 @@ def run_elsewhere(*, scheduler):
 
 def test_workers_are_told_the_whole_path_of_the_study(rigs, monkeypatch, tmp_path):
     """They may have been started in another folder."""
-    monkeypatch.setattr(worker_pool, "open_engine", lambda *_, **__: nullcontext(Serial()))
-    monkeypatch.setattr(worker_pool, "run_participant", lambda _, settings, **__: settings.study)
+    monkeypatch.setattr(session_run, "open_engine", lambda *_, **__: nullcontext(Serial()))
+    monkeypatch.setattr(session_run, "run_participant", lambda _, settings, **__: settings.study)
     monkeypatch.chdir(tmp_path)
 
     assert run_elsewhere(scheduler="tcp://lab:8786") == [Path.cwd() / "study"] * 2
@@ -116,6 +116,6 @@ def test_processes_that_cannot_be_started_are_no_bug(monkeypatch):
     def refused(*_):
         raise OSError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(worker_pool, "_session_pool", refused)
+    monkeypatch.setattr(session_run, "_session_pool", refused)
     with pytest.raises(EngineError, match="Resource temporarily unavailable"):
         run_elsewhere(scheduler=None)

@@ -1,9 +1,9 @@
-"""The journal of a session: what happened, one line an event, kept through a crash.
+"""The journal of a session: its events, one a line, kept through a crash.
 
 Every line is JSON followed by its CRC-32, written in one piece. A line that a
 crash cut off is recognised and left out. The journal decides what counts as
-done: a pulse is done when its end stands here, and then only once. What stands
-here and not in the log was lost, and is written down as that.
+done: a pulse is done once its end is written here. What the journal has and
+the log has not is written down as lost.
 """
 
 import json
@@ -25,9 +25,9 @@ from jointz.rig.experiment.files.whole_files import (
 
 Event = dict[str, Any]
 
-#: What says whether a condition is done; the last one counts.
+#: Events that decide whether a condition is done; the last one counts.
 _ENDS = ("condition_completed", "pulse_lost", "records_lost")
-#: What happens once, unless it was lost in between.
+#: Events that happen once, unless the loss stands in between.
 _LOSSES = {"pulse_completed": "pulse_lost", "condition_completed": "records_lost"}
 _ANY_LINE = re.compile(rb'\{"event".*?\} [0-9a-f]{8}')
 
@@ -112,13 +112,14 @@ def decode_event(line: bytes) -> Event | None:
     return None if text is None else dict(json.loads(text))
 
 
+def events_of(events: Iterable[Event], kind: str, condition: str) -> list[Event]:
+    """Return the events of one kind and condition."""
+    return [event for event in events if (event["event"], event["condition"]) == (kind, condition)]
+
+
 def pulses_withdrawn(events: Iterable[Event], condition: str) -> set[int]:
     """Return the pulses of a condition that are not tried again, by their number in the plan."""
-    return {
-        event["pulse"]
-        for event in events
-        if (event["event"], event["condition"]) == ("pulse_withdrawn", condition)
-    }
+    return {event["pulse"] for event in events_of(events, "pulse_withdrawn", condition)}
 
 
 def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
@@ -141,17 +142,13 @@ def pulses_done(events: Iterable[Event], condition: str) -> dict[int, Event]:
 
 def pulses_begun(events: Iterable[Event], condition: str) -> list[int]:
     """Return the numbers of the pulses of a condition that began, once for every time."""
-    return [
-        event["pulse"]
-        for event in events
-        if event["event"] == "pulse_started" and event["condition"] == condition
-    ]
+    return [event["pulse"] for event in events_of(events, "pulse_started", condition)]
 
 
 def last_controller(events: Iterable[Event], condition: str) -> Any:
     """Return the description of the controller of a condition's last stretch, None without."""
-    own = [e for e in events if (e["event"], e["condition"]) == ("controller", condition)]
-    return own[-1]["description"] if own else None
+    started = events_of(events, "controller", condition)
+    return started[-1]["description"] if started else None
 
 
 def segments_begun(events: Iterable[Event], condition: str) -> int:
@@ -178,7 +175,7 @@ def _line(event: Event) -> bytes:
 
 
 def _locked(path: Path) -> int:
-    """Return the descriptor of a journal that no other process is at."""
+    """Return the descriptor of a journal, locked against other processes."""
     try:
         fd = open_to_append(path)
     except OSError as exc:
@@ -192,7 +189,7 @@ def _locked(path: Path) -> int:
 
 
 def _mend_torn_line(fd: int, path: Path) -> None:
-    """Remove what a crash left of a last line, so that the next one stands alone."""
+    """Remove a last line that a crash cut off, so that the next one begins a line."""
     content = path.read_bytes()
     whole = content.rfind(b"\n") + 1
     torn = content[whole:]

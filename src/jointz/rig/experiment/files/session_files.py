@@ -33,12 +33,8 @@ def keep_plan(folder: Path, plan: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     Returns which of its two copies is damaged, "" where none is.
     """
     file = folder / PLAN_FILE
-    text = json.dumps(plan, indent=1)
-    if not is_written(file):
-        write_twice(file, text)
-        return ""
-    content, damage = read_twice(file)
-    if content != json.loads(text):
+    written, damage = _written_or_new(file, plan)
+    if written != json.loads(json.dumps(plan)):
         raise DataError(
             f"{file}: altered, it is not the plan of this protocol and seed. Restore it from a "
             "copy, or go on with the jointz that wrote it.",
@@ -53,11 +49,8 @@ def keep_description(folder: Path, about: Mapping[str, Any]) -> str:
     Returns which of its two copies is damaged, "" where none is.
     """
     file = folder / SESSION_FILE
-    if not is_written(file):
-        write_twice(file, json.dumps(about, indent=1))
-        return ""
-    content, damage = read_twice(file)
-    wearer, now = content.get("wearer"), json.loads(json.dumps(about["wearer"]))
+    written, damage = _written_or_new(file, about)
+    wearer, now = written.get("wearer"), json.loads(json.dumps(about["wearer"]))
     if wearer != now:
         raise DataError(
             f"{file}: of another wearer: {wearer}, now {now}. Give the arguments the run was "
@@ -65,3 +58,10 @@ def keep_description(folder: Path, about: Mapping[str, Any]) -> str:
             path=str(file),
         )
     return damage
+
+
+def _written_or_new(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """Return what a file holds, written now if it is new, and which of its copies is damaged."""
+    if not is_written(file):
+        write_twice(file, json.dumps(content, indent=1))
+    return read_twice(file)

@@ -17,18 +17,6 @@ class GaitWatch:
     than the newest of the tick; so devices need not share the host's clock.
     """
 
-    __slots__ = (
-        "_counted",
-        "_detector",
-        "_knee",
-        "last_stride_ns",
-        "phase_pct",
-        "retracted",
-        "shadow_phase_pct",
-        "steady",
-        "strides",
-    )
-
     def __init__(
         self, gait: GaitSpec, contact_levels: tuple[float, float] = CONTACT_LEVELS
     ) -> None:
@@ -73,20 +61,6 @@ _CLOSED_SHARE = 0.75
 
 class HeelStrikeDetector:
     """A Schmitt trigger with a refractory time, and second thoughts."""
-
-    __slots__ = (
-        "_before_ns",
-        "_check_at_ns",
-        "_closed",
-        "_high",
-        "_last_ns",
-        "_low",
-        "_off_since_ns",
-        "_on",
-        "_refractory_ns",
-        "_seen",
-        "retracted",
-    )
 
     def __init__(self, *, low: float, high: float, refractory_s: float) -> None:
         if not low < high:

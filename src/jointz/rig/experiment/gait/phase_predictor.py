@@ -33,22 +33,6 @@ class StridePhase:
     was learnt: it is learnt anew.
     """
 
-    __slots__ = (
-        "_durations",
-        "_high",
-        "_last_ns",
-        "_low",
-        "_spurious_after_ns",
-        "_steady_after",
-        "_steady_run",
-        "_strangers",
-        "_undo",
-        "mean_ns",
-        "missing",
-        "spurious",
-        "strides",
-    )
-
     def __init__(self, gait: GaitSpec) -> None:
         self._low, self._high = gait.accepted_band
         self._steady_after = gait.steady_after_strides
@@ -143,8 +127,6 @@ class KneePhase:
 
     Needs no footswitch. In shadow: recorded, never acted on.
     """
-
-    __slots__ = ("_durations", "_last_ns", "_mean_ns", "_peak", "_peak_ns")
 
     def __init__(self, gait: GaitSpec) -> None:
         self._durations: deque[int] = deque(maxlen=gait.strides_in_mean)

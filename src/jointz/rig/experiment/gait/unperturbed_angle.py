@@ -41,30 +41,6 @@ class UnperturbedAngle:
         Measured minus predicted velocity.
     """
 
-    __slots__ = (
-        "_before",
-        "_clean",
-        "_count",
-        "_curves",
-        "_elapsed_ns",
-        "_fresh",
-        "_mean_angle",
-        "_mean_velocity",
-        "_offset",
-        "_onset_ns",
-        "_onset_place",
-        "_period_ns",
-        "_perturbed",
-        "_place_per_ns",
-        "_replaced",
-        "_samples",
-        "_stored",
-        "_strike_ns",
-        "displacement",
-        "known",
-        "rate",
-    )
-
     def __init__(self, period_ns: int) -> None:
         samples = _LONGEST_STRIDE_NS // period_ns + 1
         self._period_ns = period_ns

@@ -1,10 +1,10 @@
-"""A session on Lab Streaming Layer, out of its files: ``jointz stream``.
+"""A session on Lab Streaming Layer, from its files: ``jointz stream``.
 
-A session that runs is followed from now on: samples carry the time of their tick, markers that
-are read off the log (``pulse_on``, ``pulse_off``, ``tripped``) the time of the tick where they
-first stand, both as exact as the loop; what comes out of the journal carries the time at which it
-was read here, some :data:`PERIOD_S` late. One that is over is played again at the pace it had, its
-stretches one after the other, events of the journal at the tick that they name.
+A running session is followed from now on: samples carry the time of their tick, and markers from
+the log (``pulse_on``, ``pulse_off``, ``tripped``) the time of the tick at which they first appear,
+both as exact as the loop; markers from the journal carry the time at which it was read, some
+:data:`PERIOD_S` late. A finished session is replayed at the pace it had, its stretches one after
+the other, events of the journal at the tick that they name.
 """
 
 import json
@@ -40,7 +40,7 @@ _Timed = tuple[int, Event]
 
 
 class Sending:
-    """Puts records and events on the streams, and counts them."""
+    """Sends records and events to the streams, and counts them."""
 
     def __init__(self, outlets: SessionOutlets) -> None:
         self._outlets = outlets
@@ -50,11 +50,15 @@ class Sending:
 
     def records(self, header: Mapping[str, Any], records: np.ndarray, times_ns: np.ndarray) -> None:
         """Send records, and a marker for everything that begins and ends in them."""
-        self._outlets.send(layout_of(header), records, times_ns)
+        self._outlets.send(_layout_of(header), records, times_ns)
         self.samples += len(records)
         about = {key: header.get(key, "") for key in ("participant", "condition")}
         for event, time_ns in self._changes(records, times_ns):
             self.event({**event, **about}, time_ns)
+
+    def offer(self, header: Mapping[str, Any]) -> None:
+        """Create the stream of a log, if it does not exist yet."""
+        self._outlets.offer(_layout_of(header))
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
         """Send a marker."""
@@ -77,22 +81,19 @@ class Sending:
 
 
 class Following:
-    """Sends what a running session writes from now on, one participant after the other."""
+    """Sends the content that a running session writes from now on, participant by participant."""
 
-    def __init__(
-        self, study: Path, sending: Sending, *, clock: Clock, outlets: SessionOutlets
-    ) -> None:
+    def __init__(self, study: Path, sending: Sending, *, clock: Clock) -> None:
         self._study = study
         self._sending = sending
         self._clock = clock
-        self._outlets = outlets
         self._folder: Path | None = None
         self._journal: JournalTail | None = None
         self._logs: dict[Path, LogTail] = {}
         self._begin(newest_session(study), from_end=True)
 
     def update(self) -> int:
-        """Send what is new in the files; return how much it was."""
+        """Send new content of the files; return the number of samples and markers sent."""
         before = self._sending.samples + self._sending.markers
         newest = newest_session(self._study)
         if newest != self._folder:
@@ -101,14 +102,13 @@ class Following:
         for log in self._logs.values():
             records = log.poll()
             if log.header:
-                self._outlets.offer(layout_of(log.header))
+                self._sending.offer(log.header)
             if records.size:
                 self._sending.records(log.header, records, records["host_time_ns"])
         if self._journal is not None and self._folder is not None:
+            about = {"participant": self._folder.name}
             for event in self._journal.poll():
-                self._sending.event(
-                    {**event, "participant": self._folder.name}, self._clock.now_ns()
-                )
+                self._sending.event(event | about, self._clock.now_ns())
         return self._sending.samples + self._sending.markers - before
 
     def _begin(self, folder: Path | None, *, from_end: bool) -> None:
@@ -126,7 +126,7 @@ class Following:
 
 
 def replay(folder: Path, sending: Sending, *, clock: Clock) -> None:
-    """Send what a session that is over wrote, at the pace it had."""
+    """Send the content of a finished session, at the pace it had."""
     for path, events in _stretches(folder):
         if has_content(path):
             _replay_stretch(path, events, sending, clock)
@@ -169,7 +169,7 @@ def _replay_stretch(path: Path, events: list[_Timed], sending: Sending, clock: C
             clock.wait_until_ns(clock.now_ns() + round(PERIOD_S * 1e9))
 
 
-def layout_of(header: Mapping[str, Any]) -> Layout:
+def _layout_of(header: Mapping[str, Any]) -> Layout:
     """Return the layout of the records of a log."""
     return LAYOUTS[header.get("layout", "walking")]
 
@@ -189,7 +189,7 @@ def stream_session(
     sending = Sending(outlets)
     try:
         if study is not None:
-            following = Following(study, sending, clock=clock, outlets=outlets)
+            following = Following(study, sending, clock=clock)
             announce(*outlets.names)
             _follow(following, study, clock)
         elif folder is not None:

@@ -1,13 +1,14 @@
 """Traces, heel strikes, pulse onsets and loop timing of a stretch, from its log."""
 
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from jointz.core.session_log import LAYOUTS, Flag
 
-#: What a page can show at most, s, and how finely.
+#: Length (s) and rate of the traces that a page can show.
 WINDOW_S = 30.0
 _SHOWN_HZ = 100.0
 #: Columns of the traces after the time; NaN where a layout or a condition has none.
@@ -16,6 +17,16 @@ TRACES = ("angle", "command", "sent_torque", "applied_torque", "phase_pct", "pul
 _LOOP_S, _FLAG_S = 10.0, 1.0
 _DUTY_S = 10.0
 _LIT = (Flag.CLAMPED, Flag.FADING, Flag.CUT, Flag.TRIPPED, Flag.OVERRUN)
+
+
+@dataclass(slots=True)
+class StartedPulse:
+    """A pulse that has begun in a stretch."""
+
+    number: int  # number in the plan
+    at_s: float  # time since the stretch began
+    stride: int  # accepted strides before it; 0 on a bench
+    onset_pct: float | None = None  # onset in % of its stride; None until the stride ends
 
 
 class Motion:
@@ -34,8 +45,8 @@ class Motion:
         self.count = 0
         self.strikes_s: deque[float] = deque(maxlen=200)
         self.strides = 0
-        self.begun: list[dict[str, Any]] = []
-        self._open: list[dict[str, Any]] = []  # those whose stride is not over
+        self.pulses: list[StartedPulse] = []
+        self._open: list[StartedPulse] = []  # those whose stride is not over
         self.ticks = self.missed_slots = 0
         self.last_ns = 0
 
@@ -48,10 +59,8 @@ class Motion:
             self._first_ns = int(ticks["host_time_ns"][0])
         time_s = (ticks["host_time_ns"] - self._first_ns) * 1e-9
         slot = ticks["slot"].astype(np.int64)
-        if self._last_slot >= 0:
-            self.missed_slots += int(slot[-1] - self._last_slot) - ticks.size
-        else:
-            self.missed_slots += int(slot[-1] - slot[0]) + 1 - ticks.size
+        before = self._last_slot if self._last_slot >= 0 else int(slot[0]) - 1
+        self.missed_slots += int(slot[-1]) - before - ticks.size
         self.ticks += ticks.size
         self.last_ns = int(ticks["host_time_ns"][-1])
         self._keep_rows(ticks, slot, time_s)
@@ -62,7 +71,7 @@ class Motion:
         self._keep_recent(ticks)
 
     def loop(self) -> dict[str, float]:
-        """Return how the loop kept its time over the last seconds, us, and slots missed in all."""
+        """Return the timing of the loop over the last seconds, us, and the slots missed in all."""
         summary: dict[str, float] = {"ticks": self.ticks, "missed_slots": self.missed_slots}
         if not self._recent:
             return summary
@@ -77,7 +86,7 @@ class Motion:
         }
 
     def device(self) -> dict[str, float | None]:
-        """Return what the actuator says of itself: newest values, peaks of the last seconds."""
+        """Return newest values of the actuator, and peaks of the last seconds."""
         if not self._recent:
             return {}
         recent = np.concatenate(self._recent)
@@ -147,22 +156,18 @@ class Motion:
         start_s = self.strikes_s[-1] if self.strikes_s else at_s
         self.strikes_s.append(at_s)
         for pulse in self._open:
-            if start_s <= pulse["at_s"] < at_s:
-                pulse["share_pct"] = 100.0 * (pulse["at_s"] - start_s) / (at_s - start_s)
-        self._open = [pulse for pulse in self._open if pulse["at_s"] >= at_s]
+            if start_s <= pulse.at_s < at_s:
+                pulse.onset_pct = 100.0 * (pulse.at_s - start_s) / (at_s - start_s)
+        self._open = [pulse for pulse in self._open if pulse.at_s >= at_s]
 
     def _keep_pulses(self, ticks: np.ndarray, time_s: np.ndarray) -> None:
         number = ticks["pulse"].astype(np.int64)
         before = np.concatenate([[self._pulse], number[:-1]])
         for k in np.flatnonzero((number != before) & (number > 0)):
-            begun: dict[str, Any] = {
-                "pulse": int(number[k]),
-                "at_s": float(time_s[k]),
-                "share_pct": None,
-            }
-            begun["stride"] = int(ticks["stride"][k]) if self._walks else 0
-            self.begun.append(begun)
-            self._open.append(begun)
+            stride = int(ticks["stride"][k]) if self._walks else 0
+            pulse = StartedPulse(int(number[k]), float(time_s[k]), stride)
+            self.pulses.append(pulse)
+            self._open.append(pulse)
         self._pulse = int(number[-1])
 
     def _keep_recent(self, ticks: np.ndarray) -> None:
@@ -173,10 +178,10 @@ class Motion:
 
 
 def _newest(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known[-1]) if known.size else None
+    finite = values[np.isfinite(values)]
+    return float(finite[-1]) if finite.size else None
 
 
 def _largest(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if known.size else None
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None

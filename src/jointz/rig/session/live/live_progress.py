@@ -71,26 +71,18 @@ class TrialProgress:
             self.queue.remove(number)
         if kind == "pulse_withdrawn":
             self.withdrawn.add(number)
-        elif kind == "pulse_missed":
-            self.missed += 1
-            self.queue.append(number)
-        elif kind == "pulse_aborted":
-            self.aborted += 1
+        elif kind in ("pulse_missed", "pulse_aborted"):
+            self.missed += kind == "pulse_missed"
+            self.aborted += kind == "pulse_aborted"
             self.queue.append(number)
 
     def points(self) -> list[dict[str, Any]]:
         """Return how many pulses of every timing point are done, of how many."""
         points: dict[str, dict[str, Any]] = {}
         for pulse in self.planned:
-            row = points.setdefault(
-                pulse["timing_point"],
-                {
-                    "name": pulse["timing_point"],
-                    "pct": pulse.get("gait_pct"),
-                    "planned": 0,
-                    "done": 0,
-                },
-            )
+            name = pulse["timing_point"]
+            new = {"name": name, "pct": pulse.get("gait_pct"), "planned": 0, "done": 0}
+            row = points.setdefault(name, new)
             row["planned"] += pulse["number"] not in self.withdrawn
             row["done"] += pulse["number"] in self.done
         return sorted(points.values(), key=lambda row: (row["pct"] is None, row["pct"] or 0.0))

@@ -20,7 +20,7 @@ from jointz.rig.experiment.files.session_files import (
     log_path,
 )
 from jointz.rig.experiment.files.whole_files import read_twice
-from jointz.rig.session.live.live_motion import Motion
+from jointz.rig.session.live.live_motion import TRACES, Motion, StartedPulse
 from jointz.rig.session.live.live_progress import SessionProgress
 from jointz.rig.session.live.live_tail import JournalTail, LogTail
 from jointz.rig.session.run_claim import RUN_FILE, STUDY_FILE
@@ -81,7 +81,7 @@ class LiveSession:
         self._log: LogTail | None = None
         self._of_log: tuple[str, int] | None = None
         self._motion: Motion | None = None
-        self._onsets: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
+        self._onsets: dict[str, dict[tuple[int, int], StartedPulse]] = {}
         self._grew_s = time.monotonic()
         self._paused_at, self._paused_strides = -1, 0
         #: Whether its process was seen gone, and what stands in the journal is of that one.
@@ -150,8 +150,8 @@ class LiveSession:
 
     def _keep_onsets(self, motion: Motion, stretch: tuple[str, int]) -> None:
         onsets = self._onsets.setdefault(self._of_log[0] if self._of_log else stretch[0], {})
-        for pulse in motion.begun:
-            onsets[(stretch[1], pulse["pulse"])] = pulse
+        for pulse in motion.pulses:
+            onsets[(stretch[1], pulse.number)] = pulse
 
     def _follow_pause(self, event: str) -> None:
         strides = self._motion.strides if self._motion else 0
@@ -212,7 +212,7 @@ class LiveSession:
     def rows_after(self, number: int) -> tuple[np.ndarray, int]:
         """Return the rows of the traces that came after one, as far as they are kept."""
         if self._motion is None:
-            return np.empty((0, 7)), 0
+            return np.empty((0, 1 + len(TRACES))), 0
         rows, count = self._motion.rows, self._motion.count
         new = min(max(count - number, 0), rows.shape[0])
         return rows[rows.shape[0] - new :], count
@@ -288,8 +288,8 @@ class LiveSession:
         if "gap_strides" not in pulse or motion is None or progress.segment < 0:
             return told
         waited = motion.strides - self._paused_strides
-        if motion.begun:
-            left = pulse["gap_strides"] - (waited - motion.begun[-1]["stride"])
+        if motion.pulses:
+            left = pulse["gap_strides"] - (waited - motion.pulses[-1].stride)
         else:
             warm_up = (spec.get("perturbations") or {}).get("warm_up_strides", 0)
             left = warm_up + pulse["gap_strides"] - waited
@@ -297,9 +297,9 @@ class LiveSession:
 
     def _newest_pulse(self, planned: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
         """Return the pulse that began last in the stretch, None before there is one."""
-        if self._motion is None or not self._motion.begun:
+        if self._motion is None or not self._motion.pulses:
             return None
-        number = self._motion.begun[-1]["pulse"]
+        number = self._motion.pulses[-1].number
         pulse = next((one for one in planned if one["number"] == number), None)
         if pulse is None:
             return None
@@ -312,10 +312,10 @@ class LiveSession:
         """Return where in their strides pulses began, achieved minus planned, % of the cycle."""
         names = {pulse["number"]: pulse["timing_point"] for pulse in planned}
         errors = []
-        for begun in self._onsets.get(condition, {}).values():
-            point = names.get(begun["pulse"])
-            if begun["share_pct"] is not None and point in points:
-                error = phase_difference(begun["share_pct"], points[point])
+        for pulse in self._onsets.get(condition, {}).values():
+            point = names.get(pulse.number)
+            if pulse.onset_pct is not None and point in points:
+                error = phase_difference(pulse.onset_pct, points[point])
                 errors.append({"point": point, "error_pct": round(error, 2)})
         return errors
 

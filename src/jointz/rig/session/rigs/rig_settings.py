@@ -1,18 +1,17 @@
 """Settings of the rig that an experiment is run on, and the rig itself."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from jointz.core.clock import Clock
 from jointz.core.errors import DataError
 from jointz.core.gait_phases import REFERENCE_SPEED_M_S
 from jointz.core.protocols.protocol import Protocol
 from jointz.core.protocols.protocol_models import CalibrationStep, LoadSpec
-from jointz.core.study import CalibrationSpec, DeviceSpec
+from jointz.core.study import CalibrationSpec
 from jointz.io.calibration_file import CalibrationFile
 from jointz.rig.devices.drivers import registered_devices
-from jointz.rig.devices.interface import Devices, Rig, Wearer
+from jointz.rig.devices.interface import Rig
 from jointz.rig.sim.sensors.sensor_settings import checked_sensors
 
 if TYPE_CHECKING:
@@ -76,12 +75,12 @@ def rig_settings(
     seed: int,
     sensors: Collection[str] | None = None,
 ) -> RigSettings:
-    """Return the settings of the rig that a protocol asks for, of simulated people real legs."""
-    people = protocol.by_gait and device == "sim"
-    usual = "realistic" if people else "nominal"
-    if people and sensors is None:
+    """Return the settings of a protocol's rig; simulated people are realistic by default."""
+    simulated_people = protocol.by_gait and device == "sim"
+    default_preset = "realistic" if simulated_people else "nominal"
+    if simulated_people and sensors is None:
         sensors = protocol.sensors or None
-    if sensors is not None and not people:
+    if sensors is not None and not simulated_people:
         raise DataError(
             "sensors: they are chosen for simulated people that walk. Leave them out for a bench, "
             "a calibration or another device."
@@ -93,7 +92,7 @@ def rig_settings(
         )
     return RigSettings(
         device,
-        preset or usual,
+        preset or default_preset,
         seed,
         protocol.rates.sample_hz,
         bench=protocol.bench,
@@ -110,7 +109,7 @@ def hardware_settings(hardware: "Hardware", seed: int) -> RigSettings:
 
 
 def with_calibration(settings: RigSettings, known: CalibrationFile, count: int) -> RigSettings:
-    """Return the settings of a rig whose instruments a calibration knows."""
+    """Return the settings of a rig whose instruments were calibrated."""
     ids = [open_rig(settings, number).wearer.id for number in range(count)]
     if not any(known.of(one).model_fields_set for one in ids):
         named = ", ".join(known.participants) or "nobody"
@@ -130,41 +129,25 @@ def open_rig(settings: RigSettings, number: int) -> Rig:
         rig = HardwareRig(settings.hardware, number)
     else:
         rig = registered_devices("rig")[settings.device].load()(settings, number)
-    return rig if settings.known is None else CalibratedRig(rig, settings.known.of(rig.wearer.id))
+    if settings.known is None:
+        return rig
+    return cast(Rig, CalibratedRig(rig, settings.known.of(rig.wearer.id)))
 
 
 class CalibratedRig:
-    """A rig with entries of a calibration over its own; all else is the rig's."""
+    """A rig whose calibration is overridden by a file; every other attribute is the rig's."""
 
     def __init__(self, rig: Rig, known: CalibrationSpec) -> None:
         self._rig = rig
         self._known = known
 
     @property
-    def wearer(self) -> Wearer:
-        """The participant."""
-        return self._rig.wearer
-
-    @property
     def calibration(self) -> CalibrationSpec:
         """The rig's calibration, overridden by the entries of the file."""
         return self._rig.calibration.overridden_by(self._known)
 
-    @property
-    def device(self) -> DeviceSpec | None:
-        """The mass on the moving segment."""
-        return self._rig.device
-
-    def open(self, condition: str, *, worn: bool, segment: int, clock: Clock) -> Devices:
-        """Return the devices of the rig, ``UNCONFIGURED``."""
-        return self._rig.open(condition, worn=worn, segment=segment, clock=clock)
-
-    def notes(self) -> Mapping[str, Any]:
-        """Return what the rig says of itself."""
-        return self._rig.notes()
-
     def __getattr__(self, name: str) -> Any:
-        """Return what only some rigs have: the truth, of a simulated one."""
-        if name.startswith("_"):
+        """Return an attribute of the rig, also one that only simulated rigs have (``truth``)."""
+        if name.startswith("_"):  # also before ``_rig`` is set, as in unpickling
             raise AttributeError(name)
         return getattr(self._rig, name)

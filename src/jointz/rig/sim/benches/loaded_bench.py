@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 from zlib import crc32
 
@@ -36,24 +35,17 @@ _COMMAND_TIMEOUT_S = 0.1
 SettingsT = TypeVar("SettingsT", SeaSettings, QddSettings)
 
 
-@dataclass(frozen=True, slots=True)
-class BenchLabels:
-    """Names, models and limits of the devices of a bench."""
-
-    kind: str  # name of the bench in :meth:`LoadedBench.notes`
-    one_motor: bool  # whether the motor under test also moves the output
-    actuator_model: str  # model of the motor under test
-    limits: SafetyLimits  # limits of the motor under test
-    torque_sensor: tuple[str, str, str]  # name, model and channel
-    positioner: tuple[str, str, str]  # name, model and channel
-    positioner_rad_s: float  # largest speed of the positioner
-
-
 class LoadedBench(ABC, Generic[SettingsT]):
     """A simulated bench with one load; a subclass gives it physics and descriptions."""
 
-    LABELS: ClassVar[BenchLabels]
     PLANT: ClassVar[Callable[..., CompiledBench]]
+    BENCH: ClassVar[str]  # name of the bench in :meth:`notes`
+    ONE_MOTOR: ClassVar[bool]  # whether the motor under test also moves the output
+    ACTUATOR_MODEL: ClassVar[str]  # model of the motor under test
+    LIMITS: ClassVar[SafetyLimits]  # limits of the motor under test
+    TORQUE_SENSOR: ClassVar[tuple[str, str, str]]  # name, model and channel
+    POSITIONER: ClassVar[tuple[str, str, str]]  # name, model and channel
+    POSITIONER_RAD_S: ClassVar[float]  # largest speed of the positioner
 
     def __init__(
         self, settings: SettingsT, load: BenchLoad, *, seed: int, sample_rate_hz: float
@@ -86,7 +78,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
             ),
             period_ns=round(1e9 / self._rate_hz),
             timeout_s=_COMMAND_TIMEOUT_S,
-            one_motor=self.LABELS.one_motor,
+            one_motor=self.ONE_MOTOR,
         )
         wiring = Wiring(running, clock, self.inject)
         return Devices(
@@ -96,10 +88,10 @@ class LoadedBench(ABC, Generic[SettingsT]):
         )
 
     def notes(self) -> Mapping[str, Any]:
-        """Return which bench it is: that it is a simulation is no secret, its truth is."""
+        """Return name and settings of the bench, without its truth."""
         return {
             "simulated": True,
-            "bench": self.LABELS.kind,
+            "bench": self.BENCH,
             "preset": self.settings.name,
             "seed": self._seed,
         }
@@ -117,18 +109,18 @@ class LoadedBench(ABC, Generic[SettingsT]):
     def _actuator(self) -> ActuatorDescription:
         return ActuatorDescription(
             name="actuator",
-            model=self.LABELS.actuator_model,
+            model=self.ACTUATOR_MODEL,
             serial="1",
             firmware="1",
             sample_rate_hz=self._rate_hz,
             command_timeout_s=_COMMAND_TIMEOUT_S,
-            limits=self.LABELS.limits,
+            limits=self.LIMITS,
             torque_model=self._torque_model,
             fault_names={int(fault): fault.name.lower() for fault in Fault},
         )
 
     def _torque_sensor(self) -> SensorDescription:
-        name, model, channel = self.LABELS.torque_sensor
+        name, model, channel = self.TORQUE_SENSOR
         return SensorDescription(
             name=name,
             model=model,
@@ -139,7 +131,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
         )
 
     def _positioner(self) -> PositionerDescription:
-        name, model, channel = self.LABELS.positioner
+        name, model, channel = self.POSITIONER
         return PositionerDescription(
             name=name,
             model=model,
@@ -149,7 +141,7 @@ class LoadedBench(ABC, Generic[SettingsT]):
             command_timeout_s=_COMMAND_TIMEOUT_S,
             angle_min_rad=-self._reach_rad,
             angle_max_rad=self._reach_rad,
-            velocity_rad_s=self.LABELS.positioner_rad_s,
+            velocity_rad_s=self.POSITIONER_RAD_S,
         )
 
 

@@ -2,13 +2,14 @@
 
 from dataclasses import asdict, replace
 from math import hypot
-from typing import Any, ClassVar
+from typing import Any
 
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
-from jointz.rig.sim.benches.loaded_bench import BenchLabels, LoadedBench
+from jointz.rig.sim.benches.loaded_bench import LoadedBench
 from jointz.rig.sim.benches.qdd_bench import QddSettings
 from jointz.rig.sim.benches.qdd_bench_plant import QddBenchPlant
+from jointz.rig.sim.descriptions import torque_model_of
 
 #: The sides turn as far as they like.
 _TURNS_RAD = 1e4
@@ -36,24 +37,21 @@ class QddBench(LoadedBench[QddSettings]):
     stands beside it too.
     """
 
-    LABELS: ClassVar[BenchLabels] = BenchLabels(
-        kind="quasi-direct-drive",
-        one_motor=False,
-        actuator_model="jointz simulated quasi-direct drive",
-        limits=_LIMITS,
-        torque_sensor=("torque sensor", "jointz simulated torque sensor", "sensor_torque"),
-        positioner=("position motor", "jointz simulated position motor behind 50:1", "position"),
-        positioner_rad_s=20.0,
-    )
-
     PLANT = QddBenchPlant
+    BENCH = "quasi-direct-drive"
+    ONE_MOTOR = False
+    ACTUATOR_MODEL = "jointz simulated quasi-direct drive"
+    LIMITS = _LIMITS
+    TORQUE_SENSOR = ("torque sensor", "jointz simulated torque sensor", "sensor_torque")
+    POSITIONER = ("position motor", "jointz simulated position motor behind 50:1", "position")
+    POSITIONER_RAD_S = 20.0
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What the lab knows of model 3.3: how far its gain may be off.
+        """SD of the gain of model 3.3, as a laboratory knows it.
 
-        The model was fitted to the torque sensor, and is off by that sensor's gain; what it
-        is off besides the lab does not know, but how much that may be.
+        The model was fitted to the torque sensor and has the error of that sensor's gain, and an
+        error of its own; of both the laboratory knows the size only.
         """
         errors = self.settings.errors
         gain_sd = hypot(errors.sensor_gain_sd, errors.torque_constant_error)
@@ -74,14 +72,7 @@ class QddBench(LoadedBench[QddSettings]):
 
     @property
     def _torque_model(self) -> TorqueModelSpec:
-        machine = self.settings.machine
-        return TorqueModelSpec(
-            gear_ratio=machine.gear_ratio,
-            torque_constant=machine.torque_constant,
-            coulomb_friction=machine.coulomb_friction,
-            gear_friction=machine.gear_friction,
-            rotor_inertia=machine.rotor_inertia,
-        )
+        return torque_model_of(self.settings.machine)
 
     @property
     def _reach_rad(self) -> float:

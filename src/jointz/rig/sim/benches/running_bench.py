@@ -1,4 +1,4 @@
-"""A bench that runs on the time of a clock, as far as somebody looks at it."""
+"""A simulated bench in the time of a clock, computed as far as its devices are read."""
 
 from jointz.rig.sim.benches.compiled_bench import CompiledBench
 from jointz.rig.sim.sensors.sampled_time import Sample, SampledTime
@@ -7,7 +7,7 @@ _NAN = float("nan")
 
 
 class RunningBench(SampledTime):
-    """A bench from the first look on."""
+    """A bench from the first read or command on."""
 
     def __init__(
         self, plant: CompiledBench, *, period_ns: int, timeout_s: float, one_motor: bool
@@ -24,8 +24,7 @@ class RunningBench(SampledTime):
 
     def command(self, torque_nm: float, now_ns: int) -> None:
         """Command a torque of the actuator."""
-        if now_ns >= self.due_ns:
-            self.look(now_ns)
+        self.look(now_ns)
         self._torque = torque_nm
         if self._one_motor:
             self._angle = _NAN
@@ -33,8 +32,7 @@ class RunningBench(SampledTime):
 
     def move_to(self, angle_rad: float, now_ns: int) -> None:
         """Command an angle of the positioner."""
-        if now_ns >= self.due_ns:
-            self.look(now_ns)
+        self.look(now_ns)
         self._angle = angle_rad
         if self._one_motor:
             self._torque = _NAN

@@ -1,4 +1,4 @@
-"""A walking person that runs on the time of a clock, as far as somebody looks at it."""
+"""A simulated walking person in the time of a clock, computed as far as devices are read."""
 
 from collections import deque
 from copy import deepcopy
@@ -29,7 +29,7 @@ _NEVER_NS = 2**63
 
 
 class RunningPlant(SampledTime):
-    """One person walking, from the first look on; purpose and segment seed the randomness."""
+    """One person walking from the first read or command on; purpose and segment seed the noise."""
 
     def __init__(self, build: PlantBuild, motion: Motion, *, purpose: str, segment: int) -> None:
         super().__init__(build.grid.period_ns)
@@ -60,8 +60,7 @@ class RunningPlant(SampledTime):
 
     def command(self, torque_nm: float, now_ns: int) -> None:
         """Command a torque of the actuator."""
-        if now_ns >= self.due_ns:
-            self.look(now_ns)
+        self.look(now_ns)
         self._command = torque_nm
         self._commanded = self.samples - 1
 

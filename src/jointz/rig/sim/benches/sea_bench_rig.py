@@ -2,11 +2,11 @@
 
 from dataclasses import asdict
 from math import hypot
-from typing import Any, ClassVar
+from typing import Any
 
 from jointz.core.limits import SafetyLimits
 from jointz.core.study import Calibrated, CalibrationSpec, TorqueModelSpec
-from jointz.rig.sim.benches.loaded_bench import BenchLabels, LoadedBench
+from jointz.rig.sim.benches.loaded_bench import LoadedBench
 from jointz.rig.sim.benches.sea import SeaSettings
 from jointz.rig.sim.benches.sea_plant import SeaPlant
 
@@ -35,27 +35,20 @@ class SeaBench(LoadedBench[SeaSettings]):
     position control the same motor moves the output.
     """
 
-    LABELS: ClassVar[BenchLabels] = BenchLabels(
-        kind="series-elastic",
-        one_motor=True,
-        actuator_model="jointz simulated series-elastic exoskeleton",
-        limits=_LIMITS,
-        torque_sensor=("beam", "jointz simulated beam between two encoders", "torque"),
-        positioner=(
-            "motor",
-            "jointz simulated series-elastic exoskeleton, position control",
-            "motor_angle",
-        ),
-        positioner_rad_s=40.0,
-    )
-
     PLANT = SeaPlant
+    BENCH = "series-elastic"
+    ONE_MOTOR = True
+    ACTUATOR_MODEL = "jointz simulated series-elastic exoskeleton"
+    LIMITS = _LIMITS
+    TORQUE_SENSOR = ("beam", "jointz simulated beam between two encoders", "torque")
+    POSITIONER = ("motor", f"{ACTUATOR_MODEL}, position control", "motor_angle")
+    POSITIONER_RAD_S = 40.0
 
     @property
     def calibration(self) -> CalibrationSpec:
-        """What the lab knows: the torque's gain and the intrinsic impedance, with their sd.
+        """Gain of the torque and intrinsic impedance as a laboratory knows them, with SD.
 
-        The lab does not know the error of its beam, but how far off it may be.
+        Of the beam's error the laboratory knows the size only.
         """
         errors, machine = self.settings.errors, self.settings.machine
         gain_sd = hypot(errors.torque_gain_sd, errors.beam_error)

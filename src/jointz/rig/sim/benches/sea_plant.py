@@ -172,11 +172,7 @@ def _beam(p: np.ndarray, nut: float, angle: float) -> tuple[float, float, float]
     short = lever - along
     root = math.sqrt(p[SeaParam.MEMBER] * p[SeaParam.MEMBER] - short * short)
     lean = short / root
-    return (
-        across - root - p[SeaParam.BRACKET],
-        c - lean * s,
-        -along - lean * across,
-    )
+    return across - root - p[SeaParam.BRACKET], c - lean * s, -along - lean * across
 
 
 @_compiled

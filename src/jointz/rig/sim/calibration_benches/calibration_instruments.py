@@ -7,12 +7,11 @@ import numpy as np
 
 from jointz.rig.devices.interface import SensorDescription, SensorSample
 from jointz.rig.sim.benches.running_plant import RunningPlant
-from jointz.rig.sim.people import Person
+from jointz.rig.sim.people import Person, within_errors
 from jointz.rig.sim.presets import Preset
 from jointz.rig.sim.simulated_devices import SimulatedFootswitch, SimulatedSensor, Wiring
 
 _ZERO_SD_RAD = radians(3.0)
-_LARGEST_ERROR = 3.0  # sd
 # Volts of the switch: off and on the ground, range over people; noise; creep of both, share.
 _OPEN_RANGE_V, _CLOSED_RANGE_V = (0.1, 0.5), (2.2, 3.2)
 _NOISE_SD_V = 0.03
@@ -23,8 +22,7 @@ def draw_angle_zero(person: Person, preset: Preset) -> float:
     """Return what the goniometer of a person shows at the true zero, rad."""
     if preset.name == "clean":
         return 0.0
-    error_sd = float(person.stream("angle zero").standard_normal())
-    return _ZERO_SD_RAD * min(max(error_sd, -_LARGEST_ERROR), _LARGEST_ERROR)
+    return _ZERO_SD_RAD * within_errors(float(person.stream("angle zero").standard_normal()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
-"""A simulated person, device or bench in one step of a calibration, as an experiment gets it.
+"""Rig of a simulated person, device or bench in one step of a calibration.
 
 Person and instruments are those of :mod:`jointz.rig.sim.rig` with the same number, seed and preset:
-what a calibration finds is what walking is measured with.
+a calibration estimates the instruments with which walking is measured.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from jointz.core.clock import Clock
 from jointz.core.errors import DataError
 from jointz.core.protocols.protocol_models import CalibrationStep, LoadSpec
 from jointz.core.study import CalibrationSpec, DeviceSpec
-from jointz.rig.devices.interface import Devices, SensorDescription, Wearer
+from jointz.rig.devices.interface import Devices, Wearer
 from jointz.rig.sim.benches.bench_load import BenchLoad, draw_load
 from jointz.rig.sim.benches.running_plant import Motion, RunningPlant
 from jointz.rig.sim.calibration_benches.calibration_instruments import (
@@ -36,10 +36,11 @@ from jointz.rig.sim.walking.injection import Injection
 from jointz.rig.sim.walking.layout import CURVE_PIECES, CURVES, HARMONICS, Param
 from jointz.rig.sim.walking.plant_build import Grid, PlantBuild
 
-# What is held: 12 N*m turn it by 12 urad, a hundredth of what a goniometer on it shows.
+# A held joint: 12 N*m turn it by 12 urad, a hundredth of what a goniometer on it shows.
 _HELD_STIFFNESS, _HELD_DAMPING, _HELD_INERTIA = 1e6, 1400.0, 1.0
 # Where the joint is, rad of flexion: far from the device's limits where it swings.
 _STRAIGHT, _LOCKED, _MIDDLE, _SITTING = 0.0, 0.35, 0.9, 1.2
+_HELD_POSTURES = {"zero": _STRAIGHT, "hinge": _MIDDLE, "torsion": _LOCKED}
 _FIXTURE_INERTIA = 0.005  # kg*m^2, between spring and output
 # A relaxed leg: passive stiffness (N*m/rad) and damping ratio, and how people differ.
 _PASSIVE_STIFFNESS, _PASSIVE_RATIO, _PASSIVE_SPREAD = 4.0, 0.08, 0.2
@@ -60,10 +61,8 @@ class CalibratedBody:
 
 def held_body(step: str) -> CalibratedBody:
     """Return a joint that is held still, or moved by hand whatever the torque."""
-    posture = {"zero": _STRAIGHT, "hinge": _MIDDLE, "torsion": _LOCKED}[step]
-    return CalibratedBody(
-        _HELD_STIFFNESS, _HELD_DAMPING, _HELD_INERTIA, 0.0, posture, on_leg=step != "hinge"
-    )
+    posture, on_leg = _HELD_POSTURES[step], step != "hinge"
+    return CalibratedBody(_HELD_STIFFNESS, _HELD_DAMPING, _HELD_INERTIA, 0.0, posture, on_leg)
 
 
 def frame_body(preset: Preset) -> CalibratedBody:
@@ -126,9 +125,6 @@ def calibrated_plant(build: PlantBuild, body: CalibratedBody) -> PlantBuild:
     return replace(build, params=params, curves=curves)
 
 
-_HELD = ("zero", "hinge", "torsion")
-
-
 class CalibrationRig:
     """One person, or the device alone, in one step of a calibration."""
 
@@ -175,7 +171,7 @@ class CalibrationRig:
         switch = VoltageFootswitch(
             wiring,
             running,
-            _in_volts(footswitch(build)),
+            replace(footswitch(build), kind="voltage", unit="V"),
             levels=draw_contact_levels(person, preset),
             rng=person.stream(f"volts {purpose}", segment),
         )
@@ -193,9 +189,9 @@ class CalibrationRig:
         return build if body is None else calibrated_plant(build, body)
 
     def body(self, condition: str) -> CalibratedBody | None:
-        """Return what the actuator moves; None for a person who walks."""
+        """Return the body that the actuator moves; None for a person who walks."""
         person, preset = self.walking.person, self.walking.preset
-        if self.step in _HELD:
+        if self.step in _HELD_POSTURES:
             return held_body(self.step)
         if self.step == "frame":
             return frame_body(preset)
@@ -271,10 +267,6 @@ def calibration_rig(
         draw_person(number, seed=seed), preset_named(preset), grid=Grid(sample_rate_hz)
     )
     return CalibrationRig(walking, step, loads)
-
-
-def _in_volts(switch: SensorDescription) -> SensorDescription:
-    return replace(switch, kind="voltage", unit="V")
 
 
 # By hand: from slow to fast and back, never twice the same.

@@ -1,4 +1,4 @@
-"""Physics that runs on the time of a clock, as far as somebody looks at it."""
+"""Base class of physics in the time of a clock, computed as far as its samples are needed."""
 
 from abc import ABC, abstractmethod
 
@@ -11,12 +11,11 @@ Sample = tuple[int, MotorMeasured, float, float, float, *tuple[float, ...]]
 
 
 class SampledTime(ABC):
-    """Samples on whole multiples of their period of the clock, handed to whoever queues.
+    """Samples on whole multiples of their period of the clock, appended to all queues.
 
     The first look or command decides which of them is the first sample, time 0 of the
-    devices' clock, so that a session starts the same under any clock. Looking at host time
-    t computes all samples up to t; a command given between two samples acts from the
-    earlier one on.
+    devices' clock, so that a session starts the same under any clock. :meth:`look` at host time
+    t computes all samples up to t; a command between two samples acts from the earlier one on.
     """
 
     def __init__(self, period_ns: int) -> None:

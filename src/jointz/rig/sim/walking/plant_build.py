@@ -82,7 +82,6 @@ def build_plant(person: Person, preset: Preset, *, grid: Grid, worn: bool) -> Pl
         params[Param.LIMB_GRAVITY] = leg_of(person, preset.body).gravity_nm
     if worn:
         _fill_actuator(params, preset, instruments, grid)
-        _fill_errors(params, preset, grid)
         _fill_exoskeleton(params, preset, instruments)
     params[Param.SUBSTEPS] = grid.substeps
     params[Param.ACTIVE] = _active(preset)
@@ -154,10 +153,6 @@ def _fill_actuator(
     params[Param.HEATING_C_A2] = settings.heating_c_a2
     params[Param.THERMAL_KEEP] = exp(-grid.period_s / settings.thermal_s)
     params[Param.TEMPERATURE_MAX_C] = settings.temperature_max_c
-
-
-def _fill_errors(params: np.ndarray, preset: Preset, grid: Grid) -> None:
-    settings = preset.actuator
     params[Param.TORQUE_ERROR_KEEP], params[Param.TORQUE_ERROR_DRIVE] = _autoregression(
         settings.torque_error_sd_nm, settings.torque_error_time_s, grid
     )
@@ -174,7 +169,7 @@ def _fill_exoskeleton(params: np.ndarray, preset: Preset, instruments: Instrumen
 
 
 def _active(preset: Preset) -> int:
-    """Return how many of the states there is anything to integrate of."""
+    """Return how many of the first states have to be integrated."""
     if preset.body is not None:
         return INTEGRATED
     if preset.goniometer.tissue_range_hz is not None:

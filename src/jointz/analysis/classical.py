@@ -1,0 +1,112 @@
+"""Classical values: what published studies report, beside the joint's own.
+
+They are those of the dissertation's method on the same pulses: signals low-passed at 20 Hz, mean
+unperturbed stride subtracted, K, B and J by least squares. Strap, lag and baseline are not
+corrected for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, Literal
+
+import numpy as np
+import pandas as pd
+from scipy.special import stdtrit
+
+from jointz.core.method_names import DISSERTATION, WITH_POSTERIOR
+from jointz.reference.classical_errors import RMS_PCT
+from jointz.report.wording import joined
+from jointz.results.estimates import ESTIMATE_COLUMNS, FEWEST_PEOPLE, CellEstimate
+from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.stats.population import population_means
+
+#: In the column ``method`` of ``comparison.csv``: a mean over people.
+MEAN: Final = f"{DISSERTATION}_mean"
+PulseKind = Literal["hold", "short", "doublet"]
+_KINDS: Final = {
+    "hold": "pulses that hold one torque",
+    "short": "short pulses of one direction",
+    "doublet": "doublets",
+}
+_SYMBOLS: Final = {"stiffness": "K", "damping": "B", "inertia": "J"}
+#: Torque against the pulse's direction, over the largest, from which a pulse reverses.
+_REVERSES: Final = -0.25
+#: Torque at the end of the window, over the largest, from which a pulse holds.
+_HOLDS: Final = 0.5
+
+
+def classical_analysis(analysis: StudyAnalysis) -> StudyAnalysis | None:
+    """Return the classical values as an analysis; None where they are not beside others."""
+    if analysis.settings.get("method") not in WITH_POSTERIOR:
+        return None
+    cells = tuple(c for c in analysis.comparison if c.method == DISSERTATION)
+    if not any(p.available for c in cells for p in c.parameters):
+        return None
+    return replace(
+        analysis,
+        cells=cells,
+        comparison=(),
+        population=tuple(_mean(cells, m) for m in population_means(cells)),
+        log_posteriors=(),
+        settings={**analysis.settings, "method": DISSERTATION},
+    )
+
+
+def cells_of_both(analysis: StudyAnalysis, classical: StudyAnalysis | None) -> list[CellEstimate]:
+    """Return the joint's own cells, and the classical ones with the same parameters."""
+    names = {p.name for c in analysis.cells for p in c.parameters}
+    return [
+        *analysis.cells,
+        *(
+            replace(c, parameters=tuple(p for p in c.parameters if p.name in names))
+            for c in (classical.cells if classical else ())
+        ),
+    ]
+
+
+def _mean(cells: Sequence[CellEstimate], row: PopulationEstimate) -> PopulationEstimate:
+    """Return a mean with Student's interval, as studies report it however wide it is."""
+    estimates = (c.parameter(row.parameter) for c in cells if c.timing_point == row.timing_point)
+    values = np.array([p.value for p in estimates if p and p.available and p.value is not None])
+    if row.value is not None or values.size < FEWEST_PEOPLE:
+        return row
+    mean, sd = float(values.mean()), float(values.std(ddof=1))
+    half = float(stdtrit(values.size - 1, 0.5 + 0.5 * row.ci_level)) * sd / np.sqrt(values.size)
+    return replace(row, value=mean, sd=sd, ci_low=mean - half, ci_high=mean + half, status="ok")
+
+
+def comparison_table(analysis: StudyAnalysis) -> pd.DataFrame:
+    """Return other methods' estimates, then means over people of the classical values."""
+    table, classical = analysis.comparison_frame(), classical_analysis(analysis)
+    means = [m for m in classical.population if m.value is not None] if classical else []
+    if not means:
+        return table
+    rows = [
+        {n: getattr(m, n, None) for n in ESTIMATE_COLUMNS} | {"participant": "", "method": MEAN}
+        for m in means
+    ]
+    counts = dict.fromkeys(("n_used", "n_excluded"), "Int64")  # with blanks
+    added = pd.DataFrame(rows, columns=list(ESTIMATE_COLUMNS)).astype({"vaf_pct": float, **counts})
+    return pd.concat([table.astype(counts), added], ignore_index=True)
+
+
+def classical_note(classical: StudyAnalysis) -> str:
+    """Say what the classical values of a study are, and how far such values were off."""
+    kind = pulse_kind(classical.cells)
+    errors = joined(
+        [f"{low:.0f} to {high:.0f} % in {_SYMBOLS[n]}" for n, (low, high) in RMS_PCT[kind].items()]
+    )
+    return (
+        "Grey values are classical: as published studies report them, by the dissertation's method "
+        "on the same pulses, not corrected for strap, lag and baseline. In simulated people with "
+        f"{_KINDS[kind]} such values were off by {errors} (RMS, two simulators)."
+    )
+
+
+def pulse_kind(cells: tuple[CellEstimate, ...]) -> PulseKind:
+    """Return the kind of a study's pulses, by the average torque of its responses."""
+    torques = [c.response.torque for c in cells if c.response is not None]
+    shares = [torque / torque.max() for torque in torques if torque.max() > 0.0]
+    if not shares or np.median([share[-1] for share in shares]) > _HOLDS:
+        return "hold"
+    return "doublet" if np.median([share.min() for share in shares]) < _REVERSES else "short"
