@@ -121,12 +121,12 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
     if salvage:
         salvage_recordings(study.root if isinstance(study, Study) else study)
     opened = study if isinstance(study, Study) else open_study(study)
-    asked_for = _chosen(opened, check_method(method))
+    requested_method = _chosen(opened, check_method(method))
     simulated = VIRTUAL_PEOPLE if certify is True else int(certify)
     if simulated < 0:
         raise ValueError(f"certify: expected true, false or a number of people, got {certify}.")
     if simulated:
-        certificates().check_certifiable(opened, method_called(asked_for))
+        certificates().check_certifiable(opened, method_called(requested_method))
     if resamples < 2:
         raise ValueError(f"resamples: expected at least 2, got {resamples}.")
     outputs = _Outputs(seed)
@@ -135,7 +135,7 @@ def analyze(  # noqa: PLR0913 - a public face, keywords only
         outputs.inputs[exclusions.name] = hashed(opened, exclusions.name)
     people = [person.id for person in opened.spec.participants]
     engine = engine or Serial()
-    request = EstimationRequest(opened, asked_for, resamples=resamples, seed=seed)
+    request = EstimationRequest(opened, requested_method, resamples=resamples, seed=seed)
     total = len(people) + simulated
     with shown_progress(progress=progress) as show:
         with closing(outcomes(request, people, engine=engine, store=store)) as pending:
@@ -220,8 +220,8 @@ def _chosen(study: Study, method: str) -> str:
     baseline = study.spec.perturbations.baseline
     if method in (RECOMMENDED, BAYESIAN):
         ask_for_coupling(study)
-    asked_for = recommended_method(study) if method == RECOMMENDED else method
-    name = method_called(asked_for)
+    requested_method = recommended_method(study) if method == RECOMMENDED else method
+    name = method_called(requested_method)
     kind, kinds = study.spec.kind, METHODS[name].kinds
     if kind not in kinds:
         raise DataError(
@@ -243,7 +243,7 @@ def _chosen(study: Study, method: str) -> str:
             f'method: {name} has no baseline "{PREDICTED}". Choose another under '
             f"perturbations.baseline, or the method {BAYESIAN}."
         )
-    return asked_for
+    return requested_method
 
 
 def _assembled(request: EstimationRequest, outputs: _Outputs) -> Analysis:

@@ -1,4 +1,4 @@
-"""Classical values: what published studies report, beside the joint's own.
+"""Classical values: what published studies report, beside those of the study's own method.
 
 They are those of the dissertation's method on the same pulses: signals low-passed at 20 Hz, mean
 unperturbed stride subtracted, K, B and J by least squares. Strap, lag and baseline are not
@@ -17,6 +17,7 @@ from jointz.core.method_names import DISSERTATION, WITH_POSTERIOR
 from jointz.reference.classical_errors import RMS_PCT
 from jointz.report.wording import joined
 from jointz.results.estimates import ESTIMATE_COLUMNS, FEWEST_PEOPLE, CellEstimate
+from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
 from jointz.stats.population import population_means
 
@@ -66,7 +67,8 @@ def cells_of_both(analysis: StudyAnalysis, classical: StudyAnalysis | None) -> l
 
 def _mean(cells: Sequence[CellEstimate], row: PopulationEstimate) -> PopulationEstimate:
     """Return a mean with Student's interval, as studies report it however wide it is."""
-    estimates = (c.parameter(row.parameter) for c in cells if c.timing_point == row.timing_point)
+    own = [c for c in person_cells(cells) if c.timing_point == row.timing_point]
+    estimates = (c.parameter(row.parameter) for c in own)
     values = np.array([p.value for p in estimates if p and p.available and p.value is not None])
     if row.value is not None or values.size < FEWEST_PEOPLE:
         return row
@@ -92,21 +94,27 @@ def comparison_table(analysis: StudyAnalysis) -> pd.DataFrame:
 
 def classical_note(classical: StudyAnalysis) -> str:
     """Say what the classical values of a study are, and how far such values were off."""
-    kind = pulse_kind(classical.cells)
+    note = (
+        "Grey values are classical: as published studies report them, by the dissertation's method "
+        "on the same pulses, not corrected for strap, lag and baseline."
+    )
+    if (kind := pulse_kind(classical.cells)) is None:
+        return note
     errors = joined(
         [f"{low:.0f} to {high:.0f} % in {_SYMBOLS[n]}" for n, (low, high) in RMS_PCT[kind].items()]
     )
     return (
-        "Grey values are classical: as published studies report them, by the dissertation's method "
-        "on the same pulses, not corrected for strap, lag and baseline. In simulated people with "
-        f"{_KINDS[kind]} such values were off by {errors} (RMS, two simulators)."
+        f"{note} In simulated people with {_KINDS[kind]} such values were off by {errors} (RMS, "
+        "two simulators)."
     )
 
 
-def pulse_kind(cells: tuple[CellEstimate, ...]) -> PulseKind:
-    """Return the kind of a study's pulses, by the average torque of its responses."""
+def pulse_kind(cells: tuple[CellEstimate, ...]) -> PulseKind | None:
+    """Return the kind of a study's pulses, by the average torque; None without responses."""
     torques = [c.response.torque for c in cells if c.response is not None]
-    shares = [torque / torque.max() for torque in torques if torque.max() > 0.0]
-    if not shares or np.median([share[-1] for share in shares]) > _HOLDS:
+    shares = [t / t.max() for t in torques if t.size and t.max() > 0.0]
+    if not shares:
+        return None
+    if np.median([share[-1] for share in shares]) > _HOLDS:
         return "hold"
     return "doublet" if np.median([share.min() for share in shares]) < _REVERSES else "short"

@@ -110,7 +110,7 @@ def _index(person: ParticipantSpec) -> float | None:
 
 
 def _doubt(person: ParticipantSpec) -> str:
-    """Say what no walking person of this height has."""
+    """Return why the mass is implausible."""
     mass, index = person.mass_kg, _index(person)
     child = person.height_m is not None and person.height_m < _CHILD_M
     low, high = _CHILD_INDICES if child else _INDICES

@@ -31,19 +31,19 @@ class EstimationRequest:
     """Study, method and settings of an analysis, the same for every participant."""
 
     study: Study
-    asked_for: str  # the method; ``strapped`` and ``rigid`` are the method of walking
+    requested_method: str  # the method; ``strapped`` and ``rigid`` are the method of walking
     resamples: int  # number of resamples of the bootstrap
     seed: int
 
     @property
     def method(self) -> str:
         """Name of the method."""
-        return method_called(self.asked_for)
+        return method_called(self.requested_method)
 
     @property
     def coupling(self) -> str:
         """Coupling of device and leg that the method assumes."""
-        return coupling_of(self.study, self.asked_for)
+        return coupling_of(self.study, self.requested_method)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,7 +165,11 @@ def _outcome(
     inputs: dict[str, dict[str, Any]],
 ) -> Outcome:
     settings = participant_settings(
-        request.study, person_id, request.asked_for, resamples=request.resamples, seed=request.seed
+        request.study,
+        person_id,
+        request.requested_method,
+        resamples=request.resamples,
+        seed=request.seed,
     )
     result = _analyzed(person_id, recordings, settings)
     return Outcome(result, inputs)
@@ -198,7 +202,7 @@ def participant_settings(
     """
     spec = study.spec
     coupling = coupling_of(study, method)
-    asked_for = coupling != coupling_of(study, BAYESIAN)
+    requested_method = coupling != coupling_of(study, BAYESIAN)
     method = method_called(method)
     kind = KINDS[spec.kind]
     # The dissertation's method is compared with one that differs in the baseline only.
@@ -211,7 +215,7 @@ def participant_settings(
         group_edges=study.group_edges,
         torque_model=spec.torque_model,
         methods=(method, *(others if default_baseline else [])),
-        method_asked_for=asked_for or method != recommended_method(study),
+        method_asked_for=requested_method or method != recommended_method(study),
         n_resamples=resamples,
         seed=seed,
         mass_kg=spec.participant(person_id).mass_kg,

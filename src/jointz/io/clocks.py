@@ -14,7 +14,7 @@ from jointz.core.study import ChannelSpec, ClockSpec, JoinedSpec, RecordingSpec,
 from jointz.io.formats.columns import RawTable
 from jointz.io.study_files import in_part
 
-#: Nothing is filled over a hole of more than this many of a clock's own sample periods.
+#: Longest gap that is interpolated, in sample periods of the clock.
 _HOLE_PERIODS = 1.5
 #: Events closer together than this give an offset only.
 _SHORTEST_SPAN_S = 5.0
@@ -134,7 +134,7 @@ def on_one_clock(parts: Sequence[ClockedSamples]) -> tuple[ClockedSamples, list[
         _check_order(base, part)
         for name, values in part.channels.items():
             channels[name] = _at_times(part.time_s, values, base.time_s, name)
-        # Labels beyond the ends are those at the ends: they cut the recording, and time nothing.
+        # Labels beyond the ends are those at the ends: they cut the recording, and set no times.
         at = np.searchsorted(part.time_s, base.time_s, side="right") - 1
         labels |= {name: texts[np.maximum(at, 0)] for name, texts in part.labels.items()}
         units |= part.units

@@ -110,7 +110,7 @@ def _fitting(body: memoryview, size: int) -> np.ndarray:
 
 
 def _further_records(body: memoryview, at: int, size: int) -> Iterator[int]:
-    """Yield where intact records begin behind a damaged one, at any byte; zeros at the end not."""
+    """Yield where intact records begin after a damaged one, at any byte but trailing zeros."""
     last = min(len(bytes(body).rstrip(b"\0")), len(body) - size + 1)
     while at < last:
         check = int.from_bytes(body[at + size - 4 : at + size], "little")

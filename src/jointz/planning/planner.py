@@ -66,8 +66,8 @@ _UNDECIDED = 10.0
 _SURELY = 0.98
 #: Larger differences are only called large.
 _LARGEST_NAMED_PCT = 200.0
-#: Motion that cuts a pulse, over that of nine of ten legs, and three SDs of what the gate, which
-#: looks 63 ms ahead, is wrong by about the unperturbed angle, rad.
+#: Motion that cuts a pulse, over that of nine of ten legs. Three SDs of the error of the gate,
+#: which predicts the unperturbed angle 63 ms ahead, rad.
 _TRIPS, _GATE_ERROR_RAD = 1.2, 0.06
 #: Legs from which aborted pulses are predicted: few legs have most of them.
 _ABORTING_LEGS = 60
@@ -425,7 +425,7 @@ class Planner:
         return None
 
     def _worst(self, rows: Sequence[PlannedPeople], attribute: str) -> float:
-        """Return the largest of what was asked for; infinite where nothing is decided."""
+        """Return the largest of the requested quantity; infinite where nothing is decided."""
         values = {r.parameter: float(getattr(r, attribute)) for r in rows}
         return max(values.get(name, np.inf) for name in self._wishes.parameters)
 

@@ -28,7 +28,7 @@ _NO_REFLEX = -20.0
 
 
 def response_slopes(model: LegModel, theta: np.ndarray, point: int) -> np.ndarray:
-    """Return derivatives of what is fitted of a point by its parameters, (used, columns)."""
+    """Return the Jacobian of the fitted responses of a point, (used, columns)."""
     columns = model.layout.columns(point)
     moved = np.tile(theta, (2 * columns.size, 1))
     rows, steps = np.arange(columns.size), _steps(model)[columns]
@@ -120,7 +120,7 @@ def predicted_moments(
     weights /= weights.sum()
     mean, covariance = mixed_moments(weights, means, covariances)
     prior_mean, spread = mixed_moments(weights, prior_means, prior_covariances)
-    wider = logs.error.wider**2 * covariance
+    wider = logs.error.sd_inflation**2 * covariance
     return LogMoments(mean, wider, prior_mean, spread, logs.stiffness_scale, logs.error)
 
 

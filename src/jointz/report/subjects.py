@@ -3,12 +3,15 @@
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import getitem
 from typing import Final
 
 import numpy as np
 from pydantic import ValidationError
 
 from jointz.core.codes import Failure
+from jointz.core.errors import DataError
 from jointz.core.gait_phases import ALL_POINTS, circular_mean_pct
 from jointz.core.study import CalibrationSpec, StudySpec
 from jointz.report.wording import format_count
@@ -48,11 +51,27 @@ _NOT_STATED: Final = StudySpec.model_construct(
 
 
 def study_spec(analysis: StudyAnalysis) -> StudySpec:
-    """Return the study file as the provenance holds it, one without entries if it does not."""
-    try:
-        return StudySpec.model_validate_json(json.dumps(analysis.provenance.get("study")))
-    except ValidationError:  # none, or of an earlier version
+    """Return the study file as the provenance holds it, one without entries if it does not.
+
+    Keys that this version does not know are left out; raise DataError for another file.
+    """
+    record = analysis.provenance.get("study")
+    if not record:
         return _NOT_STATED
+    record = json.loads(json.dumps(record))
+    try:
+        try:
+            return StudySpec.model_validate_json(json.dumps(record))
+        except ValidationError as exc:
+            for error in exc.errors():
+                *place, key = error["loc"]
+                reduce(getitem, place, record).pop(key)
+            return StudySpec.model_validate_json(json.dumps(record))
+    except (ValidationError, LookupError, TypeError, AttributeError) as exc:
+        raise DataError(
+            f"provenance.json: study cannot be read by this version ({exc}). Analyse the study "
+            "again."
+        ) from exc
 
 
 def calibrations(analysis: StudyAnalysis) -> list[CalibrationSpec]:

@@ -20,7 +20,7 @@ Place = tuple[str, str]
 PARAMETERS = ("stiffness", "damping", "inertia")
 PER_MASS = "_per_mass"
 _ONSET = "_onset"
-#: Of the data over that of the prior; with less a person does not count.
+#: Least information of the data over that of the prior; with less a person does not count.
 _LEAST_INFORMATION = 0.01
 #: Of a logarithm: nobody is known to 0.001 %, and equations of people become singular.
 _LEAST_VARIANCE = 1e-10

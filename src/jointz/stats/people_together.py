@@ -242,6 +242,10 @@ class PopulationModel:
         return np.asarray(np.sqrt((x - y) ** 2 * common + (x**2 + y**2) * own))
 
 
+#: Former name.
+PeopleTogether = PopulationModel
+
+
 def _share(true: np.ndarray) -> float:
     """Return the share of draws; never less than one of them."""
     return float(max(true.mean(), 1.0 / true.size))
@@ -348,7 +352,7 @@ def _in_si(
     slope, variance = drawn.slope[:, data.kinds], drawn.variance[:, data.kinds]
     middle, level = drawn.mean, drawn.level[:, data.kinds]
     if data.covariate.size:
-        # Who was measured has a mean mass that is not the population's.
+        # The mean mass of the sample differs from that of the population.
         mass_variance = float(data.covariate.var(ddof=1)) if data.covariate.size > 1 else 0.0
         off = np.random.default_rng(seed).standard_normal((len(middle), 1))
         middle = middle + slope * off * np.sqrt(mass_variance / data.covariate.size)

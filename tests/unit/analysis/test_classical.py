@@ -104,6 +104,16 @@ def test_the_means_stand_below_the_estimates_of_the_other_methods(held):
     assert pd.read_csv(BytesIO(written))["n_used"].isna().sum() == len(added)
 
 
+def test_sessions_of_a_person_are_one_person_in_a_classical_mean(held):
+    def in_sessions(cells):
+        return tuple(replace(c, session=name) for name in ("day1", "day2") for c in cells)
+
+    twice = replace(held, cells=in_sessions(held.cells), comparison=in_sessions(held.comparison))
+    once, both = (classical_analysis(a).population[0] for a in (held, twice))
+    assert (both.n_participants, both.value) == (once.n_participants, pytest.approx(once.value))
+    assert both.ci_high == pytest.approx(once.ci_high)
+
+
 def test_without_a_joints_own_method_nothing_is_classical(held):
     assert classical_analysis(replace(held, settings={"method": "dissertation"})) is None
     assert classical_analysis(replace(held, comparison=())) is None
@@ -123,3 +133,11 @@ def test_the_kind_of_pulse_is_that_of_the_torque(held, shape, kind):
         for c in held.comparison
     )
     assert pulse_kind(cells) == kind
+
+
+def test_without_responses_no_kind_of_pulse_is_claimed(held):
+    bare = tuple(replace(c, response=None) for c in held.comparison)
+    assert pulse_kind(bare) is None
+    table = first_page(replace(held, comparison=bare))["table"]
+    assert "not corrected" in table["classical"]
+    assert "simulated people" not in table["classical"]

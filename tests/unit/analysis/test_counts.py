@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
+from tests.unit.analysis.studies import study_record
 
 from jointz.analysis.printed_analysis import print_analysis
 from jointz.analysis.results_folder import write_results
@@ -23,7 +24,7 @@ def written(walking, tmp_path_factory):
     pulses = tuple(
         replace(p, code="aborted") if i in used else p for i, p in enumerate(walking.pulses)
     )
-    study = {"kind": "walking", "joint": "knee", "participants": []}
+    study = study_record()
     lost = tuple(
         replace(m, value=None, status="undecided") if m.timing_point == "TST" else m
         for m in walking.population

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
-from tests.unit.analysis.studies import bayesian_analysis
+from tests.unit.analysis.studies import bayesian_analysis, study_record
 
 import jointz
 from jointz.analysis.page.details_tables import details_frame
@@ -36,9 +36,7 @@ def with_onset(cell):
 
 def as_saved(analysis, cells):
     people = [{"id": person} for person in dict.fromkeys(c.participant for c in cells)]
-    study = {"kind": "walking", "joint": "knee", "positive": "flexion"}
-    study |= {"participants": people, "recordings": []}
-    provenance = {"study": study, "study_sha256": "ab" * 32}
+    provenance = {"study": study_record(participants=people), "study_sha256": "ab" * 32}
     parts = {n: getattr(analysis, n) for n in ("comparison", "settings")}
     means = population_means(person_cells(cells))
     return Analysis(cells=cells, population=means, provenance=provenance, **parts)

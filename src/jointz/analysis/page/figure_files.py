@@ -90,6 +90,9 @@ _REPORT_FIGURES: Final[Mapping[str, _ReportFigure]] = {
 }
 #: Names of the figures that every analysis may have.
 FIGURES: Final = tuple(name for name, figure in _REPORT_FIGURES.items() if figure.draw)
+#: Widths of pages and columns.
+_NARROWEST_MM: Final = 60.0
+_WIDEST_MM: Final = 400.0
 #: Short names.
 _FOR_PAPERS: Final = {"impedance": "impedance_over_gait"}
 #: Fonts for scripts that the figures' own font lacks, such as Chinese; none is installed with it.
@@ -141,12 +144,27 @@ def draw_paper_figure(
         )
     draw: Callable[[StudyAnalysis], Figure | None] | None = _REPORT_FIGURES[named].draw
     if named == _FOR_PAPERS["impedance"]:
+        _check_options(analysis, parameters, width_mm)
         draw = partial(draw_impedance_over_gait, parameters=parameters, width_mm=width_mm)
     elif parameters is not None or width_mm != WIDTH_MM:
         raise ValueError(f"figure: parameters and width_mm are for 'impedance', not for {name!r}.")
     if (figure := _written(draw, analysis, lambda drawn: drawn)) is None:
         raise DataError(f"figure: the analysis has no data for {name!r}.")
     return figure
+
+
+def _check_options(
+    analysis: StudyAnalysis, parameters: Sequence[str] | None, width_mm: float
+) -> None:
+    names = {p.name for c in analysis.cells for p in c.parameters}
+    if parameters is not None and (isinstance(parameters, str) or not names.issuperset(parameters)):
+        raise ValueError(
+            f"figure: parameters: expected some of {', '.join(sorted(names))}, got {parameters!r}."
+        )
+    if not _NARROWEST_MM <= width_mm <= _WIDEST_MM:
+        raise ValueError(
+            f"figure: width_mm: expected {_NARROWEST_MM:g} to {_WIDEST_MM:g}, got {width_mm:g}."
+        )
 
 
 def draw_picture(analysis: StudyAnalysis, name: str, *, pdf: bool = False) -> Picture | None:

@@ -169,7 +169,9 @@ def _table(analysis: StudyAnalysis) -> _Row | None:
     several = len({c.label for c in analysis.cells}) > 1
     level = f"{100 * analysis.settings.get('ci_level', 0.95):g} % interval"
     beside = _people_means(classical) if classical else []
-    known = [m for m in (*means, *beside) if m.value is not None and m.parameter in parameters]
+    known = [m for m in means if m.value is not None]
+    if not shown_parameters(analysis.cells):  # nobody has a value of his own
+        known = [m for m in beside if m.value is not None and m.parameter in parameters]
     if known:
         numbers = format_span([m.n_participants for m in known], str)
         rows = _mean_rows(analysis, means, beside, parameters)

@@ -141,7 +141,7 @@ def _error_text(analysis: StudyAnalysis, coupling: Coupling) -> str:
         inertia=_inertia(coupling),
         evidence=cite("evidence"),
         scale=scale,
-        wider=_WIDER.format(wider=f"{error.wider:g}") if error.wider != 1.0 else "",
+        wider=_WIDER.format(wider=f"{error.sd_inflation:g}") if error.sd_inflation != 1.0 else "",
     )
 
 

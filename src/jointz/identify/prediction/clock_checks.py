@@ -61,7 +61,7 @@ def clock_failure(
 
 def _drift_s(predicted: Predicted, onset_s: np.ndarray, period_s: float) -> float | None:
     """Return how far later responses are shifted against earlier ones, s; None if they are not."""
-    angles = predicted.one_way[:, 0]
+    angles = predicted.sign_aligned[:, 0]
     mean = angles.mean(axis=0)
     whiten = _whitening(predicted.prediction_errors[:, 0])
     speed = derivative(mean, rate_hz=1.0 / period_s)
@@ -82,7 +82,7 @@ def _lead_s(predicted: Predicted, period_s: float) -> float | None:
     After its onset a torque makes an acceleration, then damping and stiffness tell: the mean
     response is a sum of the torque's integrals, shifted by the lag.
     """
-    mean = predicted.one_way.mean(axis=0)
+    mean = predicted.sign_aligned.mean(axis=0)
     time_s = np.arange(mean.shape[1]) * period_s
     n = int(np.searchsorted(time_s, time_s[-1] + _SHIFTS_S[0]))  # all shifts are within
     integrals = [mean[TORQUE_ROWS].sum(axis=0)]

@@ -255,7 +255,7 @@ class CellPredictor:
     def _predictor(self, index: int) -> UnperturbedPredictor:
         if index not in self._predictors:
             source, rate = self._sources[index], common_rate_hz(self._sources)
-            taught_by = [source, *self._teachers(source)]
+            taught_by = [source, *self._training_sources(source)]
             signals = [raw_signals(s, target_hz=rate, sensors=self.sensors) for s in taught_by]
             lessons = list(zip(taught_by, signals, strict=True))
             self._predictors[index] = UnperturbedPredictor(
@@ -266,10 +266,10 @@ class CellPredictor:
     def _needed(self) -> list[Source]:
         """Return the recordings with pulses, and what they learn from."""
         pulsed = [s for s in self._sources if s.input.condition == "perturbed"]
-        teachers = [t for s in pulsed for t in self._teachers(s)]
+        teachers = [t for s in pulsed for t in self._training_sources(s)]
         return list({id(s): s for s in (*pulsed, *teachers)}.values())
 
-    def _teachers(self, source: Source) -> list[Source]:
+    def _training_sources(self, source: Source) -> list[Source]:
         """Return what else to learn from if a recording has too few quiet strides."""
         if quiet_strides(source).size >= FEWEST_STRIDES:
             return []

@@ -54,7 +54,7 @@ def ineffective_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[
     per torque. This shows nothing if walking alone moves the joint as much, or if all pulses
     failed; :mod:`jointz.identify.walking.checks` checks the average.
     """
-    responses = predicted.one_way
+    responses = predicted.sign_aligned
     torque = responses[:, DRIVING] + responses[:, FRICTION]
     codes = np.full(len(torque), "", dtype=object)
     if not len(torque):
@@ -87,7 +87,7 @@ def has_pulses_in_strides(predicted: Predicted, amplitude_nm: float) -> bool:
 def _felt(predicted: Predicted, torque: np.ndarray, pushed: np.ndarray) -> np.ndarray:
     """Return which pulses moved the joint as most do; all if walking hides it."""
     # Every few samples, so that few strides determine the covariance.
-    angle = predicted.one_way[:, RAW_ANGLE, ::_EVERY]
+    angle = predicted.sign_aligned[:, RAW_ANGLE, ::_EVERY]
     errors = predicted.prediction_errors[:, RAW_ANGLE, ::_EVERY]
     noise = np.cov(errors.T)
     noise += _EVEN_SHARE * np.trace(noise) / len(noise) * np.eye(len(noise))

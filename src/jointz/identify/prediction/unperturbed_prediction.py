@@ -67,7 +67,7 @@ class Predicted:
     unperturbed_rad: np.ndarray  # (n,) unperturbed angle over the window, less a constant
 
     @property
-    def one_way(self) -> np.ndarray:
+    def sign_aligned(self) -> np.ndarray:
         """The responses times the sign of their pulse, for averages over both signs."""
         return np.asarray(self.signs[:, None, None] * self.responses)
 
@@ -123,7 +123,7 @@ class UnperturbedPredictor:
         rows = [*range(COMMAND)[PREDICTED_ROWS], *(SENSOR_ROWS + k for k in range(len(sensors)))]
         self._n_rows = len(rows)
         lessons = [(source, signals), *others]
-        self._lessons = [_Lesson(*lesson, window_s, rows) for lesson in lessons]
+        self._lessons = [_TrainingRecording(*lesson, window_s, rows) for lesson in lessons]
         self._recording = self._lessons[0]
 
     @property
@@ -192,7 +192,7 @@ class UnperturbedPredictor:
         return virtual if np.unique(virtual.strides).size >= FEWEST_STRIDES else None
 
 
-class _Lesson:
+class _TrainingRecording:
     """A recording from which unperturbed walking is learned."""
 
     def __init__(
@@ -209,7 +209,7 @@ class _Lesson:
         """Return virtual onsets about a point of the cycle, in quiet strides of usual length."""
         strides, quiet = self._strides, self.quiet
         if strides is None:
-            raise ValueError("_Lesson: a recording without strides teaches nothing; see quiet.")
+            raise ValueError("A recording without strides teaches nothing; see quiet.")
         share = middle + spread * rng.standard_normal((_COPIES, quiet.size))
         starts = strides.start_s[quiet]
         expected = gait_phase(starts, strides).mean_stride_s

@@ -119,6 +119,11 @@ class Source:
     # (n_stride,) bool: accepted strides without a pulse, not excluded by the user
     undisturbed: np.ndarray
 
+    @property
+    def given(self) -> RecordingInput:
+        """Former name of ``input``."""
+        return self.input
+
 
 def prepare_sources(
     recordings: Sequence[RecordingInput], settings: ParticipantSettings
@@ -142,11 +147,11 @@ def _source(
     measured = record.recording
     record = replace(record, calibration=with_clock_errors(record.calibration, measured))
     filled = interpolate_missing(measured)
-    record = _from_true_zero(_with_torque(replace(record, recording=filled), settings))
+    record = _zero_corrected(_with_torque(replace(record, recording=filled), settings))
     pulses = _pulses(record, unperturbed, settings)
     if filled is not measured:
         filled = interpolate_missing(measured, [p.onset_s for p in pulses])
-        record = _from_true_zero(_with_torque(replace(record, recording=filled), settings))
+        record = _zero_corrected(_with_torque(replace(record, recording=filled), settings))
     strides = _strides(record)
     signals = condition(
         record.recording,
@@ -177,7 +182,7 @@ def _with_torque(record: RecordingInput, settings: ParticipantSettings) -> Recor
     return replace(record, recording=recording.assign(channels))
 
 
-def _from_true_zero(record: RecordingInput) -> RecordingInput:
+def _zero_corrected(record: RecordingInput) -> RecordingInput:
     """Subtract the calibrated zero of the angle, which postures, groups and figures need."""
     zero, recording = record.calibration.angle_zero_rad, record.recording
     if zero is None:

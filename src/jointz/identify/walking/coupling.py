@@ -28,7 +28,7 @@ class ModelError:
 
     share: float  # of the response, correlated over 30 ms
     floor_rad: float  # of an angle, at least
-    wider: float  # factor by which Laplace's sds are too small
+    sd_inflation: float  # factor by which Laplace's sds are too small
     damping_sd: float  # of the logarithm of B
 
 
@@ -37,13 +37,13 @@ class Hypothesis:
     """A hypothesis about gait cycle, leg and goniometer, with the priors that it sets."""
 
     follows_cycle: float  # share of the variance of K, B and J that follows one curve of the cycle
-    steady: float = 0.6  # of what a point has by itself, share that does not change in the window
+    constant_share: float = 0.6  # of a point's own variance, that which is constant in the window
     shared: Mapping[str, AnyPrior] = field(default_factory=dict)  # instead of the usual priors
     inertia_sd: float | None = None  # of a point's log J about the shared one; None: as usual
     prior_probability: float = 1.0  # prior probability over that of the others
 
 
-#: Sd of what is known: the search needs one above zero.
+#: Sd of a fixed parameter: the search needs one above zero.
 _KNOWN = 0.01
 
 
@@ -113,7 +113,7 @@ STRAP = Coupling(
     is_strap=True,
     # Reflex, friction and lag share what B does, so that it was 5 to 14 % too high in every world
     # that was tried; Laplace's sds: self-simulation, docs/estimator.md.
-    error=ModelError(share=0.015, floor_rad=np.deg2rad(0.02), wider=1.1, damping_sd=0.08),
+    error=ModelError(share=0.015, floor_rad=np.deg2rad(0.02), sd_inflation=1.1, damping_sd=0.08),
     fewest_for_curve=1,
     twist_sd=0.0,
 )
@@ -156,7 +156,7 @@ RIGID = Coupling(
     ),
     fit_s=0.0,
     is_strap=False,
-    error=ModelError(share=0.001, floor_rad=2e-5, wider=1.0, damping_sd=0.0),
+    error=ModelError(share=0.001, floor_rad=2e-5, sd_inflation=1.0, damping_sd=0.0),
     fewest_for_curve=4,
     twist_sd=3e-4,
 )

@@ -47,11 +47,11 @@ _FARTHEST_INSTRUMENT_SD = 2.5
 _FARTHEST_OF_SEVERAL_SD, _TOGETHER_LEVEL = 3.5, 0.999
 #: Of a calibrated lag, sds of lag and calibration together.
 _FARTHEST_LAG_SD = 3.5
-#: Less of these than usual is no error: a torque sensor leaves no friction, a goniometer may follow
-#: the bone, and muscles need not answer.
+#: Values of these below the prior are no errors: a torque sensor leaves no friction, a goniometer
+#: may follow the bone, and muscles need not answer.
 _MAY_BE_ABSENT = ("friction_nm", "skin_share", "reflex_gain")
 _MAY_BE_RIGID = ("goniometer_hz",)
-#: The body tells of the first; of the others no source says what they are in a leg.
+#: Body mass gives a prior of the first only; no source has values of the others in a leg.
 _NO_INSTRUMENTS = ("inertia", "reflex_position", "reflex_shortening", "softening_power")
 #: Beside several sensors, a reflex that is early or fast says nothing about them.
 _OF_REFLEX = ("reflex_latency_s", "reflex_time_s")
@@ -319,7 +319,7 @@ def bounded_interval(value: float, sd: float, *, level: float = 0.95) -> tuple[f
         )
     measured = max(value / sd, _LOWEST)
     reach = float(norm.ppf(0.5 + level / 2.0))
-    if measured >= 2.0 * reach:  # from here on the bound is out of sight of the construction
+    if measured >= 2.0 * reach:  # from here on the bound has no effect
         return sd * (measured - reach), sd * (measured + reach)
     means, lowest, highest = _belts(level)
     low = float(np.interp(measured, highest, means)) if measured > highest[0] else 0.0

@@ -19,7 +19,7 @@ ESTIMANDS = ("stiffness", "damping", "inertia", "stiffness_onset", "damping_onse
 _STIFFNESS = ("stiffness", "stiffness_onset")
 _EVERY_S = 0.002
 _DERIVATIVE_SD = 0.05
-#: Of data that say nothing: an sd of 1000.
+#: Information of data that are uninformative: an SD of 1000.
 _LEAST_INFORMATION = 1e-6
 
 
@@ -60,14 +60,14 @@ class LogMoments:
         n = self.mean.size // len(ESTIMANDS)
         block = slice(self._place(name, 0), self._place(name, 0) + n)
         # The posterior is widened for the error of the model, not for missing information.
-        inverse = np.linalg.inv(self.covariance[block, block] / self.error.wider**2)
+        inverse = np.linalg.inv(self.covariance[block, block] / self.error.sd_inflation**2)
         prior_inverse = np.linalg.inv(self.prior_covariance[block, block])
         information, vectors = np.linalg.eigh(inverse - prior_inverse)
         known = information > _LEAST_INFORMATION
         variances = 1.0 / np.where(known, information, _LEAST_INFORMATION)
         pull = inverse @ self.mean[block] - prior_inverse @ self.prior_mean[block]
         mean = (vectors @ (variances * known * (vectors.T @ pull)))[point]
-        sd = self.error.wider * np.sqrt(variances @ vectors[point] ** 2)
+        sd = self.error.sd_inflation * np.sqrt(variances @ vectors[point] ** 2)
         place = np.clip(mean - ONE_SIDED_95 * sd, 0.0, max(self.mean[block][point], 0.0))
         return float(self.scale(name).value(place))
 
@@ -94,8 +94,8 @@ def log_moments(posterior: LegPosterior) -> LogMoments:
     )
     mean, covariance = mixed_moments(weights, means, covariances)
     prior = mixed_moments(weights, prior_means, prior_covariances)
-    wider = model.error.wider**2 * covariance
-    return LogMoments(mean, wider, *prior, model.stiffness_scale, model.error)
+    inflated = model.error.sd_inflation**2 * covariance
+    return LogMoments(mean, inflated, *prior, model.stiffness_scale, model.error)
 
 
 def mixed_moments(

@@ -55,7 +55,7 @@ def remaining_sds(posterior: LegPosterior) -> dict[str, np.ndarray]:
     for source in (*GROUPS, PULSES):
         left = [covariances[source] for _, covariances in parts]
         _, covariance = mixed_moments(posterior.weights, means, left)
-        sds[source] = posterior.model.error.wider * np.sqrt(np.diag(covariance))
+        sds[source] = posterior.model.error.sd_inflation * np.sqrt(np.diag(covariance))
     return sds
 
 

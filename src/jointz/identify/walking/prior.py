@@ -14,7 +14,7 @@ from jointz.identify.walking.leg_model import LENGTH_CYCLES, REFLEX, SHANK, Layo
 from jointz.identify.walking.responses import PointResponse
 from jointz.results.value_scale import LOGARITHM
 
-#: Of a point by itself: time of what changes in the window, s.
+#: Correlation time of the drift of a point by itself, s.
 _DRIFT_S = 0.13
 _NUGGET = 1e-4
 #: Parts of the goniometer's lag. Their sum is what a calibration states.
@@ -166,9 +166,10 @@ def _correlation(
     points: Sequence[PointResponse], knots_s: np.ndarray, hypothesis: Hypothesis
 ) -> np.ndarray:
     """Return the correlation of K, B or J between all knots of all points."""
-    n, steady, follows_cycle = len(points), hypothesis.steady, hypothesis.follows_cycle
+    constant, follows_cycle = hypothesis.constant_share, hypothesis.follows_cycle
     apart = (knots_s[:, None] - knots_s) / _DRIFT_S
-    of_points = np.kron(np.eye(n), steady + (1.0 - steady) * np.exp(-0.5 * apart**2))
+    of_point = constant + (1.0 - constant) * np.exp(-0.5 * apart**2)
+    of_points = np.kron(np.eye(len(points)), of_point)
     if follows_cycle == 0.0:
         return of_points
     phase = np.concatenate([p.phase + knots_s / p.stride_s for p in points])

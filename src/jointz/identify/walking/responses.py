@@ -27,7 +27,7 @@ _BEFORE_STRIKE_CYCLES = 0.05
 #: Correlations of few strides are reduced by this share, for each sample and stride.
 _LEAST_SHRINKAGE, _SHRINKAGE = 0.02, 0.05
 _RESOLUTION = 2e-5  # rad, or rad/s
-#: What several sensors show is averaged over this time: together they need not be finer.
+#: What several sensors show is averaged over this time: together they need no finer resolution.
 _SEVERAL_S = 0.006
 _SMOOTH_S = 0.04
 

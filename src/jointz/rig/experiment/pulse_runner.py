@@ -36,7 +36,7 @@ class PulseRunner:
         self._condition, self._segment = condition, segment
         self._courses = {name_of(pulse): PulseWaveform(pulse) for pulse in pulses}
         self._course = next(iter(self._courses.values()))
-        # Of the expected joint: how far a pulse goes on to move it, N*m -> rad.
+        # Of the expected joint: how far a pulse will still move it, N*m -> rad.
         self._to_come = {
             name: [moved / inertia for moved in _moved(course)] if inertia else []
             for name, course in self._courses.items()
@@ -65,7 +65,7 @@ class PulseRunner:
             self._missed(self._scheduler.stride(), "timing point passed")
 
     def retract_stride(self) -> None:
-        """Take back the last accepted stride, which was none."""
+        """Take back the last accepted stride, whose heel strike was spurious."""
         if self._counted:
             self._scheduler.retract_stride()
 

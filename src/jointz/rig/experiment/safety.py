@@ -28,7 +28,7 @@ _START_S = 1.0
 _MOVING_RAD_S = 0.5
 #: and so is an encoder that does while the goniometer moves by more than this.
 _MOVED_RAD = 0.1
-#: A request this large is no torque; neither is one that is not a number.
+#: A request this large is invalid; so is one that is not a number.
 _NO_TORQUE_NM = 1e9
 
 

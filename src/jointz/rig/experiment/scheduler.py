@@ -43,7 +43,7 @@ class Scheduler:
         return missed
 
     def retract_stride(self) -> None:
-        """Take back the last stride, which was none."""
+        """Take back the last stride, whose heel strike was spurious."""
         self._since -= 1
         self._due = self._due and self._since >= self.queue[0].gap_strides
 

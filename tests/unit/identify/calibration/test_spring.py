@@ -81,8 +81,8 @@ def test_the_sd_of_the_spring_is_carried_into_both_gains_and_one_direction_is_re
     for entry in fit.entries:
         assert entry.uncertainty["spring"] == pytest.approx(0.02 * entry.value)
 
-    one_way = (*record[:2], np.abs(record[2]))
-    assert fit_spring(*one_way, model=MODEL, stiffness=STATED).status == "failed:one_direction"
+    sign_aligned = (*record[:2], np.abs(record[2]))
+    assert fit_spring(*sign_aligned, model=MODEL, stiffness=STATED).status == "failed:one_direction"
 
 
 @pytest.mark.parametrize(

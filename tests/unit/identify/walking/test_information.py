@@ -39,7 +39,7 @@ def test_a_known_lag_is_a_lag_that_is_no_parameter(posterior):
     precision = np.linalg.inv(fit.covariance)
     _, gradient = log_gradient(posterior.model, fit)
     covariance = np.linalg.inv(precision[np.ix_(free, free)])
-    expected = STRAP.error.wider * np.sqrt(
+    expected = STRAP.error.sd_inflation * np.sqrt(
         np.diag(gradient[:, free] @ covariance @ gradient[:, free].T)
     )
 
