@@ -262,3 +262,11 @@ def terminal_signals_of_module() -> Iterator[None]:
     """Do so for fixtures of a module, too."""
     with as_in_a_terminal():
         yield
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_left_open():
+    """Close what a test plotted, or another test of the process would find it."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")
