@@ -45,7 +45,7 @@ def test_the_demo_writes_study_results_truth_and_report(
         assert "one torque held, goniometer</td><td>Stiffness</td>" in page
     held = " ".join((made / "dissertation-results" / "report.html").read_text().split())
     assert "Most frequent reason" in held
-    assert "pulses that hold one torque do not decide K and B" in held
+    assert "K and B are not identifiable from pulses that hold one torque" in held
     assert "Use doublets of two shapes and sizes" in held
     assert_doublets_decide_what_a_held_torque_does_not(found["accuracy"], people)
     assert_same_people_walked_both(made)

@@ -41,7 +41,7 @@ def has_data(made, name):
     [
         ({"name": "nothing"}, "expected one of impedance, impedance_overview"),
         ({"name": "strides", "width_mm": 85.0}, "are for 'impedance'"),
-        ({"parameters": ("stiffness", "stifness")}, "expected some of damping, inertia, stiffness"),
+        ({"parameters": ("stiffness", "rigidity")}, "expected some of damping, inertia, stiffness"),
         ({"parameters": "stiffness"}, "expected some of"),
         ({"width_mm": 0.0}, "width_mm: expected 60 to 400, got 0"),
     ],

@@ -122,7 +122,7 @@ def test_the_first_page_names_the_measure_that_decides_most():
 
     assert sentences == [
         "Measure the lag of the angle behind the torque (angle_lag_s under [calibration]): "
-        "this alone would decide 3 of 3 undecided values."
+        "this alone would make 3 of 3 undecided values available."
     ]
 
 

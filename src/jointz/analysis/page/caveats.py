@@ -73,7 +73,7 @@ _ANGLE: Final = (
 _UNDECIDED: Final = (
     "Undecided is a result.",
     "No value is given if the interval is too wide, {inertia}or if the model does not explain the "
-    "responses. The section on undecided values says why, and what would decide it. One-sided 95 % "
+    "responses. The section on undecided values says why, and what would help. One-sided 95 % "
     "limits of an undecided value are in estimates.csv.",
 )
 _COVERED: Final = (

@@ -62,7 +62,7 @@ def _sentence(certificate: Certificate) -> str:
         if _mostly_undecided(row)
     ]
     never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
-    sentences += [f"{' and '.join(never)} cannot be decided here."] if never else []
+    sentences += [f"{' and '.join(never)} cannot be estimated here."] if never else []
     return " ".join(sentences)
 
 

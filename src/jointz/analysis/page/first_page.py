@@ -327,25 +327,25 @@ def _why_missing(analysis: StudyAnalysis, cell: CellEstimate, estimate: Paramete
         if estimate.ci_low is None:
             return "the model does not explain the responses"
         if estimate.name != "inertia" and holds_one_torque(analysis, cell):
-            return "pulses that hold one torque do not decide K and B"
+            return "K and B are not identifiable from pulses that hold one torque"
     return "the interval is too wide"
 
 
 def _means(analysis: StudyAnalysis) -> str:
-    """Say at how many timing points each mean is decided."""
+    """Say at how many timing points each mean can be estimated."""
     means = study_counts(analysis).means if _people_means(analysis) else {}
     counts = {n: means[n] for n in _table_parameters(analysis) if n in means}
     many = subjects(analysis).many
     if not counts:
         return ""
     if not any(decided for decided, _ in counts.values()):
-        return f"No mean over {many} is decided."
+        return f"No mean over {many} can be estimated."
     shown = [m for m in analysis.population if m.parameter in counts]
     extremes = " ".join(["", *stiffness_extremes(shown)])
     if all(decided == total for decided, total in counts.values()):
-        return f"All means over {many} are decided.{extremes}"
+        return f"All means over {many} can be estimated.{extremes}"
     texts = [f"{parameter_name(n).lower()} at {a or 'none'} of {b}" for n, (a, b) in counts.items()]
-    return f"Means over {many} are decided: {joined(texts)} timing points.{extremes}"
+    return f"Means over {many} can be estimated: {joined(texts)} timing points.{extremes}"
 
 
 def _meaning(analysis: StudyAnalysis) -> str:

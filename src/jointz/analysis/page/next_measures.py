@@ -1,4 +1,4 @@
-"""Measurements that would decide the most undecided values, for the first page of a report."""
+"""Measurements that would help the undecided values most, for the first page of a report."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -45,8 +45,8 @@ _PERTURB: Final = (
     "on quasi-stiffness has moment over angle, if a moment was recorded."
 )
 _DOUBLETS: Final = (
-    "Use doublets of two shapes and sizes, as the protocol walking_doublets does: a torque that is "
-    "held does not decide K and B, however many pulses there are."
+    "Use doublets of two shapes and sizes, as the protocol walking_doublets does: K and B are not "
+    "identifiable from a torque that is held, however many pulses there are."
 )
 _MOST: Final = 2
 #: A measure is named if it makes the interval narrower by this share.
@@ -66,7 +66,7 @@ class _Gain:
 
 
 def next_measures(analysis: StudyAnalysis) -> list[str]:
-    """Return up to two sentences on what would decide most, and one on the number of people."""
+    """Return up to two sentences on what would help most, and one on the number of people."""
     if nobody_perturbed(analysis):
         return [_PERTURB]
     gains = [*_gains(analysis)]
@@ -151,7 +151,7 @@ def _decides(gain: _Gain, left: float) -> bool:
 def _sentence(name: str, decided: int, narrower: float, total: int) -> str:
     measure = _MEASURES.get(name, f"Measure {name.replace('_', ' ')}")
     if decided:
-        return f"{measure}: this alone would decide {decided} of {total} undecided values."
+        return f"{measure}: this alone would make {decided} of {total} undecided values available."
     return f"{measure}: this narrows the undecided intervals by {100 * narrower:.0f} % (median)."
 
 
@@ -194,7 +194,7 @@ def _more_than_few(analysis: StudyAnalysis) -> list[str]:
     if not means or any(m.value is not None for m in means):
         return []
     count = max(m.n_participants for m in means)
-    return [f"Measure more {many}: the {count} of this study are too few to decide a mean."]
+    return [f"Measure more {many}: the {count} of this study are too few for a mean."]
 
 
 def _people_needed(mean: PopulationEstimate) -> int:

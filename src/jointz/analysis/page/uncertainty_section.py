@@ -1,4 +1,4 @@
-"""Section of the report on uncertainty: undecided estimates, and what would decide them."""
+"""Section of the report on uncertainty: undecided estimates, and what would help."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from jointz.results.study_analysis import StudyAnalysis
 
 _NOTE: Final = (
     "Value: the median of the posterior, and half of its 95 % interval in % of it; it is no "
-    "estimate. What would decide it: measurements, each with the half-interval that would remain "
+    "estimate. What would help: measurements, each with the half-interval that would remain "
     "if the quantity were known exactly and nothing else changed; they come from the posterior, "
     "and do not add up. Half-intervals of more than 50 % are undecided."
 )
