@@ -3,7 +3,7 @@
 #: Kind of pulse -> parameter -> root mean square of the errors of all values given, %: in two
 #: simulators, the smaller and the larger.
 RMS_PCT = {
-    "hold": {"stiffness": (24.0, 59.0), "damping": (65.0, 71.0), "inertia": (20.0, 30.0)},
-    "short": {"stiffness": (20.0, 38.0), "damping": (31.0, 41.0), "inertia": (17.0, 18.0)},
-    "doublet": {"stiffness": (33.0, 40.0), "damping": (30.0, 39.0), "inertia": (17.0, 40.0)},
+    "hold": {"stiffness": (26.0, 59.0), "damping": (65.0, 82.0), "inertia": (20.0, 30.0)},
+    "short": {"stiffness": (19.0, 38.0), "damping": (31.0, 41.0), "inertia": (17.0, 18.0)},
+    "doublet": {"stiffness": (34.0, 40.0), "damping": (30.0, 39.0), "inertia": (20.0, 40.0)},
 }
