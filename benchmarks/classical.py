@@ -9,21 +9,21 @@ larger of both.
 """
 
 import argparse
-import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from benchmarks.real_legs.studies import real_legs_folder, recorded_truths
+from benchmarks.real_legs.studies import real_legs_folder, recorded_truths, simulated_truths
+from benchmarks.realistic.rows import set_window
 
 import jointz
 from jointz.core.method_names import DISSERTATION
 from jointz.core.protocols.pulse_models import DoubletPulse, NamedPulse, TrapezoidPulse
 from jointz.results.estimates import CellEstimate
-from jointz.rig.session.simulate_study import TRUTH_FILE, simulate_study
+from jointz.rig.session.simulate_study import simulate_study
 from jointz.rig.sim.direct_walk import WalkPlan
-from jointz.rig.sim.own_truth import cell_truth, own_truth
+from jointz.rig.sim.own_truth import own_truth
 from jointz.rig.sim.people import draw_person
 from jointz.rig.sim.presets import preset
 
@@ -65,21 +65,16 @@ def errors_of(kind: str, people: int, folder: Path, *, seed: int = SEED) -> pd.D
     study = simulate_study(
         folder / kind, preset="realistic", participants=people, plan=plan, seed=seed
     )
-    file = study / "study.toml"
-    line = "perturbations.timing_points"
-    text = file.read_text(encoding="utf-8")
-    text = text.replace(line, f"perturbations.window_s = {window_s}\n{line}", 1)
-    file.write_text(text, encoding="utf-8")
+    set_window(study, window_s)
     found = jointz.analyze(study, method=DISSERTATION, resamples=100, progress=False)
-    stated = json.loads((study / TRUTH_FILE).read_text(encoding="utf-8"))["participants"]
+    truths = simulated_truths(study)
     rows = []
     for number in range(people):
         person = draw_person(number, seed=seed)
         over_window = own_truth(person, preset("realistic"), plan, window_s)
-        at_onset = cell_truth(stated[person.id]["perturbed"])
         for cell in (c for c in found.cells if c.participant == person.id):
             for name in PARAMETERS:
-                own = [truth[cell.timing_point][name] for truth in (at_onset, over_window)]
+                own = [truth[cell.timing_point][name] for truth in (truths[person.id], over_window)]
                 rows += _row(kind, cell, name, (own[0], own[1]))
     return pd.DataFrame(rows, columns=COLUMNS)
 

@@ -71,7 +71,7 @@ class _Loader:
 
 def _present(name: str) -> str:
     """Return the present name, "" if the name is no former one."""
-    for former, present in PRESENT.items():
-        if name == former or name.startswith(f"{former}."):
-            return present + name.removeprefix(former)
-    return ""
+    former = name
+    while former and former not in PRESENT:
+        former = former.rpartition(".")[0]
+    return PRESENT[former] + name.removeprefix(former) if former else ""

@@ -5,20 +5,18 @@ unperturbed stride subtracted, K, B and J by least squares. Strap, lag and basel
 corrected for.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
 
 from jointz.core.method_names import DISSERTATION, WITH_POSTERIOR
 from jointz.reference.classical_errors import RMS_PCT
 from jointz.report.wording import joined
-from jointz.results.estimates import ESTIMATE_COLUMNS, FEWEST_PEOPLE, CellEstimate
-from jointz.results.person_estimates import person_cells
-from jointz.results.study_analysis import PopulationEstimate, StudyAnalysis
+from jointz.results.estimates import ESTIMATE_COLUMNS, CellEstimate
+from jointz.results.fit import SYMBOLS
+from jointz.results.study_analysis import StudyAnalysis
 from jointz.stats.population import population_means
 
 #: In the column ``method`` of ``comparison.csv``: a mean over people.
@@ -29,7 +27,6 @@ _KINDS: Final = {
     "short": "short pulses of one direction",
     "doublet": "doublets",
 }
-_SYMBOLS: Final = {"stiffness": "K", "damping": "B", "inertia": "J"}
 #: Torque against the pulse's direction, over the largest, from which a pulse reverses.
 _REVERSES: Final = -0.25
 #: Torque at the end of the window, over the largest, from which a pulse holds.
@@ -47,7 +44,7 @@ def classical_analysis(analysis: StudyAnalysis) -> StudyAnalysis | None:
         analysis,
         cells=cells,
         comparison=(),
-        population=tuple(_mean(cells, m) for m in population_means(cells)),
+        population=population_means(cells, however_wide=True),
         log_posteriors=(),
         settings={**analysis.settings, "method": DISSERTATION},
     )
@@ -63,18 +60,6 @@ def cells_of_both(analysis: StudyAnalysis, classical: StudyAnalysis | None) -> l
             for c in (classical.cells if classical else ())
         ),
     ]
-
-
-def _mean(cells: Sequence[CellEstimate], row: PopulationEstimate) -> PopulationEstimate:
-    """Return a mean with Student's interval, as studies report it however wide it is."""
-    own = [c for c in person_cells(cells) if c.timing_point == row.timing_point]
-    estimates = (c.parameter(row.parameter) for c in own)
-    values = np.array([p.value for p in estimates if p and p.available and p.value is not None])
-    if row.value is not None or values.size < FEWEST_PEOPLE:
-        return row
-    mean, sd = float(values.mean()), float(values.std(ddof=1))
-    half = float(stdtrit(values.size - 1, 0.5 + 0.5 * row.ci_level)) * sd / np.sqrt(values.size)
-    return replace(row, value=mean, sd=sd, ci_low=mean - half, ci_high=mean + half, status="ok")
 
 
 def comparison_table(analysis: StudyAnalysis) -> pd.DataFrame:
@@ -101,7 +86,7 @@ def classical_note(classical: StudyAnalysis) -> str:
     if (kind := pulse_kind(classical.cells)) is None:
         return note
     errors = joined(
-        [f"{low:.0f} to {high:.0f} % in {_SYMBOLS[n]}" for n, (low, high) in RMS_PCT[kind].items()]
+        [f"{low:.0f} to {high:.0f} % in {SYMBOLS[n]}" for n, (low, high) in RMS_PCT[kind].items()]
     )
     return (
         f"{note} In simulated people with {_KINDS[kind]} such values were off by {errors} (RMS, "

@@ -1,4 +1,4 @@
-"""What analysis has from packages that it does not know, by entry points.
+"""Recovery of recordings and certificates, which other packages provide by entry points.
 
 ``jointz.salvage``: modules with ``salvage_recordings``, which makes damaged recordings of a study
 again, and ``salvage_advice``, which says how to go on. ``jointz.certificates``: a module with

@@ -53,7 +53,7 @@ class StudyProtocol:
 
     @property
     def text(self) -> str:
-        """What is simulated, in words."""
+        """Description of the simulated protocol."""
         kinds = ", ".join(map(_described, self.pulses))
         points = ", ".join(
             f"{name} {at:.3g} % ({self.per_point[name]} pulses)"

@@ -58,20 +58,25 @@ def study_spec(analysis: StudyAnalysis) -> StudySpec:
     record = analysis.provenance.get("study")
     if not record:
         return _NOT_STATED
-    record = json.loads(json.dumps(record))
     try:
-        try:
-            return StudySpec.model_validate_json(json.dumps(record))
-        except ValidationError as exc:
-            for error in exc.errors():
-                *place, key = error["loc"]
-                reduce(getitem, place, record).pop(key)
-            return StudySpec.model_validate_json(json.dumps(record))
+        return _known_spec(json.dumps(record))
     except (ValidationError, LookupError, TypeError, AttributeError) as exc:
         raise DataError(
             f"provenance.json: study cannot be read by this version ({exc}). Analyse the study "
             "again."
         ) from exc
+
+
+def _known_spec(text: str) -> StudySpec:
+    """Return a study file as its text holds it, without keys that this version does not know."""
+    try:
+        return StudySpec.model_validate_json(text)
+    except ValidationError as exc:
+        record = json.loads(text)
+        for error in exc.errors():
+            *place, key = error["loc"]
+            reduce(getitem, place, record).pop(key)
+        return StudySpec.model_validate_json(json.dumps(record))
 
 
 def calibrations(analysis: StudyAnalysis) -> list[CalibrationSpec]:

@@ -29,12 +29,15 @@ def population_means(
     cells: Sequence[CellEstimate],
     posteriors: Sequence[LogPosterior] = (),
     masses_kg: Mapping[str, float] | None = None,
+    *,
+    however_wide: bool = False,
 ) -> tuple[PopulationEstimate, ...]:
     """Return the mean of every parameter at every timing point over participants.
 
     The unit of analysis is the person: sessions, sides and pulses of one person are not
     independent (SCIENCE trap 15). If the method states its errors, means are those of
-    :func:`jointz.stats.people_together.together`, which include undecided people.
+    :func:`jointz.stats.people_together.together`, which include undecided people. Plain means are
+    undecided if their intervals are too wide, unless values are wanted ``however_wide`` they are.
     """
     results = PeopleResults(posteriors, cells, masses_kg or {})
     models = people_models([results]) if results.have_errors else {}
@@ -46,7 +49,7 @@ def population_means(
     groups = rows.groupby(["timing_point", "parameter"], sort=False)
     # Posteriors of which none can be used leave no mean; cells without errors have plain means.
     own = means if means or posteriors else None
-    return tuple(_mean(group, own) for _, group in groups)
+    return tuple(_mean(group, own, however_wide=however_wide) for _, group in groups)
 
 
 def people_models(
@@ -64,7 +67,9 @@ def people_models(
     return {place: model for model in models if model for _, place in model.elements}
 
 
-def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> PopulationEstimate:
+def _mean(
+    rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None, *, however_wide: bool
+) -> PopulationEstimate:
     available = rows[rows["status"].isin(["ok", "at_bound"])]
     values = available["value"].to_numpy(dtype=float)
     onsets = available["onset_gait_pct"].dropna().to_numpy(dtype=float)
@@ -92,7 +97,7 @@ def _mean(rows: pd.DataFrame, means: Mapping[Place, PeopleMean] | None) -> Popul
         return replace(mean_row, status="undecided") if nobody else mean_row
     if n < FEWEST_PEOPLE:
         return row
-    mean = decided_mean(values, level=_LEVEL)
+    mean = student_mean(values, level=_LEVEL, however_wide=however_wide)
     if mean is None:
         return replace(row, status="undecided")
     value, low, high = mean
@@ -111,8 +116,11 @@ def _of_people(row: PopulationEstimate, mean: PeopleMean | None) -> PopulationEs
     )
 
 
-def decided_mean(values: np.ndarray, *, level: float) -> tuple[float, float, float] | None:
-    """Return mean and Student's interval over people, None if they are undecided."""
+def student_mean(
+    values: np.ndarray, *, level: float, however_wide: bool = False
+) -> tuple[float, float, float] | None:
+    """Return mean and Student's interval over people, None if it does not decide the mean."""
     mean, sd, n = float(values.mean()), float(values.std(ddof=1)), values.size
     half = float(stdtrit(n - 1, (1 + level) / 2) * sd / np.sqrt(n))
-    return (mean, mean - half, mean + half) if mean > 0.0 and decides(mean, half) else None
+    given = however_wide or (mean > 0.0 and decides(mean, half))
+    return (mean, mean - half, mean + half) if given else None

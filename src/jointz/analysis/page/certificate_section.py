@@ -5,7 +5,6 @@ from typing import Any
 from jointz.core.gait_phases import ALL_POINTS
 from jointz.report.wording import (
     DASH,
-    SYMBOLS,
     format_count,
     format_signed,
     parameter_name,
@@ -13,10 +12,10 @@ from jointz.report.wording import (
     pretty_unit,
 )
 from jointz.results.certificate_result import PARAMETERS, Certificate, ExpectedError
+from jointz.results.fit import SYMBOLS
 
 #: If more estimates than this are undecided, the rest are no fair sample of intervals.
 _MOSTLY_PCT = 50.0
-_SYMBOLS = dict(zip(PARAMETERS, SYMBOLS, strict=True))
 
 
 def certificate_section(certificate: Certificate | None) -> dict[str, Any] | None:
@@ -28,7 +27,7 @@ def certificate_section(certificate: Certificate | None) -> dict[str, Any] | Non
     return {
         "sentence": _sentence(certificate),
         "note": _note(certificate),
-        "symbols": [f"{_SYMBOLS[name]}: {parameter_name(name).lower()}" for name in PARAMETERS],
+        "symbols": [f"{SYMBOLS[name]}: {parameter_name(name).lower()}" for name in PARAMETERS],
         "rows": [
             {
                 "name": point_name(point),
@@ -48,7 +47,7 @@ def _sentence(certificate: Certificate) -> str:
         return f"{promise}{where} no usable estimate: every estimate was undecided."
     decided = [row for row in known if not _mostly_undecided(row)]
     if decided:
-        sizes = ", ".join(f"{_size(row)} in {_SYMBOLS[row.parameter]}" for row in decided)
+        sizes = ", ".join(f"{_size(row)} in {SYMBOLS[row.parameter]}" for row in decided)
         coverage = ", ".join(f"{100 * (row.coverage or 0.0):.0f} %" for row in decided)
         sentences = [
             f"{promise}{where} errors of {sizes} (root mean square), and intervals that "
@@ -57,11 +56,11 @@ def _sentence(certificate: Certificate) -> str:
     else:
         sentences = [f"{promise}{where} few usable estimates."]
     sentences += [
-        f"{_SYMBOLS[row.parameter]}: undecided in {row.undecided_pct:.0f} % of the estimates."
+        f"{SYMBOLS[row.parameter]}: undecided in {row.undecided_pct:.0f} % of the estimates."
         for row in known
         if _mostly_undecided(row)
     ]
-    never = [_SYMBOLS[row.parameter] for row in rows if row.rmse is None]
+    never = [SYMBOLS[row.parameter] for row in rows if row.rmse is None]
     sentences += [f"{' and '.join(never)} cannot be estimated here."] if never else []
     return " ".join(sentences)
 
@@ -108,7 +107,7 @@ def _si_only(certificate: Certificate) -> str:
         if row.timing_point != ALL_POINTS and row.rmse is not None and row.rmse_pct is None:
             points[row.parameter].append(row.timing_point)
     texts = [
-        f"{_SYMBOLS[name]} at {format_count(len(own), 'timing point')} ({', '.join(own)})"
+        f"{SYMBOLS[name]} at {format_count(len(own), 'timing point')} ({', '.join(own)})"
         for name, own in points.items()
         if own
     ]

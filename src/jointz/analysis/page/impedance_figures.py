@@ -112,9 +112,8 @@ def draw_impedance_over_gait(
 
 def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
     """Draw people and means over them in one row of panels, for the first page of a report."""
-    classical = classical_analysis(analysis)
-    beside = _classical_marks(analysis, classical)
-    parameters = _with_marks(analysis, classical, beside)
+    beside = _overview_marks(analysis)
+    parameters = list(beside)
     if not parameters:
         return None
     figure = new_figure(_THIRD.above_mm + _THIRD.panel_mm + _THIRD.below_mm)
@@ -129,7 +128,7 @@ def draw_impedance_overview(analysis: StudyAnalysis) -> "Figure | None":
         _draw_parameter(axes, analysis, parameter, _THIRD, beside=beside[parameter])
     bars = {m.parameter for m in _means(analysis, parameters)} < set(parameters)
     handles = _legend(analysis, parameters, people_bars=bars)
-    if any(beside[name] for name in parameters):
+    if any(beside.values()):
         handles.append(legend_line("classical", GREY, **_CLASSICAL_MARK))
     place_legend(figure, handles)
     return figure
@@ -143,12 +142,10 @@ def overview_caption(analysis: StudyAnalysis) -> str:
         text += " Grey bands: gait phases."
     if _means(analysis, shown_parameters(analysis.cells)):
         text += " Figure 2 has the intervals of each participant."
-    classical = classical_analysis(analysis)
-    beside = _classical_marks(analysis, classical)
-    drawn = _with_marks(analysis, classical, beside)
-    if any(beside[name] for name in drawn):
+    beside = _overview_marks(analysis)
+    if any(beside.values()):
         text += " Grey diamonds: classical values where the joint's own is not available."
-    return text + _missing_panels(analysis, drawn)
+    return text + _missing_panels(analysis, list(beside))
 
 
 def impedance_caption(analysis: StudyAnalysis) -> str:
@@ -261,6 +258,15 @@ def _draw_parameter(
     panel_heading(axes, parameter_name(parameter), note=note, stacked=layout.narrow)
 
 
+def _overview_marks(analysis: StudyAnalysis) -> dict[str, dict[str, _Mark]]:
+    """Return the parameters that have a value to draw -> timing point -> classical value."""
+    classical = classical_analysis(analysis)
+    marks = _classical_marks(analysis, classical)
+    own = shown_parameters(analysis.cells)
+    names = shown_parameters(cells_of_both(analysis, classical))
+    return {name: marks[name] for name in names if name in own or marks[name]}
+
+
 def _classical_marks(
     analysis: StudyAnalysis, classical: StudyAnalysis | None
 ) -> dict[str, dict[str, _Mark]]:
@@ -283,17 +289,6 @@ def _classical_marks(
         if (point, parameter) not in own:
             marks[parameter][point] = mark
     return marks
-
-
-def _with_marks(
-    analysis: StudyAnalysis,
-    classical: StudyAnalysis | None,
-    beside: Mapping[str, Mapping[str, _Mark]],
-) -> list[str]:
-    """Return the parameters that have a value to draw, the joint's own or a classical one."""
-    own = shown_parameters(analysis.cells)
-    names = shown_parameters(cells_of_both(analysis, classical))
-    return [name for name in names if name in own or beside.get(name)]
 
 
 def _fit_to_column(axes: "Axes") -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from jointz.results.estimates import CellEstimate, ParameterEstimate
 from jointz.results.person_estimates import person_cells
 from jointz.results.study_analysis import StudyAnalysis
-from jointz.stats.population import decided_mean
+from jointz.stats.population import student_mean
 
 
 def cells_by_method(analysis: StudyAnalysis) -> dict[str, list[CellEstimate]]:
@@ -51,7 +51,7 @@ def _t_mean(estimates: Sequence[ParameterEstimate]) -> tuple[float, float, float
     if len(estimates) == 1:
         return _or_nan(first.value), _or_nan(first.ci_low), _or_nan(first.ci_high)
     values = np.array([p.value for p in estimates], dtype=float)
-    return decided_mean(values, level=first.ci_level) or nothing
+    return student_mean(values, level=first.ci_level) or nothing
 
 
 def _or_nan(value: float | None) -> float:

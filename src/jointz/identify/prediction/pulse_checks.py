@@ -69,7 +69,9 @@ def ineffective_pulses(predicted: Predicted, amplitudes_nm: np.ndarray) -> list[
     pushed = reached >= _LEAST_TORQUE * usual
     codes[~pushed] = Exclusion.NO_TORQUE.value
     if pushed.sum() > 1:
-        codes[pushed & ~_felt(predicted, torque, pushed)] = Exclusion.NO_RESPONSE.value
+        errors = predicted.prediction_errors[:, RAW_ANGLE]
+        felt = _felt(responses[:, RAW_ANGLE], errors, torque, pushed)
+        codes[pushed & ~felt] = Exclusion.NO_RESPONSE.value
     return [str(code) for code in codes]
 
 
@@ -84,11 +86,12 @@ def has_pulses_in_strides(predicted: Predicted, amplitude_nm: float) -> bool:
     return bool(large.mean() > _STRAY_SHARE)
 
 
-def _felt(predicted: Predicted, torque: np.ndarray, pushed: np.ndarray) -> np.ndarray:
+def _felt(
+    angle: np.ndarray, errors: np.ndarray, torque: np.ndarray, pushed: np.ndarray
+) -> np.ndarray:
     """Return which pulses moved the joint as most do; all if walking hides it."""
     # Every few samples, so that few strides determine the covariance.
-    angle = predicted.sign_aligned[:, RAW_ANGLE, ::_EVERY]
-    errors = predicted.prediction_errors[:, RAW_ANGLE, ::_EVERY]
+    angle, errors = angle[:, ::_EVERY], errors[:, ::_EVERY]
     noise = np.cov(errors.T)
     noise += _EVEN_SHARE * np.trace(noise) / len(noise) * np.eye(len(noise))
     shape = np.linalg.solve(noise, angle[pushed].mean(axis=0))

@@ -1,1 +1,1 @@
-"""What simulated sensors measure."""
+"""Models of the sensors of a simulated person."""
